@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Errors a person can act on. Operators report them, the command line prints them and exits with 2."""
+
+
+class PatchNetError(Exception):
+    """Base of all errors that name what was wrong and what to do about it."""
+
+
+class SceneError(PatchNetError):
+    """The scene, its file, its cameras or its selection cannot be used as they are."""
+
+
+class EmptySelectionError(SceneError):
+    """Nothing that has a surface is selected or visible."""
+
+
+class GeometryError(SceneError):
+    """The surface itself is unusable: no area, or coordinates that are not finite."""
+
+
+class MemoryEstimateError(PatchNetError):
+    """The requested depth would not fit in memory; the message states the estimate."""
+
+
+class SettingError(PatchNetError):
+    """A setting has a value outside its range or that contradicts another one."""
+
+
+class FileFormatError(PatchNetError):
+    """A file is missing, foreign, damaged or of a newer version; the message names file and cause."""
+
+
+class OctreeFileError(FileFormatError):
+    """An octree file cannot be read."""
+
+
+class CodesFileError(FileFormatError):
+    """A codes file cannot be read, or belongs to another octree or other weights."""
+
+
+class WeightsFileError(FileFormatError):
+    """A weights file cannot be read."""

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The cube that an octree divides, and Morton keys of its cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import SettingError
+
+MAX_DEPTH = 14
+# The cube is a little larger than the geometry, so that surfaces on its faces do not depend on rounding.
+_MARGIN = 1.0 + 2.0**-16
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Cube [origin, origin + side]^3 in world units, divided 2^depth times along each axis."""
+
+    origin_world: tuple[float, float, float]
+    side_world: float
+    depth: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.depth <= MAX_DEPTH:
+            raise SettingError(f"Depth {self.depth} is outside 1 to {MAX_DEPTH}: choose a depth in this range")
+        if not (np.isfinite(self.side_world) and self.side_world > 0):
+            raise SettingError(f"The octree's cube has side {self.side_world}: the geometry has no extent")
+
+    @classmethod
+    def around(cls, bounds_world: np.ndarray, depth: int) -> Grid:
+        """Smallest cube around `bounds_world` (2, 3), centred on it, with a margin of 2^-16."""
+        low, high = np.asarray(bounds_world, np.float64)
+        side = float((high - low).max()) * _MARGIN
+        x, y, z = (low + high) / 2 - side / 2
+        return cls((float(x), float(y), float(z)), side, depth)
+
+    @classmethod
+    def with_voxel_size(cls, bounds_world: np.ndarray, voxel_world: float) -> Grid:
+        """Cube around `bounds_world` whose leaves have exactly the side `voxel_world`."""
+        if not (np.isfinite(voxel_world) and voxel_world > 0):
+            raise SettingError(f"Voxel size {voxel_world} must be a positive length")
+        low, high = np.asarray(bounds_world, np.float64)
+        extent = float((high - low).max()) * _MARGIN
+        depth = max(1, int(np.ceil(np.log2(max(extent / voxel_world, 1.0)))))
+        side = voxel_world * 2.0**depth
+        x, y, z = (low + high) / 2 - side / 2
+        return cls((float(x), float(y), float(z)), side, depth)
+
+    @property
+    def resolution(self) -> int:
+        """Leaf cells along one axis."""
+        return 1 << self.depth
+
+    @property
+    def voxel_world(self) -> float:
+        """Side of a leaf in world units."""
+        return self.side_world / self.resolution
+
+    def to_unit(self, points_world: np.ndarray) -> np.ndarray:
+        """World points (..., 3) in the cube's coordinates, [0, 1]^3 inside."""
+        return (np.asarray(points_world, np.float64) - self.origin_world) / self.side_world
+
+    def to_world(self, points_unit: np.ndarray) -> np.ndarray:
+        """Inverse of `to_unit`."""
+        return np.asarray(points_unit, np.float64) * self.side_world + self.origin_world
+
+
+def _spread(bits: np.ndarray) -> np.ndarray:
+    """Insert two zero bits between the lowest 21 bits."""
+    bits = bits.astype(np.uint64)
+    for shift, mask in (
+        (32, 0x1F00000000FFFF),
+        (16, 0x1F0000FF0000FF),
+        (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):
+        bits = (bits | (bits << np.uint64(shift))) & np.uint64(mask)
+    return bits
+
+
+def _gather(bits: np.ndarray) -> np.ndarray:
+    """Inverse of `_spread`."""
+    bits = bits & np.uint64(0x1249249249249249)
+    for shift, mask in (
+        (2, 0x10C30C30C30C30C3),
+        (4, 0x100F00F00F00F00F),
+        (8, 0x1F0000FF0000FF),
+        (16, 0x1F00000000FFFF),
+        (32, 0x1FFFFF),
+    ):
+        bits = (bits ^ (bits >> np.uint64(shift))) & np.uint64(mask)
+    return bits
+
+
+def morton_encode(cells: np.ndarray) -> np.ndarray:
+    """Keys (N,) uint64 of integer cells (N, 3); x is the lowest bit of each triple."""
+    cells = np.asarray(cells)
+    return (
+        _spread(cells[..., 0])
+        | (_spread(cells[..., 1]) << np.uint64(1))
+        | (_spread(cells[..., 2]) << np.uint64(2))
+    )
+
+
+def morton_decode(keys: np.ndarray) -> np.ndarray:
+    """Integer cells (N, 3) int32 of keys (N,)."""
+    keys = np.asarray(keys, np.uint64)
+    axes = (_gather(keys), _gather(keys >> np.uint64(1)), _gather(keys >> np.uint64(2)))
+    return np.stack(axes, axis=-1).astype(np.int32)

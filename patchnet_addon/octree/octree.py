@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sparse voxel octree: 14 bytes a node, level by level, children of a node side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .grid import Grid, morton_decode, morton_encode
+
+LUMINANCE_SCALE = 65535.0
+NORMAL_SCALE = 127.0
+POPCOUNT = np.array([value.bit_count() for value in range(256)], np.uint8)
+LOOK_AHEAD = 2  # levels of detail that a patch sees ahead (the paper's delta level)
+
+
+@dataclass(frozen=True, eq=False)
+class Octree:
+    """All nodes of all levels, root first; within a level in Morton order.
+
+    level_start: (depth + 2,) int64, nodes of level l are level_start[l] to level_start[l + 1].
+    child_mask: (n,) uint8, bit x + 2y + 4z set if that child exists; 0 for leaves.
+    first_child: (n,) uint32, node index of the first existing child; the others follow in order of their bit.
+    area_world: (n,) float32, surface in the voxel, weighed by opacity.
+    luminance: (n,) uint16, mean luminance over that surface, 65535 = 1 (methods 7.1, 7.2).
+    normal: (n, 3) int8, mean normal, 127 = 1, not renormalised (methods 7.2).
+    exposure: factor that luminance was multiplied with before it was clamped to [0, 1].
+    provenance: how the octree was made (scene, light, settings, versions), plain JSON values.
+    """
+
+    grid: Grid
+    level_start: np.ndarray
+    child_mask: np.ndarray
+    first_child: np.ndarray
+    area_world: np.ndarray
+    luminance: np.ndarray
+    normal: np.ndarray
+    exposure: float = 1.0
+    provenance: dict[str, Any] = field(default_factory=dict)
+    _keys: dict[int, np.ndarray] = field(default_factory=dict, repr=False)
+
+    @property
+    def depth(self) -> int:
+        """Level of the finest leaves; the root is level 0."""
+        return self.grid.depth
+
+    @property
+    def node_count(self) -> int:
+        """Nodes of all levels, leaves included."""
+        return len(self.child_mask)
+
+    @property
+    def leaf_count(self) -> int:
+        """Nodes without children."""
+        return int(np.count_nonzero(self.child_mask == 0))
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the node arrays."""
+        arrays = (self.child_mask, self.first_child, self.area_world, self.luminance, self.normal)
+        return sum(array.nbytes for array in arrays)
+
+    def level(self, level: int) -> slice:
+        """Node indices of one level."""
+        return slice(int(self.level_start[level]), int(self.level_start[level + 1]))
+
+    def level_of(self, nodes: np.ndarray) -> np.ndarray:
+        """Levels (N,) int32 of node indices (N,)."""
+        return (np.searchsorted(self.level_start, nodes, side="right") - 1).astype(np.int32)
+
+    def keys(self, level: int) -> np.ndarray:
+        """Morton keys (n_level,) uint64 of the level's cells, ascending; computed from the root down and kept."""
+        if level not in self._keys:
+            if level == 0:
+                keys = np.zeros(1, np.uint64)
+            else:
+                mask = self.child_mask[self.level(level - 1)]
+                bits = np.unpackbits(mask[:, None], axis=1, bitorder="little")  # (n, 8)
+                parent, octant = np.nonzero(bits)
+                keys = (self.keys(level - 1)[parent] << np.uint64(3)) | octant.astype(np.uint64)
+            self._keys[level] = keys
+        return self._keys[level]
+
+    def cells(self, level: int) -> np.ndarray:
+        """Integer cells (n_level, 3) int32 of the level's nodes."""
+        return morton_decode(self.keys(level))
+
+    def find(self, level: int, cells: np.ndarray) -> np.ndarray:
+        """Node index (N,) int64 of each cell (N, 3) of a level, -1 where there is none or it lies outside."""
+        cells = np.asarray(cells)
+        inside = ((cells >= 0) & (cells < (1 << level))).all(axis=-1)
+        wanted = morton_encode(np.where(inside[..., None], cells, 0))
+        keys = self.keys(level)
+        if len(keys) == 0:
+            return np.full(wanted.shape, -1, np.int64)
+        place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        found = inside & (keys[place] == wanted)
+        return np.where(found, place + self.level_start[level], -1)
+
+    def look_ahead(self, levels: int = LOOK_AHEAD) -> np.ndarray:
+        """(n,) bool: the node has real descendants `levels` further down (methods 4.1b)."""
+        has = np.ones(self.node_count, bool)
+        for _ in range(levels):
+            deeper = np.zeros(self.node_count, bool)
+            inner = np.flatnonzero(self.child_mask)
+            counts = POPCOUNT[self.child_mask[inner]]
+            children = has[self.level_start[1] :]  # children of inner nodes, in order, are all nodes but the root
+            offsets = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
+            if len(inner):
+                deeper[inner] = np.logical_or.reduceat(children, offsets)
+            has = deeper
+        return has
+
+    def luminance_float(self, nodes: np.ndarray | slice) -> np.ndarray:
+        """Luminance in [0, 1], float32."""
+        return self.luminance[nodes].astype(np.float32) / np.float32(LUMINANCE_SCALE)
+
+    def normal_float(self, nodes: np.ndarray | slice) -> np.ndarray:
+        """Mean normals (N, 3) float32, length at most 1."""
+        return self.normal[nodes].astype(np.float32) / np.float32(NORMAL_SCALE)

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Long steps are generators of `Progress` whose return value is the result.
+
+The command line and `execute()` drain them, a modal operator pulls them a time slice per timer tick,
+and closing one runs its `finally` blocks: one implementation for all three.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import TypeVar
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """`done` of `total` units of the step called `label` are finished."""
+
+    done: float
+    total: float
+    label: str
+
+    @property
+    def fraction(self) -> float:
+        """Share that is done, 0 to 1."""
+        return min(max(self.done / self.total, 0.0), 1.0) if self.total > 0 else 1.0
+
+
+Steps = Generator[Progress, None, Result]
+
+
+def drain(steps: Steps[Result], on_progress: Callable[[Progress], None] | None = None) -> Result:
+    """Run `steps` to its end and return its result; `on_progress` sees every report."""
+    try:
+        while True:
+            report = next(steps)
+            if on_progress is not None:
+                on_progress(report)
+    except StopIteration as stop:
+        return stop.value
+    finally:
+        steps.close()
