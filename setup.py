@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Find the packages of the tree; everything else about the build stands in pyproject.toml.
+
+The repository root is the package `patchnet`. setuptools can map that (`package-dir`) but cannot discover the
+sub-packages under the mapped name, and a hand-written list would silently drop new folders from the wheel.
+"""
+
+from setuptools import find_packages, setup
+
+PARTS = ("patchnet_addon", "operators", "training", "commands")
+DATA = ["**/*.safetensors", "**/*.md", "**/*.json", "**/*.npz", "**/*.toml"]
+
+found = find_packages(include=[pattern for part in PARTS for pattern in (part, f"{part}.*")])
+setup(
+    packages=["patchnet", *(f"patchnet.{name}" for name in sorted(found))],
+    package_data={"patchnet": ["blender_manifest.toml"], **{f"patchnet.{part}": DATA for part in PARTS}},
+)
