@@ -1,0 +1,50 @@
+# PatchNet for Blender: `make demo` and `make test` are all it takes on a bare Debian 12 with Python 3.11.
+#
+#   make demo     install what is missing, then build, bake, encode and refine the demo scene into out/demo
+#   make test     lint, types and all tests
+#   make lint     lint and types alone
+#   make zip      the extension for this platform, with its wheels, into dist/
+#   make clean    remove results and builds, keep the environments
+#
+# PYTHON=/path/to/python3.11 chooses the interpreter.
+
+SHELL := /bin/bash
+export PYTHON PYTHON_52
+VENV := .venv
+STAMP := $(VENV)/.installed
+VENV_52 := .venv-5.2
+STAMP_52 := $(VENV_52)/.installed
+INPUTS := pyproject.toml setup.py constraints.txt
+
+.PHONY: demo test lint zip clean system environment environment-5.2
+
+demo: environment
+	$(VENV)/bin/patchnet demo --out out/demo
+
+test: environment
+	.ci/test $(VENV)/bin/python
+
+lint: environment
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/mypy
+
+zip: environment
+	$(VENV)/bin/python .ci/build_extension.py --wheels --out dist
+
+clean:
+	rm -rf out dist build *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
+	find . -name __pycache__ -not -path './.venv*' -prune -exec rm -rf {} +
+
+environment: $(STAMP)
+environment-5.2: $(STAMP_52)
+
+# The libraries that Blender loads, and Python's venv: checked every time, installed only when missing.
+system:
+	@.ci/system-libraries
+
+$(STAMP): $(INPUTS) | system
+	.ci/make-environment 3.11 $(VENV) "blender,train,bench,test"
+
+# Blender 5.2 speaks Python 3.13. Without torch on purpose: Blender users have none.
+$(STAMP_52): $(INPUTS) | system
+	.ci/make-environment 3.13 $(VENV_52) "blender,test"
