@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Exposure: what luminance becomes 1 (methods 7.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+QUANTILE = 0.995
+
+
+def quantile_exposure(leaf_luminance: np.ndarray) -> float:
+    """Factor that brings the 99.5 % quantile of leaf luminance (n,) to 1; 1 for a black scene."""
+    white = float(np.quantile(leaf_luminance, QUANTILE))
+    return 1.0 / white if white > 0 else 1.0

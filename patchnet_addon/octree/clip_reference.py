@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Plain twin of `clip`: every cell of a triangle's bounding box is clipped on its own, in the open."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from .grid import morton_encode
+
+
+def clip_reference(corners_voxel: np.ndarray, resolution: int) -> dict[int, tuple[float, np.ndarray]]:
+    """Cells that one triangle (3, 3), in leaf cells, shares area with.
+
+    Returns {Morton key: (share of the triangle's area, centroid as barycentric weights (3,))}.
+    A piece that lies in a face between two cells belongs to the upper one (half-open cells).
+    """
+    low = np.clip(np.floor(corners_voxel.min(axis=0)).astype(int), 0, resolution - 1)
+    high = np.clip(np.floor(corners_voxel.max(axis=0)).astype(int), 0, resolution - 1)
+    pieces = {}
+    for cell in itertools.product(*(range(a, b + 1) for a, b in zip(low, high, strict=True))):
+        polygon = [(corner, weights) for corner, weights in zip(corners_voxel, np.eye(3), strict=True)]
+        for axis in range(3):
+            polygon = _half_space(polygon, axis, cell[axis], +1.0)
+            polygon = _half_space(polygon, axis, cell[axis] + 1, -1.0)
+        share, centroid = _share_and_centroid(polygon)
+        upper_face = any(
+            polygon and cell[axis] < high[axis] and all(point[axis] == cell[axis] + 1 for point, _ in polygon)
+            for axis in range(3)
+        )
+        if share > 0 and not upper_face:
+            pieces[int(morton_encode(np.array([cell]))[0])] = (share, centroid)
+    return pieces
+
+
+def _half_space(polygon: list, axis: int, plane: float, sign: float) -> list:
+    """Part of the polygon with sign * (coordinate - plane) >= 0 (Sutherland and Hodgman)."""
+    kept = []
+    for (a, wa), (b, wb) in zip(polygon, polygon[1:] + polygon[:1], strict=True):
+        da, db = sign * (a[axis] - plane), sign * (b[axis] - plane)
+        if da >= 0:
+            kept.append((a, wa))
+        if (da < 0 < db) or (db < 0 < da):
+            t = da / (da - db)
+            point = a + t * (b - a)
+            point[axis] = plane
+            kept.append((point, wa + t * (wb - wa)))
+    return kept
+
+
+def _share_and_centroid(polygon: list) -> tuple[float, np.ndarray]:
+    """Area relative to the whole triangle, and its centroid in barycentric weights."""
+    total, moment = 0.0, np.zeros(3)
+    for i in range(1, len(polygon) - 1):
+        a, b, c = polygon[0][1], polygon[i][1], polygon[i + 1][1]
+        share = abs((b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1]))
+        total += share
+        moment += share * (a + b + c) / 3
+    return total, moment / total if total > 0 else moment

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Perspective and orthographic cameras, and what kernels need of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import SettingError
+from ..octree.grid import Grid
+
+PERSPECTIVE = "PERSP"
+ORTHOGRAPHIC = "ORTHO"
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera in world units.
+
+    right, up, forward: (3,) float64, orthonormal; forward points into the picture.
+    half_x, half_y: PERSP: tangents of the half angles; ORTHO: half extents in world units.
+    shift_x, shift_y: offset of the picture's centre, in half extents.
+    Pixels are square in the sense of methods 4.1b: the pixel side follows from the height.
+    """
+
+    position_world: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    forward: np.ndarray
+    half_x: float
+    half_y: float
+    width_px: int
+    height_px: int
+    kind: str = PERSPECTIVE
+    shift_x: float = 0.0
+    shift_y: float = 0.0
+    name: str = "Camera"
+
+    def __post_init__(self) -> None:
+        if self.kind not in (PERSPECTIVE, ORTHOGRAPHIC):
+            raise SettingError(f"Camera {self.name!r} is of type {self.kind}: use a perspective or orthographic camera")
+        if min(self.width_px, self.height_px) < 1:
+            raise SettingError(f"Picture size {self.width_px} x {self.height_px} is empty: choose at least 1 x 1 pixel")
+        if not (self.half_x > 0 and self.half_y > 0):
+            raise SettingError(f"Camera {self.name!r} has no field of view: set its focal length or scale")
+
+    @classmethod
+    def look_at(
+        cls,
+        position_world: np.ndarray,
+        target_world: np.ndarray,
+        *,
+        up_world: np.ndarray = (0.0, 0.0, 1.0),
+        fov: float = np.radians(50.0),
+        size_px: tuple[int, int] = (130, 130),
+        name: str = "Camera",
+    ) -> Camera:
+        """Perspective camera at a position (3,), looking at a target (3,); fov is the vertical angle in radians."""
+        forward = np.asarray(target_world, np.float64) - position_world
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, up_world)
+        if np.linalg.norm(right) < 1e-9:  # looking along up: any right will do
+            right = np.cross(forward, np.roll(forward, 1) + [0.0, 1.0, 0.0])
+        right /= np.linalg.norm(right)
+        width, height = size_px
+        half_y = float(np.tan(fov / 2))
+        return cls(
+            np.asarray(position_world, np.float64), right, np.cross(right, forward), forward,
+            half_y * width / height, half_y, width, height, name=name,
+        )  # fmt: skip
+
+    @property
+    def pixel_count(self) -> int:
+        """Pixels of the picture."""
+        return self.width_px * self.height_px
+
+    def with_size(self, width_px: int, height_px: int) -> Camera:
+        """The same view in another resolution of the same aspect ratio."""
+        return replace(self, width_px=width_px, height_px=height_px)
+
+    def pixel_side(self, z_world: np.ndarray) -> np.ndarray:
+        """World side of a pixel at axial distance z (methods 4.1b)."""
+        side = 2.0 * self.half_y / self.height_px
+        return side * np.asarray(z_world) if self.kind == PERSPECTIVE else np.full_like(z_world, side, dtype=np.float64)
+
+
+class CameraUnit(NamedTuple):
+    """A camera in the octree's unit cube, as plain arrays for kernels.
+
+    frame: (4, 3) float64 position, right * half_x, up * half_y, forward; rays of a perspective camera have axial speed 1.
+    lens: (4,) float64 shift_x, shift_y, pixel side at z = 0 and its growth per unit of z.
+    """
+
+    frame: np.ndarray
+    lens: np.ndarray
+    perspective: bool
+    width_px: int
+    height_px: int
+
+
+def camera_in_unit_cube(camera: Camera, grid: Grid) -> CameraUnit:
+    """`camera` as seen from the octree's cube [0, 1]^3."""
+    perspective = camera.kind == PERSPECTIVE
+    scale = 1.0 if perspective else 1.0 / grid.side_world
+    frame = np.stack(
+        [
+            grid.to_unit(camera.position_world),
+            np.asarray(camera.right) * camera.half_x * scale,
+            np.asarray(camera.up) * camera.half_y * scale,
+            np.asarray(camera.forward, np.float64),
+        ]
+    ).astype(np.float64)
+    side = 2.0 * camera.half_y * scale / camera.height_px
+    lens = np.array([camera.shift_x, camera.shift_y, 0.0 if perspective else side, side if perspective else 0.0])
+    return CameraUnit(frame, lens, perspective, camera.width_px, camera.height_px)
