@@ -6,12 +6,22 @@ sub-packages under the mapped name, and a hand-written list would silently drop 
 """
 
 from setuptools import find_packages, setup
+from setuptools.command.build_py import build_py
 
 PARTS = ("patchnet_addon", "operators", "training", "commands")
 DATA = ["**/*.safetensors", "**/*.md", "**/*.json", "**/*.npz", "**/*.toml"]
+
+
+class BuildTree(build_py):
+    """Copies the modules of each package, except this script, which lies in the root package's folder."""
+
+    def find_package_modules(self, package: str, package_dir: str) -> list[tuple[str, str, str]]:
+        return [module for module in super().find_package_modules(package, package_dir) if module[1] != "setup"]
+
 
 found = find_packages(include=[pattern for part in PARTS for pattern in (part, f"{part}.*")])
 setup(
     packages=["patchnet", *(f"patchnet.{name}" for name in sorted(found))],
     package_data={"patchnet": ["blender_manifest.toml"], **{f"patchnet.{part}": DATA for part in PARTS}},
+    cmdclass={"build_py": BuildTree},
 )

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line as a user meets it: help, wrong words, bad input, interruption."""
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from patchnet import commands
+from patchnet.patchnet_addon.errors import PatchNetError
+
+
+@pytest.fixture
+def greet(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """A sub-command `greet` in place of the real ones; tests set its `run`."""
+
+    def add_parser(subparsers) -> argparse.ArgumentParser:
+        parser = subparsers.add_parser("greet", help="greet somebody")
+        parser.add_argument("name")
+        return parser
+
+    module = SimpleNamespace(add_parser=add_parser, run=lambda args: 0)
+    monkeypatch.setattr(commands, "NAMES", ("greet",))
+    monkeypatch.setattr(commands.importlib, "import_module", lambda name, package: module)
+    return module
+
+
+@pytest.mark.parametrize("program", [["-m", "patchnet"], [str(Path(sys.executable).with_name("patchnet"))]])
+def test_help_of_both_entry_points(program: list[str]) -> None:
+    command = [sys.executable, *program] if program[0] == "-m" else program
+    done = subprocess.run([*command, "--help"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "usage: patchnet" in done.stdout
+    for name in commands.NAMES:
+        assert name in done.stdout
+
+
+@pytest.mark.parametrize("name", commands.NAMES)
+def test_help_of_every_sub_command(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        commands.main([name, "--help"])
+    assert stop.value.code == 0
+    assert f"usage: patchnet {name}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("argv", [["nonsense"], [], ["--nonsense"]])
+def test_wrong_words_exit_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        commands.main(argv)
+    assert stop.value.code == 2
+    assert "patchnet: error:" in capsys.readouterr().err
+
+
+def test_exit_code_of_the_sub_command_is_returned(greet: SimpleNamespace) -> None:
+    greet.run = lambda args: len(args.name)
+    assert commands.main(["greet", "Ada"]) == 3
+
+
+def test_our_errors_are_one_line_and_exit_2(greet: SimpleNamespace, capsys: pytest.CaptureFixture[str]) -> None:
+    def run(args) -> int:
+        raise PatchNetError("nothing is selected; select a mesh")
+
+    greet.run = run
+    assert commands.main(["greet", "Ada"]) == 2
+    assert capsys.readouterr().err == "patchnet: error: nothing is selected; select a mesh\n"
+
+
+def test_interruption_exits_130(greet: SimpleNamespace) -> None:
+    def run(args) -> int:
+        raise KeyboardInterrupt
+
+    greet.run = run
+    assert commands.main(["greet", "Ada"]) == 130
+
+
+def test_other_errors_are_not_hidden(greet: SimpleNamespace) -> None:
+    def run(args) -> int:
+        raise ZeroDivisionError
+
+    greet.run = run
+    with pytest.raises(ZeroDivisionError):
+        commands.main(["greet", "Ada"])

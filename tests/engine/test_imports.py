@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Who may import whom: commands -> operators, training -> patchnet_addon, and Blender in the operators alone."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+FORBIDDEN = {
+    "patchnet_addon": ("operators", "training", "commands"),
+    "training": ("operators", "commands"),
+    "operators": ("training", "commands"),
+}
+
+WITHOUT_BLENDER = """
+import importlib, pkgutil, sys
+
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("bpy", "bmesh", "gpu", "mathutils", "addon_utils"):
+            raise ModuleNotFoundError(f"{name} is blocked", name=name)
+
+sys.meta_path.insert(0, Blocked())
+import patchnet.patchnet_addon, patchnet.training
+
+for package in (patchnet.patchnet_addon, patchnet.training):
+    for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+            print(module.name)
+"""
+
+LIGHT = """
+import sys
+import patchnet, patchnet.__main__, patchnet.commands
+heavy = {"bpy", "numba", "torch", "numpy"} & set(sys.modules)
+assert not heavy, heavy
+"""
+
+
+def run_python(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def modules_of(part: str) -> list[Path]:
+    return sorted(path for path in (ROOT / part).rglob("*.py") if "__pycache__" not in path.parts)
+
+
+def imported_parts(path: Path) -> set[str]:
+    """The top folders of this tree that a module imports, by relative imports or by the package's name."""
+    here = path.relative_to(ROOT).with_suffix("").parts
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            base = here[: -node.level] if node.level else ()
+            module = (*base, *(node.module or "").split("."))
+            found |= {module[0] or alias.name for alias in node.names} if node.level else {module[0]}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+    return found
+
+
+def test_engine_and_training_import_without_blender() -> None:
+    imported = run_python(WITHOUT_BLENDER).split()
+    assert "patchnet.patchnet_addon.errors" in imported
+
+
+def test_command_and_package_are_light() -> None:
+    run_python(LIGHT)
+
+
+@pytest.mark.parametrize("part", sorted(FORBIDDEN))
+def test_direction_of_imports(part: str) -> None:
+    wrong = {
+        path.relative_to(ROOT).as_posix(): sorted(imported_parts(path) & set(FORBIDDEN[part]))
+        for path in modules_of(part)
+        if imported_parts(path) & set(FORBIDDEN[part])
+    }
+    assert wrong == {}
+
+
+@pytest.mark.parametrize("part", ["patchnet_addon", "operators", "training", "commands"])
+def test_only_relative_imports(part: str) -> None:
+    """The tree is `patchnet` for pip and `bl_ext.<repository>.patchnet` in Blender, so it never names itself."""
+    assert [path.name for path in modules_of(part) if "patchnet" in imported_parts(path)] == []
+
+
+def test_root_is_small_and_imports_nothing_at_the_top() -> None:
+    text = (ROOT / "__init__.py").read_text()
+    assert len(text.splitlines()) < 40
+    assert not [node for node in ast.parse(text).body if isinstance(node, ast.Import | ast.ImportFrom)]
