@@ -89,7 +89,7 @@ def read_arrays(
     for name, (dtype, shape) in header.arrays.items():
         start = header.data_start + header._offsets[name]
         raw = mapped[start : start + math.prod(shape) * dtype.itemsize]
-        if verify and zlib.crc32(raw) != header._checksums[name]:
+        if verify and zlib.crc32(raw.data) != header._checksums[name]:
             raise error(f"{path} is damaged: the data of '{name}' differs from its checksum; create the file anew")
         if start % dtype.itemsize:
             raw = raw.copy()
@@ -132,7 +132,7 @@ def content_hash(arrays: Mapping[str, np.ndarray]) -> str:
 
 
 def _bytes_of(array: np.ndarray) -> memoryview:
-    return memoryview(array.reshape(-1).view(np.uint8))
+    return array.reshape(-1).view(np.uint8).data
 
 
 def _article(word: str) -> str:

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Small octrees for tests, built node by node from a dictionary of leaves, apart from the engine's own builder."""
+
+import numpy as np
+
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.octree import Octree
+
+
+def _key(cell):
+    return sum(((axis >> bit) & 1) << (3 * bit + place) for bit in range(16) for place, axis in enumerate(cell))
+
+
+def _parent(place):
+    level, cell = place
+    return level - 1, tuple(axis // 2 for axis in cell)
+
+
+def _octant(cell):
+    return (cell[0] & 1) + 2 * (cell[1] & 1) + 4 * (cell[2] & 1)
+
+
+def octree_from_leaves(leaves, depth, side_world=1.0):
+    """Octree of `leaves` {(level, (x, y, z)): (area, luminance, (nx, ny, nz))}; parents hold area-weighted means."""
+    nodes = {place: np.array([area, luminance, *normal]) for place, (area, luminance, normal) in leaves.items()}
+    for level in range(depth, 0, -1):
+        for place in [place for place in nodes if place[0] == level]:
+            area, *rest = nodes[place]
+            parent = nodes.setdefault(_parent(place), np.zeros(5))
+            assert _parent(place) not in leaves, "a leaf has children"
+            parent += [area, *(area * np.array(rest))]
+        for place in [place for place in nodes if place[0] == level - 1 and place not in leaves]:
+            nodes[place][1:] /= nodes[place][0]
+    order = sorted(nodes, key=lambda place: (place[0], _key(place[1])))
+    index = {place: number for number, place in enumerate(order)}
+    mask, first = np.zeros(len(order), np.uint8), np.zeros(len(order), np.uint32)
+    for place in reversed(order[1:]):
+        mask[index[_parent(place)]] |= 1 << _octant(place[1])
+        first[index[_parent(place)]] = index[place]
+    values = np.array([nodes[place] for place in order])
+    return Octree(
+        grid=Grid((0.0, 0.0, 0.0), side_world, depth),
+        level_start=np.searchsorted([level for level, _ in order], np.arange(depth + 2)),
+        child_mask=mask,
+        first_child=first,
+        area_world=values[:, 0].astype(np.float32),
+        luminance=np.rint(values[:, 1] * 65535).astype(np.uint16),
+        normal=np.rint(values[:, 2:] * 127).astype(np.int8),
+    )
+
+
+def random_octree(seed=0, depth=5, count=300, adaptive=False):
+    """Octree of `count` random cells that lie in a shell around a point; `adaptive`: some leaves are coarser."""
+    random = np.random.default_rng(seed)
+    side = 1 << depth
+    directions = random.normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    centre, radius = random.uniform(0.4, 0.6, 3) * side, random.uniform(0.4, 0.6) * side
+    cells = np.unique(np.clip(np.floor(centre + radius * directions), 0, side - 1).astype(int), axis=0)
+    leaves = {}
+    for cell in cells.tolist():
+        level = depth - int(random.choice(4, p=[0.6, 0.15, 0.15, 0.1])) if adaptive else depth
+        leaves[max(level, 1), tuple(axis >> (depth - max(level, 1)) for axis in cell)] = None
+    for place in list(leaves):  # a coarse leaf swallows what lies below it
+        above = place
+        while above[0] > 0:
+            above = _parent(above)
+            if above in leaves:
+                del leaves[place]
+                break
+    for place in leaves:
+        normal = random.normal(size=3)
+        normal *= random.uniform(0, 1) / np.linalg.norm(normal)
+        leaves[place] = (random.uniform(0.1, 1.0), random.uniform(), tuple(normal))
+    return octree_from_leaves(leaves, depth)
+
+
+def dense_cells(octree, level):
+    """Dense grid (S, S, S, 5), order z, y, x, channel, of the values at a level, by marking every node's cube."""
+    side = 1 << level
+    grid = np.zeros((side, side, side, 5), np.float32)
+    for node_level in range(min(level, octree.depth) + 1):
+        first = octree.level_start[node_level]
+        width = side >> node_level
+        for offset, (x, y, z) in enumerate(octree.cells(node_level).tolist()):
+            node = first + offset
+            if node_level == level or octree.child_mask[node] == 0:
+                values = [1, octree.luminance[node] / 65535, *(octree.normal[node] / 127)]
+                grid[z * width : (z + 1) * width, y * width : (y + 1) * width, x * width : (x + 1) * width] = values
+    return grid

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blocks and patches against a dense grid in which every node's cube was marked."""
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.codes.patches import (
+    OCTANTS,
+    corner_blocks,
+    corner_neighbours,
+    corner_table,
+    covering_nodes,
+    covering_nodes_reference,
+    voxel_blocks,
+    voxel_blocks_reference,
+)
+from patchnet.tests.engine.octree_samples import dense_cells, random_octree
+
+
+@pytest.fixture(params=[False, True], ids=["uniform", "adaptive"])
+def octree(request):
+    return random_octree(seed=3, depth=5, count=400, adaptive=request.param)
+
+
+def levels(octree):
+    return range(octree.depth + 1)
+
+
+def test_blocks_are_cut_from_the_dense_grid(octree):
+    for level in levels(octree):
+        dense = dense_cells(octree, level + 2)
+        nodes = np.arange(octree.level_start[level], octree.level_start[level + 1])
+        blocks = voxel_blocks(octree, nodes)
+        for block, (x, y, z) in zip(blocks, 4 * octree.cells(level), strict=True):
+            np.testing.assert_allclose(block, dense[z : z + 4, y : y + 4, x : x + 4], atol=1e-7)
+
+
+def test_blocks_equal_their_reference(octree):
+    for level in levels(octree):
+        nodes = np.arange(octree.level_start[level], octree.level_start[level + 1])
+        reference = voxel_blocks_reference(octree, level, octree.cells(level))
+        np.testing.assert_array_equal(voxel_blocks(octree, nodes), reference)
+
+
+def test_missing_node_has_an_empty_block(octree):
+    assert not voxel_blocks(octree, np.array([-1])).any()
+
+
+def test_covering_nodes(octree):
+    axis = np.arange(-1, 9)
+    cells = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
+    nodes = covering_nodes(octree, 3, cells)
+    np.testing.assert_array_equal(nodes, covering_nodes_reference(octree, 3, cells))
+    occupied = np.pad(dense_cells(octree, 3)[..., 0], 1)
+    x, y, z = (cells + 1).T
+    np.testing.assert_array_equal(nodes >= 0, occupied[z, y, x] > 0)
+
+
+def test_patches_of_corners_are_cut_from_the_padded_grid(octree):
+    for level in levels(octree):
+        dense = np.pad(dense_cells(octree, level + 2), ((4, 4), (4, 4), (4, 4), (0, 0)))
+        nodes = np.arange(octree.level_start[level], octree.level_start[level + 1])
+        corners, _ = corner_table(octree, level, nodes)
+        for patch, (x, y, z) in zip(corner_blocks(octree, level, corners), 4 * corners, strict=True):
+            np.testing.assert_allclose(patch, dense[z : z + 8, y : y + 8, x : x + 8], atol=1e-7)
+
+
+def test_corner_table_lists_each_corner_once(octree):
+    level = 3
+    nodes = np.arange(octree.level_start[level], octree.level_start[level + 1])[::2]
+    cells = octree.cells(level)[::2]
+    corners, rows = corner_table(octree, level, nodes)
+    wanted = {tuple(cell + offset) for cell in cells.tolist() for offset in [np.array(o) for o in OCTANTS]}
+    assert {tuple(corner) for corner in corners.tolist()} == wanted
+    assert len(corners) == len(wanted)
+    np.testing.assert_array_equal(corners[rows], cells[:, None] + OCTANTS)
+
+
+def test_neighbours_of_a_corner_meet_there(octree):
+    level = 4
+    nodes = np.arange(octree.level_start[level], octree.level_start[level + 1])
+    corners, rows = corner_table(octree, level, nodes)
+    neighbours = corner_neighbours(octree, level, corners)
+    for octant in range(8):  # seen from its corner `octant`, a voxel is the neighbour in the opposite octant
+        np.testing.assert_array_equal(neighbours[rows[:, octant], 7 - octant], nodes)
