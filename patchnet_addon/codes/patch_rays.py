@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a pixel would see of a patch: coverage and luminance by 64x64 parallel rays (methods 7.16, 7.17).
+
+All rays of a viewport are parallel, so every fine cube has the same hexagonal outline. Cubes are drawn front to back
+into 64 rows of 64 bits: a cube's outline meets a row of pixel centres in one interval, and what of it is still free is
+what sees this cube first. The result is that of 4096 rays that each stop at their first cube, about ten times faster
+than following them cell by cell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import prange
+
+from ..kernels import device, kernel
+from ..octree.octree import LUMINANCE_SCALE, Octree
+from .brick import fill_brick
+
+VIEWPORT_PX = 64
+_ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
+
+
+@dataclass(frozen=True)
+class PatchRays:
+    """Centre rays of N viewports, grouped by voxel.
+
+    level (G,) int32 and cell (G, 3) int32 name the voxels; rays group_start[g] to group_start[g + 1] belong to voxel g.
+    entry_voxel: (N, 3) a point of the centre ray, in units of the voxel, [0, 1]^3 inside.
+    direction, up: (N, 3) orthonormal, in the octree's axes. ratio: (N,) side of the viewport over the voxel's side.
+    """
+
+    level: np.ndarray
+    cell: np.ndarray
+    group_start: np.ndarray
+    entry_voxel: np.ndarray
+    direction: np.ndarray
+    up: np.ndarray
+    ratio: np.ndarray
+
+
+def render_patches(octree: Octree, rays: PatchRays) -> tuple[np.ndarray, np.ndarray]:
+    """Coverage (N,) and mean luminance over the rays that hit (N,), both float32; luminance 0 where none hits."""
+    count = len(rays.ratio)
+    coverage, luminance = np.zeros(count, np.float32), np.zeros(count, np.float32)
+    _render(
+        octree.child_mask,
+        octree.first_child,
+        octree.luminance,
+        np.ascontiguousarray(rays.level, np.int32),
+        np.ascontiguousarray(rays.cell, np.int32),
+        np.ascontiguousarray(rays.group_start, np.int64),
+        np.ascontiguousarray(rays.entry_voxel, np.float32),
+        np.ascontiguousarray(rays.direction, np.float32),
+        np.ascontiguousarray(rays.up, np.float32),
+        np.ascontiguousarray(rays.ratio, np.float32),
+        coverage,
+        luminance,
+    )
+    return coverage, luminance
+
+
+@device
+def _popcount(bits: np.uint64) -> np.uint64:
+    """Set bits of a word; the compiler knows this idiom and makes it one instruction."""
+    bits = bits - ((bits >> np.uint64(1)) & np.uint64(0x5555555555555555))
+    bits = (bits & np.uint64(0x3333333333333333)) + ((bits >> np.uint64(2)) & np.uint64(0x3333333333333333))
+    bits = (bits + (bits >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    return (bits * np.uint64(0x0101010101010101)) >> np.uint64(56)
+
+
+@device
+def set_view(entry: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: float, view: np.ndarray) -> None:
+    """Fill `view` (6, 3) float64: how the brick's cells project onto the pixels of the viewport.
+
+    Rows 0 and 1: pixels to the right and up per cell along x, y, z. Row 2: pixel of the brick's lowest corner, and
+    the outline's half height. Rows 3 and 4: slope and half width of the three slabs whose intersection the outline is.
+    Row 5: half width of the outline.
+    """
+    scale = 64.0 / (4.0 * ratio)
+    right = (
+        direction[1] * up[2] - direction[2] * up[1],
+        direction[2] * up[0] - direction[0] * up[2],
+        direction[0] * up[1] - direction[1] * up[0],
+    )
+    view[2, 0] = 31.5
+    view[2, 1] = 31.5
+    for axis in range(3):
+        view[0, axis] = right[axis] * scale
+        view[1, axis] = up[axis] * scale
+        view[2, 0] -= 4.0 * (entry[axis] + 1.0) * view[0, axis]
+        view[2, 1] -= 4.0 * (entry[axis] + 1.0) * view[1, axis]
+    view[2, 2] = 0.5 * (abs(view[1, 0]) + abs(view[1, 1]) + abs(view[1, 2]))
+    view[5, 0] = 0.5 * (abs(view[0, 0]) + abs(view[0, 1]) + abs(view[0, 2]))
+    for axis in range(3):
+        a_u, a_v = view[0, axis], view[1, axis]
+        if abs(a_v) < 1e-9:  # this slab bounds rows only, as the outline's height already does
+            view[3, axis], view[4, axis] = 0.0, 1e9
+            continue
+        width = 0.0
+        for other in range(3):
+            width += abs(a_u * view[1, other] - a_v * view[0, other])
+        view[3, axis], view[4, axis] = a_u / a_v, 0.5 * width / abs(a_v)
+
+
+@device
+def _draw(view: np.ndarray, centre_u: float, centre_v: float, rows: np.ndarray) -> int:
+    """Draw one cube centred on a pixel position into the free bits of `rows` (64,) uint64; how many it took."""
+    first = max(0, int(np.ceil(centre_v - view[2, 2])))
+    last = min(63, int(np.floor(centre_v + view[2, 2])))
+    m0, m1, m2, w0, w1, w2 = view[3, 0], view[3, 1], view[3, 2], view[4, 0], view[4, 1], view[4, 2]
+    taken = np.uint64(0)
+    for row in range(first, last + 1):
+        dv = row - centre_v
+        low = centre_u + max(m0 * dv - w0, max(m1 * dv - w1, m2 * dv - w2))
+        high = centre_u + min(m0 * dv + w0, min(m1 * dv + w1, m2 * dv + w2))
+        if low > 63.0 or high < 0.0:
+            continue
+        left, right = int(np.ceil(max(low, 0.0))), int(np.floor(min(high, 63.0)))
+        if left > right:
+            continue
+        bits = (np.uint64(0xFFFFFFFFFFFFFFFF) >> np.uint64(63 - right + left)) << np.uint64(left)
+        free = bits & ~rows[row]
+        rows[row] |= bits
+        taken += _popcount(free)
+    return np.int64(taken)
+
+
+@device
+def see_brick(
+    luminance: np.ndarray,
+    brick: np.ndarray,
+    counts: np.ndarray,
+    direction: np.ndarray,
+    view: np.ndarray,
+    rows: np.ndarray,
+) -> tuple[float, float]:
+    """Coverage and mean luminance (65535 = 1) of a brick in a view; `rows` (64,) uint64 is scratch.
+
+    Along parallel rays, a cell can only hide cells that lie further along each axis in the direction's sign: running
+    through blocks and cells in that order is front to back.
+    """
+    rows[:] = 0
+    flip_x, flip_y, flip_z = direction[0] < 0, direction[1] < 0, direction[2] < 0
+    flip = 3 * int(flip_x) + 12 * int(flip_y) + 48 * int(flip_z)
+    height, width = view[2, 2], view[5, 0]
+    hit, total = 0, 0.0
+    for turn in range(27):
+        bx, by, bz = turn % 3, turn // 3 % 3, turn // 9
+        bx, by, bz = 2 - bx if flip_x else bx, 2 - by if flip_y else by, 2 - bz if flip_z else bz
+        block = bx + 3 * by + 9 * bz
+        if counts[block] == 0:
+            continue
+        block_u = view[2, 0] + 4.0 * (bx * view[0, 0] + by * view[0, 1] + bz * view[0, 2])
+        block_v = view[2, 1] + 4.0 * (bx * view[1, 0] + by * view[1, 1] + bz * view[1, 2])
+        middle_u = block_u + 2.0 * (view[0, 0] + view[0, 1] + view[0, 2])
+        middle_v = block_v + 2.0 * (view[1, 0] + view[1, 1] + view[1, 2])
+        if abs(middle_u - 31.5) > 31.5 + 4.0 * width or abs(middle_v - 31.5) > 31.5 + 4.0 * height:
+            continue
+        for place in range(64):
+            cell = place ^ flip
+            node = brick[block, cell]
+            if node < 0:
+                continue
+            x, y, z = (cell & 3) + 0.5, ((cell >> 2) & 3) + 0.5, (cell >> 4) + 0.5
+            centre_u = block_u + x * view[0, 0] + y * view[0, 1] + z * view[0, 2]
+            centre_v = block_v + x * view[1, 0] + y * view[1, 1] + z * view[1, 2]
+            if abs(centre_u - 31.5) > 31.5 + width or abs(centre_v - 31.5) > 31.5 + height:
+                continue
+            taken = _draw(view, centre_u, centre_v, rows)
+            hit += taken
+            total += taken * float(luminance[node])
+        if hit == 4096:
+            break
+    return hit / 4096.0, total / max(hit, 1)
+
+
+@kernel
+def _render(
+    child_mask: np.ndarray,
+    first_child: np.ndarray,
+    luminance: np.ndarray,
+    level: np.ndarray,
+    cell: np.ndarray,
+    group_start: np.ndarray,
+    entry: np.ndarray,
+    direction: np.ndarray,
+    up: np.ndarray,
+    ratio: np.ndarray,
+    coverage_out: np.ndarray,
+    luminance_out: np.ndarray,
+) -> None:
+    for group in prange(len(level)):
+        brick = np.empty((27, 64), np.int32)
+        counts = np.empty(27, np.int32)
+        view = np.empty((6, 3), np.float64)
+        rows = np.empty(64, np.uint64)
+        fill_brick(child_mask, first_child, level[group], cell[group, 0], cell[group, 1], cell[group, 2], brick, counts)
+        for ray in range(group_start[group], group_start[group + 1]):
+            set_view(entry[ray], direction[ray], up[ray], ratio[ray], view)
+            sigma, mean = see_brick(luminance, brick, counts, direction[ray], view, rows)
+            coverage_out[ray] = sigma
+            luminance_out[ray] = mean / LUMINANCE_SCALE
