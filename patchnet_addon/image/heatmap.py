@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures for people: priority in colours with a legend, the red overlay, errors before and after refinement.
+
+All arrays are (H, W) or (H, W, 3), row 0 at the bottom, colours sRGB-encoded float32 in [0, 1].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..errors import SettingError
+from .colormaps import colormap, red_ramp
+from .pixel_font import GLYPH_HEIGHT, draw_text, text_width
+from .tone import gray
+
+VIEW_HEIGHT_PX = 540  # small pictures are magnified by a whole factor to about this height
+_PAPER = 0.11  # sRGB value of the legend's ground
+_INK = 0.9
+
+
+def magnify(picture: np.ndarray) -> np.ndarray:
+    """`picture` with every pixel repeated a whole number of times, to about 540 rows; larger ones stay."""
+    factor = max(1, round(VIEW_HEIGHT_PX / picture.shape[0]))
+    return picture.repeat(factor, axis=0).repeat(factor, axis=1)
+
+
+def heatmap(
+    priority: np.ndarray, maximum: float, quantity: str, *, map_name: str = "viridis", title: str = ""
+) -> np.ndarray:
+    """Priority (H, W) in colours, magnified, with a legend from 0 to `maximum` below.
+
+    `maximum` is configured, not the picture's own, so that pictures can be compared; larger values show as it.
+    """
+    if not (np.isfinite(maximum) and maximum > 0):
+        raise SettingError(f"The heatmap's maximum {maximum} must be a positive number")
+    view = magnify(colormap(priority / np.float32(maximum), map_name))
+    ticks = [f"{maximum * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    return _with_legend([view], [title or "priority"], lambda place: colormap(place, map_name), ticks, quantity)
+
+
+def overlay(luminance: np.ndarray, urgency: np.ndarray, budget: float) -> np.ndarray:
+    """The picture (H, W) with the pixels that a budget refines in red, redder is refined first (methods 3).
+
+    `urgency`: (H, W), 1 for the first pixel, falling to 0 at the budget's end and beyond.
+    """
+    ground = gray(luminance)
+    weight = np.where(urgency > 0, 0.35 + 0.6 * urgency, 0.0).astype(np.float32)[..., None]
+    view = magnify(ground * (1 - weight) + red_ramp(urgency) * weight)
+    ticks = ["last", "", "", "", "first"]
+    label = f"refined with a budget of {budget:.0%}"
+    return _with_legend([view], ["refinement order"], red_ramp, ticks, label)
+
+
+def error_picture(
+    before: np.ndarray, after: np.ndarray, maximum: float, mse: tuple[float, float], *, map_name: str = "viridis"
+) -> np.ndarray:
+    """Absolute luminance errors (H, W) of the preview and of the refined picture, side by side."""
+    views = [magnify(colormap(error / np.float32(maximum), map_name)) for error in (before, after)]
+    titles = [f"{name}: mse {value:.5f}" for name, value in zip(("preview", "refined"), mse, strict=True)]
+    ticks = [f"{maximum * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    return _with_legend(views, titles, lambda place: colormap(place, map_name), ticks, "luminance error")
+
+
+def _with_legend(
+    views: list[np.ndarray],
+    titles: list[str],
+    ramp: Callable[[np.ndarray], np.ndarray],
+    ticks: list[str],
+    quantity: str,
+) -> np.ndarray:
+    """Views side by side under their titles, above one bar of colours with ticks and the name of the quantity."""
+    gap, width = 8, sum(view.shape[1] for view in views) + 8 * (len(views) - 1)
+    scale = 2 if max(text_width(text) for text in (*titles, quantity)) * 2 + 16 <= views[0].shape[1] else 1
+    line = GLYPH_HEIGHT * scale
+    foot, head, height = 4 * gap + 2 * line + 8 * scale, line + 2 * gap, views[0].shape[0]
+    page = np.full((foot + height + head, width, 3), _PAPER, np.float32)
+    left = 0
+    for view, title in zip(views, titles, strict=True):
+        page[foot : foot + height, left : left + view.shape[1]] = view
+        draw_text(page, title, left + gap, foot + height + gap, scale, _INK)
+        left += view.shape[1] + gap
+    _draw_bar(page, ramp, ticks, gap, 3 * gap + 2 * line - scale, 6 * scale, scale)
+    draw_text(page, quantity, (width - text_width(quantity) * scale) // 2, gap, scale, _INK)
+    return page
+
+
+def _draw_bar(
+    page: np.ndarray,
+    ramp: Callable[[np.ndarray], np.ndarray],
+    ticks: list[str],
+    margin: int,
+    bottom: int,
+    thickness: int,
+    scale: int,
+) -> None:
+    """A horizontal bar of colours at row `bottom`, with evenly spaced ticks and their labels under it."""
+    width = page.shape[1] - 2 * margin
+    page[bottom + scale * 2 : bottom + scale * 2 + thickness, margin : margin + width] = ramp(np.linspace(0, 1, width))
+    for place, label in enumerate(ticks):
+        x = margin + round(place / (len(ticks) - 1) * (width - 1))
+        page[bottom : bottom + scale * 2, max(x - scale // 2, 0) : x + 1] = _INK
+        half = text_width(label) * scale // 2
+        start = min(max(x - half, margin), margin + width - 2 * half)
+        draw_text(page, label, start, bottom - (GLYPH_HEIGHT + 1) * scale, scale, _INK)

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Mean squared error over active pixels, as a function of the budget (methods 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .frame import Frame
+from .refine import budget_count, refinement_order
+
+
+def squared_error(frame: Frame) -> np.ndarray:
+    """(P,) float64: (L1 - L32)^2. The frame needs its reference."""
+    assert frame.reference is not None
+    return (frame.preview.astype(np.float64) - frame.reference) ** 2
+
+
+def mse_at(frame: Frame, score: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
+    """(B,) float64: mean squared error over the active pixels that is left after each budget in [0, 1].
+
+    Refined pixels take the reference, so their error is 0. A frame without active pixels has no error.
+    """
+    error = squared_error(frame)[refinement_order(frame, score)]
+    # Summed from the least urgent pixel, so that the error left at budget 1 is exactly 0.
+    left = np.concatenate([np.cumsum(error[::-1])[::-1], [0.0]])
+    counts = [budget_count(budget, len(error)) for budget in budgets]
+    return left[counts] / max(len(error), 1)
+
+
+def pooled_mse(frames: Sequence[Frame], scores: Sequence[np.ndarray], budgets: Sequence[float]) -> np.ndarray:
+    """(B,) float64: the same over the active pixels of all frames together, each frame with its own budget."""
+    active = np.array([np.count_nonzero(frame.active) for frame in frames], np.float64)
+    errors = np.stack([mse_at(frame, score, budgets) for frame, score in zip(frames, scores, strict=True)])
+    return active @ errors / max(active.sum(), 1.0)
+
+
+def psnr(mse: float) -> float:
+    """Peak signal-to-noise ratio in dB of a mean squared error, peak 1; infinite without error."""
+    return float("inf") if mse <= 0.0 else float(-10.0 * np.log10(mse))

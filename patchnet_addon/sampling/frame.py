@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One view of a scene with everything that strategies may look at. Pure data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .active import active_pixels
+
+if TYPE_CHECKING:
+    from ..codes.predict import Prediction
+    from ..tracing.render import Hits
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A picture of P = height x width pixels, row-major, row 0 at the bottom. Luminances are linear, in [0, 1].
+
+    hits: first hits of the pixel-centre rays; their luminance is the preview L1.
+    behind: (P,) float32, L_B, luminance behind the patch (methods 3.12).
+    prediction: coverage and luminance that the network decodes (methods 4.1b).
+    exact: the same two, rendered from the patch itself (methods 9).
+    reference: (P,) float32, L32, 32x32 samples (methods 7.5).
+    """
+
+    hits: Hits
+    behind: np.ndarray | None = None
+    prediction: Prediction | None = None
+    exact: Prediction | None = None
+    reference: np.ndarray | None = None
+
+    @property
+    def height(self) -> int:
+        """Rows of the picture."""
+        return self.hits.height_px
+
+    @property
+    def width(self) -> int:
+        """Columns of the picture."""
+        return self.hits.width_px
+
+    @property
+    def hit(self) -> np.ndarray:
+        """(P,) bool: the pixel's ray met a voxel."""
+        return self.hits.hit
+
+    @property
+    def preview(self) -> np.ndarray:
+        """(P,) float32, L1: luminance of the first voxel, or the background (methods 7.5)."""
+        return self.hits.luminance
+
+    @cached_property
+    def active(self) -> np.ndarray:
+        """(P,) bool: pixels that take part in budgets and errors (methods 7.23)."""
+        return active_pixels(self.hit.reshape(self.height, self.width)).ravel()
+
+    @property
+    def lookahead_share(self) -> float:
+        """Share of hit pixels whose voxel has real descendants to look at (methods 4.1b); 0 without a hit."""
+        if self.prediction is None or not self.hit.any():
+            return 0.0
+        return float(self.prediction.look_ahead[self.hit].mean())
+
+    def picture(self, values: np.ndarray) -> np.ndarray:
+        """Values (P,) or (P, C) of the pixels as a picture (H, W) or (H, W, C)."""
+        return values.reshape(self.height, self.width, *values.shape[1:])

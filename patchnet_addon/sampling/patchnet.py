@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The paper's score: missing coverage plus weighted luminance error of the patch (methods 3.12)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .frame import Frame
+from .strategy import PREDICTION, Strategy
+
+if TYPE_CHECKING:
+    from ..codes.predict import Prediction
+
+LUMINANCE_WEIGHT = 5.0  # lambda of the paper
+
+
+def coverage_and_luminance_score(frame: Frame, patch: Prediction) -> np.ndarray:
+    """s = |1 - sigma| + lambda |L_V - L_N|, (P,) float32; 0 where the ray met nothing (methods 7.24)."""
+    score = np.abs(1.0 - patch.coverage) + LUMINANCE_WEIGHT * np.abs(frame.preview - patch.luminance)
+    return np.where(frame.hit, score, np.float32(0.0))
+
+
+def _score(frame: Frame) -> np.ndarray:
+    assert frame.prediction is not None  # `needs` says so
+    return coverage_and_luminance_score(frame, frame.prediction)
+
+
+STRATEGY = Strategy(
+    name="patchnet",
+    title="PatchNet (paper)",
+    description="Missing coverage plus five times the luminance error that the network sees two levels ahead",
+    needs=frozenset({PREDICTION}),
+    score=_score,
+    quantity="coverage + 5 x luminance",
+    maximum=2.0,
+)

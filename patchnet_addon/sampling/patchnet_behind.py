@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The pixel's error, estimated with the luminance that shows behind the patch (PN+, methods 3.12)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .frame import Frame
+from .strategy import BEHIND, PREDICTION, Strategy
+
+if TYPE_CHECKING:
+    from ..codes.predict import Prediction
+
+
+def expected_error(frame: Frame, patch: Prediction) -> np.ndarray:
+    """s = |L_V - (sigma L_N + (1 - sigma) L_B)|, (P,) float32; 0 where the ray met nothing (methods 7.24)."""
+    seen = patch.coverage * patch.luminance + (1.0 - patch.coverage) * frame.behind
+    return np.where(frame.hit, np.abs(frame.preview - seen), np.float32(0.0))
+
+
+def _score(frame: Frame) -> np.ndarray:
+    assert frame.prediction is not None  # `needs` says so
+    return expected_error(frame, frame.prediction)
+
+
+STRATEGY = Strategy(
+    name="patchnet-behind",
+    title="PatchNet with background",
+    description="The luminance error that follows from the patch's coverage, its luminance and what lies behind it",
+    needs=frozenset({PREDICTION, BEHIND}),
+    score=_score,
+    quantity="expected luminance error",
+    maximum=0.5,
+)

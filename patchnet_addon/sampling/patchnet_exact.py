@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The paper's score with coverage and luminance rendered from the patch: the limit of any network (methods 9)."""
+
+import numpy as np
+
+from .frame import Frame
+from .patchnet import coverage_and_luminance_score
+from .strategy import EXACT, Strategy
+
+
+def _score(frame: Frame) -> np.ndarray:
+    assert frame.exact is not None  # `needs` says so
+    return coverage_and_luminance_score(frame, frame.exact)
+
+
+STRATEGY = Strategy(
+    name="patchnet-exact",
+    title="PatchNet (paper), exact oracle",
+    description="The paper's score with the true coverage and luminance of the patch: what a perfect network would do",
+    needs=frozenset({EXACT}),
+    score=_score,
+    quantity="coverage + 5 x luminance",
+    maximum=2.0,
+)

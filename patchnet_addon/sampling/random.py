@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pixels in an order without meaning: checks every other measurement (methods 3.2)."""
+
+import numpy as np
+
+from .frame import Frame
+from .pixel_hash import pixel_hash
+from .strategy import Strategy
+
+
+def _score(frame: Frame) -> np.ndarray:
+    # 24 bits: exact in float32, so that no two hashes are rounded to one by chance of the type.
+    return (pixel_hash(frame.height * frame.width) >> np.uint64(40)).astype(np.float64) * 2.0**-24
+
+
+STRATEGY = Strategy(
+    name="random",
+    title="Random",
+    description="A fixed order without meaning: every budget removes its own share of the error on average",
+    needs=frozenset(),
+    score=_score,
+    quantity="chance",
+    maximum=1.0,
+)

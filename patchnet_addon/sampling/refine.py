@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Spending a budget: the active pixels with the highest scores take the reference (methods 3, 7.25)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import SettingError
+from .frame import Frame
+from .pixel_hash import pixel_hash
+
+
+def refinement_order(frame: Frame, score: np.ndarray) -> np.ndarray:
+    """(A,) int64 indices of the active pixels, first refined first; ties go by a fixed hash of the index."""
+    active = np.flatnonzero(frame.active)
+    ties = pixel_hash(len(score))[active]
+    return active[np.lexsort((ties, -score[active]))]
+
+
+def budget_count(budget: float, active: int) -> int:
+    """Pixels that a budget X in [0, 1] pays for: round(X |A|). Raises SettingError outside that range."""
+    if not 0.0 <= budget <= 1.0:
+        raise SettingError(f"Budget {budget} is outside 0 to 1: give the share of active pixels to refine")
+    return round(budget * active)
+
+
+def refine(frame: Frame, score: np.ndarray, budget: float) -> np.ndarray:
+    """(P,) bool: pixels that a budget in [0, 1] refines, chosen by `score` (P,)."""
+    order = refinement_order(frame, score)
+    mask = np.zeros(len(score), bool)
+    mask[order[: budget_count(budget, len(order))]] = True
+    return mask
+
+
+def refined_picture(frame: Frame, mask: np.ndarray) -> np.ndarray:
+    """(P,) float32: the reference where `mask` (P,) is set, the preview elsewhere. The frame needs its reference."""
+    assert frame.reference is not None
+    return np.where(mask, frame.reference, frame.preview)
+
+
+def urgency(frame: Frame, score: np.ndarray, budget: float) -> np.ndarray:
+    """(P,) float32: 1 for the pixel that is refined first, falling to 0 at the budget's end, 0 beyond it.
+
+    Pixels of score 0 stay 0: nothing is known to be wrong there, though the budget may reach them.
+    """
+    order = refinement_order(frame, score)
+    count = budget_count(budget, len(order))
+    amount = np.zeros(len(score), np.float32)
+    amount[order[:count]] = 1.0 - np.arange(count, dtype=np.float32) / max(count, 1)
+    return np.where(score > 0, amount, np.float32(0.0))

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All strategies by name, best first. A new one is one file and one line."""
+
+from ..errors import SettingError
+from . import optimal, patchnet, patchnet_behind, patchnet_behind_exact, patchnet_exact, random, ss_variance
+from .strategy import Strategy
+
+DEFAULT = "patchnet-behind"
+
+STRATEGIES: dict[str, Strategy] = {
+    module.STRATEGY.name: module.STRATEGY
+    for module in (
+        patchnet_behind,
+        patchnet,
+        ss_variance,
+        random,
+        patchnet_behind_exact,
+        patchnet_exact,
+        optimal,
+    )
+}
+
+
+def strategy(name: str) -> Strategy:
+    """The strategy called `name`. Raises SettingError that lists the names if there is none."""
+    if name not in STRATEGIES:
+        raise SettingError(f"There is no strategy {name!r}: choose one of {', '.join(STRATEGIES)}")
+    return STRATEGIES[name]

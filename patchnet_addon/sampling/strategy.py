@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a refinement strategy is: a name, what it needs to know, and a score per pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import SettingError
+from .frame import Frame
+
+# What a score may read beyond the 1-sample picture; a caller computes only what the chosen strategies need.
+PREDICTION = "prediction"
+BEHIND = "behind"
+EXACT = "exact"
+REFERENCE = "reference"
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """A way to decide which pixels are refined first.
+
+    name: as on the command line. title: as in a menu. description: one sentence for a tooltip.
+    needs: the parts of a `Frame` that must be filled in, of PREDICTION, BEHIND, EXACT, REFERENCE.
+    score: (P,) float32, higher is refined earlier.
+    quantity: what the score measures, for legends. maximum: the score that a legend ends at by default.
+    """
+
+    name: str
+    title: str
+    description: str
+    needs: frozenset[str]
+    score: Callable[[Frame], np.ndarray]
+    quantity: str
+    maximum: float
+
+    def scores(self, frame: Frame) -> np.ndarray:
+        """(P,) float32 scores of a frame.
+
+        Raises SettingError if the frame lacks something that this strategy reads.
+        """
+        missing = sorted(need for need in self.needs if getattr(frame, need) is None)
+        if missing:
+            raise SettingError(f"Strategy {self.name!r} needs the frame's {', '.join(missing)}: compute it first")
+        return np.asarray(self.score(frame), np.float32)

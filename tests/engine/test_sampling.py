@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Strategies, budgets and errors against their definitions (methods 3, 5, 7.23-7.25)."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.sampling.active import active_pixels
+from patchnet.patchnet_addon.sampling.errors import mse_at, pooled_mse, psnr
+from patchnet.patchnet_addon.sampling.frame import Frame
+from patchnet.patchnet_addon.sampling.pixel_hash import pixel_hash
+from patchnet.patchnet_addon.sampling.refine import refine, refined_picture, refinement_order, urgency
+from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES, strategy
+
+BUDGETS = np.linspace(0, 1, 101)
+
+
+def random_frame(seed: int = 0, height: int = 17, width: int = 23) -> Frame:
+    """A frame of noise: every part is filled in, about a third of the pixels are missed."""
+    rng = np.random.default_rng(seed)
+    pixels = height * width
+    hit = rng.random(pixels) < 0.66
+    preview = np.where(hit, rng.random(pixels), 0.0).astype(np.float32)
+    hits = SimpleNamespace(height_px=height, width_px=width, hit=hit, luminance=preview)
+
+    def patch() -> SimpleNamespace:
+        known = hit & (rng.random(pixels) < 0.9)
+        return SimpleNamespace(
+            coverage=np.where(known, rng.random(pixels), 1.0).astype(np.float32),
+            luminance=np.where(known, rng.random(pixels), preview).astype(np.float32),
+            look_ahead=known,
+        )
+
+    return Frame(
+        hits=hits,
+        behind=rng.random(pixels).astype(np.float32),
+        prediction=patch(),
+        exact=patch(),
+        reference=np.clip(preview + rng.normal(0, 0.2, pixels), 0, 1).astype(np.float32),
+    )
+
+
+def test_registry_names() -> None:
+    assert DEFAULT == "patchnet-behind"
+    assert set(STRATEGIES) == {
+        "patchnet", "patchnet-behind", "patchnet-exact", "patchnet-behind-exact", "ss-variance", "random", "optimal",
+    }  # fmt: skip
+    assert all(name == value.name and value.maximum > 0 for name, value in STRATEGIES.items())
+    with pytest.raises(SettingError, match="ss-variance"):
+        strategy("best")
+
+
+@pytest.mark.parametrize("name", STRATEGIES)
+@given(seed=st.integers(0, 1000))
+@settings(max_examples=10, deadline=None)
+def test_curves(name: str, seed: int) -> None:
+    frame = random_frame(seed)
+    curve = mse_at(frame, STRATEGIES[name].scores(frame), BUDGETS)
+    best = mse_at(frame, STRATEGIES["optimal"].scores(frame), BUDGETS)
+    error = (frame.preview.astype(float) - frame.reference)[frame.active] ** 2
+    assert curve[0] == pytest.approx(error.mean(), rel=1e-12)
+    assert curve[-1] == 0.0
+    assert np.all(np.diff(curve) <= 0.0)
+    assert np.all(best <= curve * (1 + 1e-12))
+
+
+@pytest.mark.parametrize("name", STRATEGIES)
+def test_mse_is_that_of_the_refined_picture(name: str) -> None:
+    frame = random_frame(3)
+    score = STRATEGIES[name].scores(frame)
+    assert score.dtype == np.float32 and score.shape == (17 * 23,)
+    mask = refine(frame, score, 0.3)
+    assert mask.sum() == round(0.3 * frame.active.sum())
+    assert not (mask & ~frame.active).any()
+    error = (refined_picture(frame, mask).astype(float) - frame.reference)[frame.active] ** 2
+    assert mse_at(frame, score, [0.3])[0] == pytest.approx(error.mean(), rel=1e-12)
+
+
+def test_optimal_curve_is_convex() -> None:
+    frame = random_frame(5)
+    counts = np.arange(frame.active.sum() + 1) / frame.active.sum()
+    assert np.all(np.diff(mse_at(frame, STRATEGIES["optimal"].scores(frame), counts), 2) >= -1e-15)
+
+
+def test_random_removes_its_share_on_average() -> None:
+    ratios = []
+    for seed in range(60):
+        frame = random_frame(seed, 40, 40)
+        ratios.append(mse_at(frame, STRATEGIES["random"].scores(frame), [0.0, 0.25, 0.5, 0.75]))
+    mean = np.mean(ratios, axis=0)
+    np.testing.assert_allclose(mean / mean[0], [1, 0.75, 0.5, 0.25], atol=0.01)
+
+
+def test_paper_score_by_hand() -> None:
+    frame = random_frame(1)
+    score, behind = STRATEGIES["patchnet"].scores(frame), STRATEGIES["patchnet-behind"].scores(frame)
+    for pixel in range(17 * 23):
+        sigma, luminance = float(frame.prediction.coverage[pixel]), float(frame.prediction.luminance[pixel])
+        own, back = float(frame.preview[pixel]), float(frame.behind[pixel])
+        hit = bool(frame.hit[pixel])
+        assert score[pixel] == pytest.approx((abs(1 - sigma) + 5 * abs(own - luminance)) if hit else 0, abs=1e-6)
+        expected = abs(own - (sigma * luminance + (1 - sigma) * back)) if hit else 0
+        assert behind[pixel] == pytest.approx(expected, abs=1e-6)
+
+
+def test_no_look_ahead_scores_zero() -> None:
+    frame = random_frame(2)
+    blind = ~frame.prediction.look_ahead
+    for name in ("patchnet", "patchnet-behind"):
+        assert not STRATEGIES[name].scores(frame)[blind].any()
+    assert frame.lookahead_share == pytest.approx(frame.prediction.look_ahead[frame.hit].mean())
+
+
+def test_variance_by_hand() -> None:
+    frame = random_frame(4, 6, 7)
+    picture = frame.preview.reshape(6, 7)
+    score = STRATEGIES["ss-variance"].scores(frame).reshape(6, 7)
+    for row in range(6):
+        for column in range(7):
+            window = picture[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+            assert score[row, column] == pytest.approx(np.var(window.astype(float)), abs=1e-7)
+
+
+def test_active_pixels_by_hand() -> None:
+    hit = np.zeros((5, 6), bool)
+    hit[0, 0] = hit[3, 4] = True
+    expected = np.zeros_like(hit)
+    expected[0:2, 0:2] = expected[2:5, 3:6] = True
+    np.testing.assert_array_equal(active_pixels(hit), expected)
+
+
+def test_ties_follow_the_hash() -> None:
+    frame = random_frame(6)
+    order = refinement_order(frame, np.ones(17 * 23, np.float32))
+    assert sorted(order) == list(np.flatnonzero(frame.active))
+    hashes = pixel_hash(17 * 23)
+    assert len(set(hashes.tolist())) == len(hashes)
+    assert np.all(hashes[order][1:] > hashes[order][:-1])
+    assert not np.array_equal(order, np.sort(order))
+
+
+def test_urgency_follows_the_order() -> None:
+    frame = random_frame(7)
+    score = STRATEGIES["patchnet-behind"].scores(frame)
+    amount = urgency(frame, score, 0.4)
+    mask = refine(frame, score, 0.4)
+    assert amount.max() == 1.0 and not amount[~mask].any()
+    order = refinement_order(frame, score)
+    assert np.all(np.diff(amount[order]) <= 0)
+
+
+def test_pooled_is_over_all_pixels() -> None:
+    frames = [random_frame(1, 8, 8), random_frame(2, 20, 30)]
+    scores = [STRATEGIES["ss-variance"].scores(frame) for frame in frames]
+    total = sum(mse_at(f, s, [0.2])[0] * f.active.sum() for f, s in zip(frames, scores, strict=True))
+    assert pooled_mse(frames, scores, [0.2])[0] == pytest.approx(total / sum(f.active.sum() for f in frames))
+
+
+def test_psnr() -> None:
+    assert psnr(0.01) == pytest.approx(20.0)
+    assert psnr(0.0) == np.inf
+
+
+@pytest.mark.parametrize("budget", [-0.1, 1.01, float("nan")])
+def test_budget_outside_its_range(budget: float) -> None:
+    frame = random_frame()
+    with pytest.raises(SettingError, match="0 to 1"):
+        refine(frame, np.ones(17 * 23), budget)
+
+
+def test_missing_part_is_named() -> None:
+    frame = random_frame()
+    with pytest.raises(SettingError, match="reference"):
+        STRATEGIES["optimal"].scores(Frame(hits=frame.hits))
+
+
+def test_empty_frame_has_no_error() -> None:
+    hits = SimpleNamespace(height_px=4, width_px=4, hit=np.zeros(16, bool), luminance=np.zeros(16, np.float32))
+    frame = Frame(hits=hits, reference=np.zeros(16, np.float32))
+    assert mse_at(frame, np.zeros(16), [0.0, 0.5]).tolist() == [0.0, 0.0]
+    assert frame.lookahead_share == 0.0
