@@ -3,7 +3,7 @@
 #   make demo     install what is missing, then build, bake, encode and refine the demo scene into out/demo
 #   make test     lint, types and all tests
 #   make lint     lint and types alone
-#   make zip      the extension for this platform, with its wheels, into dist/
+#   make zip      the extension for Blender 4.5 and 5.2 on this platform, with its wheels, into dist/
 #   make clean    remove results and builds, keep the environments
 #
 # PYTHON=/path/to/python3.11 chooses the interpreter.
@@ -29,7 +29,7 @@ lint: environment
 	$(VENV)/bin/mypy
 
 zip: environment
-	$(VENV)/bin/python .ci/build_extension.py --wheels --out dist
+	$(VENV)/bin/python .ci/build_extension.py --out dist --wheels 3.11 3.13
 
 clean:
 	rm -rf out dist build *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
