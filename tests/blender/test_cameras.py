@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cameras against Blender's own projection."""
+
+import bpy
+import numpy as np
+import pytest
+from bpy_extras.object_utils import world_to_camera_view
+from mathutils import Euler, Matrix, Vector
+
+from patchnet.operators.cameras import choose_cameras, tracing_camera
+from patchnet.patchnet_addon.errors import SceneError
+
+
+@pytest.fixture
+def camera() -> bpy.types.Object:
+    bpy.ops.wm.read_homefile(use_empty=True)
+    data = bpy.data.cameras.new("Lens")
+    camera = bpy.data.objects.new("Eye", data)
+    bpy.context.scene.collection.objects.link(camera)
+    bpy.context.scene.camera = camera
+    camera.matrix_world = Matrix.Translation((3.0, -5.0, 2.0)) @ Euler((1.1, 0.2, 0.4)).to_matrix().to_4x4()
+    return camera
+
+
+def picture_point(camera, point_world: np.ndarray) -> np.ndarray:
+    """Where our camera sees a world point: (x, y) in [0, 1], and its axial distance."""
+    offset = point_world - camera.position_world
+    z = offset @ camera.forward
+    scale = z if camera.kind == "PERSP" else 1.0
+    x = offset @ camera.right / scale / camera.half_x - camera.shift_x
+    y = offset @ camera.up / scale / camera.half_y - camera.shift_y
+    return np.array([(x + 1) / 2, (y + 1) / 2, z])
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+@pytest.mark.parametrize("fit", ["AUTO", "HORIZONTAL", "VERTICAL"])
+@pytest.mark.parametrize("size", [(192, 192), (320, 180), (90, 160)])
+def test_projection_is_blenders(camera: bpy.types.Object, kind: str, fit: str, size: tuple[int, int]) -> None:
+    scene, data = bpy.context.scene, camera.data
+    data.type, data.sensor_fit, data.lens, data.ortho_scale = kind, fit, 35.0, 7.0
+    data.sensor_width, data.sensor_height = 32.0, 18.0
+    data.shift_x, data.shift_y = 0.15, -0.3
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = *size, 100
+    bpy.context.view_layer.update()
+    ours = tracing_camera(camera, scene)
+    assert (ours.width_px, ours.height_px) == size
+    rng = np.random.default_rng(0)
+    for point in rng.uniform(-4, 4, (20, 3)) + [-2.0, 5.0, 1.0]:
+        expected = np.array(world_to_camera_view(scene, camera, Vector(point)))
+        np.testing.assert_allclose(picture_point(ours, point), expected, rtol=2e-5, atol=2e-5)
+
+
+def test_scale_of_the_object_does_not_matter(camera: bpy.types.Object) -> None:
+    bpy.context.view_layer.update()
+    before = tracing_camera(camera, bpy.context.scene)
+    camera.scale = (0.3, 2.0, 5.0)
+    bpy.context.view_layer.update()
+    after = tracing_camera(camera, bpy.context.scene)
+    for name in ("right", "up", "forward", "position_world"):
+        np.testing.assert_allclose(getattr(after, name), getattr(before, name), atol=1e-6)
+    np.testing.assert_allclose(np.stack([after.right, after.up, after.forward]) @ after.forward, [0, 0, 1], atol=1e-9)
+
+
+def test_size_replaces_the_resolution(camera: bpy.types.Object) -> None:
+    scene = bpy.context.scene
+    scene.render.resolution_percentage = 50
+    ours = tracing_camera(camera, scene)
+    assert (ours.width_px, ours.height_px) == (scene.render.resolution_x // 2, scene.render.resolution_y // 2)
+    ours = tracing_camera(camera, scene, (130, 65))
+    assert (ours.width_px, ours.height_px) == (130, 65)
+    assert ours.half_x / ours.half_y == pytest.approx(2.0)
+
+
+def test_panoramas_are_refused(camera: bpy.types.Object) -> None:
+    camera.data.type = "PANO"
+    with pytest.raises(SceneError, match=r"'Eye'.*perspective or orthographic"):
+        tracing_camera(camera, bpy.context.scene)
+
+
+def test_names(camera: bpy.types.Object) -> None:
+    scene = bpy.context.scene
+    other = bpy.data.objects.new("Second", bpy.data.cameras.new("Second"))
+    scene.collection.objects.link(other)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    bounds = np.array([[-1.0, -1, -1], [1, 1, 1]])
+
+    def names(*wanted: str) -> list[str]:
+        return [camera.name for camera in choose_cameras(depsgraph, wanted, (64, 64), bounds)]
+
+    assert names() == ["Eye"]
+    assert names("all") == ["Eye", "Second"]
+    assert names("Second", "Eye", "Second") == ["Second", "Eye"]
+    with pytest.raises(SceneError, match=r"no camera 'Third'.*'Eye', 'Second'"):
+        names("Third")
+    scene.camera = None
+    with pytest.raises(SceneError, match="no camera"):
+        names()
+
+
+@pytest.mark.parametrize("size", [(64, 64), (128, 64), (64, 128)])
+def test_framing_cameras_see_the_scene(camera: bpy.types.Object, size: tuple[int, int]) -> None:
+    bounds = np.array([[1.0, -2, 0], [7, 3, 4]])
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    before = len(bpy.data.objects), len(bpy.data.cameras)
+    cameras = choose_cameras(depsgraph, ["auto"], size, bounds)
+    assert [camera.name for camera in cameras] == ["Far", "Middle", "Close"]
+    assert (len(bpy.data.objects), len(bpy.data.cameras)) == before
+    corners = np.array(np.meshgrid(*bounds.T)).reshape(3, -1).T
+    widths = []
+    for view in cameras:
+        points = np.array([picture_point(view, corner)[:2] for corner in corners])
+        widths.append(np.ptp(points, axis=0).max())
+        if view.name != "Close":
+            assert points.min() >= 0.0 and points.max() <= 1.0
+    assert widths[0] < 0.6 * widths[1] and widths[1] > 0.5
