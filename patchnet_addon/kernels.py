@@ -2,8 +2,8 @@
 """Compilation of numba kernels: one cache folder, one launch at a time.
 
 Two facts shape this file. Parallel kernels launched from two threads at once abort the process under numba's
-`workqueue` layer, so every launch takes one lock. And numba's cache does not notice an edited callee in another file, so the
-cache folder's name holds a hash of all engine sources.
+`workqueue` layer, so every launch takes one lock. And numba's cache does not notice an edited callee in another file,
+so the cache folder's name holds a hash of all kernel sources.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Exact clip of triangles against the leaf grid (methods 7.2).
 
-A triangle is peeled into slabs along x, each slab into columns along y, each column into cells along z. Pieces share their cut
-vertices and the cut coordinate is set to the plane exactly, so the pieces partition the triangle and the work is linear in their number.
+A triangle is peeled into slabs along x, each slab into columns along y, each column into cells along z. Pieces share
+their cut vertices and the cut coordinate is set to the plane exactly, so the pieces partition the triangle and the work
+is linear in their number.
 """
 
 from __future__ import annotations
@@ -96,17 +97,68 @@ def _moments(polygon, count):  # type: ignore[no-untyped-def]
 
 
 @device
-def _grow(keys, triangle, barycentric, area):  # type: ignore[no-untyped-def]
-    size = len(keys)
-    new_keys = np.empty(2 * size, np.uint64)
-    new_triangle = np.empty(2 * size, np.int32)
-    new_barycentric = np.empty((2 * size, 2), np.float32)
-    new_area = np.empty(2 * size, np.float64)
-    new_keys[:size] = keys
-    new_triangle[:size] = triangle
-    new_barycentric[:size] = barycentric
-    new_area[:size] = area
-    return new_keys, new_triangle, new_barycentric, new_area
+def _reserve(cells, measures, count):  # type: ignore[no-untyped-def]
+    """Room for one more fragment; the arrays double when they are full."""
+    if count < len(cells):
+        return cells, measures
+    more_cells = np.empty((2 * count, 2), np.uint64)
+    more_measures = np.empty((2 * count, 3), np.float64)
+    more_cells[:count] = cells
+    more_measures[:count] = measures
+    return more_cells, more_measures
+
+
+@device
+def _peel(rest, now, count, axis, cell, last, slab):  # type: ignore[no-untyped-def]
+    """Take the part of the polygon rest[now] in slab `cell`; the remainder lands in the other half of `rest`.
+
+    Returns the slab's vertex count, which half holds the remainder, and the remainder's vertex count.
+    """
+    if cell == last:
+        slab[:count] = rest[now, :count]
+        return count, now, 0
+    n_slab, n_rest = _split(rest[now], count, axis, cell + 1.0, slab, rest[1 - now])
+    return n_slab, 1 - now, n_rest
+
+
+@device
+def _clip_column(column, n_column, x, y, triangle, resolution, rest, piece, cells, measures, count):  # type: ignore[no-untyped-def]
+    """Append the cells of one column along z to the fragments."""
+    rest[0, :n_column] = column[:n_column]
+    now = 0
+    n_rest = n_column
+    z, last = _cell_range(column, n_column, 2, resolution)
+    while z <= last and n_rest >= 3:
+        n_piece, now, n_rest = _peel(rest, now, n_rest, 2, z, last, piece)
+        if n_piece >= 3:
+            area, u, v = _moments(piece, n_piece)
+            if area > 0.0:
+                cells, measures = _reserve(cells, measures, count)
+                cells[count, 0] = cell_key(x, y, z)
+                cells[count, 1] = triangle
+                measures[count, 0] = area
+                measures[count, 1] = u
+                measures[count, 2] = v
+                count += 1
+        z += 1
+    return cells, measures, count
+
+
+@device
+def _clip_slab(slab, n_slab, x, triangle, resolution, rest, column, piece, cells, measures, count):  # type: ignore[no-untyped-def]
+    """Append the cells of one slab to the fragments, column by column along y. rest: (2, 2, vertices, 5)."""
+    rest[0, 0, :n_slab] = slab[:n_slab]
+    now = 0
+    n_rest = n_slab
+    y, last = _cell_range(slab, n_slab, 1, resolution)
+    while y <= last and n_rest >= 3:
+        n_column, now, n_rest = _peel(rest[0], now, n_rest, 1, y, last, column)
+        if n_column >= 3:
+            cells, measures, count = _clip_column(
+                column, n_column, x, y, triangle, resolution, rest[1], piece, cells, measures, count
+            )
+        y += 1
+    return cells, measures, count
 
 
 @device
@@ -117,76 +169,31 @@ def clip_triangles(corners_voxel, areas_world, first, last, x_first, x_last, res
     Returns keys (F,) uint64, triangle (F,) int32, barycentric (F, 2) float32, area_world (F,) float64.
     Runs on one core without the interpreter lock, so several may run in threads.
     """
-    keys = np.empty(_INITIAL_CAPACITY, np.uint64)
-    triangle = np.empty(_INITIAL_CAPACITY, np.int32)
-    barycentric = np.empty((_INITIAL_CAPACITY, 2), np.float32)
-    area_world = np.empty(_INITIAL_CAPACITY, np.float64)
+    cells = np.empty((_INITIAL_CAPACITY, 2), np.uint64)  # key, triangle
+    measures = np.empty((_INITIAL_CAPACITY, 3), np.float64)  # area in (u, v), u, v
     count = 0
-    rest_x = np.empty((2, _MAX_VERTICES, 5), np.float64)
-    rest_y = np.empty((2, _MAX_VERTICES, 5), np.float64)
-    rest_z = np.empty((2, _MAX_VERTICES, 5), np.float64)
+    rest = np.empty((3, 2, _MAX_VERTICES, 5), np.float64)
     slab = np.empty((_MAX_VERTICES, 5), np.float64)
     column = np.empty((_MAX_VERTICES, 5), np.float64)
     piece = np.empty((_MAX_VERTICES, 5), np.float64)
-    for t in range(first, last):
-        if not areas_world[t] > 0.0:
+    for triangle in range(first, last):
+        if not areas_world[triangle] > 0.0:
             continue
         for corner in range(3):
             for axis in range(3):
-                rest_x[0, corner, axis] = corners_voxel[t, corner, axis]
-            rest_x[0, corner, 3] = 1.0 if corner == 1 else 0.0
-            rest_x[0, corner, 4] = 1.0 if corner == 2 else 0.0
-        n_x = 3
-        now_x = 0
-        x, x_end = _cell_range(rest_x[0], 3, 0, resolution)
-        while x <= x_end and n_x >= 3:
-            if x == x_end:
-                n_slab = n_x
-                slab[:n_x] = rest_x[now_x, :n_x]
-                n_x = 0
-            else:
-                n_slab, n_x = _split(rest_x[now_x], n_x, 0, x + 1.0, slab, rest_x[1 - now_x])
-                now_x = 1 - now_x
+                rest[0, 0, corner, axis] = corners_voxel[triangle, corner, axis]
+            rest[0, 0, corner, 3] = 1.0 if corner == 1 else 0.0
+            rest[0, 0, corner, 4] = 1.0 if corner == 2 else 0.0
+        now = 0
+        n_rest = 3
+        x, x_end = _cell_range(rest[0, 0], 3, 0, resolution)
+        while x <= x_end and n_rest >= 3:
+            n_slab, now, n_rest = _peel(rest[0], now, n_rest, 0, x, x_end, slab)
             if n_slab >= 3 and x_first <= x < x_last:
-                rest_y[0, :n_slab] = slab[:n_slab]
-                n_y = n_slab
-                now_y = 0
-                y, y_end = _cell_range(slab, n_slab, 1, resolution)
-                while y <= y_end and n_y >= 3:
-                    if y == y_end:
-                        n_column = n_y
-                        column[:n_y] = rest_y[now_y, :n_y]
-                        n_y = 0
-                    else:
-                        n_column, n_y = _split(rest_y[now_y], n_y, 1, y + 1.0, column, rest_y[1 - now_y])
-                        now_y = 1 - now_y
-                    if n_column >= 3:
-                        rest_z[0, :n_column] = column[:n_column]
-                        n_z = n_column
-                        now_z = 0
-                        z, z_end = _cell_range(column, n_column, 2, resolution)
-                        while z <= z_end and n_z >= 3:
-                            if z == z_end:
-                                n_piece = n_z
-                                piece[:n_z] = rest_z[now_z, :n_z]
-                                n_z = 0
-                            else:
-                                n_piece, n_z = _split(rest_z[now_z], n_z, 2, z + 1.0, piece, rest_z[1 - now_z])
-                                now_z = 1 - now_z
-                            if n_piece >= 3:
-                                area, u, v = _moments(piece, n_piece)
-                                if area > 0.0:
-                                    if count == len(keys):
-                                        keys, triangle, barycentric, area_world = _grow(
-                                            keys, triangle, barycentric, area_world
-                                        )
-                                    keys[count] = cell_key(x, y, z)
-                                    triangle[count] = t
-                                    barycentric[count, 0] = u
-                                    barycentric[count, 1] = v
-                                    area_world[count] = 2.0 * area * areas_world[t]
-                                    count += 1
-                            z += 1
-                    y += 1
+                cells, measures, count = _clip_slab(
+                    slab, n_slab, x, triangle, resolution, rest[1:], column, piece, cells, measures, count
+                )
             x += 1
-    return keys[:count].copy(), triangle[:count].copy(), barycentric[:count].copy(), area_world[:count].copy()
+    triangles = cells[:count, 1].astype(np.int32)
+    area_world = 2.0 * measures[:count, 0] * areas_world[triangles]
+    return cells[:count, 0].copy(), triangles, measures[:count, 1:].astype(np.float32), area_world

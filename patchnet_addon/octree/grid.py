@@ -98,11 +98,7 @@ def _gather(bits: np.ndarray) -> np.ndarray:
 def morton_encode(cells: np.ndarray) -> np.ndarray:
     """Keys (N,) uint64 of integer cells (N, 3); x is the lowest bit of each triple."""
     cells = np.asarray(cells)
-    return (
-        _spread(cells[..., 0])
-        | (_spread(cells[..., 1]) << np.uint64(1))
-        | (_spread(cells[..., 2]) << np.uint64(2))
-    )
+    return _spread(cells[..., 0]) | (_spread(cells[..., 1]) << np.uint64(1)) | (_spread(cells[..., 2]) << np.uint64(2))
 
 
 def morton_decode(keys: np.ndarray) -> np.ndarray:

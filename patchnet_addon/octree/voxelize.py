@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -26,7 +27,7 @@ _MIN_OPACITY = 1.0 / 255.0
 class LeafSums:
     """Surface integrals over leaf cells, in ascending order of their key.
 
-    keys: (n,) uint64. sums: (n, 5) float64: area, area * luminance, area * normal (x, y, z); area is weighed by opacity.
+    keys: (n,) uint64. sums: (n, 5) float64: area, area * luminance, area * normal (x, y, z), weighed by opacity.
     """
 
     keys: np.ndarray
@@ -64,7 +65,9 @@ def voxelize(source: MeshSource, grid: Grid, shade: Shade) -> Steps[LeafSums]:
         yield Progress(done, source.triangle_count, "Voxelizing")
     sums = merge_sums(pending) if pending else LeafSums(np.empty(0, np.uint64), np.empty((0, 5)))
     if len(sums.keys) == 0:
-        raise GeometryError("No opaque surface is left to voxelize: all triangles have zero area or are fully transparent")
+        raise GeometryError(
+            "No opaque surface is left to voxelize: all triangles have zero area or are fully transparent"
+        )
     return sums
 
 
@@ -98,16 +101,20 @@ def _tasks(corners_voxel: np.ndarray, resolution: int) -> Iterator[tuple[int, in
         last = max(first + 1, int(np.searchsorted(ends, before + _FRAGMENTS_PER_TASK, side="right")))
         if last == first + 1 and work[first] > 2 * _FRAGMENTS_PER_TASK:
             pieces = int(np.ceil(work[first] / _FRAGMENTS_PER_TASK))
-            low, high = np.clip(np.floor([corners_voxel[first, :, 0].min(), corners_voxel[first, :, 0].max()]), 0, resolution - 1)
+            low, high = np.clip(
+                np.floor([corners_voxel[first, :, 0].min(), corners_voxel[first, :, 0].max()]), 0, resolution - 1
+            )
             cuts = np.unique(np.linspace(low, high + 1, pieces + 1).astype(int))
-            for x_first, x_last in zip(cuts[:-1], cuts[1:], strict=True):
+            for x_first, x_last in pairwise(cuts):
                 yield first, last, int(x_first), int(x_last)
         else:
             yield first, last, 0, resolution
         first = last
 
 
-def _reduce_fragments(fragments: Fragments, luminance: np.ndarray, opacity: np.ndarray, normals: np.ndarray) -> LeafSums:
+def _reduce_fragments(
+    fragments: Fragments, luminance: np.ndarray, opacity: np.ndarray, normals: np.ndarray
+) -> LeafSums:
     order = np.argsort(fragments.keys, kind="stable")
     keys, sums, count = _sum_fragments(
         order, fragments.keys, fragments.triangle, fragments.area_world,

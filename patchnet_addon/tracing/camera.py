@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -52,7 +53,7 @@ class Camera:
         position_world: np.ndarray,
         target_world: np.ndarray,
         *,
-        up_world: np.ndarray = (0.0, 0.0, 1.0),
+        up_world: Sequence[float] = (0.0, 0.0, 1.0),
         fov: float = np.radians(50.0),
         size_px: tuple[int, int] = (130, 130),
         name: str = "Camera",
@@ -89,7 +90,7 @@ class Camera:
 class CameraUnit(NamedTuple):
     """A camera in the octree's unit cube, as plain arrays for kernels.
 
-    frame: (4, 3) float64 position, right * half_x, up * half_y, forward; rays of a perspective camera have axial speed 1.
+    frame: (4, 3) float64 position, right * half_x, up * half_y, forward.
     lens: (4,) float64 shift_x, shift_y, pixel side at z = 0 and its growth per unit of z.
     """
 

@@ -86,7 +86,9 @@ def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _first_hits(child_mask, first_child, frame, lens, perspective, width, height, node, level, cell, t_unit, ratio, entry, direction):  # type: ignore[no-untyped-def]
+def _first_hits(
+    child_mask, first_child, frame, lens, perspective, width, height, node, level, cell, t_unit, ratio, entry, direction
+):  # type: ignore[no-untyped-def]
     for row in numba.prange(height):
         stack = np.empty(MAX_LEVELS, np.int64)
         found = np.empty(3, np.int64)
@@ -123,7 +125,7 @@ def _first_hits(child_mask, first_child, frame, lens, perspective, width, height
 
 
 def behind(octree: Octree, camera: Camera, hits: Hits, background: float = 0.0) -> np.ndarray:
-    """Luminance (P,) float32 of the next voxel on each ray: it restarts 1.5 voxel sides beyond its entry (methods 3.12)."""
+    """Luminance (P,) float32 of each ray's next voxel; the ray restarts 1.5 sides beyond its entry (methods 3.12)."""
     unit = camera_in_unit_cube(camera, octree.grid)
     out = np.full(camera.pixel_count, background, np.float32)
     t_unit = np.where(hits.hit, hits.t_world / octree.grid.side_world, 0.0).astype(np.float64)
@@ -156,9 +158,9 @@ def _behind(child_mask, first_child, luminance, frame, lens, perspective, width,
 def supersample(
     octree: Octree, camera: Camera, samples: int = MAX_SAMPLES, background: float = 0.0, *, same_lod: bool = False
 ) -> Steps[np.ndarray]:
-    """Luminance (P,) float32 as the mean of samples x samples rays per pixel at regular sub-pixel centres (methods 7.5).
+    """Luminance (P,) float32, the mean of samples x samples rays per pixel at regular sub-pixel centres (methods 7.5).
 
-    Each ray has the footprint pixel / samples, i.e. up to log2(samples) levels deeper; same_lod keeps the pixel's own footprint.
+    Each ray has the footprint pixel / samples, i.e. up to log2(samples) levels deeper; same_lod keeps the pixel's own.
     """
     if not 1 <= samples <= MAX_SAMPLES:
         raise SettingError(f"{samples} samples per pixel side are outside 1 to {MAX_SAMPLES}")
@@ -178,7 +180,9 @@ def supersample(
 
 
 @kernel
-def _supersample(child_mask, first_child, luminance, frame, lens, perspective, width, height, first, last, samples, background, out):  # type: ignore[no-untyped-def]
+def _supersample(
+    child_mask, first_child, luminance, frame, lens, perspective, width, height, first, last, samples, background, out
+):  # type: ignore[no-untyped-def]
     for index in numba.prange((last - first) * width):
         row = first + index // width
         column = index % width

@@ -2,8 +2,9 @@
 """First hit of a ray in the octree under the level-of-detail contract (methods 4.1, 4.1b).
 
 The ray is mirrored so that it runs upwards on every axis. The walk keeps the integer cell it is in and its level;
-all plane distances are computed from integers, so nothing drifts. A cell that exists and need not be divided is the hit; one that must be
-divided is entered; an empty one is left through its nearest face, climbing to the level whose cell changes.
+all plane distances are computed from integers, so nothing drifts. A cell that exists and need not be divided is the
+hit; one that must be divided is entered; an empty one is left through its nearest face, climbing to the level whose
+cell changes.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def first_hit(child_mask, first_child, origin, direction, t_start, z0, dz, side0
 
     origin, direction: (3,) float64 in the unit cube; t in units of the direction. t_start: where the walk begins.
     z0 + t * dz is the axial distance at t; side0 + side_per_z * z the pixel side there. A voxel of side s stops the ray
-    if s < 2 * pixel side at its entry point. stack: (MAX_LEVELS,) int64 scratch. cell: (3,) int64, receives the voxel's cell.
+    if s < 2 * pixel side at its entry point. stack: (MAX_LEVELS,) int64 scratch. cell: (3,) int64, becomes the voxel's.
     """
     ox, oy, oz = origin[0], origin[1], origin[2]
     dx, dy, dz_axis = direction[0], direction[1], direction[2]
@@ -120,7 +121,7 @@ def first_hit(child_mask, first_child, origin, direction, t_start, z0, dz, side0
             ix >>= climb
             iy >>= climb
             iz >>= climb
-            size *= np.float64(np.int64(1) << climb)
+            size *= 1.0 * (1 << climb)
         octant = ((ix & 1) | ((iy & 1) << 1) | ((iz & 1) << 2)) ^ mirror
         node = _child(child_mask, first_child, stack[level - 1], octant)
 

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Depth by the level-of-detail contract (methods 4.1b), and memory before it is spent."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import MemoryEstimateError
+from ..progress import Steps
+from ..tracing.camera import Camera
+from ..tracing.render import first_hits
+from .build import build_octree
+from .grid import MAX_DEPTH, Grid
+from .mesh import Fragments, MeshSource, TriangleBatch
+from .octree import LOOK_AHEAD, Octree
+
+COARSE_DEPTH = 7
+MIN_DEPTH = 5
+LOOK_AHEAD_SHARE = 0.95
+BYTES_PER_NODE = 14
+# While an octree is built, a leaf passes as fragments (48 bytes, about 1.7 of them a leaf), sums (48 bytes) that are
+# sorted into a second copy, and means of all levels.
+_PEAK_BYTES_PER_LEAF = 230
+
+
+@dataclass(frozen=True)
+class DepthChoice:
+    """A depth and why: `wanted` is what the cameras need, `depth` what memory allows; bytes are estimates."""
+
+    depth: int
+    wanted: int
+    leaves: int
+    octree_bytes: int
+    peak_bytes: int
+
+    @property
+    def bounded_by_memory(self) -> bool:
+        """Whether the cameras would need more than fits."""
+        return self.depth < self.wanted
+
+
+def coarse_octree(source: MeshSource, depth: int = COARSE_DEPTH) -> Steps[Octree]:
+    """A quick octree without light, to see where the surface is."""
+    return (yield from build_octree(source, Grid.around(source.bounds_world, depth), _no_shade, exposure=1.0))
+
+
+def _no_shade(_batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros(len(fragments), np.float32), np.ones(len(fragments), np.float32)
+
+
+def wanted_depth(coarse: Octree, cameras: Sequence[Camera], share: float = LOOK_AHEAD_SHARE) -> int:
+    """Smallest depth at which `share` of every camera's hit pixels have look-ahead (methods 4.1b).
+
+    A ray that enters a voxel at axial distance z stops at the first level with side < 2 c z and needs LOOK_AHEAD
+    levels more.
+    """
+    wanted = MIN_DEPTH
+    for camera in cameras:
+        hits = first_hits(coarse, camera)
+        z = hits.z_world[hits.hit]
+        if len(z) == 0:
+            continue
+        # The coarse voxel may stand up to its diagonal before the surface; the nearest it can be is what counts.
+        side = 2.0 * camera.pixel_side(np.maximum(z, 1e-9)) / coarse.grid.side_world  # (n,) in cube sides
+        stop = np.floor(-np.log2(side)) + 1
+        wanted = max(wanted, int(np.quantile(np.maximum(stop, 0), share, method="higher")) + LOOK_AHEAD)
+    return min(wanted, MAX_DEPTH)
+
+
+def estimate(coarse: Octree, depth: int) -> tuple[int, int, int]:
+    """Leaves, bytes of the octree and peak bytes while building it, for `depth` levels over the same cube.
+
+    Voxels along a surface grow as area * 4^level + edges * 2^level; the two finest coarse levels give both terms.
+    """
+    finest, before = len(coarse.keys(coarse.depth)), len(coarse.keys(coarse.depth - 1))
+    area = max(finest - 2 * before, 0) / (2 * 4.0 ** (coarse.depth - 1))
+    edges = (finest - area * 4.0**coarse.depth) / 2.0**coarse.depth
+    estimated = area * 4.0**depth + edges * 2.0**depth
+    if depth <= coarse.depth:
+        estimated = len(coarse.keys(depth))
+    return int(estimated), int(estimated * 1.36 * BYTES_PER_NODE), int(estimated * _PEAK_BYTES_PER_LEAF)
+
+
+def available_memory() -> int:
+    """Bytes that can be used now without swapping; where the system does not say, 4 GiB."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as file:
+            for line in file:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) * 1024
+    except OSError:
+        pass
+    if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
+    return 4 << 30
+
+
+def choose_depth(
+    coarse: Octree, cameras: Sequence[Camera], depth: int | None = None, memory_bytes: int | None = None
+) -> DepthChoice:
+    """The given depth, or for None the smallest that gives the cameras look-ahead, bounded by memory.
+
+    Raises MemoryEstimateError if a given depth would not fit.
+    """
+    memory = available_memory() if memory_bytes is None else memory_bytes
+    wanted = wanted_depth(coarse, cameras) if depth is None else depth
+    choice = wanted
+    while depth is None and choice > MIN_DEPTH and estimate(coarse, choice)[2] > memory:
+        choice -= 1
+    leaves, octree_bytes, peak = estimate(coarse, choice)
+    if depth is not None and peak > memory:
+        raise MemoryEstimateError(
+            f"Depth {depth} needs about {peak / 2**30:.1f} GiB for {leaves / 1e6:.1f} M voxels, and "
+            f"{memory / 2**30:.1f} GiB are free: choose a smaller depth, a larger voxel size, or fewer objects"
+        )
+    return DepthChoice(choice, wanted, leaves, octree_bytes, peak)

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Plain NumPy twin of the traversal: all rays against all children, level by level, no clever order.
+
+A (ray, node) pair whose box the ray meets is kept if the node stops the ray, divided otherwise; of all kept pairs of
+a ray the nearest is its hit. Slow and readable; the tests hold the compiled walk against it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..octree.octree import Octree
+from .camera import Camera, camera_in_unit_cube
+
+
+def pixel_rays(
+    octree: Octree, camera: Camera, x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Origins (N, 3), unit directions (N, 3) in the cube and axial speeds (N,) through picture points in [-1, 1]."""
+    unit = camera_in_unit_cube(camera, octree.grid)
+    position, right, up, forward = unit.frame
+    offset = (x + unit.lens[0])[:, None] * right + (y + unit.lens[1])[:, None] * up  # (N, 3)
+    if not unit.perspective:
+        return position + offset, np.broadcast_to(forward, offset.shape), np.ones(len(x))
+    direction = forward + offset
+    length = np.linalg.norm(direction, axis=1)
+    return np.broadcast_to(position, offset.shape), direction / length[:, None], 1.0 / length
+
+
+def first_hits_reference(
+    octree: Octree, camera: Camera, x: np.ndarray, y: np.ndarray, footprint: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Node (N,) int64 (-1: miss) and t (N,) of rays through picture points; footprint scales the pixel side."""
+    origin, direction, speed = pixel_rays(octree, camera, x, y)
+    side_at_0, side_per_z = camera_in_unit_cube(camera, octree.grid).lens[2:] * footprint
+    with np.errstate(divide="ignore"):
+        inverse = 1.0 / direction
+    best_t = np.full(len(x), np.inf)
+    best_node = np.full(len(x), -1, np.int64)
+    ray = np.arange(len(x))
+    node = np.zeros(len(x), np.int64)
+    cell = np.zeros((len(x), 3), np.int64)
+    for level in range(octree.depth + 1):
+        size = 0.5**level
+        enter, leave = _box_interval(origin[ray], inverse[ray], cell * size, size)
+        met = (enter < leave) & (leave > 0)
+        ray, node, cell, enter = ray[met], node[met], cell[met], np.maximum(enter[met], 0.0)
+        stops = (octree.child_mask[node] == 0) | (size < 2 * (side_at_0 + side_per_z * enter * speed[ray]))
+        for r, n, t in zip(ray[stops], node[stops], enter[stops], strict=True):
+            if t < best_t[r]:
+                best_t[r], best_node[r] = t, n
+        ray, node, cell = _children(octree, ray[~stops], node[~stops], cell[~stops])
+    return best_node, best_t
+
+
+def _box_interval(
+    origin: np.ndarray, inverse: np.ndarray, low: np.ndarray, size: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Ray parameters at which rays (N, 3) enter and leave the boxes [low, low + size]^3."""
+    with np.errstate(invalid="ignore"):
+        a, b = (low - origin) * inverse, (low + size - origin) * inverse
+    near = np.nan_to_num(np.minimum(a, b), nan=-np.inf)
+    far = np.nan_to_num(np.maximum(a, b), nan=np.inf)
+    return near.max(axis=1), far.min(axis=1)
+
+
+def _children(
+    octree: Octree, ray: np.ndarray, node: np.ndarray, cell: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """All existing children of (ray, node, cell) triples."""
+    bits = (octree.child_mask[node][:, None] >> np.arange(8)) & 1  # (N, 8)
+    index, octant = np.nonzero(bits)
+    child = octree.first_child[node[index]].astype(np.int64) + (np.cumsum(bits, axis=1) - bits)[index, octant]
+    offset = np.stack([octant & 1, octant >> 1 & 1, octant >> 2], axis=1)
+    return ray[index], child, cell[index] * 2 + offset

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Octree files: what is written comes back; what is damaged is refused with file and cause."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.errors import MemoryEstimateError, OctreeFileError, SettingError
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.depth import choose_depth, coarse_octree, wanted_depth
+from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.mesh import TriangleMesh
+from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.patchnet_addon.tracing.render import first_hits
+
+
+def shade(_batch, fragments):
+    return fragments.barycentric[:, 0].copy(), np.ones(len(fragments), np.float32)
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    rng = np.random.default_rng(0)
+    return TriangleMesh.from_arrays(rng.uniform(-1, 1, (80, 1, 3)) + rng.normal(size=(80, 3, 3)) * 0.1)
+
+
+@pytest.fixture(scope="module")
+def octree(mesh):
+    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, 5), shade, provenance={"scene": "soup"}))
+
+
+def test_round_trip(octree, tmp_path):
+    save_octree(octree, tmp_path / "o.safetensors")
+    loaded = load_octree(tmp_path / "o.safetensors")
+    for name, array in octree_arrays(octree).items():
+        np.testing.assert_array_equal(array, octree_arrays(loaded)[name])
+    assert (loaded.grid, loaded.exposure, loaded.provenance) == (octree.grid, octree.exposure, {"scene": "soup"})
+    assert octree_hash(loaded) == octree_hash(octree)
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [
+        (lambda o: {"first_child": np.where(o.child_mask > 0, o.first_child + 1, 0).astype(np.uint32)}, "child index"),
+        (lambda o: {"first_child": np.zeros_like(o.first_child)}, "child index"),
+        (lambda o: {"child_mask": np.full_like(o.child_mask, 255)}, "children do not add up"),
+        (lambda o: {"area_world": np.full_like(o.area_world, np.nan)}, "area"),
+        (lambda o: {"level_start": o.level_start[::-1].copy()}, "levels do not add up"),
+        (lambda o: {"luminance": o.luminance[:-1]}, "differ in length"),
+    ],
+)
+def test_inconsistent_octrees_are_refused(octree, tmp_path, change, cause):
+    path = tmp_path / "bad.safetensors"
+    save_octree(replace(octree, **change(octree)), path)
+    with pytest.raises(OctreeFileError, match=cause) as caught:
+        load_octree(path)
+    assert "bad.safetensors" in str(caught.value)
+
+
+def test_auto_depth_is_the_smallest_with_look_ahead(mesh):
+    camera = Camera.look_at(np.array([5.0, 4.0, 3.0]), np.zeros(3), size_px=(64, 64))
+    depth = wanted_depth(drain(coarse_octree(mesh)), [camera])
+
+    def share(depth):
+        octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), shade))
+        hits = first_hits(octree, camera)
+        return octree.look_ahead()[hits.node[hits.hit]].mean()
+
+    assert share(depth) >= 0.95 > share(depth - 1)
+
+
+def test_depth_is_bounded_by_memory(mesh):
+    coarse = drain(coarse_octree(mesh))
+    camera = Camera.look_at(np.array([0.5, 0.4, 0.3]), np.zeros(3), size_px=(512, 512))
+    choice = choose_depth(coarse, [camera], memory_bytes=50_000_000)
+    assert choice.bounded_by_memory and choice.peak_bytes <= 50_000_000
+    with pytest.raises(MemoryEstimateError, match=r"Depth 14 needs about [\d.]+ GiB"):
+        choose_depth(coarse, [camera], depth=14, memory_bytes=50_000_000)
+
+
+def test_estimate_is_near_the_truth(mesh):
+    coarse = drain(coarse_octree(mesh))
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 9), shade))
+    choice = choose_depth(coarse, [], depth=9)
+    assert choice.leaves == pytest.approx(octree.leaf_count, rel=0.25)
+    assert choice.octree_bytes == pytest.approx(octree.nbytes, rel=0.25)
+
+
+def test_voxel_size_sets_side_and_depth(mesh):
+    grid = Grid.with_voxel_size(mesh.bounds_world, 0.03)
+    assert grid.voxel_world == pytest.approx(0.03)
+    assert grid.side_world / 2 < np.ptp(mesh.bounds_world, axis=0).max() <= grid.side_world
+    with pytest.raises(SettingError, match="positive"):
+        Grid.with_voxel_size(mesh.bounds_world, 0.0)
+    with pytest.raises(SettingError, match="1 to 14"):
+        Grid.around(mesh.bounds_world, 15)

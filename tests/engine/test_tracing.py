@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The compiled ray walk against its NumPy twin and against brute force over all voxels."""
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.mesh import TriangleMesh
+from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from patchnet.patchnet_addon.tracing.reference import first_hits_reference, pixel_rays
+from patchnet.patchnet_addon.tracing.render import behind, first_hits, supersample
+
+SIZE = (24, 20)
+
+
+def shade(batch, fragments):
+    tone = (np.arange(len(batch)) * 0.37 % 1.0).astype(np.float32)
+    return tone[fragments.triangle], np.ones(len(fragments), np.float32)
+
+
+@pytest.fixture(scope="module")
+def octree():
+    rng = np.random.default_rng(4)
+    corners = rng.uniform(-1, 1, (60, 1, 3)) + rng.normal(size=(60, 3, 3)) * 0.15
+    mesh = TriangleMesh.from_arrays(corners)
+    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, 6), shade, exposure=1.0))
+
+
+def cameras():
+    perspective = Camera.look_at(np.array([3.0, 2.2, 1.7]), np.zeros(3), size_px=SIZE, name="perspective")
+    inside = Camera.look_at(np.array([0.1, 0.05, 0.0]), np.array([1.0, 0.3, 0.2]), size_px=SIZE, name="inside")
+    axis = Camera.look_at(
+        np.array([0.013, -4.0, 0.017]), np.array([0.013, 0.0, 0.017]), size_px=SIZE, name="along an axis"
+    )
+    ortho = Camera(
+        np.array([0.0, 0.0, 4.0]), np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, 0, -1.0]),
+        1.3, 1.1, *SIZE, kind=ORTHOGRAPHIC, shift_x=0.1, name="orthographic",
+    )  # fmt: skip
+    return [perspective, inside, axis, ortho]
+
+
+def centres(camera):
+    row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
+    return (2 * column + 1) / camera.width_px - 1, (2 * row + 1) / camera.height_px - 1
+
+
+@pytest.mark.parametrize("camera", cameras(), ids=lambda camera: camera.name)
+def test_walk_equals_reference(octree, camera):
+    hits = first_hits(octree, camera)
+    node, t = first_hits_reference(octree, camera, *centres(camera))
+    assert hits.hit.any()
+    np.testing.assert_array_equal(hits.hit, node >= 0)
+    np.testing.assert_allclose(hits.t_world[hits.hit], t[hits.hit] * octree.grid.side_world, rtol=1e-6, atol=1e-9)
+    # A ray through an edge may choose either neighbour; its distance is the same.
+    assert (hits.node == node).mean() > 0.995
+
+
+@pytest.mark.parametrize("camera", cameras(), ids=lambda camera: camera.name)
+def test_walk_equals_brute_force_over_all_voxels(octree, camera):
+    """Every voxel of every level is intersected; a voxel counts if it stops the ray and no ancestor of it does."""
+    origin, direction, speed = pixel_rays(octree, camera, *centres(camera))
+    pixel = 2 * camera.half_y / camera.height_px
+    nearest = np.full(len(origin), np.inf)
+    stopped_above = np.zeros((len(origin), 1), bool)
+    for level in range(octree.depth + 1):
+        nodes, size = octree.level(level), 0.5**level
+        low = octree.cells(level) * size
+        with np.errstate(divide="ignore", invalid="ignore"):
+            a = (low[None] - origin[:, None]) / direction[:, None]
+            b = (low[None] + size - origin[:, None]) / direction[:, None]
+        enter = np.maximum(np.nanmax(np.minimum(a, b), axis=2), 0)
+        met = enter < np.nanmin(np.maximum(a, b), axis=2)
+        z = enter * speed[:, None] * octree.grid.side_world
+        side = pixel * z if camera.kind == "PERSP" else np.full_like(z, pixel)
+        leaf = octree.child_mask[nodes] == 0
+        stops = met & (leaf[None] | (size * octree.grid.side_world < 2 * side))
+        if level:
+            parent = np.searchsorted(octree.keys(level - 1), octree.keys(level) >> np.uint64(3))
+            stopped_above = stopped_above[:, parent]
+        counted = np.where(stops & ~stopped_above, enter, np.inf)
+        nearest = np.minimum(nearest, counted.min(axis=1))
+        stopped_above = stopped_above | stops
+    hits = first_hits(octree, camera)
+    np.testing.assert_array_equal(hits.hit, np.isfinite(nearest))
+    np.testing.assert_allclose(hits.t_world[hits.hit] / octree.grid.side_world, nearest[hits.hit], rtol=1e-5, atol=1e-7)
+
+
+def test_contract_holds_at_every_hit(octree):
+    camera = cameras()[0]
+    hits = first_hits(octree, camera)
+    side_voxel = octree.grid.side_world * 0.5 ** hits.level[hits.hit]
+    side_pixel = camera.pixel_side(hits.z_world[hits.hit])
+    leaf = octree.child_mask[hits.node[hits.hit]] == 0
+    assert (leaf | (side_voxel < 2 * side_pixel * (1 + 1e-6))).all()
+    np.testing.assert_allclose(hits.ratio[hits.hit], np.clip(side_pixel / side_voxel, 0.5, 1), rtol=1e-5)
+    assert (np.abs((hits.up * hits.direction).sum(axis=1)) < 1e-6).all()
+
+
+def test_supersampling_equals_mean_of_reference_rays(octree):
+    camera = cameras()[0].with_size(6, 5)
+    n = 4
+    picture = drain(supersample(octree, camera, n, background=0.25))
+    expected = np.zeros(camera.pixel_count)
+    for j in range(n):
+        for i in range(n):
+            row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
+            x = 2 * (column + (i + 0.5) / n) / camera.width_px - 1
+            y = 2 * (row + (j + 0.5) / n) / camera.height_px - 1
+            node, _ = first_hits_reference(octree, camera, x, y, footprint=1 / n)
+            expected += np.where(node >= 0, octree.luminance_float(np.maximum(node, 0)), 0.25)
+    np.testing.assert_allclose(picture, expected / n**2, atol=1e-6)
+
+
+def test_one_sample_equals_first_hits(octree):
+    camera = cameras()[0]
+    np.testing.assert_allclose(drain(supersample(octree, camera, 1)), first_hits(octree, camera).luminance, atol=1e-6)
+
+
+def test_behind_sees_the_second_of_two_sheets():
+    def sheet(z):
+        return [[[-1, -1, z], [1, -1, z], [1, 1, z]], [[-1, -1, z], [1, 1, z], [-1, 1, z]]]
+
+    mesh = TriangleMesh.from_arrays(np.array(sheet(0.5) + sheet(-0.5), float))
+
+    def tones(batch, fragments):
+        return np.where(fragments.triangle < 2, 0.9, 0.2).astype(np.float32), np.ones(len(fragments), np.float32)
+
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 7), tones, exposure=1.0))
+    camera = Camera.look_at(np.array([0.001, 0.002, 4.0]), np.zeros(3), up_world=(0, 1, 0), size_px=(8, 8))
+    hits = first_hits(octree, camera)
+    np.testing.assert_allclose(hits.luminance[hits.hit], 0.9, atol=1e-4)
+    seen = behind(octree, camera, hits)[hits.hit]
+    assert np.median(seen) == pytest.approx(0.2, abs=1e-4)
+    assert set(np.round(np.unique(seen), 3)) <= {np.float32(0.0), np.float32(0.2)}

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The voxelizer against independent oracles: conserved area, dense point sampling, means computed directly."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from patchnet.patchnet_addon.errors import GeometryError
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.clip import clip_triangles
+from patchnet.patchnet_addon.octree.clip_reference import clip_reference
+from patchnet.patchnet_addon.octree.grid import Grid, morton_decode, morton_encode
+from patchnet.patchnet_addon.octree.mesh import TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals, voxelize
+from patchnet.patchnet_addon.progress import drain
+
+
+def position_shade(batch, fragments):
+    """Luminance that varies over the surface: the x coordinate of the piece's centroid."""
+    b1, b2 = fragments.barycentric.T
+    weights = np.stack([1 - b1 - b2, b1, b2], axis=1)
+    points = (weights[:, :, None] * batch.corners_world[fragments.triangle]).sum(axis=1)
+    return points[:, 0].astype(np.float32), np.ones(len(fragments), np.float32)
+
+
+def soup(count, seed=0, size=0.1):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(0.2, 0.8, (count, 1, 3)) + rng.normal(size=(count, 3, 3)) * size
+
+
+coordinate = st.one_of(st.integers(0, 8).map(float), st.floats(0, 8, width=32))
+triangle = st.lists(coordinate, min_size=9, max_size=9).map(lambda values: np.array(values).reshape(3, 3))
+
+
+@settings(max_examples=150, deadline=None)
+@given(triangle)
+def test_clip_equals_clipping_each_cell_alone(corners):
+    area, _ = triangle_areas_and_normals(corners[None])
+    keys, _, barycentric, areas = clip_triangles(corners[None], area, 0, 1, 0, 8, 8)
+    if area[0] < 1e-9:
+        return
+    expected = {key: piece for key, piece in clip_reference(corners, 8).items() if piece[0] > 1e-9}
+    shares = dict(zip(keys.tolist(), areas / area[0], strict=True))
+    assert expected.keys() <= shares.keys()
+    assert all(share < 1e-6 for key, share in shares.items() if key not in expected)
+    assert sum(shares.values()) == pytest.approx(1, abs=1e-9)
+    for key, weights in zip(keys.tolist(), barycentric, strict=True):
+        if key in expected and expected[key][0] > 1e-6:
+            assert shares[key] == pytest.approx(expected[key][0], abs=1e-9)
+            np.testing.assert_allclose(weights, expected[key][1][1:], atol=1e-4)
+
+
+@pytest.mark.parametrize("depth", [1, 4, 8])
+def test_leaf_area_equals_mesh_area(depth):
+    mesh = TriangleMesh.from_arrays(soup(300))
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), position_shade))
+    expected = triangle_areas_and_normals(mesh.parts[0].corners_world)[0].sum()
+    for level in range(depth + 1):
+        assert octree.area_world[octree.level(level)].sum(dtype=np.float64) == pytest.approx(expected, rel=1e-5)
+
+
+def test_leaf_means_equal_dense_point_sampling():
+    corners = soup(12, seed=3, size=0.3)
+    mesh = TriangleMesh.from_arrays(corners)
+    grid = Grid.around(mesh.bounds_world, 3)
+    sums = drain(voxelize(mesh, grid, position_shade))
+    rng = np.random.default_rng(1)
+    areas, normals = triangle_areas_and_normals(corners)
+    count = 400_000
+    chosen = rng.choice(len(corners), count, p=areas / areas.sum())
+    r1, r2 = np.sqrt(rng.random(count)), rng.random(count)
+    weights = np.stack([1 - r1, r1 * (1 - r2), r1 * r2], axis=1)
+    points = (weights[:, :, None] * corners[chosen]).sum(axis=1)
+    cells = np.floor((points - np.asarray(grid.origin_world)) / grid.voxel_world).astype(int)
+    place = np.searchsorted(sums.keys, morton_encode(cells))
+    sampled = np.bincount(place, minlength=len(sums.keys)) * areas.sum() / count
+    noise = np.sqrt(np.maximum(sampled, areas.sum() / count) * areas.sum() / count)
+    assert (np.abs(sampled - sums.sums[:, 0]) < 6 * noise).all()
+    enough = sampled > 300 * areas.sum() / count
+    mean_x = (
+        np.bincount(place, points[:, 0], len(sums.keys))[enough] / np.bincount(place, minlength=len(sums.keys))[enough]
+    )
+    np.testing.assert_allclose(sums.sums[enough, 1] / sums.sums[enough, 0], mean_x, atol=0.02)
+    mean_nz = (
+        np.bincount(place, normals[chosen, 2], len(sums.keys))[enough]
+        / np.bincount(place, minlength=len(sums.keys))[enough]
+    )
+    np.testing.assert_allclose(sums.sums[enough, 4] / sums.sums[enough, 0], mean_nz, atol=0.2)
+
+
+def test_means_of_all_levels_equal_direct_computation():
+    mesh = TriangleMesh.from_arrays(soup(60, seed=5))
+    depth = 6
+    grid = Grid.around(mesh.bounds_world, depth)
+    leaves = drain(voxelize(mesh, grid, position_shade))
+    octree = drain(build_octree(mesh, grid, position_shade, exposure=0.9))
+    luminance = np.clip(leaves.sums[:, 1] / leaves.sums[:, 0] * 0.9, 0, 1)
+    for level in range(depth + 1):
+        own = leaves.keys >> np.uint64(3 * (depth - level))
+        nodes = octree.level(level)
+        np.testing.assert_array_equal(octree.keys(level), np.unique(own))
+        place = np.searchsorted(octree.keys(level), own)
+        area = np.bincount(place, leaves.sums[:, 0])
+        mean = np.bincount(place, leaves.sums[:, 0] * luminance) / area
+        np.testing.assert_allclose(octree.luminance_float(nodes), mean, atol=1 / 65535)
+        np.testing.assert_allclose(octree.area_world[nodes], area, rtol=1e-6)
+        for axis in range(3):
+            normal = np.bincount(place, leaves.sums[:, 2 + axis]) / area
+            np.testing.assert_allclose(octree.normal_float(nodes)[:, axis], normal, atol=0.6 / 127)
+
+
+def test_result_is_independent_of_triangle_order_and_batches():
+    corners = soup(200, seed=8)
+    whole = TriangleMesh.from_arrays(corners)
+    grid = Grid.around(whole.bounds_world, 6)
+    order = np.random.default_rng(2).permutation(len(corners))
+    parts = []
+    for first in range(0, 200, 70):
+        piece = corners[order[first : first + 70]]
+        parts.append(
+            TriangleBatch(piece, np.zeros((len(piece), 3, 2), np.float32), np.zeros(len(piece), np.int32), first)
+        )
+    a = drain(build_octree(whole, grid, position_shade))
+    b = drain(build_octree(TriangleMesh(tuple(parts)), grid, position_shade))
+    np.testing.assert_array_equal(a.child_mask, b.child_mask)
+    np.testing.assert_allclose(a.area_world, b.area_world, rtol=1e-6)
+    np.testing.assert_allclose(a.luminance_float(slice(None)), b.luminance_float(slice(None)), atol=2 / 65535)
+
+
+def test_huge_triangle_is_divided_among_tasks_without_loss():
+    mesh = TriangleMesh.from_arrays(np.array([[[0, 0, 0.5], [1, 0, 0.51], [0, 1, 0.52]]]))
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 10), position_shade))
+    expected = triangle_areas_and_normals(mesh.parts[0].corners_world)[0].sum()
+    assert octree.area_world[octree.level(10)].sum(dtype=np.float64) == pytest.approx(expected, rel=1e-6)
+
+
+def test_opacity_cuts_the_surface():
+    mesh = TriangleMesh.from_arrays(
+        np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 0, 1], [0, 1, 1]]], float)
+    )
+
+    def lower_only(batch, fragments):
+        return np.full(len(fragments), 0.5, np.float32), (fragments.triangle == 0).astype(np.float32)
+
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 4), lower_only))
+    assert octree.cells(4)[:, 2].max() == 0
+    with pytest.raises(GeometryError, match="transparent"):
+        drain(build_octree(mesh, Grid.around(mesh.bounds_world, 4), lambda b, f: (np.zeros(len(f)), np.zeros(len(f)))))
+
+
+def test_morton_keys_round_trip():
+    cells = np.random.default_rng(0).integers(0, 1 << 14, (1000, 3))
+    np.testing.assert_array_equal(morton_decode(morton_encode(cells)), cells)
+    assert morton_encode(np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [2, 0, 0]])).tolist() == [1, 2, 4, 8]
