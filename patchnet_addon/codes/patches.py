@@ -71,12 +71,14 @@ def covering_nodes_reference(octree: Octree, level: int, cells: np.ndarray) -> n
 
 
 def corner_table(octree: Octree, level: int, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """All different corners (C, 3) int32 of `nodes` (K,) of a level, in Morton order, and the rows (K, 8) int64 in that
-    list of each node's corners, in the order of `OCTANTS`."""
+    """All different corners (C, 3) int32 of `nodes` (K,) of a level, in Morton order, and the rows (K, 8) uint32 in
+    that list of each node's corners, in the order of `OCTANTS`."""
     cells = morton_decode(octree.keys(level)[np.asarray(nodes) - octree.level_start[level]])
-    keys = np.stack([morton_encode(cells + offset) for offset in OCTANTS], axis=1)  # (K, 8)
-    unique = np.unique(keys)
-    return morton_decode(unique), np.searchsorted(unique, keys)
+    keys = np.unique(np.concatenate([morton_encode(cells + offset) for offset in OCTANTS]))
+    rows = np.empty((len(cells), 8), np.uint32)
+    for octant, offset in enumerate(OCTANTS):
+        rows[:, octant] = np.searchsorted(keys, morton_encode(cells + offset))
+    return morton_decode(keys), rows
 
 
 def corner_neighbours(octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:

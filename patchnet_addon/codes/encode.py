@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Precomputes the codes of an octree: all corners of all voxels with look-ahead, on all levels (methods 7.10)."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+
+from ..errors import SettingError
+from ..network.encode import Encoder, NumpyEncoder
+from ..network.weights import CODE_SIZE, Weights
+from ..octree.octree import LOOK_AHEAD, Octree
+from ..progress import Progress, Steps
+from .coded_octree import CodedOctree
+from .patches import BLOCK_SIZE, corner_neighbours, corner_table, voxel_blocks
+
+BACKENDS = ("auto", "numpy", "torch")
+_LABEL = "Encoding corners"
+_HALF_MAX = float(np.finfo(np.float16).max)
+
+
+def encode_octree(
+    octree: Octree, weights: Weights, *, backend: str = "auto", device: str = "cpu"
+) -> Steps[CodedOctree]:
+    """Octree with codes; corners go chunk by chunk in Morton order, so that memory stays bounded.
+
+    `backend` "auto" is torch for another `device` than the CPU, else NumPy, with the same codes to 1e-4. Raises
+    SettingError for a backend or device that is not there.
+    """
+    encoder = make_encoder(weights, backend, device)
+    yield Progress(0, 1, "Finding corners")
+    coded = octree.look_ahead()
+    levels, node_corners, total = [], [], 0
+    for level in range(max(octree.depth - LOOK_AHEAD + 1, 0)):
+        nodes = np.flatnonzero(coded[octree.level(level)]) + octree.level_start[level]
+        corners, rows = corner_table(octree, level, nodes)
+        levels.append((level, corners, total))
+        node_corners.append(rows + np.uint32(total))
+        total += len(corners)
+        yield Progress(level + 1, octree.depth, "Finding corners")
+    codes = np.zeros((total, CODE_SIZE), np.float16)
+    for level, corners, first in levels:
+        for start in range(0, len(corners), encoder.chunk):
+            chunk = corners[start : start + encoder.chunk]
+            done = first + start + len(chunk)
+            codes[first + start : done] = np.clip(_encode_chunk(encoder, octree, level, chunk), -_HALF_MAX, _HALF_MAX)
+            yield Progress(done, total, _LABEL)
+    rows = np.concatenate(node_corners) if node_corners else np.zeros((0, 8), np.uint32)
+    return CodedOctree(octree, weights, codes, rows)
+
+
+def make_encoder(weights: Weights, backend: str = "auto", device: str = "cpu") -> Encoder:
+    """The encoder that `encode_octree` uses for these settings."""
+    if backend not in BACKENDS:
+        raise SettingError(f"Backend '{backend}' is unknown: choose one of {', '.join(BACKENDS)}")
+    if backend == "numpy" or (backend == "auto" and device == "cpu"):
+        if device != "cpu":
+            raise SettingError(f"Backend 'numpy' runs on the CPU, not on '{device}': choose backend 'torch'")
+        return NumpyEncoder(weights)
+    if importlib.util.find_spec("torch") is None:
+        raise SettingError("Backend 'torch' needs PyTorch, which this Python does not have: choose backend 'numpy'")
+    from ..network.torch_encode import TorchEncoder
+
+    try:
+        return TorchEncoder(weights, device)
+    except (RuntimeError, AssertionError) as cause:
+        raise SettingError(f"Device '{device}' cannot be used by PyTorch here: choose device 'cpu'") from cause
+
+
+def _encode_chunk(encoder: Encoder, octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
+    """Codes (C, 10) float32 of corners (C, 3) of a level; every voxel around them is read once."""
+    neighbours = corner_neighbours(octree, level, corners)
+    nodes, rows = np.unique(np.append(neighbours.reshape(-1), -1), return_inverse=True)  # node -1 comes first
+    blocks = voxel_blocks(octree, nodes).reshape(-1, BLOCK_SIZE)
+    return encoder(blocks, rows.reshape(-1)[:-1].reshape(-1, 8))

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""PatchNet's decoder without torch: (code, direction, up, ratio) -> coverage and luminance (methods 7.13 to 7.15)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .harmonics import harmonic_terms
+from .weights import CODE_SIZE, DECODER_SIZES, MODULATED, Weights
+
+BLOCK = 4096  # pixels at once: the layers' values stay in the cache (methods 4.5)
+OUTPUT_LOW, OUTPUT_RANGE = -1.0, 3.0  # out = -1 + 3 sigmoid(x)
+
+
+def decode(
+    weights: Weights, codes: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: np.ndarray, *, clip: bool = True
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coverage (N,) and luminance (N,), float32, of what the network expects behind N pixels.
+
+    codes: (N, 10) interpolated codes. direction, up: (N, 3) unit vectors in octree axes (methods 7.14). ratio: (N,)
+    pixel-voxel ratio. `clip`: to [0, 1], as at inference; in training the network speaks in [-1, 2].
+    """
+    count = len(codes)
+    outputs = np.empty((2, count), np.float32)
+    inputs = np.empty((DECODER_SIZES[0], min(BLOCK, count)), np.float32)
+    for start in range(0, count, BLOCK):
+        block = slice(start, min(start + BLOCK, count))
+        values = inputs[:, : block.stop - start]
+        _fill_inputs(values, codes[block], direction[block], up[block], ratio[block])
+        for matrix, bias in weights.decoder[:-1]:
+            values = matrix @ values
+            values += bias[:, None]
+            np.maximum(values, 0, out=values)
+        matrix, bias = weights.decoder[-1]
+        # The exponent is bounded so that far values saturate without an overflow warning.
+        logits = np.clip(matrix @ values + bias[:, None], -80, 80)
+        outputs[:, block] = OUTPUT_LOW + OUTPUT_RANGE / (1 + np.exp(-logits))
+    if clip:
+        np.clip(outputs, 0, 1, out=outputs)
+    return outputs[0], outputs[1]
+
+
+def _fill_inputs(
+    inputs: np.ndarray, codes: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: np.ndarray
+) -> None:
+    """Write the network's inputs (42, n), one feature a row: the rows are contiguous, and BLAS does the layers."""
+    inputs[:CODE_SIZE] = codes.T
+    inputs[CODE_SIZE : CODE_SIZE + 3] = direction.T
+    inputs[CODE_SIZE + 3 : CODE_SIZE + 6] = up.T
+    inputs[CODE_SIZE + 6] = ratio
+    x, y, z = inputs[CODE_SIZE : CODE_SIZE + 3]
+    for index, term in enumerate(harmonic_terms(x, y, z)):
+        inputs[CODE_SIZE + 7 + index] = term
+        if index < MODULATED:
+            inputs[index] *= term

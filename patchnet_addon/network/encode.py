@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""PatchNet's encoder without torch, for many corners that share the blocks of the voxels between them.
+
+A corner's patch is eight blocks of 4x4x4 cells and the first layer is linear. So every voxel's block is multiplied once
+with the eight slices of the first matrix, and each corner adds up the eight products that belong to it: exact, with
+about half the operations and without copying eight blocks per corner.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numba import prange
+
+from ..kernels import kernel
+from .weights import CODE_SIZE, Weights
+
+
+class Encoder(Protocol):
+    """What encodes the corners of a chunk; `chunk` is the number of corners that it likes at once."""
+
+    chunk: int
+
+    def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Codes (C, 10) float32 of corners whose eight octants hold `blocks[rows]`.
+
+        blocks: (U, 320) float32, z, y, x, channel; block 0 is empty. rows: (C, 8) integers, octants x fastest.
+        """
+
+
+def octant_matrices(matrix: np.ndarray) -> np.ndarray:
+    """The first layer's matrix (256, 2560) as (320, 8 * 256): eight products of one block, octants x fastest."""
+    outputs = len(matrix)
+    parts = matrix.reshape(outputs, 2, 4, 2, 4, 2, 4, 5)  # output; octant and cell of z, y, x; channel
+    parts = parts.transpose(2, 4, 6, 7, 1, 3, 5, 0)  # cell z, y, x, channel; octant z, y, x; output
+    return np.ascontiguousarray(parts.reshape(-1, 8 * outputs))
+
+
+class NumpyEncoder:
+    """Encoder on BLAS and a compiled sum."""
+
+    chunk = 4096
+
+    def __init__(self, weights: Weights) -> None:
+        matrix, self._bias = weights.encoder[0]
+        self._octants = octant_matrices(matrix)
+        self._layers = [(np.ascontiguousarray(matrix.T), bias) for matrix, bias in weights.encoder[1:]]
+
+    def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """See `Encoder`."""
+        products = blocks @ self._octants  # (U, 8 * 256)
+        values = np.empty((len(rows), len(self._bias)), np.float32)
+        _sum_octants(products, np.asarray(rows, np.int64), self._bias, values)
+        for index, (matrix, bias) in enumerate(self._layers):
+            if index > 0:
+                np.maximum(values, 0, out=values)
+            values = values @ matrix
+            values += bias
+        return values.reshape(-1, CODE_SIZE)
+
+
+@kernel
+def _sum_octants(products, rows, bias, values):
+    """ReLU of the first layer: values[c] = max(0, bias + sum over octants o of products[rows[c, o], slice o])."""
+    width = len(bias)
+    for corner in prange(len(rows)):
+        total = values[corner]
+        for k in range(width):
+            total[k] = bias[k]
+        for octant in range(8):
+            row = rows[corner, octant]
+            if row > 0:  # block 0 is empty
+                part = products[row, octant * width : (octant + 1) * width]
+                for k in range(width):
+                    total[k] += part[k]
+        for k in range(width):
+            total[k] = max(total[k], np.float32(0))

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""PatchNet as a torch module, for training; `encode.py` and `decode.py` are the same network without torch."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from .decode import OUTPUT_LOW, OUTPUT_RANGE
+from .harmonics import harmonic_terms
+from .weights import DECODER_SIZES, ENCODER_SIZES, MODULATED, Weights
+
+
+class PatchNet(nn.Module):
+    """Encoder of patches, trilinear interpolation of the eight corners' codes, decoder (methods 7.9 to 7.15)."""
+
+    def __init__(self, seed: int = 0) -> None:
+        """A network with He initialisation that depends on `seed` alone."""
+        super().__init__()
+        self.encoder = nn.ModuleList(_linear_layers(ENCODER_SIZES))
+        self.decoder = nn.ModuleList(_linear_layers(DECODER_SIZES))
+        self.set_weights(Weights.random(seed))
+
+    @classmethod
+    def from_weights(cls, weights: Weights) -> PatchNet:
+        """Network with a copy of `weights`."""
+        model = cls()
+        model.set_weights(weights)
+        return model
+
+    def set_weights(self, weights: Weights) -> None:
+        """Copy `weights` into the parameters."""
+        self.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in weights.arrays().items()})
+
+    def to_weights(self, metadata: dict[str, Any] | None = None) -> Weights:
+        """Copy of the parameters as plain arrays."""
+        arrays = {name: value.detach().float().cpu().numpy().copy() for name, value in self.state_dict().items()}
+        return Weights.from_arrays(arrays, metadata)
+
+    def encode(self, patches: Tensor) -> Tensor:
+        """Codes (..., 10) of patches (..., 2560), flattened from 8x8x8x5."""
+        return _run_layers(self.encoder, patches)
+
+    def decode(self, codes: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> Tensor:
+        """Coverage and luminance (N, 2) in [-1, 2] for codes (N, 10), unit vectors (N, 3) and ratios (N,)."""
+        x, y, z = direction.unbind(-1)
+        harmonics = torch.stack(harmonic_terms(x, y, z), dim=-1)  # (N, 25)
+        modulated = codes[:, :MODULATED] * harmonics[:, :MODULATED]
+        inputs = torch.cat([modulated, codes[:, MODULATED:], direction, up, ratio[:, None], harmonics], dim=-1)
+        return OUTPUT_LOW + OUTPUT_RANGE * torch.sigmoid(_run_layers(self.decoder, inputs))
+
+    def forward(self, patches: Tensor, entry: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> Tensor:
+        """Coverage and luminance (N, 2) in [-1, 2].
+
+        patches: (N, 8, 2560) of the voxel's corners, x fastest. entry: (N, 3) point in the voxel, [0, 1]^3
+        (methods 7.11). direction, up: (N, 3). ratio: (N,).
+        """
+        return self.decode(interpolate(self.encode(patches), entry), direction, up, ratio)
+
+
+def interpolate(codes: Tensor, entry: Tensor) -> Tensor:
+    """Trilinear mean (N, 10) of the codes (N, 8, 10) of eight corners, x fastest, at points (N, 3) in [0, 1]^3."""
+    shares = torch.stack([1 - entry, entry], dim=-1)  # (N, axis, side)
+    x, y, z = shares.unbind(1)
+    factors = z[:, :, None, None] * y[:, None, :, None] * x[:, None, None, :]  # (N, 2, 2, 2)
+    return torch.einsum("no,noc->nc", factors.reshape(-1, 8), codes)
+
+
+def _linear_layers(sizes: tuple[int, ...]) -> list[nn.Linear]:
+    return [nn.Linear(first, second) for first, second in itertools.pairwise(sizes)]
+
+
+def _run_layers(layers: nn.ModuleList, values: Tensor) -> Tensor:
+    for layer in layers[:-1]:
+        values = torch.relu(layer(values))
+    return layers[-1](values)

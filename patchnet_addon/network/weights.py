@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Weights of PatchNet as plain arrays, and their file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import WeightsFileError
+from ..files import content_hash, read_arrays, write_arrays
+
+CODE_SIZE = 10
+HARMONICS = 25
+MODULATED = 9  # dimensions of a code that harmonics of degree 0 to 2 are multiplied into (methods 7.13)
+PATCH_SIZE = 8 * 8 * 8 * 5
+ENCODER_SIZES = (PATCH_SIZE, 256, 256, 256, CODE_SIZE)  # methods 7.12
+DECODER_SIZES = (CODE_SIZE + 3 + 3 + 1 + HARMONICS, 48, 48, 48, 2)  # methods 7.15
+KIND = "weights"
+
+Layer = tuple[np.ndarray, np.ndarray]
+"""Matrix (out, in) and bias (out,), float32."""
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """Linear layers of encoder and decoder, ReLU between them.
+
+    encoder: sizes `ENCODER_SIZES`; input order z, y, x, channel of an 8x8x8x5 patch (methods 7.9).
+    decoder: sizes `DECODER_SIZES`; input order code, direction, up, pixel-voxel ratio, harmonics.
+    metadata: how the weights were trained, plain JSON values; not part of the hash.
+    """
+
+    encoder: tuple[Layer, ...]
+    decoder: tuple[Layer, ...]
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def hash(self) -> str:
+        """Hash of all values: codes and reports name the weights they were made with."""
+        return content_hash(self.arrays())
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All arrays by name: encoder.0.weight, encoder.0.bias, ..., decoder.3.bias."""
+        parts = {"encoder": self.encoder, "decoder": self.decoder}
+        return {
+            f"{part}.{index}.{name}": array
+            for part, layers in parts.items()
+            for index, layer in enumerate(layers)
+            for name, array in zip(("weight", "bias"), layer, strict=True)
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, np.ndarray], metadata: dict[str, Any] | None = None) -> Weights:
+        """Inverse of `arrays`; raises KeyError for a missing one and ValueError for a wrong shape or value."""
+
+        def layers(part: str, sizes: tuple[int, ...]) -> tuple[Layer, ...]:
+            return tuple(
+                (
+                    _checked(arrays, f"{part}.{index}.weight", (sizes[index + 1], sizes[index])),
+                    _checked(arrays, f"{part}.{index}.bias", (sizes[index + 1],)),
+                )
+                for index in range(len(sizes) - 1)
+            )
+
+        return cls(layers("encoder", ENCODER_SIZES), layers("decoder", DECODER_SIZES), dict(metadata or {}))
+
+    @classmethod
+    def random(cls, seed: int = 0, bias: float = 0.0) -> Weights:
+        """Untrained weights: He initialisation (methods 7.21), biases normal with deviation `bias`."""
+        random = np.random.default_rng(seed)
+
+        def layers(sizes: tuple[int, ...]) -> tuple[Layer, ...]:
+            return tuple(
+                (
+                    (random.standard_normal((sizes[index + 1], sizes[index])) * (2 / sizes[index]) ** 0.5).astype(
+                        np.float32
+                    ),
+                    (random.standard_normal(sizes[index + 1]) * bias).astype(np.float32),
+                )
+                for index in range(len(sizes) - 1)
+            )
+
+        return cls(layers(ENCODER_SIZES), layers(DECODER_SIZES), {"random_seed": seed})
+
+
+def save_weights(weights: Weights, path: str | Path) -> None:
+    """Write weights to a file; raises PatchNetError if that fails."""
+    write_arrays(path, weights.arrays(), weights.metadata, KIND)
+
+
+def load_weights(path: str | Path | None = None) -> Weights:
+    """Read weights from a file, or those that are shipped; raises WeightsFileError."""
+    path = Path(path) if path is not None else default_weights_path()
+    arrays, metadata = read_arrays(path, KIND, WeightsFileError)
+    try:
+        return Weights.from_arrays(arrays, metadata)
+    except KeyError as cause:
+        raise WeightsFileError(f"{path} belongs to another network: it lacks '{cause.args[0]}'") from cause
+    except ValueError as cause:
+        raise WeightsFileError(f"{path} cannot be used: {cause}") from cause
+
+
+def default_weights_path() -> Path:
+    """File of the weights that are shipped."""
+    return Path(__file__).parent / "weights" / "patchnet.safetensors"
+
+
+def _checked(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    array = arrays[name]
+    if array.shape != shape or array.dtype != np.float32:
+        raise ValueError(
+            f"'{name}' is {array.dtype} of shape {array.shape} where this network has float32 of shape {shape}"
+        )
+    if not np.isfinite(array).all():
+        raise ValueError(f"'{name}' holds values that are not finite")
+    return np.array(array, order="C")

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Codes of whole octrees against encoding corner by corner, their file, and what pixels read from them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.codes import encode
+from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
+from patchnet.patchnet_addon.codes.file import load_codes, save_codes
+from patchnet.patchnet_addon.codes.predict import interpolate_codes, interpolate_codes_reference, predict
+from patchnet.patchnet_addon.errors import CodesFileError, SettingError
+from patchnet.patchnet_addon.files import read_arrays, write_arrays
+from patchnet.patchnet_addon.network.decode import decode
+from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.progress import drain
+from patchnet.tests.engine.octree_samples import dense_cells, random_octree
+
+BACKENDS = ["numpy", "torch"]
+HALF = 2.0**-11  # relative rounding of a half float
+
+
+@pytest.fixture(scope="module")
+def weights():
+    return Weights.random(seed=9, bias=0.1)
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["uniform", "adaptive"])
+def octree(request):
+    return random_octree(seed=8, depth=5, count=500, adaptive=request.param)
+
+
+@pytest.fixture(scope="module")
+def coded(octree, weights):
+    return drain(encode_octree(octree, weights))
+
+
+def naive_code(weights, patch):
+    values = patch.reshape(-1).astype(np.float64)
+    for matrix, bias in weights.encoder[:-1]:
+        values = np.maximum(matrix.astype(np.float64) @ values + bias, 0)
+    matrix, bias = weights.encoder[-1]
+    return matrix.astype(np.float64) @ values + bias
+
+
+def has_descendants_two_levels_down(octree, node):
+    level = int(octree.level_of(np.array([node]))[0])
+    if level + 2 > octree.depth:
+        return False
+    cell = octree.cells(level)[node - octree.level_start[level]]
+    return bool((octree.cells(level + 2) >> 2 == cell).all(axis=1).any())
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_every_corner_has_the_code_of_its_patch(octree, weights, backend, monkeypatch):
+    if backend == "torch":
+        pytest.importorskip("torch")
+    encoder = make_encoder(weights, backend)
+    encoder.chunk = 37  # several chunks per level, the last one partly filled
+    monkeypatch.setattr(encode, "make_encoder", lambda *_: encoder)
+    coded = drain(encode_octree(octree, weights, backend=backend))
+    for level in range(octree.depth + 1):
+        dense = np.pad(dense_cells(octree, level + 2), ((4, 4), (4, 4), (4, 4), (0, 0)))
+        for offset, cell in enumerate(octree.cells(level)):
+            node = int(octree.level_start[level]) + offset
+            row = coded.coded_index[node]
+            assert (row >= 0) == has_descendants_two_levels_down(octree, node)
+            if row < 0 or offset % 7:
+                continue
+            for octant, corner in enumerate(coded.node_corners[row]):
+                x, y, z = 4 * (cell + [octant & 1, octant >> 1 & 1, octant >> 2])
+                wanted = naive_code(weights, dense[z : z + 8, y : y + 8, x : x + 8])
+                np.testing.assert_allclose(coded.codes[corner], wanted, rtol=HALF, atol=1e-4)
+
+
+def test_corners_are_shared_and_all_used(coded):
+    assert len(np.unique(coded.node_corners)) == len(coded.codes)
+    assert len(coded.codes) < coded.node_corners.size
+
+
+def test_progress_reaches_its_total(octree, weights):
+    reports = []
+    drain(encode_octree(octree, weights), reports.append)
+    assert reports[-1].fraction == 1
+    assert [report.done for report in reports if report.label == reports[-1].label] == sorted(
+        report.done for report in reports if report.label == reports[-1].label
+    )
+
+
+def test_octree_without_look_ahead_has_no_codes(weights):
+    coded = drain(encode_octree(random_octree(depth=1, count=5), weights))
+    assert coded.codes.shape == (0, 10)
+    assert (coded.coded_index == -1).all()
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"backend": "jax"}, "unknown"),
+        ({"backend": "numpy", "device": "cuda"}, "runs on the CPU"),
+        ({"backend": "torch", "device": "nonsense"}, "cannot be used"),
+    ],
+)
+def test_backends_that_are_not_there(weights, settings, sentence):
+    if settings["backend"] == "torch":
+        pytest.importorskip("torch")
+    with pytest.raises(SettingError, match=sentence):
+        make_encoder(weights, **settings)
+
+
+def test_codes_file(coded, octree, weights, tmp_path):
+    path = tmp_path / "codes.safetensors"
+    save_codes(coded, path)
+    loaded = load_codes(path, octree, weights)
+    np.testing.assert_array_equal(loaded.codes, coded.codes)
+    np.testing.assert_array_equal(loaded.node_corners, coded.node_corners)
+    with pytest.raises(CodesFileError, match=r"codes\.safetensors belongs to another octree"):
+        load_codes(path, random_octree(seed=1), weights)
+    with pytest.raises(CodesFileError, match=r"codes\.safetensors was made with other weights"):
+        load_codes(path, octree, Weights.random(1))
+    arrays, metadata = read_arrays(path, "codes")
+    write_arrays(path, {**arrays, "node_corners": arrays["node_corners"] + len(coded.codes)}, metadata, "codes")
+    with pytest.raises(CodesFileError, match="damaged"):
+        load_codes(path, octree, weights)
+
+
+def test_interpolation(coded):
+    random = np.random.default_rng(0)
+    rows = random.integers(0, len(coded.node_corners), 300)
+    entry = random.uniform(size=(300, 3)).astype(np.float32)
+    result = interpolate_codes(coded, rows, entry)
+    np.testing.assert_allclose(result, interpolate_codes_reference(coded, rows, entry), atol=1e-5, rtol=1e-5)
+    at_corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 0, 1)], np.float32)
+    wanted = coded.codes[coded.node_corners[5, [0, 1, 2, 5]]]
+    np.testing.assert_array_equal(interpolate_codes(coded, np.full(4, 5), at_corners), wanted.astype(np.float32))
+
+
+def test_prediction(coded, octree, weights):
+    random = np.random.default_rng(1)
+    nodes = np.concatenate([[-1, -1], random.integers(0, octree.node_count, 400)])
+    direction = random.normal(size=(len(nodes), 3)).astype(np.float32)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    up = np.cross(direction, [0.3, 0.5, 0.8]).astype(np.float32)
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    hits = SimpleNamespace(
+        node=nodes,
+        entry_voxel=random.uniform(size=(len(nodes), 3)).astype(np.float32),
+        direction=direction,
+        up=up,
+        ratio=random.uniform(0.5, 1, len(nodes)).astype(np.float32),
+        luminance=np.where(nodes >= 0, octree.luminance_float(nodes), np.float32(0.25)),
+    )
+    prediction = predict(coded, hits)
+    blind = np.array([node < 0 or not has_descendants_two_levels_down(octree, node) for node in nodes])
+    np.testing.assert_array_equal(prediction.look_ahead, ~blind)
+    assert (prediction.coverage[blind] == 1).all()
+    np.testing.assert_array_equal(prediction.luminance[blind], hits.luminance[blind])
+    for pixel in np.flatnonzero(~blind)[:20]:
+        codes = interpolate_codes_reference(coded, coded.coded_index[nodes[[pixel]]], hits.entry_voxel[[pixel]])
+        wanted = decode(weights, codes, direction[[pixel]], up[[pixel]], hits.ratio[[pixel]])
+        assert abs(prediction.coverage[pixel] - wanted[0][0]) < 1e-5
+        assert abs(prediction.luminance[pixel] - wanted[1][0]) < 1e-5
