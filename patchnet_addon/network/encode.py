@@ -14,7 +14,7 @@ import numpy as np
 from numba import prange
 
 from ..kernels import kernel
-from .weights import CODE_SIZE, Weights
+from .weights import Weights
 
 
 class Encoder(Protocol):
@@ -38,7 +38,7 @@ def octant_matrices(matrix: np.ndarray) -> np.ndarray:
 
 
 class NumpyEncoder:
-    """Encoder on BLAS and a compiled sum."""
+    """Encoder on BLAS and a compiled sum. It keeps its buffers, because fresh pages cost as much as the sums."""
 
     chunk = 4096
 
@@ -46,18 +46,27 @@ class NumpyEncoder:
         matrix, self._bias = weights.encoder[0]
         self._octants = octant_matrices(matrix)
         self._layers = [(np.ascontiguousarray(matrix.T), bias) for matrix, bias in weights.encoder[1:]]
+        self._buffers: dict[str, np.ndarray] = {}
 
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """See `Encoder`."""
-        products = blocks @ self._octants  # (U, 8 * 256)
-        values = np.empty((len(rows), len(self._bias)), np.float32)
+        products = self._buffer("products", len(blocks), self._octants.shape[1])  # (U, 8 * 256)
+        np.matmul(blocks, self._octants, out=products)
+        values = self._buffer("layer 0", len(rows), len(self._bias))
         _sum_octants(products, np.asarray(rows, np.int64), self._bias, values)
-        for index, (matrix, bias) in enumerate(self._layers):
-            if index > 0:
-                np.maximum(values, 0, out=values)
-            values = values @ matrix
-            values += bias
-        return values.reshape(-1, CODE_SIZE)
+        for index, (matrix, bias) in enumerate(self._layers, 1):
+            result = self._buffer(f"layer {index}", len(rows), len(bias))
+            np.matmul(values, matrix, out=result)
+            result += bias
+            if index < len(self._layers):
+                np.maximum(result, 0, out=result)
+            values = result
+        return values.copy()
+
+    def _buffer(self, name: str, rows: int, columns: int) -> np.ndarray:
+        if name not in self._buffers or len(self._buffers[name]) < rows:
+            self._buffers[name] = np.empty((rows, columns), np.float32)
+        return self._buffers[name][:rows]
 
 
 @kernel
