@@ -36,7 +36,9 @@ def _assemble(levels: list[tuple[np.ndarray, np.ndarray, np.ndarray]], depth: in
         parent = np.searchsorted(levels[level][0], child_keys >> np.uint64(3))
         bits = (1 << (child_keys & np.uint64(7)).astype(np.int64)).astype(np.uint8)
         np.bitwise_or.at(masks, start[level] + parent, bits)
-        first[start[level] : start[level + 1]] = start[level + 1] + np.searchsorted(parent, np.arange(len(levels[level][0])))
+        first[start[level] : start[level + 1]] = start[level + 1] + np.searchsorted(
+            parent, np.arange(len(levels[level][0]))
+        )
     area = np.concatenate([area for _, area, _ in levels])
     means = np.concatenate([sums for _, _, sums in levels]) / area[:, None]
     return Octree(
@@ -103,7 +105,9 @@ def spheres_and_slats(depth: int, seed: int = 0, spheres: int = 6, slats: int = 
         size = random.uniform(0.1, 0.4, 3)
         size[axis] = 0.0
         size[(axis + 1) % 3] = random.uniform(0.5, 3) / side
-        place = random.uniform(0, 1, (int(6 * size[(axis + 2) % 3] * side * max(2, size[(axis + 1) % 3] * side)) + 64, 3))
+        place = random.uniform(
+            0, 1, (int(6 * size[(axis + 2) % 3] * side * max(2, size[(axis + 1) % 3] * side)) + 64, 3)
+        )
         points.append(np.clip(low + place * size, 0, 1 - 1e-6))
         normals.append(np.tile(np.eye(3)[axis], (len(place), 1)))
         values.append(np.full(len(place), random.uniform(0.05, 1.0)))

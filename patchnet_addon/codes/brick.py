@@ -29,15 +29,17 @@ def child_node(child_mask: np.ndarray, first_child: np.ndarray, node: int, octan
 
 
 @device
-def find_node(child_mask: np.ndarray, first_child: np.ndarray, level: int, x: int, y: int, z: int) -> tuple[int, int]:
-    """Node that holds a cell of a level, and the node's own level: the cell's, or less if a coarser leaf covers it.
+def find_node(
+    child_mask: np.ndarray, first_child: np.ndarray, root: int, level: int, x: int, y: int, z: int
+) -> tuple[int, int]:
+    """Node below `root` that holds a cell of a level, and its own level: less than the cell's if a coarser leaf covers it.
 
     The node is -1 where the cell is empty or outside of the root.
     """
     side = 1 << level
     if x < 0 or y < 0 or z < 0 or x >= side or y >= side or z >= side:
         return -1, level
-    node = np.int64(0)
+    node = np.int64(root)
     for depth in range(level):
         if child_mask[node] == 0:
             return node, depth
@@ -83,6 +85,7 @@ def fill_block(
 def fill_brick(
     child_mask: np.ndarray,
     first_child: np.ndarray,
+    root: int,
     level: int,
     x: int,
     y: int,
@@ -90,10 +93,13 @@ def fill_brick(
     brick: np.ndarray,
     counts: np.ndarray,
 ) -> None:
-    """Write the brick of the voxel (x, y, z) of a level into `brick` (27, 64), and its blocks' `counts` (27,)."""
+    """Write the brick of the voxel (x, y, z) of a level into `brick` (27, 64), and its blocks' `counts` (27,).
+
+    `brick` holds nodes only in blocks whose count is not 0; the others keep what they had.
+    """
     for block in range(27):
         nx, ny, nz = x + block % 3 - 1, y + block // 3 % 3 - 1, z + block // 9 - 1
-        node, found = find_node(child_mask, first_child, level, nx, ny, nz)
+        node, found = find_node(child_mask, first_child, root, level, nx, ny, nz)
         if node < 0:
             counts[block] = 0
         else:

@@ -19,7 +19,6 @@ from ..octree.octree import LUMINANCE_SCALE, Octree
 from .brick import fill_brick
 
 VIEWPORT_PX = 64
-_ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
 @dataclass(frozen=True)
@@ -196,7 +195,9 @@ def _render(
         counts = np.empty(27, np.int32)
         view = np.empty((6, 3), np.float64)
         rows = np.empty(64, np.uint64)
-        fill_brick(child_mask, first_child, level[group], cell[group, 0], cell[group, 1], cell[group, 2], brick, counts)
+        fill_brick(
+            child_mask, first_child, 0, level[group], cell[group, 0], cell[group, 1], cell[group, 2], brick, counts
+        )
         for ray in range(group_start[group], group_start[group + 1]):
             set_view(entry[ray], direction[ray], up[ray], ratio[ray], view)
             sigma, mean = see_brick(luminance, brick, counts, direction[ray], view, rows)

@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training batches: the occupied blocks around V voxels, and R views of each, optionally augmented.
+
+Only occupied blocks are gathered. A corner's patch is eight blocks, each multiplied with its own slice of the first
+matrix, so a batch lists which block meets which slice for which corner (see `corner_layer.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import prange
+
+from ..patchnet_addon.codes.brick import fill_brick
+from ..patchnet_addon.kernels import kernel, serial_kernel
+from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
+from .forest import Forest
+from .samples import COVERAGE_SCALE, VIEW_FIELDS
+from .symmetry import COUNT, cube_symmetries
+
+BLOCK_VALUES = 320  # 4x4x4 cells, order z, y, x, of occupancy, luminance, normal
+_SYMMETRIES = cube_symmetries()
+_PAIR_POSITION = np.array(
+    [[sum(((c >> axis & 1) + (s >> axis & 1)) * 3**axis for axis in range(3)) for c in range(8)] for s in range(8)],
+    np.int32,
+)  # (slice, corner) -> block of the brick
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """V voxels with R views each.
+
+    blocks: (M, 320) float32, the occupied blocks of all voxels.
+    slice_start: (9,) int64; pairs slice_start[s] to slice_start[s + 1] meet slice s (octant x + 2y + 4z of the patch).
+    pair_block: (P,) int64 rows of `blocks`. pair_corner: (P,) int64 corner 8 v + c that the pair adds to.
+    entry, direction, up: (V, R, 3) float32. ratio, coverage, luminance: (V, R) float32.
+    """
+
+    blocks: np.ndarray
+    slice_start: np.ndarray
+    pair_block: np.ndarray
+    pair_corner: np.ndarray
+    entry: np.ndarray
+    direction: np.ndarray
+    up: np.ndarray
+    ratio: np.ndarray
+    coverage: np.ndarray
+    luminance: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Augmentation:
+    """What is done to each of V voxels.
+
+    symmetry: (V,) int32 number of the cube symmetry, 0 for none.
+    remap: (V, 4) float32: gain, place of the result in its free range [0, 1], 1 to invert, 1 to remap at all.
+    """
+
+    symmetry: np.ndarray
+    remap: np.ndarray
+
+    @classmethod
+    def none(cls, count: int) -> Augmentation:
+        """Leave `count` voxels as they are."""
+        return cls(np.zeros(count, np.int32), np.zeros((count, 4), np.float32))
+
+    @classmethod
+    def random(cls, count: int, random: np.random.Generator, remap_share: float = 0.5) -> Augmentation:
+        """A random symmetry for each voxel, and for a share of them another range of luminance (methods 7.20)."""
+        remap = random.random((count, 4), np.float32)
+        remap[:, 0] += 0.5
+        remap[:, 2] = remap[:, 2] < 0.5
+        remap[:, 3] = remap[:, 3] < remap_share
+        return cls(random.integers(0, COUNT, count).astype(np.int32), remap)
+
+
+def gather_batch(
+    forest: Forest, tree: np.ndarray, voxel: np.ndarray, views: np.ndarray, augmentation: Augmentation
+) -> Batch:
+    """Batch of voxels (V, 4) of octrees `tree` (V,) with their stored views (V, R, 12)."""
+    count = len(tree)
+    nodes = np.empty((count, 27, 64), np.int32)
+    counts = np.empty((count, 27), np.int32)
+    linear = np.empty((count, 2), np.float32)  # gain and offset of luminance
+    _gather_nodes(
+        forest.child_mask,
+        forest.first_child,
+        forest.luminance,
+        forest.root[tree],
+        voxel.astype(np.int32),
+        augmentation.remap,
+        nodes,
+        counts,
+        linear,
+    )
+    place = np.cumsum(counts.reshape(-1) > 0).reshape(count, 27) - 1
+    blocks = np.zeros((int(place[-1, -1]) + 1, BLOCK_VALUES), np.float32)
+    moved = np.full((count, 27), -1, np.int32)  # rows of `blocks` by position after the symmetry
+    _write_blocks(
+        forest.luminance,
+        forest.normal,
+        nodes,
+        counts,
+        place,
+        linear,
+        augmentation.symmetry,
+        _SYMMETRIES.axis,
+        _SYMMETRIES.sign,
+        _SYMMETRIES.block,
+        _SYMMETRIES.cell,
+        blocks,
+        moved,
+    )
+    start, pair_block, pair_corner = _list_pairs(moved, _PAIR_POSITION)
+    return Batch(blocks, start, pair_block, pair_corner, *_move_views(views, augmentation.symmetry, linear))
+
+
+def _move_views(views: np.ndarray, symmetry: np.ndarray, linear: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Entry, direction, up, ratio, coverage, luminance of stored views (V, R, 12) after the augmentation."""
+    unit = views.astype(np.float32) / np.float32(65535)
+    signed = views[..., 3:9].view(np.int16).astype(np.float32) / np.float32(32767)
+    axis = np.broadcast_to(_SYMMETRIES.axis[symmetry][:, None], (*views.shape[:2], 3))
+    sign = _SYMMETRIES.sign[symmetry][:, None]
+    entry = sign * np.take_along_axis(unit[..., :3] - np.float32(0.5), axis, 2) + np.float32(0.5)
+    direction = sign * np.take_along_axis(signed[..., :3], axis, 2)
+    up = sign * np.take_along_axis(signed[..., 3:], axis, 2)
+    coverage = views[..., 10].astype(np.float32) / np.float32(COVERAGE_SCALE)
+    luminance = unit[..., 11] * linear[:, None, 0] + linear[:, None, 1]
+    return entry, direction, up, unit[..., 9], coverage, luminance
+
+
+@kernel
+def _gather_nodes(
+    child_mask: np.ndarray,
+    first_child: np.ndarray,
+    luminance: np.ndarray,
+    root: np.ndarray,
+    voxel: np.ndarray,
+    remap: np.ndarray,
+    nodes: np.ndarray,
+    counts: np.ndarray,
+    linear: np.ndarray,
+) -> None:
+    for v in prange(len(root)):
+        fill_brick(
+            child_mask,
+            first_child,
+            root[v],
+            voxel[v, 0],
+            voxel[v, 1],
+            voxel[v, 2],
+            voxel[v, 3],
+            nodes[v],
+            counts[v],
+        )
+        linear[v, 0], linear[v, 1] = 1.0, 0.0
+        if remap[v, 3] == 0:
+            continue
+        low, high = 65535, 0
+        for block in range(27):
+            if counts[v, block] > 0:
+                for cell in range(64):
+                    node = nodes[v, block, cell]
+                    if node >= 0:
+                        low, high = min(low, np.int64(luminance[node])), max(high, np.int64(luminance[node]))
+        dark, bright = low / LUMINANCE_SCALE, high / LUMINANCE_SCALE
+        gain = min(remap[v, 0], 1.0 / max(bright - dark, 1e-6))
+        place = remap[v, 1] * (1.0 - gain * (bright - dark))  # the darkest cell's new luminance
+        if remap[v, 2] > 0:  # inverted: the brightest cell becomes the darkest
+            linear[v, 0], linear[v, 1] = -gain, place + gain * bright
+        else:
+            linear[v, 0], linear[v, 1] = gain, place - gain * dark
+
+
+@kernel
+def _write_blocks(
+    luminance: np.ndarray,
+    normal: np.ndarray,
+    nodes: np.ndarray,
+    counts: np.ndarray,
+    place: np.ndarray,
+    linear: np.ndarray,
+    symmetry: np.ndarray,
+    axis: np.ndarray,
+    sign: np.ndarray,
+    to_block: np.ndarray,
+    to_cell: np.ndarray,
+    blocks: np.ndarray,
+    moved: np.ndarray,
+) -> None:
+    for v in prange(len(nodes)):
+        turn = symmetry[v]
+        gain, offset = linear[v, 0] / np.float32(LUMINANCE_SCALE), linear[v, 1]
+        ax, ay, az = axis[turn, 0], axis[turn, 1], axis[turn, 2]
+        scale = np.float32(1.0 / NORMAL_SCALE)
+        sx, sy, sz = sign[turn, 0] * scale, sign[turn, 1] * scale, sign[turn, 2] * scale
+        for block in range(27):
+            if counts[v, block] == 0:
+                continue
+            row = place[v, block]
+            moved[v, to_block[turn, block]] = row
+            for cell in range(64):
+                node = nodes[v, block, cell]
+                if node < 0:
+                    continue
+                at = 5 * to_cell[turn, cell]
+                blocks[row, at] = 1.0
+                blocks[row, at + 1] = gain * luminance[node] + offset
+                blocks[row, at + 2] = sx * normal[node, ax]
+                blocks[row, at + 3] = sy * normal[node, ay]
+                blocks[row, at + 4] = sz * normal[node, az]
+
+
+@serial_kernel
+def _list_pairs(moved: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    start = np.zeros(9, np.int64)
+    total = 0
+    for v in range(len(moved)):
+        for s in range(8):
+            for c in range(8):
+                total += moved[v, position[s, c]] >= 0
+    pair_block, pair_corner = np.empty(total, np.int64), np.empty(total, np.int64)
+    at = 0
+    for s in range(8):
+        for v in range(len(moved)):
+            for c in range(8):
+                row = moved[v, position[s, c]]
+                if row >= 0:
+                    pair_block[at] = row
+                    pair_corner[at] = 8 * v + c
+                    at += 1
+        start[s + 1] = at
+    return start, pair_block, pair_corner
+
+
+assert VIEW_FIELDS == 12

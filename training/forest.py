@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Several octrees side by side in one set of arrays, so that a batch may mix the voxels of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..patchnet_addon.errors import PatchNetError
+from ..patchnet_addon.octree.octree import Octree
+
+
+@dataclass(frozen=True, eq=False)
+class Forest:
+    """Node arrays of all octrees, one after the other; `root` (T,) int64 is where each begins."""
+
+    root: np.ndarray
+    child_mask: np.ndarray
+    first_child: np.ndarray
+    luminance: np.ndarray
+    normal: np.ndarray
+
+
+def plant(octrees: Sequence[Octree]) -> Forest:
+    """Copy the node arrays of `octrees` into one forest.
+
+    Raises PatchNetError beyond 2^31 nodes, since bricks keep nodes in 32 bits.
+    """
+    counts = np.array([octree.node_count for octree in octrees], np.int64)
+    root = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    if counts.sum() >= 2**31:
+        raise PatchNetError(f"{counts.sum()} nodes are too many for one training run: use fewer or coarser octrees")
+    shifted = [octree.first_child + np.uint32(start) for octree, start in zip(octrees, root, strict=True)]
+    return Forest(
+        root=root,
+        child_mask=np.concatenate([octree.child_mask for octree in octrees]),
+        first_child=np.concatenate(shifted).astype(np.uint32),
+        luminance=np.concatenate([octree.luminance for octree in octrees]),
+        normal=np.concatenate([octree.normal for octree in octrees]),
+    )

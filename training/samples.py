@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training samples: random views of random patches and what 4096 rays see there (methods 7.16 to 7.19).
+
+Samples are drawn and kept by voxel: the encoder, which is nearly all of the cost of training, then runs once for the
+eight corners of a voxel and serves all of its views.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import prange
+
+from ..patchnet_addon.codes.brick import fill_brick
+from ..patchnet_addon.codes.patch_rays import see_brick, set_view
+from ..patchnet_addon.errors import PatchNetError
+from ..patchnet_addon.kernels import device, kernel
+from ..patchnet_addon.octree.octree import Octree
+from ..patchnet_addon.progress import Progress, Steps
+from .voxel_choice import choose_voxels, held_out_voxels
+
+VIEW_FIELDS = 12  # entry 3, direction 3, up 3, ratio, coverage, luminance
+_UNIT, _SIGNED = 65535.0, 32767.0
+_ATTEMPTS = 400  # per voxel and view; a voxel that is hidden from nearly everywhere is left out
+_CHUNK = 16384
+COVERAGE_SCALE = 4096.0
+
+
+@dataclass(frozen=True)
+class SampleSettings:
+    """How samples are drawn.
+
+    views: random views per voxel. least_level: coarsest level used. held_out: share of spatial blocks kept for
+    validation (methods 7.21). first_hit: reject views whose centre ray meets a neighbour first (methods 7.17).
+    """
+
+    views: int = 8
+    least_level: int = 4
+    held_out: float = 0.05
+    first_hit: bool = True
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """G voxels of one octree with R views each.
+
+    voxel: (G, 4) uint16 level, x, y, z. held_out: (G,) bool, for validation only.
+    views: (G, R, 12) uint16: entry point (65535 = 1), direction and up (int16, 32767 = 1), ratio (65535 = 1),
+    coverage (rays that hit, of 4096), luminance (65535 = 1).
+    """
+
+    voxel: np.ndarray
+    held_out: np.ndarray
+    views: np.ndarray
+
+
+def draw_samples(octree: Octree, count: int, settings: SampleSettings) -> Steps[Samples]:
+    """Draw at least `count` samples (views) of an octree.
+
+    Raises PatchNetError if no voxel of the octree has look-ahead below `settings.least_level`.
+    """
+    random = np.random.default_rng(settings.seed)
+    groups = -(-count // settings.views)
+    found: list[Samples] = []
+    done, number = 0, 0
+    barren = 0
+    while done < groups:
+        voxels = choose_voxels(octree, min(_CHUNK, groups - done + 64), settings.least_level, random)
+        outside, inside = held_out_voxels(octree, voxels, settings.held_out, settings.seed)
+        voxels, is_held_out = voxels[outside | inside], inside[outside | inside]
+        views, good = _views(octree, voxels, settings, number)
+        number += len(voxels)
+        barren = 0 if good.any() else barren + 1
+        if barren > 20:
+            raise PatchNetError("No voxel of this octree can be seen from outside: it is too coarse for training")
+        found.append(Samples(voxels[good], is_held_out[good], views[good]))
+        done += int(good.sum())
+        yield Progress(min(done, groups) * settings.views, count, "Drawing samples")
+    return Samples(
+        np.concatenate([part.voxel for part in found])[:groups],
+        np.concatenate([part.held_out for part in found])[:groups],
+        np.concatenate([part.views for part in found])[:groups],
+    )
+
+
+def _views(octree: Octree, voxels: np.ndarray, settings: SampleSettings, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Views (n, R, 12) uint16 of voxels (n, 4), and whether (n,) all R were found."""
+    views = np.zeros((len(voxels), settings.views, VIEW_FIELDS), np.uint16)
+    good = np.zeros(len(voxels), np.bool_)
+    start = np.uint64((settings.seed * 0x9E3779B97F4A7C15 + number) & 0xFFFFFFFFFFFFFFFF)
+    _draw_views(
+        octree.child_mask,
+        octree.first_child,
+        octree.luminance,
+        voxels.astype(np.int32),
+        start,
+        settings.first_hit,
+        views,
+        views.view(np.int16),
+        good,
+    )
+    return views, good
+
+
+@device
+def _mix(state: np.uint64) -> np.uint64:
+    """The splitmix64 finaliser: a random word from a counter, the same on any number of cores."""
+    state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return state ^ (state >> np.uint64(31))
+
+
+@device
+def _uniform(state: np.ndarray) -> float:
+    """Next random number of [0, 1); `state` is (1,) uint64."""
+    state[0] += np.uint64(0x9E3779B97F4A7C15)
+    return np.float64(_mix(state[0]) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@device
+def _enter_box(origin: np.ndarray, direction: np.ndarray, x: float, y: float, z: float) -> float:
+    """Distance at which a line enters the unit cube at (x, y, z), 1e30 if it misses; may be negative."""
+    enter, leave = -1e30, 1e30
+    for axis in range(3):
+        low = x if axis == 0 else (y if axis == 1 else z)
+        if abs(direction[axis]) < 1e-12:
+            if origin[axis] < low or origin[axis] > low + 1.0:
+                return 1e30
+            continue
+        t0 = (low - origin[axis]) / direction[axis]
+        t1 = (low + 1.0 - origin[axis]) / direction[axis]
+        enter, leave = max(enter, min(t0, t1)), min(leave, max(t0, t1))
+    return enter if enter <= leave else 1e30
+
+
+@device
+def _draw_line(state: np.ndarray, origin: np.ndarray, direction: np.ndarray, up: np.ndarray) -> None:
+    """A random direction, roll, and a line through the disc of radius sqrt(3)/2 around the voxel's centre."""
+    height, turn = 2.0 * _uniform(state) - 1.0, 2.0 * np.pi * _uniform(state)
+    flat = np.sqrt(max(0.0, 1.0 - height * height))
+    direction[0], direction[1], direction[2] = flat * np.cos(turn), flat * np.sin(turn), height
+    roll = 2.0 * np.pi * _uniform(state)
+    a = (-np.sin(turn), np.cos(turn), 0.0)  # a and b span the plane across the direction
+    b = (-height * np.cos(turn), -height * np.sin(turn), flat)
+    radius, angle = np.sqrt(0.75 * _uniform(state)), 2.0 * np.pi * _uniform(state)
+    for axis in range(3):
+        up[axis] = np.cos(roll) * a[axis] + np.sin(roll) * b[axis]
+        origin[axis] = 0.5 + radius * (np.cos(angle) * a[axis] + np.sin(angle) * b[axis])
+
+
+@device
+def _is_first_hit(counts: np.ndarray, origin: np.ndarray, direction: np.ndarray, enter: float) -> bool:
+    """Whether no other occupied voxel of the 3x3x3 neighbourhood is entered before the centre one."""
+    for block in range(27):
+        if counts[block] > 0 and block != 13:
+            x, y, z = block % 3 - 1.0, block // 3 % 3 - 1.0, block // 9 - 1.0
+            if _enter_box(origin, direction, x, y, z) < enter:
+                return False
+    return True
+
+
+@kernel
+def _draw_views(
+    child_mask: np.ndarray,
+    first_child: np.ndarray,
+    luminance: np.ndarray,
+    voxels: np.ndarray,
+    start: np.uint64,
+    first_hit: bool,
+    views: np.ndarray,
+    views_signed: np.ndarray,
+    good: np.ndarray,
+) -> None:
+    for group in prange(len(voxels)):
+        brick = np.empty((27, 64), np.int32)
+        counts = np.empty(27, np.int32)
+        view = np.empty((6, 3), np.float64)
+        rows = np.empty(64, np.uint64)
+        state = np.empty(1, np.uint64)
+        origin, direction, up = np.empty(3), np.empty(3), np.empty(3)
+        state[0] = _mix(_mix(start + np.uint64(group)))
+        voxel = voxels[group]
+        fill_brick(child_mask, first_child, 0, voxel[0], voxel[1], voxel[2], voxel[3], brick, counts)
+        found = 0
+        for _ in range(_ATTEMPTS):
+            if found == views.shape[1]:
+                break
+            _draw_line(state, origin, direction, up)
+            enter = _enter_box(origin, direction, 0.0, 0.0, 0.0)
+            if enter > 1e29 or (first_hit and not _is_first_hit(counts, origin, direction, enter)):
+                continue
+            # Round first and render what is stored, so that the sample is exact.
+            ratio = np.uint16(np.rint((0.5 + 0.5 * _uniform(state)) * _UNIT))
+            for axis in range(3):
+                entry = min(max(origin[axis] + enter * direction[axis], 0.0), 1.0)
+                views[group, found, axis] = np.uint16(np.rint(entry * _UNIT))
+                views_signed[group, found, 3 + axis] = np.int16(np.rint(direction[axis] * _SIGNED))
+                views_signed[group, found, 6 + axis] = np.int16(np.rint(up[axis] * _SIGNED))
+                origin[axis] = views[group, found, axis] / _UNIT
+                direction[axis] = views_signed[group, found, 3 + axis] / _SIGNED
+                up[axis] = views_signed[group, found, 6 + axis] / _SIGNED
+            set_view(origin, direction, up, ratio / _UNIT, view)
+            sigma, mean = see_brick(luminance, brick, counts, direction, view, rows)
+            views[group, found, 9] = ratio
+            views[group, found, 10] = np.uint16(np.rint(sigma * COVERAGE_SCALE))
+            views[group, found, 11] = np.uint16(np.rint(mean))
+            found += 1
+        good[group] = found == views.shape[1]

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Settings of a training run and the presets of the command."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ..patchnet_addon.errors import SettingError
+
+
+@dataclass(frozen=True)
+class TrainSettings:
+    """What decides the result of a training run.
+
+    passes: sample passes in all, the paper's 16 M x 8 epochs being 128 M. batch: samples (views) per step.
+    schedule: "paper" (drops to a tenth after 4/8 and 7/8 of the run, methods 7.21) or "cosine".
+    warm_up: steps of rising learning rate. average: decay of the moving mean of weights that is saved, 0 for none.
+    clip: largest norm of a gradient, 0 for no limit. augment: methods 7.20. luminance_weight: factor of |dL| in the
+    loss. precision: "bf16" for the encoder's products, "fp32", or "auto": bf16 where the processor has it natively, and
+    fp32 for the last eighth.
+    """
+
+    passes: int = 128_000_000
+    batch: int = 8192
+    learning_rate: float = 1e-3
+    final_rate: float = 1e-5
+    schedule: str = "paper"
+    warm_up: int = 0
+    average: float = 0.0
+    clip: float = 0.0
+    augment: bool = False
+    luminance_weight: float = 1.0
+    precision: str = "auto"
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.passes < 1 or self.batch < 1:
+            raise SettingError("Passes and batch must be positive numbers")
+        if self.schedule not in ("paper", "cosine"):
+            raise SettingError(f"Schedule '{self.schedule}' is unknown: use paper or cosine")
+        if self.precision not in ("auto", "bf16", "fp32"):
+            raise SettingError(f"Precision '{self.precision}' is unknown: use auto, bf16 or fp32")
+
+
+PAPER = TrainSettings()
+IMPROVED = TrainSettings(
+    learning_rate=2e-3, schedule="cosine", warm_up=500, average=0.999, clip=1.0, augment=True, luminance_weight=2.0
+)
+PRESETS = {"quick": replace(IMPROVED, passes=8_000_000), "paper": PAPER, "improved": IMPROVED}

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The 48 symmetries of the cube, as matrices and as permutations of a brick's blocks and cells (methods 7.20)."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+COUNT = 48
+
+
+@dataclass(frozen=True)
+class Symmetries:
+    """Tables of the 48 symmetries; number 0 is the identity.
+
+    axis: (48, 3) int32 and sign: (48, 3) float32: component i of a mapped vector is sign[i] * v[axis[i]].
+    block: (48, 27) int32 and cell: (48, 64) int32: where a brick's block, and a cell within its block, goes.
+    """
+
+    axis: np.ndarray
+    sign: np.ndarray
+    block: np.ndarray
+    cell: np.ndarray
+
+    def matrix(self, index: int) -> np.ndarray:
+        """The symmetry as a (3, 3) float64 matrix that acts on column vectors."""
+        matrix = np.zeros((3, 3))
+        matrix[np.arange(3), self.axis[index]] = self.sign[index]
+        return matrix
+
+
+def cube_symmetries() -> Symmetries:
+    """All axis permutations with all sign flips."""
+    pairs = list(itertools.product(itertools.permutations(range(3)), itertools.product((1.0, -1.0), repeat=3)))
+    axis = np.array([permutation for permutation, _ in pairs], np.int32)  # (48, 3)
+    sign = np.array([signs for _, signs in pairs], np.float32)  # (48, 3)
+    return Symmetries(axis, sign, _permutation(axis, sign, 3), _permutation(axis, sign, 4))
+
+
+def _permutation(axis: np.ndarray, sign: np.ndarray, side: int) -> np.ndarray:
+    """Destination (48, side^3) int32 of each cell of a cube of cells, numbered x + side y + side^2 z."""
+    index = np.arange(side**3)
+    cells = np.stack([index % side, index // side % side, index // side**2], axis=-1)  # (side^3, 3)
+    centred = 2 * cells - (side - 1)
+    moved = sign[:, None, :] * np.take_along_axis(
+        np.broadcast_to(centred, (COUNT, *centred.shape)), np.broadcast_to(axis[:, None, :], (COUNT, *centred.shape)), 2
+    )
+    places = np.rint((moved + side - 1) / 2).astype(np.int32)
+    return (places[..., 0] + side * places[..., 1] + side**2 * places[..., 2]).astype(np.int32)

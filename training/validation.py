@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Errors on the held-out parts of each scene (methods 7.21)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from ..patchnet_addon.network.torch_model import PatchNet
+from .batches import Augmentation
+from .learner import predict
+
+if TYPE_CHECKING:
+    from .trainer import Corpus
+
+_LIMIT = 2048  # voxels per scene and validation
+_CHUNK = 512
+
+
+def validate(model: PatchNet, scenes: Mapping[str, Corpus], limit: int = _LIMIT) -> dict[str, dict[str, float]]:
+    """Mean absolute errors of coverage and luminance by scene, in float32 and clipped as at inference.
+
+    `constant_coverage` and `constant_luminance` are those of the best constant guess, for scale.
+    """
+    result = {}
+    for name, corpus in scenes.items():
+        parts = [_errors(model, corpus, start) for start in range(0, min(limit, len(corpus.tree)), _CHUNK)]
+        coverage, luminance, guess, target = (np.concatenate([part[k] for part in parts]) for k in range(4))
+        seen = coverage > 0
+        result[name] = {
+            "coverage": _mean(np.abs(guess - coverage)),
+            "luminance": _mean(np.abs(target - luminance)[seen]),
+            "constant_coverage": _mean(np.abs(np.median(coverage) - coverage)),
+            "constant_luminance": _mean(np.abs(np.median(luminance[seen]) - luminance[seen])) if seen.any() else 0.0,
+        }
+    return result
+
+
+def _errors(model: PatchNet, corpus: Corpus, start: int) -> tuple[np.ndarray, ...]:
+    """True coverage and luminance, predicted coverage and luminance, each flat."""
+    rows = np.arange(start, min(start + _CHUNK, len(corpus.tree)))
+    batch = corpus.batch(rows, Augmentation.none(len(rows)))
+    with torch.no_grad():
+        predicted = predict(model, batch, torch.float32).clamp(0, 1).numpy()
+    return batch.coverage.ravel(), batch.luminance.ravel(), predicted[..., 0].ravel(), predicted[..., 1].ravel()
+
+
+def _mean(values: np.ndarray) -> float:
+    return round(float(values.mean()), 6) if values.size else 0.0

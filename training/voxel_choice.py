@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which voxels are trained on, and which parts of a scene are held out for validation (methods 7.18, 7.21)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..patchnet_addon.errors import PatchNetError
+from ..patchnet_addon.octree.octree import LOOK_AHEAD, Octree
+
+BLOCK_LEVEL = 3  # spatial blocks for validation are the cells of this level
+_REPEATS = 16  # a level is drawn from at most this often per voxel it has, however coarse it is
+
+
+def usable_nodes(octree: Octree, least_level: int) -> dict[int, np.ndarray]:
+    """Nodes (n,) int64 with look-ahead, by level.
+
+    Raises PatchNetError if there are none.
+    """
+    ahead = octree.look_ahead()
+    nodes = {}
+    for level in range(least_level, octree.depth - LOOK_AHEAD + 1):
+        here = np.flatnonzero(ahead[octree.level(level)])
+        if len(here):
+            nodes[level] = here
+    if not nodes:
+        raise PatchNetError(
+            f"The octree of depth {octree.depth} has no voxel with look-ahead from level {least_level} on: "
+            f"use one of depth {least_level + LOOK_AHEAD} or more"
+        )
+    return nodes
+
+
+def choose_voxels(octree: Octree, count: int, least_level: int, random: np.random.Generator) -> np.ndarray:
+    """Voxels (count, 4) uint16 level, x, y, z in random order: half uniform over voxels, half uniform over levels."""
+    nodes = usable_nodes(octree, least_level)
+    sizes = np.array([len(here) for here in nodes.values()], np.int64)
+    shares = np.minimum(count // (2 * len(nodes)), _REPEATS * sizes)
+    shares = shares + random.multinomial(count - shares.sum(), sizes / sizes.sum())
+    parts = []
+    for (level, here), share in zip(nodes.items(), shares, strict=True):
+        picked = here[random.integers(0, len(here), share)]
+        cells = octree.cells(level)[picked]
+        parts.append(np.column_stack([np.full(share, level), cells]).astype(np.uint16))
+    return random.permutation(np.concatenate(parts))
+
+
+def held_out_voxels(octree: Octree, voxels: np.ndarray, share: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Two masks (n,) of voxels (n, 4): those to train on, and those to validate on.
+
+    A random `share` of the occupied spatial blocks is held out. Voxels whose patch reaches across the border of a
+    held-out block are in neither, so that no cell is seen both in training and in validation.
+    """
+    blocks = octree.cells(BLOCK_LEVEL)
+    number = int(np.ceil(share * len(blocks))) if share > 0 else 0
+    held = np.zeros((1 << BLOCK_LEVEL,) * 3, bool)
+    x, y, z = np.random.default_rng(seed + 1).permutation(blocks)[:number].T
+    held[x, y, z] = True
+    level = voxels[:, 0].astype(np.int64)
+    side = 2.0 ** -level[:, None].astype(np.float64)
+    low = voxels[:, 1:].astype(np.float64) * side
+    touched = np.zeros(len(voxels), np.int64)
+    for corner in range(8):  # the patch spans less than two blocks along an axis, so its corners tell
+        reach = np.array([corner & 1, (corner >> 1) & 1, corner >> 2]) * 3.0 - 1.0
+        point = low + reach * side * (1 - 1e-9) + np.where(reach < 0, 1e-9, 0) * side
+        cell = np.clip(np.floor(point * (1 << BLOCK_LEVEL)), 0, (1 << BLOCK_LEVEL) - 1).astype(np.int64)
+        touched += held[cell[:, 0], cell[:, 1], cell[:, 2]]
+    return touched == 0, touched == 8
