@@ -20,6 +20,15 @@ PATCH_SIZE = 8 * 8 * 8 * 5
 ENCODER_SIZES = (PATCH_SIZE, 256, 256, 256, CODE_SIZE)  # methods 7.12
 DECODER_SIZES = (CODE_SIZE + 3 + 3 + 1 + HARMONICS, 48, 48, 48, 2)  # methods 7.15
 KIND = "weights"
+# What the numbers mean, beyond their shapes: a file states it, and one that states something else is refused.
+NETWORK = {
+    "look_ahead": 2,
+    "patch": "8 cells a side; order z, y, x, channel; channels occupancy, luminance, normal x, y, z",
+    "corners": "order x, y, z, x fastest; trilinear",
+    "decoder_inputs": "code, direction, up, pixel-voxel ratio, 25 harmonics; axes of the octree",
+    "modulation": "code dimensions 0 to 8 times harmonics 0 to 8, in place",
+    "output": "-1 + 3 sigmoid; coverage, luminance",
+}
 
 Layer = tuple[np.ndarray, np.ndarray]
 """Matrix (out, in) and bias (out,), float32."""
@@ -89,13 +98,20 @@ class Weights:
 
 def save_weights(weights: Weights, path: str | Path) -> None:
     """Write weights to a file; raises PatchNetError if that fails."""
-    write_arrays(path, weights.arrays(), weights.metadata, KIND)
+    write_arrays(path, weights.arrays(), {**weights.metadata, "network": NETWORK}, KIND)
 
 
 def load_weights(path: str | Path | None = None) -> Weights:
     """Read weights from a file, or those that are shipped; raises WeightsFileError."""
     path = Path(path) if path is not None else default_weights_path()
     arrays, metadata = read_arrays(path, KIND, WeightsFileError)
+    network = metadata.pop("network", {})
+    if network != NETWORK:
+        other = next(name for name in {**NETWORK, **network} if network.get(name) != NETWORK.get(name))
+        raise WeightsFileError(
+            f"{path} belongs to another network: its '{other}' is {network.get(other)!r} where this one has "
+            f"{NETWORK.get(other)!r}"
+        )
     try:
         return Weights.from_arrays(arrays, metadata)
     except KeyError as cause:

@@ -9,7 +9,7 @@ from patchnet.patchnet_addon.files import write_arrays
 from patchnet.patchnet_addon.network.decode import decode
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
 from patchnet.patchnet_addon.network.harmonics import real_harmonics
-from patchnet.patchnet_addon.network.weights import Weights, load_weights, save_weights
+from patchnet.patchnet_addon.network.weights import NETWORK, Weights, load_weights, save_weights
 
 COUNT = 5000  # more than one block of the decoder
 TOLERANCE = 1e-4
@@ -111,8 +111,16 @@ def test_unusable_weights(weights, tmp_path, change, sentence):
     path = tmp_path / "bad.safetensors"
     arrays = weights.arrays()
     change(arrays)
-    write_arrays(path, arrays, {}, "weights")
+    write_arrays(path, arrays, {"network": NETWORK}, "weights")
     with pytest.raises(WeightsFileError, match=rf"bad\.safetensors.*{sentence}"):
+        load_weights(path)
+
+
+@pytest.mark.parametrize("network", [{}, {**NETWORK, "look_ahead": 3}])
+def test_weights_of_another_network(weights, tmp_path, network):
+    path = tmp_path / "other.safetensors"
+    write_arrays(path, weights.arrays(), {"network": network}, "weights")
+    with pytest.raises(WeightsFileError, match=r"other\.safetensors belongs to another network: its 'look_ahead'"):
         load_weights(path)
 
 
