@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from ..files import content_hash
 from ..network.weights import Weights
 from ..octree.octree import Octree
 
@@ -42,9 +41,3 @@ class CodedOctree:
     def nbytes(self) -> int:
         """Bytes of the codes and of what finds them."""
         return self.codes.nbytes + self.node_corners.nbytes + 4 * self.octree.node_count
-
-
-def octree_hash(octree: Octree) -> str:
-    """Hash of all that codes depend on: the nodes, their luminance and their normals."""
-    names = ("level_start", "child_mask", "first_child", "luminance", "normal")
-    return content_hash({name: getattr(octree, name) for name in names})

@@ -10,8 +10,9 @@ import numpy as np
 from ..errors import CodesFileError
 from ..files import read_arrays, write_arrays
 from ..network.weights import CODE_SIZE, Weights
+from ..octree.file import octree_hash
 from ..octree.octree import LOOK_AHEAD, Octree
-from .coded_octree import CodedOctree, octree_hash
+from .coded_octree import CodedOctree
 
 KIND = "codes"
 
