@@ -16,6 +16,7 @@ from ..patchnet_addon.octree.octree import Octree
 from .samples import VIEW_FIELDS, Samples, SampleSettings
 
 KIND = "samples"
+SUFFIX = ".samples.safetensors"
 _DTYPES = {"voxel": np.uint16, "held_out": np.bool_, "views": np.uint16}
 
 
@@ -60,7 +61,7 @@ def load_dataset(path: Path) -> Dataset:
     octree = load_octree(octree_path)
     if octree_hash(octree) != metadata.get("octree_hash"):
         raise FileFormatError(f"{path} was drawn from another state of {octree_path}: draw it anew")
-    return Dataset(path.stem, octree, samples, metadata)
+    return Dataset(path.name.removesuffix(SUFFIX), octree, samples, metadata)
 
 
 def sample_files(paths: list[Path]) -> list[Path]:
@@ -68,9 +69,9 @@ def sample_files(paths: list[Path]) -> list[Path]:
     files: list[Path] = []
     for path in paths:
         if path.is_dir():
-            found = sorted(path.glob("*.samples.safetensors"))
+            found = sorted(path.glob(f"*{SUFFIX}"))
             if not found:
-                raise FileFormatError(f"{path} holds no sample files (*.samples.safetensors): run `patchnet dataset`")
+                raise FileFormatError(f"{path} holds no sample files (*{SUFFIX}): run `patchnet dataset`")
             files += found
         else:
             files.append(path)

@@ -35,6 +35,7 @@ class Learner:
             self.model.parameters(), settings.learning_rate, betas=(0.9, 0.999), fused=True
         )
         self.steps = 0
+        self.seconds = 0.0  # of training so far, over all interruptions
 
     def step(self, batch: Batch, rate: float, dtype: torch.dtype) -> Losses:
         """Learn from a batch at learning rate `rate`, the encoder's products in `dtype`."""
@@ -65,6 +66,7 @@ class Learner:
             "mean": self.mean.state_dict(),
             "optimizer": self.optimizer.state_dict(),
             "steps": self.steps,
+            "seconds": self.seconds,
         }
 
     def load(self, state: dict[str, Any]) -> None:
@@ -72,7 +74,7 @@ class Learner:
         self.model.load_state_dict(state["model"])
         self.mean.load_state_dict(state["mean"])
         self.optimizer.load_state_dict(state["optimizer"])
-        self.steps = int(state["steps"])
+        self.steps, self.seconds = int(state["steps"]), float(state["seconds"])
 
 
 def predict(model: PatchNet, batch: Batch, dtype: torch.dtype) -> Tensor:

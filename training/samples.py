@@ -56,7 +56,9 @@ class Samples:
     views: np.ndarray
 
 
-def draw_samples(octree: Octree, count: int, settings: SampleSettings) -> Steps[Samples]:
+def draw_samples(
+    octree: Octree, count: int, settings: SampleSettings, label: str = "Drawing samples"
+) -> Steps[Samples]:
     """Draw at least `count` samples (views) of an octree.
 
     Raises PatchNetError if no voxel of the octree has look-ahead below `settings.least_level`.
@@ -77,7 +79,7 @@ def draw_samples(octree: Octree, count: int, settings: SampleSettings) -> Steps[
             raise PatchNetError("No voxel of this octree can be seen from outside: it is too coarse for training")
         found.append(Samples(voxels[good], is_held_out[good], views[good]))
         done += int(good.sum())
-        yield Progress(min(done, groups) * settings.views, count, "Drawing samples")
+        yield Progress(min(done, groups) * settings.views, count, label)
     return Samples(
         np.concatenate([part.voxel for part in found])[:groups],
         np.concatenate([part.held_out for part in found])[:groups],

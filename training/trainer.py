@@ -20,18 +20,19 @@ import numpy as np
 import torch
 
 from ..patchnet_addon.errors import FileFormatError, PatchNetError, SettingError
-from ..patchnet_addon.network.weights import Weights
+from ..patchnet_addon.network.weights import Weights, save_weights
 from ..patchnet_addon.progress import Progress, Steps
 from .batches import Augmentation, Batch, gather_batch
 from .dataset import Dataset
 from .forest import Forest, plant
-from .learner import Learner
+from .learner import Learner, Losses
 from .schedule import learning_rate
 from .settings import TrainSettings
 from .validation import validate
 
 CHECKPOINT = "checkpoint.pt"
 LOG = "log.jsonl"
+WEIGHTS = "patchnet.safetensors"
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,42 +65,48 @@ class RunOptions:
 def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOptions) -> Steps[Weights]:
     """Train on `datasets` and return the weights, the moving mean if there is one.
 
-    Writes `checkpoint.pt` and `log.jsonl` into `options.out`. Raises PatchNetError if the data cannot be used.
+    Keeps `checkpoint.pt`, `patchnet.safetensors` and `log.jsonl` in `options.out` up to date. Raises PatchNetError if
+    the data cannot be used.
     """
     corpus, held_out = corpus_of(datasets)
     voxels = max(1, settings.batch // corpus.views.shape[1])
-    total = max(1, settings.passes // (voxels * corpus.views.shape[1]))
+    per_step = voxels * corpus.views.shape[1]
+    total = max(1, settings.passes // per_step)
     learner = Learner(settings)
     options.out.mkdir(parents=True, exist_ok=True)
     run = asdict(settings) | {"data": [dataset.metadata.get("octree_hash", dataset.name) for dataset in datasets]}
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
     elif (options.out / CHECKPOINT).exists():
-        raise SettingError(
-            f"{options.out} holds a checkpoint already: continue it with --resume or choose another folder"
-        )
-    log = Log(options.out / LOG, fresh=not options.resume)
-    saved, end = time.monotonic(), min(total, options.stop_after or total)
+        raise SettingError(f"{options.out} holds a run already: continue it with --resume or choose another folder")
+    log = Log(options.out / LOG, learner.steps)
+    end = min(total, options.stop_after or total)
+    before, saved = time.monotonic() - learner.seconds, time.monotonic()
     try:
         for batch in ahead(batches(corpus, settings, voxels, learner.steps, end)):
             rate = learning_rate(learner.steps, total, settings)
-            losses = learner.step(batch, rate, encoder_type(settings, learner.steps / total))
-            passes = learner.steps * batch.ratio.size
-            log.add(losses.coverage, losses.luminance)
+            log.add(learner.step(batch, rate, encoder_type(settings, learner.steps / total)))
+            learner.seconds = time.monotonic() - before
+            passes = learner.steps * per_step
             if learner.steps % options.log_steps == 0 or learner.steps == end:
-                log.write_means(learner.steps, passes, rate)
+                log.write_means(learner.steps, passes, rate, learner.seconds)
             if learner.steps % options.validate_steps == 0 or learner.steps == end:
-                log.write({"step": learner.steps, "passes": passes, "validation": validate(learner.mean, held_out)})
+                errors = validate(learner.mean, held_out)
+                log.write({"step": learner.steps, "passes": passes, "validation": errors})
             if time.monotonic() - saved > 60 * options.checkpoint_minutes:
-                save_checkpoint(options.out / CHECKPOINT, learner, run)
+                save_checkpoint(options.out, learner, run, options.notes | _extent(learner, per_step))
                 saved = time.monotonic()
-            yield Progress(learner.steps, end, f"Training (loss {losses.coverage:.4f} + {losses.luminance:.4f})")
+            yield Progress(learner.steps, end, "Training")
     finally:
         if learner.steps:
-            save_checkpoint(options.out / CHECKPOINT, learner, run)
-    return learner.mean.to_weights(
-        options.notes | {"steps": learner.steps, "sample_passes": learner.steps * voxels * corpus.views.shape[1]}
-    )
+            save_checkpoint(options.out, learner, run, options.notes | _extent(learner, per_step))
+    return learner.mean.to_weights(options.notes | _extent(learner, per_step))
+
+
+def _extent(learner: Learner, per_step: int) -> dict[str, Any]:
+    """How far a run is, for the metadata of its weights."""
+    minutes = round(learner.seconds / 60, 1)
+    return {"steps": learner.steps, "sample_passes": learner.steps * per_step, "minutes": minutes}
 
 
 def corpus_of(datasets: Sequence[Dataset]) -> tuple[Corpus, dict[str, Corpus]]:
@@ -164,11 +171,12 @@ def has_fast_bf16() -> bool:
     return bool(capability.get("amx_bf16") or capability.get("avx512_bf16"))
 
 
-def save_checkpoint(path: Path, learner: Learner, run: dict[str, Any]) -> None:
-    """Write the state of a run, atomically."""
-    beside = path.with_suffix(".tmp")
+def save_checkpoint(out: Path, learner: Learner, run: dict[str, Any], notes: dict[str, Any]) -> None:
+    """Write the state of a run and the weights it would end with now, each atomically."""
+    beside = out / (CHECKPOINT + ".tmp")
     torch.save({"run": run, "learner": learner.state()}, beside)
-    os.replace(beside, path)
+    os.replace(beside, out / CHECKPOINT)
+    save_weights(learner.mean.to_weights(notes), out / WEIGHTS)
 
 
 def load_checkpoint(path: Path, learner: Learner, run: dict[str, Any]) -> None:
@@ -187,26 +195,29 @@ def load_checkpoint(path: Path, learner: Learner, run: dict[str, Any]) -> None:
 
 
 class Log:
-    """Curves as JSON lines; times are seconds of training, those before an interruption not counted."""
+    """Curves as JSON lines."""
 
-    def __init__(self, path: Path, fresh: bool) -> None:
+    def __init__(self, path: Path, steps: int) -> None:
+        """Continue the log of a run that has done `steps`; what an interrupted run wrote after them is dropped."""
+        lines = path.read_text().splitlines() if steps and path.is_file() else []
+        kept = [line for line in lines if json.loads(line)["step"] <= steps]
+        path.write_text("".join(line + "\n" for line in kept))
         self._path = path
-        self._start = time.monotonic()
-        self._sums: list[tuple[float, float]] = []
-        if fresh:
-            path.write_text("")
+        self._losses: list[Losses] = []
 
-    def add(self, coverage: float, luminance: float) -> None:
+    def add(self, losses: Losses) -> None:
         """Remember the errors of one step."""
-        self._sums.append((coverage, luminance))
+        self._losses.append(losses)
 
-    def write_means(self, step: int, passes: int, rate: float) -> None:
+    def write_means(self, step: int, passes: int, rate: float, seconds: float) -> None:
         """Write the mean errors since the last time."""
-        coverage, luminance = np.mean(self._sums, axis=0)
-        self._sums.clear()
-        self.write({"step": step, "passes": passes, "rate": rate, "coverage": coverage, "luminance": luminance})
+        coverage = float(np.mean([losses.coverage for losses in self._losses]))
+        luminance = float(np.mean([losses.luminance for losses in self._losses]))
+        self._losses.clear()
+        errors = {"coverage": round(coverage, 6), "luminance": round(luminance, 6)}
+        self.write({"step": step, "passes": passes, "seconds": round(seconds, 1), "rate": rate} | errors)
 
     def write(self, entry: dict[str, Any]) -> None:
         """Append one line."""
         with self._path.open("a") as file:
-            file.write(json.dumps(entry | {"seconds": round(time.monotonic() - self._start, 1)}) + "\n")
+            file.write(json.dumps(entry) + "\n")

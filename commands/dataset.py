@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet dataset`: draw training samples from octrees."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Arguments of `patchnet dataset`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "dataset", help="draw training samples from octrees", description=__doc__
+    )
+    parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files, one per scene")
+    parser.add_argument("--samples", type=int, default=16_000_000, help="samples in all, the same for each octree")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the sample files")
+    parser.add_argument("--seed", type=int, default=0, help="random seed")
+    parser.add_argument(
+        "--views", type=int, default=8, help="views per voxel: more are faster to learn from, less diverse"
+    )
+    parser.add_argument("--least-level", type=int, default=4, help="coarsest level of voxels that is used")
+    parser.add_argument("--held-out", type=float, default=0.05, help="share of each scene kept for validation")
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Draw the samples and write one file per octree."""
+    import time
+
+    from ..patchnet_addon.errors import SettingError
+    from ..patchnet_addon.octree.file import load_octree
+    from ..patchnet_addon.progress import drain
+    from ..training.dataset import SUFFIX, save_samples
+    from ..training.samples import SampleSettings, draw_samples
+    from .progress_bars import ProgressBars
+
+    if args.samples < 1 or args.views < 1 or not 0 <= args.held_out < 1:
+        raise SettingError("Samples and views must be positive numbers and the held-out share at least 0 and below 1")
+    names = sample_names(args.octrees)
+    args.out.mkdir(parents=True, exist_ok=True)
+    share = -(-args.samples // len(names))
+    start = time.monotonic()
+    for number, (name, path) in enumerate(names.items()):
+        octree = load_octree(path)
+        settings = SampleSettings(
+            views=args.views, least_level=args.least_level, held_out=args.held_out, seed=args.seed + 1000 * number
+        )
+        with ProgressBars() as bars:
+            samples = drain(draw_samples(octree, share, settings, f"Drawing {name}"), bars.show)
+        save_samples(samples, path, octree, settings, args.out / (name + SUFFIX))
+    seconds = time.monotonic() - start
+    drawn = share * len(names)
+    print(f"{drawn:,} samples of {len(names)} octrees in {seconds:.0f} s ({drawn / seconds:,.0f}/s)")
+    return 0
+
+
+def sample_names(octrees: list[Path]) -> dict[str, Path]:
+    """A different name for each octree: its file's, or its folder's where files are all called alike."""
+    stems = [path.name.removesuffix(".safetensors") for path in octrees]
+    if len(set(stems)) < len(stems):
+        stems = [f"{path.resolve().parent.name}_{stem}" for path, stem in zip(octrees, stems, strict=True)]
+    if len(set(stems)) < len(stems):
+        stems = [f"{number}_{stem}" for number, stem in enumerate(stems)]
+    return dict(zip(stems, octrees, strict=True))

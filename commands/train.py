@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet train`: train PatchNet on sample files.
+
+The shipped weights come from
+
+    patchnet dataset OCTREE... --samples 24000000 --out data
+    patchnet train data --preset improved --passes 200000000 --out run
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from ..patchnet_addon.errors import SettingError
+from ..patchnet_addon.progress import drain
+from ..training.settings import PRESETS, TrainSettings
+
+
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Arguments of `patchnet train`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "train",
+        help="train PatchNet on sample files",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET", help="sample files, or folders of them")
+    parser.add_argument("--out", type=Path, required=True, help="folder for checkpoint, log, weights and model card")
+    parser.add_argument("--preset", choices=("quick", "paper", "improved"), default="improved")
+    parser.add_argument("--epochs", type=float, help="passes as multiples of the number of samples")
+    parser.add_argument("--passes", type=int, help="sample passes in all")
+    parser.add_argument("--batch", type=int, help="samples per step")
+    parser.add_argument("--rate", type=float, help="highest learning rate")
+    parser.add_argument("--schedule", choices=("paper", "cosine"), help="how the learning rate falls")
+    parser.add_argument("--luminance-weight", type=float, help="factor of the luminance error in the loss")
+    parser.add_argument("--precision", choices=("auto", "bf16", "fp32"), help="of the encoder's matrix products")
+    parser.add_argument("--seed", type=int, help="random seed")
+    parser.add_argument("--resume", action="store_true", help="continue the run in --out")
+    parser.add_argument(
+        "--stop-after", type=int, metavar="STEPS", help="end early, leaving a checkpoint to resume from"
+    )
+    parser.add_argument("--checkpoint-minutes", type=float, default=5.0, help="time between checkpoints")
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Train, then write the weights and their model card."""
+    # Threads that spin while they wait cost a shared machine more than they gain; must be set before torch is loaded.
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    try:
+        import torch  # noqa: F401
+    except ImportError as cause:
+        raise SettingError("Training needs torch: install it with `pip install 'patchnet-blender[train]'`") from cause
+    from ..patchnet_addon.network.weights import save_weights
+    from ..training.dataset import load_dataset, sample_files
+    from ..training.model_card import write_card
+    from ..training.provenance import describe_command, describe_machine, describe_versions
+    from ..training.trainer import RunOptions, train
+    from .progress_bars import ProgressBars
+
+    datasets = [load_dataset(path) for path in sample_files(args.datasets)]
+    settings = settings_of(args, sum(dataset.samples.views[..., 0].size for dataset in datasets))
+    options = RunOptions(args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after)
+    options.notes = {
+        "command": describe_command(sys.argv),
+        "settings": asdict(settings),
+        "data": [dataset.name for dataset in datasets],
+        "versions": describe_versions(),
+        "machine": describe_machine(),
+    }
+    with ProgressBars() as bars:
+        weights = drain(train(datasets, settings, options), bars.show)
+    save_weights(weights, args.out / "patchnet.safetensors")
+    write_card(args.out, datasets, settings, weights.metadata, weights.hash)
+    print(f"{args.out / 'patchnet.safetensors'}: {weights.metadata['sample_passes']:,} sample passes")
+    return 0
+
+
+def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
+    """The preset with what the command line says otherwise."""
+    if args.epochs is not None and args.passes is not None:
+        raise SettingError("Give --epochs or --passes, not both")
+    changes = {
+        "passes": args.passes if args.epochs is None else int(args.epochs * samples),
+        "batch": args.batch,
+        "learning_rate": args.rate,
+        "schedule": args.schedule,
+        "luminance_weight": args.luminance_weight,
+        "precision": args.precision,
+        "seed": args.seed,
+    }
+    return replace(PRESETS[args.preset], **{name: value for name, value in changes.items() if value is not None})

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Model card of a training run: data, command, seed, curves, validation errors; Markdown and a picture."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from .dataset import Dataset
+from .settings import TrainSettings
+
+
+def read_log(path: Path) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Lines of the training curve and of the validations in a log."""
+    lines = [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
+    return [line for line in lines if "coverage" in line], [line for line in lines if "validation" in line]
+
+
+def write_card(
+    folder: Path, datasets: Sequence[Dataset], settings: TrainSettings, notes: dict[str, Any], weights_hash: str
+) -> None:
+    """Write `model_card.md`, and `curves.png` where matplotlib is installed, beside the log in `folder`."""
+    curve, validations = read_log(folder / "log.jsonl")
+    has_picture = draw_curves(curve, validations, folder / "curves.png")
+    parts = [
+        "# Model card of PatchNet weights\n",
+        f"Weights `{weights_hash}`. Encoder 2560-256-256-256-10, decoder 42-48-48-48-2, look-ahead of two levels.\n",
+        "Input: occupancy, linear luminance in [0, 1] and mean normal of 8x8x8 fine voxels around each corner of a",
+        "voxel. Output: coverage and luminance that a pixel of half to a whole voxel would see.\n",
+        "## How they were made\n",
+        f"    {notes['command']}\n",
+        f"{notes['sample_passes']:,} sample passes in {notes['steps']:,} steps, {notes['minutes']:.0f} minutes on"
+        f" {notes['machine']}; versions {notes['versions']}.\n",
+        *_table(["setting", "value"], [[name, str(value)] for name, value in asdict(settings).items()]),
+        "## Data\n",
+        *_table(["data set", "scene", "samples", "held out"], [_data_row(dataset) for dataset in datasets]),
+        "## Errors on held-out parts of the scenes\n",
+        "Mean absolute errors; those of the best constant guess in brackets.\n",
+        *_validation_table(validations),
+        "## Curves\n",
+        "![Training and validation errors](curves.png)\n" if has_picture else "The numbers stand in `log.jsonl`.\n",
+        "## Limits\n",
+        "Trained on voxels with two levels of look-ahead and pixels of half to a whole voxel. Only view-independent",
+        "luminance is known; scenes unlike those above can be predicted worse.\n",
+    ]
+    (folder / "model_card.md").write_text("\n".join(parts))
+
+
+def draw_curves(curve: list[dict[str, Any]], validations: list[dict[str, Any]], path: Path) -> bool:
+    """Draw training and validation errors over sample passes; False where matplotlib is not installed."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        return False
+    figure = Figure(figsize=(9, 4), layout="constrained")
+    for axes, field in zip(figure.subplots(1, 2), ("coverage", "luminance"), strict=True):
+        axes.plot([line["passes"] / 1e6 for line in curve], [line[field] for line in curve], "0.6", label="training")
+        for name in validations[-1]["validation"] if validations else ():
+            points = [(line["passes"] / 1e6, line["validation"][name][field]) for line in validations]
+            axes.plot(*zip(*points, strict=True), ".-", label=name)
+        axes.set(xlabel="million sample passes", ylabel=f"mean absolute error of {field}", yscale="log")
+        axes.grid(alpha=0.3, which="both")
+    axes.legend(fontsize="x-small")
+    figure.savefig(path, dpi=110)
+    return True
+
+
+def _data_row(dataset: Dataset) -> list[str]:
+    samples = dataset.samples
+    views = samples.views.shape[1]
+    scene = dataset.octree.provenance.get("scene", "")
+    held = int(samples.held_out.sum()) * views
+    return [dataset.name, Path(str(scene)).name, f"{len(samples.voxel) * views:,}", f"{held:,}"]
+
+
+def _validation_table(validations: list[dict[str, Any]]) -> list[str]:
+    if not validations:
+        return ["None was run.\n"]
+    rows = [
+        [name, *(f"{entry[field]:.4f} ({entry['constant_' + field]:.3f})" for field in ("coverage", "luminance"))]
+        for name, entry in validations[-1]["validation"].items()
+    ]
+    return _table(["data set", "coverage", "luminance"], rows)
+
+
+def _table(head: list[str], rows: list[list[str]]) -> list[str]:
+    lines = [head, ["---"] * len(head), *rows]
+    return ["| " + " | ".join(line) + " |" for line in lines] + [""]

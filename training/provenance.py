@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a run states about itself: command, versions, machine. Paths are cut to their last part."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+
+_PACKAGES = ("patchnet-blender", "numpy", "numba", "torch")
+
+
+def describe_command(arguments: Sequence[str]) -> str:
+    """The command line with paths cut to their last part."""
+    words = [Path(word).name if os.sep in word else word for word in arguments]
+    return " ".join(["patchnet", *words[1:]])
+
+
+def describe_versions() -> str:
+    """Versions of Python and of the packages that a result depends on."""
+    found = [f"Python {platform.python_version()}"]
+    for package in _PACKAGES:
+        try:
+            found.append(f"{package} {metadata.version(package)}")
+        except metadata.PackageNotFoundError:
+            continue
+    return ", ".join(found)
+
+
+def describe_machine() -> str:
+    """Processor and number of its threads."""
+    model = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.is_file():
+        names = [
+            line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")
+        ]
+        model = names[0] if names else model
+    return f"{os.cpu_count()} threads of {model}"
