@@ -4,14 +4,16 @@
 A voxel of level l holds a block of 4x4x4 cells of level l + 2. A corner (i, j, k) of level l sees the 8x8x8 cells
 4 (i, j, k) + [-4, 4)^3, which are the blocks of the eight voxels around it. Blocks are ordered z, y, x, channel; the
 channels are occupancy, luminance and the three components of the mean normal, all zero where there is nothing.
+
+The kernels here run on one core: they alternate with matrix products, whose threads keep spinning for milliseconds
+after each product, and waiting for a core costs ten times what a second core would save.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 
-from ..kernels import device, kernel
+from ..kernels import device, serial_kernel
 from ..octree.grid import morton_decode, morton_encode
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT, Octree
 
@@ -122,9 +124,9 @@ def covering_node(child_mask, first_child, level, x, y, z):
     return node
 
 
-@kernel
+@serial_kernel
 def _find_covering(child_mask, first_child, level, cells, nodes):
-    for row in prange(len(cells)):
+    for row in range(len(cells)):
         x, y, z = np.int64(cells[row, 0]), np.int64(cells[row, 1]), np.int64(cells[row, 2])
         nodes[row] = covering_node(child_mask, first_child, level, x, y, z)
 
@@ -143,9 +145,9 @@ def _fill(block, x0, y0, z0, side, luminance, normal):
                     block[z, y, x, 2 + axis] = np.float32(normal[axis]) / scale
 
 
-@kernel
+@serial_kernel
 def _fill_blocks(child_mask, first_child, luminance, normal, nodes, blocks):
-    for row in prange(len(nodes)):
+    for row in range(len(nodes)):
         block = blocks[row]
         block[:] = np.float32(0)
         node = nodes[row]

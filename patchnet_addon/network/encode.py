@@ -11,9 +11,8 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numba import prange
 
-from ..kernels import kernel
+from ..kernels import serial_kernel
 from .weights import Weights
 
 
@@ -69,11 +68,14 @@ class NumpyEncoder:
         return self._buffers[name][:rows]
 
 
-@kernel
+@serial_kernel
 def _sum_octants(products, rows, bias, values):
-    """ReLU of the first layer: values[c] = max(0, bias + sum over octants o of products[rows[c, o], slice o])."""
+    """First layer with ReLU: values[c] = max(0, bias + sum over octants o of products[rows[c, o], slice o]).
+
+    On one core, as `codes/patches.py` explains.
+    """
     width = len(bias)
-    for corner in prange(len(rows)):
+    for corner in range(len(rows)):
         total = values[corner]
         for k in range(width):
             total[k] = bias[k]
