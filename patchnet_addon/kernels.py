@@ -2,8 +2,8 @@
 """Compilation of numba kernels: one cache folder, one launch at a time.
 
 Two facts shape this file. Parallel kernels launched from two threads at once abort the process under numba's
-`workqueue` layer, so every launch takes one lock. And numba's cache does not notice an edited callee in another file,
-so the cache folder's name holds a hash of all kernel sources.
+`workqueue` layer, so every parallel launch takes one lock. And numba's cache does not notice an edited callee in
+another file, so the cache folder's name holds a hash of all kernel sources.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ def kernel(function: Function) -> Function:
 
 
 def serial_kernel(function: Function) -> Function:
-    """Like `kernel`, for work that one core does in order."""
-    return _serialised(function, numba.njit(function, cache=True, nogil=True, error_model="numpy"))
+    """Like `kernel`, for work that one core does in order; may be launched from several threads at once."""
+    return numba.njit(function, cache=True, nogil=True, error_model="numpy")
 
 
 def _serialised(function: Function, compiled: Any) -> Function:

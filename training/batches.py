@@ -2,7 +2,8 @@
 """Training batches: the occupied blocks around V voxels, and R views of each, optionally augmented.
 
 Only occupied blocks are gathered. A corner's patch is eight blocks, each multiplied with its own slice of the first
-matrix, so a batch lists which block meets which slice for which corner (see `corner_layer.py`).
+matrix, so a batch lists which block meets which slice for which corner (see `corner_layer.py`). The kernels are serial,
+since several threads gather, and learn from, a part of a step each.
 """
 
 from __future__ import annotations
@@ -10,13 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import prange
 
 from ..patchnet_addon.codes.brick import fill_brick
-from ..patchnet_addon.kernels import kernel, serial_kernel
+from ..patchnet_addon.kernels import serial_kernel
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from .forest import Forest
-from .samples import COVERAGE_SCALE, VIEW_FIELDS
+from .samples import COVERAGE_SCALE
 from .symmetry import COUNT, cube_symmetries
 
 BLOCK_VALUES = 320  # 4x4x4 cells, order z, y, x, of occupancy, luminance, normal
@@ -130,7 +130,7 @@ def _move_views(views: np.ndarray, symmetry: np.ndarray, linear: np.ndarray) -> 
     return entry, direction, up, unit[..., 9], coverage, luminance
 
 
-@kernel
+@serial_kernel
 def _gather_nodes(
     child_mask: np.ndarray,
     first_child: np.ndarray,
@@ -142,7 +142,7 @@ def _gather_nodes(
     counts: np.ndarray,
     linear: np.ndarray,
 ) -> None:
-    for v in prange(len(root)):
+    for v in range(len(root)):
         fill_brick(
             child_mask,
             first_child,
@@ -173,7 +173,7 @@ def _gather_nodes(
             linear[v, 0], linear[v, 1] = gain, place - gain * dark
 
 
-@kernel
+@serial_kernel
 def _write_blocks(
     luminance: np.ndarray,
     normal: np.ndarray,
@@ -189,7 +189,7 @@ def _write_blocks(
     blocks: np.ndarray,
     moved: np.ndarray,
 ) -> None:
-    for v in prange(len(nodes)):
+    for v in range(len(nodes)):
         turn = symmetry[v]
         gain, offset = linear[v, 0] / np.float32(LUMINANCE_SCALE), linear[v, 1]
         ax, ay, az = axis[turn, 0], axis[turn, 1], axis[turn, 2]
@@ -232,6 +232,3 @@ def _list_pairs(moved: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np
                     at += 1
         start[s + 1] = at
     return start, pair_block, pair_corner
-
-
-assert VIEW_FIELDS == 12

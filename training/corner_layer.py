@@ -50,7 +50,7 @@ class CornerLayer(torch.autograd.Function):
         result = torch.zeros(corners, weight.shape[0], dtype=blocks.dtype, device=blocks.device)
         for s in range(SLICES):
             here = slice(starts[s], starts[s + 1])
-            result.index_add_(0, pair_corner[here], blocks[pair_block[here]] @ slices[s])
+            result.index_add_(0, pair_corner[here], blocks.index_select(0, pair_block[here]) @ slices[s])
         ctx.save_for_backward(blocks, pair_block, pair_corner)
         ctx.starts = starts
         return result
@@ -63,5 +63,6 @@ class CornerLayer(torch.autograd.Function):
         slices = []
         for s in range(SLICES):
             here = slice(ctx.starts[s], ctx.starts[s + 1])
-            slices.append(blocks[pair_block[here]].t() @ gradient[pair_corner[here]])
+            rows = blocks.index_select(0, pair_block[here])
+            slices.append(rows.t() @ gradient.index_select(0, pair_corner[here]))
         return from_slices(torch.stack(slices).float()), None, None, None, None, None

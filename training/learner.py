@@ -37,21 +37,27 @@ class Learner:
         self.steps = 0
         self.seconds = 0.0  # of training so far, over all interruptions
 
-    def step(self, batch: Batch, rate: float, dtype: torch.dtype) -> Losses:
-        """Learn from a batch at learning rate `rate`, the encoder's products in `dtype`."""
+    def gradients(self, batch: Batch, dtype: torch.dtype) -> tuple[list[Tensor], Losses]:
+        """Gradients of the loss of a batch, and its errors; the encoder's products run in `dtype`.
+
+        Touches nothing, so that several threads may work on parts of a step.
+        """
+        coverage, luminance, share = errors(predict(self.model, batch, dtype), batch)
+        loss = coverage + self.settings.luminance_weight * luminance * share
+        gradients = torch.autograd.grad(loss, list(self.model.parameters()))
+        return list(gradients), Losses(float(coverage.detach()), float(luminance.detach()))
+
+    def step(self, parts: list[list[Tensor]], rate: float) -> None:
+        """Take one step at learning rate `rate` along the mean of the gradients of equally large parts of a batch."""
         for group in self.optimizer.param_groups:
             group["lr"] = rate
-        predicted = predict(self.model, batch, dtype)
-        coverage, luminance, share = errors(predicted, batch)
-        loss = coverage + self.settings.luminance_weight * luminance * share
-        self.optimizer.zero_grad(set_to_none=True)
-        loss.backward()
+        for parameter, *gradients in zip(self.model.parameters(), *parts, strict=True):
+            parameter.grad = torch.stack(gradients).mean(0) if len(gradients) > 1 else gradients[0]
         if self.settings.clip:
             torch.nn.utils.clip_grad_norm_(self.model.parameters(), self.settings.clip)
         self.optimizer.step()
         self.steps += 1
         self._update_mean()
-        return Losses(float(coverage.detach()), float(luminance.detach()))
 
     def _update_mean(self) -> None:
         # Early on the mean would remember the random start, so its memory grows with the run.

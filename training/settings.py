@@ -17,7 +17,7 @@ class TrainSettings:
     warm_up: steps of rising learning rate. average: decay of the moving mean of weights that is saved, 0 for none.
     clip: largest norm of a gradient, 0 for no limit. augment: methods 7.20. luminance_weight: factor of |dL| in the
     loss. precision: "bf16" for the encoder's products, "fp32", or "auto": bf16 where the processor has it natively, and
-    fp32 for the last eighth.
+    fp32 for the last fiftieth.
     """
 
     passes: int = 128_000_000

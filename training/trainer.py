@@ -10,9 +10,10 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ from .validation import validate
 CHECKPOINT = "checkpoint.pt"
 LOG = "log.jsonl"
 WEIGHTS = "patchnet.safetensors"
+PARTS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +82,15 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     elif (options.out / CHECKPOINT).exists():
         raise SettingError(f"{options.out} holds a run already: continue it with --resume or choose another folder")
     log = Log(options.out / LOG, learner.steps)
+    crew = Crew(learner, corpus, voxels)
     end = min(total, options.stop_after or total)
     before, saved = time.monotonic() - learner.seconds, time.monotonic()
     try:
-        for batch in ahead(batches(corpus, settings, voxels, learner.steps, end)):
+        while learner.steps < end:
             rate = learning_rate(learner.steps, total, settings)
-            log.add(learner.step(batch, rate, encoder_type(settings, learner.steps / total)))
+            gradients, losses = crew.gradients(learner.steps, encoder_type(settings, learner.steps / total))
+            learner.step(gradients, rate)
+            log.add(losses)
             learner.seconds = time.monotonic() - before
             passes = learner.steps * per_step
             if learner.steps % options.log_steps == 0 or learner.steps == end:
@@ -98,6 +103,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
                 saved = time.monotonic()
             yield Progress(learner.steps, end, "Training")
     finally:
+        crew.close()
         if learner.steps:
             save_checkpoint(options.out, learner, run, options.notes | _extent(learner, per_step))
     return learner.mean.to_weights(options.notes | _extent(learner, per_step))
@@ -132,36 +138,61 @@ def corpus_of(datasets: Sequence[Dataset]) -> tuple[Corpus, dict[str, Corpus]]:
     return Corpus(forest, tree, voxel, view), held_out
 
 
-def batches(corpus: Corpus, settings: TrainSettings, voxels: int, first: int, last: int) -> Iterator[Batch]:
-    """Batches of steps `first` to `last`; each epoch runs through all voxels in a new order."""
+def rows_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> np.ndarray:
+    """Voxels (voxels,) of a step; each epoch runs through all of them in a new order."""
     count = len(corpus.tree)
-    epoch, order = -1, np.zeros(0, np.int64)
-    for step in range(first, last):
-        start = step * voxels
-        rows = np.empty(0, np.int64)
-        while len(rows) < voxels:
-            at = start + len(rows)
-            if at // count != epoch:
-                epoch = at // count
-                order = np.random.default_rng([settings.seed, 1, epoch]).permutation(count)
-            rows = np.concatenate([rows, order[at % count : at % count + voxels - len(rows)]])
-        random = np.random.default_rng([settings.seed, 2, step])
-        yield corpus.batch(rows, Augmentation.random(voxels, random) if settings.augment else Augmentation.none(voxels))
+    places = step * voxels + np.arange(voxels)
+    rows = np.empty(voxels, np.int64)
+    for epoch in np.unique(places // count):
+        here = places // count == epoch
+        rows[here] = _order(settings.seed, int(epoch), count)[places[here] % count]
+    return rows
 
 
-def ahead(items: Iterator[Batch]) -> Iterator[Batch]:
-    """The same batches, each gathered in a second thread while the one before it is learned from."""
-    with ThreadPoolExecutor(1) as pool:
-        waiting = pool.submit(next, items, None)
-        while (item := waiting.result()) is not None:
-            waiting = pool.submit(next, items, None)
-            yield item
+@lru_cache(maxsize=2)
+def _order(seed: int, epoch: int, count: int) -> np.ndarray:
+    return np.random.default_rng([seed, 1, epoch]).permutation(count)
+
+
+class Crew:
+    """Threads that each gather and learn from one part of a step, with single-threaded products.
+
+    That suits small matrices better than threads inside every product, and a busy machine slows it less. The number of
+    parts is fixed, so that results do not depend on the machine.
+    """
+
+    def __init__(self, learner: Learner, corpus: Corpus, voxels: int) -> None:
+        self._learner, self._corpus, self._voxels = learner, corpus, voxels
+        threads = min(PARTS, os.cpu_count() or 1)
+        self._pool = ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,))
+
+    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[torch.Tensor]], Losses]:
+        """Gradients of the parts of a step, and its errors."""
+        settings = self._learner.settings
+        rows = rows_of_step(self._corpus, settings, self._voxels, step)
+        parts = min(PARTS, len(rows))
+        rows = rows[: len(rows) // parts * parts].reshape(parts, -1)
+        jobs = [self._pool.submit(self._part, part, rows[part], step, dtype) for part in range(parts)]
+        gradients, losses = zip(*(job.result() for job in jobs), strict=True)
+        coverage = sum(loss.coverage for loss in losses) / parts
+        return list(gradients), Losses(coverage, sum(loss.luminance for loss in losses) / parts)
+
+    def _part(self, part: int, rows: np.ndarray, step: int, dtype: torch.dtype) -> tuple[list[torch.Tensor], Losses]:
+        settings = self._learner.settings
+        augmentation = Augmentation.none(len(rows))
+        if settings.augment:
+            augmentation = Augmentation.random(len(rows), np.random.default_rng([settings.seed, 2, step, part]))
+        return self._learner.gradients(self._corpus.batch(rows, augmentation), dtype)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._pool.shutdown()
 
 
 def encoder_type(settings: TrainSettings, share: float) -> torch.dtype:
     """Number type of the encoder's products when `share` of the run is done."""
     if settings.precision == "auto":
-        return torch.bfloat16 if has_fast_bf16() and share < 7 / 8 else torch.float32
+        return torch.bfloat16 if has_fast_bf16() and share < 0.98 else torch.float32
     return torch.bfloat16 if settings.precision == "bf16" else torch.float32
 
 

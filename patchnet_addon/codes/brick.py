@@ -32,7 +32,7 @@ def child_node(child_mask: np.ndarray, first_child: np.ndarray, node: int, octan
 def find_node(
     child_mask: np.ndarray, first_child: np.ndarray, root: int, level: int, x: int, y: int, z: int
 ) -> tuple[int, int]:
-    """Node below `root` that holds a cell of a level, and its own level: less than the cell's if a coarser leaf covers it.
+    """Node below `root` that holds a cell of a level, and its own level: a lower one if a coarser leaf covers it.
 
     The node is -1 where the cell is empty or outside of the root.
     """
