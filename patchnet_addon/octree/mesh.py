@@ -17,12 +17,14 @@ class Texture:
     """An image in linear Rec. 709 (colour) or raw values (alpha).
 
     pixels: (H, W, C) float32, row 0 at v = 0, C = 1 (alpha) or 3 (colour).
-    extension: "REPEAT", "EXTEND" or "CLIP" (nothing outside the image), as Blender names them.
+    extension: "REPEAT", "EXTEND", "MIRROR" or "CLIP" (nothing outside the image), as Blender names them.
+    transform: image coordinates are this (2, 3) matrix times (u, v, 1); None for (u, v) themselves.
     """
 
     name: str
     pixels: np.ndarray
     extension: str = "REPEAT"
+    transform: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,8 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From a Blender scene to triangles with materials: files, objects in scope, meshes, materials, images."""
+
+from .files import open_scene
+from .read import read_scene
+from .scene_mesh import SceneMesh
+
+__all__ = ["SceneMesh", "open_scene", "read_scene"]

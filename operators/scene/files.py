@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Opening a scene from a file of any kind that Blender reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+
+from ...patchnet_addon.errors import SceneError
+
+# Extension -> names of import operators, the first one that exists is used, and the add-on that brings them.
+_IMPORTERS: dict[str, tuple[tuple[str, ...], str]] = {
+    ".glb": (("import_scene.gltf",), "io_scene_gltf2"),
+    ".gltf": (("import_scene.gltf",), "io_scene_gltf2"),
+    ".obj": (("wm.obj_import",), ""),
+    ".ply": (("wm.ply_import",), ""),
+    ".stl": (("wm.stl_import",), ""),
+    ".fbx": (("wm.fbx_import", "import_scene.fbx"), "io_scene_fbx"),
+    ".usd": (("wm.usd_import",), ""),
+    ".usda": (("wm.usd_import",), ""),
+    ".usdc": (("wm.usd_import",), ""),
+    ".usdz": (("wm.usd_import",), ""),
+    ".abc": (("wm.alembic_import",), ""),
+}
+
+
+def open_scene(path: str | Path) -> bpy.types.Scene:
+    """Open a .blend file, or import any other one into an empty scene; what was open before is closed.
+
+    Raises SceneError if the file is missing, damaged, of an unknown kind, or holds no object.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise SceneError(f"Scene file {path} does not exist: check its path")
+    extension = path.suffix.lower()
+    if extension == ".blend":
+        _run(path, bpy.ops.wm.open_mainfile, filepath=str(path.absolute()), load_ui=False)
+        return bpy.context.scene
+    importer = _importer(path, extension)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    _run(path, importer, filepath=str(path.absolute()))
+    scene = bpy.context.scene
+    if not scene.objects:
+        raise SceneError(f"Scene file {path} holds no object that Blender could import: it may be damaged or empty")
+    return scene
+
+
+def _importer(path: Path, extension: str) -> Callable[..., set[str]]:
+    """The import operator for an extension, its add-on enabled if need be."""
+    if extension not in _IMPORTERS:
+        known = ", ".join([".blend", *_IMPORTERS])
+        raise SceneError(f"Scene file {path} has the unknown extension '{extension}': choose one of {known}")
+    names, addon = _IMPORTERS[extension]
+    operator = _first_operator(names)
+    if operator is None and addon:
+        import addon_utils
+
+        addon_utils.enable(addon, default_set=False)
+        operator = _first_operator(names)
+    if operator is None:
+        raise SceneError(f"This Blender cannot import {extension} files: convert {path} to .glb or .blend")
+    return operator
+
+
+def _first_operator(names: tuple[str, ...]) -> Callable[..., set[str]] | None:
+    for name in names:
+        module, function = name.split(".")
+        operator = getattr(getattr(bpy.ops, module), function)
+        try:
+            operator.get_rna_type()
+        except KeyError:
+            continue
+        return operator
+    return None
+
+
+def _run(path: Path, operator: Callable[..., set[str]], **arguments: object) -> None:
+    """Call an operator on a file; importers raise whatever their parser stumbled on."""
+    try:
+        result = operator(**arguments)
+    except Exception as cause:  # noqa: BLE001: importers are add-ons, a damaged file can raise anything
+        reason = str(cause).strip().splitlines()[-1] if str(cause).strip() else type(cause).__name__
+        raise SceneError(f"Scene file {path} cannot be read, it may be damaged ({reason})") from cause
+    if "FINISHED" not in result:
+        raise SceneError(f"Scene file {path} cannot be read, it may be damaged")

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender images as linear arrays."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+CHANNELS = {"R": 0, "G": 1, "B": 2, "A": 3}
+_RAW_SPACES = frozenset({"Non-Color", "Raw"})
+
+
+class ImageReader:
+    """Reads each image once; materials that share an image share its array."""
+
+    def __init__(self) -> None:
+        self._colors: dict[str, np.ndarray] = {}
+        self._channels: dict[tuple[str, str], np.ndarray] = {}
+
+    def color(self, image: bpy.types.Image) -> np.ndarray:
+        """(H, W, 3) float32, linear; row 0 at v = 0."""
+        if image.name_full not in self._colors:
+            self._read(image)
+        return self._colors[image.name_full]
+
+    def channel(self, image: bpy.types.Image, channel: str) -> np.ndarray:
+        """(H, W, 1) float32: "A", or linear "R", "G", "B", or luminance "Y"."""
+        key = image.name_full, channel
+        if key not in self._channels and channel == "A":
+            self._read(image)
+        if key not in self._channels:
+            color = self.color(image)
+            values = color @ _LUMINANCE if channel == "Y" else color[..., CHANNELS[channel]]
+            self._channels[key] = np.ascontiguousarray(values[..., None])
+        return self._channels[key]
+
+    def mean(self, image: bpy.types.Image) -> np.ndarray:
+        """Mean colour (3,), linear."""
+        return self.color(image).mean(axis=(0, 1), dtype=np.float64)
+
+    def _read(self, image: bpy.types.Image) -> None:
+        width, height = image.size
+        pixels = np.empty(width * height * image.channels, np.float32)
+        was_loaded = image.has_data
+        image.pixels.foreach_get(pixels)
+        pixels = pixels.reshape(height, width, image.channels)
+        if not was_loaded and not image.is_dirty:
+            image.buffers_free()
+        color = pixels[..., :3] if image.channels >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
+        if image.channels == 4:
+            alpha = pixels[..., 3:]
+        else:
+            alpha = np.ones((height, width, 1), np.float32)
+        self._colors[image.name_full] = _linear(np.ascontiguousarray(color), image)
+        self._channels[image.name_full, "A"] = np.clip(np.nan_to_num(alpha), 0.0, 1.0)
+
+
+def usable(image: bpy.types.Image | None) -> bool:
+    """Whether the image has pixels that can be read as one rectangle."""
+    return image is not None and image.source != "TILED" and min(image.size) > 0 and image.channels > 0
+
+
+def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:
+    """Inverse of the sRGB transfer function (IEC 61966-2-1)."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4)
+
+
+# Images of 8 bits a channel have only these values.
+_BYTE_TO_LINEAR = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)
+
+
+def _linear(color: np.ndarray, image: bpy.types.Image) -> np.ndarray:
+    """Blender keeps float images scene linear, and 8 bit images as they are encoded in the file."""
+    space = image.colorspace_settings.name
+    if image.is_float or space in _RAW_SPACES or space.startswith("Linear"):
+        return np.nan_to_num(color, posinf=0.0, neginf=0.0)
+    return _BYTE_TO_LINEAR[np.clip(np.rint(color * 255.0), 0, 255).astype(np.uint8)]

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One evaluated Blender mesh as compact arrays in its own space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.errors import GeometryError
+
+_NORMAL_SCALE = 32767.0
+
+
+@dataclass(frozen=True, eq=False)
+class LocalMesh:
+    """Triangles of one evaluated mesh, read once however often it is placed.
+
+    vertices: (V, 3) float32, only those that triangles use. triangles: (T, 3) int32.
+    uvs: (T, 3, 2) float32 of the layer that renders, or None. slots: (T,) int16 material slots, or None if all are 0.
+    normals: (T, 3, 3) int16 shading normals, 32767 = 1, or None if all faces are flat.
+    layers: further corner layers that materials name, (T, 3, C) float32 with C = 2 for UV and 4 for colour.
+    """
+
+    name: str
+    vertices: np.ndarray
+    triangles: np.ndarray
+    uvs: np.ndarray | None
+    slots: np.ndarray | None
+    normals: np.ndarray | None
+    layers: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.triangles)
+
+    def corner_normals(self, first: int, last: int) -> np.ndarray | None:
+        """Shading normals (last - first, 3, 3) float32 of a range of triangles, or None if they are flat."""
+        return None if self.normals is None else self.normals[first:last].astype(np.float32) / np.float32(_NORMAL_SCALE)
+
+
+def read_local_mesh(mesh: bpy.types.Mesh, name: str, layer_names: frozenset[str] = frozenset()) -> LocalMesh | None:
+    """Arrays of an evaluated mesh, or None if it has no faces. `name` is the object's, for messages.
+
+    layer_names: UV maps and colour attributes that materials ask for by name.
+    Raises GeometryError if a coordinate is not finite.
+    """
+    mesh.calc_loop_triangles()
+    count = len(mesh.loop_triangles)
+    if count == 0:
+        return None
+    loops = _read(mesh.loop_triangles, "loops", (count, 3), np.int32)
+    vertex_of_loop = _read(mesh.loops, "vertex_index", (len(mesh.loops),), np.int32)
+    vertices = _read(mesh.vertices, "co", (len(mesh.vertices), 3), np.float32)
+    vertices, triangles = _used(vertices, vertex_of_loop[loops])
+    if not np.isfinite(vertices).all():
+        raise GeometryError(
+            f"Object '{name}' has vertices that are not finite numbers (NaN or infinite): "
+            "repair or remove them, or leave the object out of the selection"
+        )
+    slots = _read(mesh.loop_triangles, "material_index", (count,), np.int32).astype(np.int16)
+    uv_layer = next((layer for layer in mesh.uv_layers if layer.active_render), None)
+    return LocalMesh(
+        name=name,
+        vertices=vertices,
+        triangles=triangles,
+        uvs=_uvs(uv_layer, len(mesh.loops))[loops] if uv_layer else None,
+        slots=slots if slots.any() else None,
+        normals=_normals(mesh, loops),
+        layers={key: values[loops] for key in sorted(layer_names) if (values := _layer(mesh, key)) is not None},
+    )
+
+
+def _read(collection: bpy.types.bpy_prop_collection, key: str, shape: tuple[int, ...], dtype: type) -> np.ndarray:
+    values = np.empty(int(np.prod(shape)), dtype)
+    collection.foreach_get(key, values)
+    return values.reshape(shape)
+
+
+def _used(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices without those that no triangle uses, and triangles (T, 3) that index them."""
+    used = np.zeros(len(vertices), bool)
+    used[triangles.ravel()] = True
+    if used.all():
+        return vertices, triangles
+    place = (np.cumsum(used) - 1).astype(np.int32)
+    return vertices[used], place[triangles]
+
+
+def _uvs(layer: bpy.types.MeshUVLoopLayer, loop_count: int) -> np.ndarray:
+    """(L, 2) float32; coordinates that are not finite become 0."""
+    return np.nan_to_num(_read(layer.uv, "vector", (loop_count, 2), np.float32), posinf=0.0, neginf=0.0)
+
+
+def _normals(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
+    """(T, 3, 3) int16 shading normals, or None if every face is flat."""
+    if mesh.normals_domain == "FACE":
+        return None
+    normals = _read(mesh.corner_normals, "vector", (len(mesh.loops), 3), np.float32)
+    normals = np.nan_to_num(np.clip(normals, -1.0, 1.0))
+    return np.rint(normals * np.float32(_NORMAL_SCALE)).astype(np.int16)[loops]
+
+
+def _layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
+    """A UV map (L, 2) or colour attribute (L, 4), by name, at the corners."""
+    if name in mesh.uv_layers:
+        return _uvs(mesh.uv_layers[name], len(mesh.loops))
+    attribute = mesh.color_attributes.get(name)
+    if attribute is None:
+        return None
+    values = _read(attribute.data, "color", (len(attribute.data), 4), np.float32)
+    if attribute.domain == "POINT":
+        values = values[_read(mesh.loops, "vertex_index", (len(mesh.loops),), np.int32)]
+    return values

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which placed objects of a scene are surfaces to voxelize."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+SELECTED = "SELECTED"
+VISIBLE = "VISIBLE"
+
+SURFACE_TYPES = frozenset({"MESH", "CURVE", "SURFACE", "FONT", "META"})
+
+
+def surface_instances(depsgraph: bpy.types.Depsgraph, scope: str) -> Iterator[bpy.types.DepsgraphObjectInstance]:
+    """Instances that show a surface to the camera, in the dependency graph's order.
+
+    SELECTED: selected objects and what they instance. VISIBLE: all that is visible and renders.
+    Valid until the next step of the iteration, as Blender's own iterator.
+    """
+    layer = depsgraph.view_layer.original if hasattr(depsgraph.view_layer, "original") else depsgraph.view_layer
+    rendered = _rendered_objects(layer)
+    for instance in depsgraph.object_instances:
+        if instance.object.type not in SURFACE_TYPES or not _shows(instance):
+            continue
+        owner = (instance.parent if instance.is_instance else instance.object).original
+        if owner.name_full not in rendered or (instance.is_instance and _hidden_instance(instance)):
+            continue
+        if scope == VISIBLE or owner.select_get(view_layer=layer):
+            yield instance
+
+
+def _rendered_objects(layer: bpy.types.ViewLayer) -> frozenset[str]:
+    """Names of the layer's objects that render and that the camera can see."""
+    names: set[str] = set()
+    stack = [layer.layer_collection]
+    while stack:
+        item = stack.pop()
+        if item.collection.hide_render:
+            continue
+        stack.extend(item.children)
+        if item.exclude or item.holdout or item.indirect_only:
+            continue
+        names.update(each.name_full for each in item.collection.objects if _renders(each))
+    return frozenset(names)
+
+
+def _renders(item: bpy.types.Object) -> bool:
+    return not item.hide_render and item.visible_camera and not item.is_holdout and not item.is_shadow_catcher
+
+
+def _shows(instance: bpy.types.DepsgraphObjectInstance) -> bool:
+    """Whether the object itself is shown, and not only what it instances."""
+    if not instance.show_self:
+        return False
+    item = instance.object
+    return instance.is_instance or not item.is_instancer or item.show_instancer_for_render
+
+
+def _hidden_instance(instance: bpy.types.DepsgraphObjectInstance) -> bool:
+    """Whether the instanced object is disabled for renders; geometry nodes instance it nevertheless, as renders do."""
+    return instance.parent.instance_type != "NONE" and instance.instance_object.original.hide_render

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reading the evaluated scene: modifiers, instances, curves and text as Blender sees them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.errors import EmptySelectionError, GeometryError, SettingError
+from ...patchnet_addon.octree.mesh import Material
+from .images import ImageReader
+from .layer_names import layer_names
+from .local_mesh import LocalMesh, read_local_mesh
+from .materials import read_material
+from .placements import SELECTED, VISIBLE, surface_instances
+from .scene_mesh import Placements, SceneMesh
+
+_NO_MATERIAL = ""
+
+
+def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMesh:
+    """The surface of the objects in scope ("SELECTED" or "VISIBLE") in world units, with their materials.
+
+    Raises EmptySelectionError if nothing in scope has a surface, GeometryError if the surface has no area
+    or coordinates that are not finite.
+    """
+    if scope not in (SELECTED, VISIBLE):
+        raise SettingError(f"There is no scope {scope!r}: choose {SELECTED} or {VISIBLE}")
+    reader = _Reader()
+    for instance in surface_instances(depsgraph, scope):
+        reader.add(instance)
+    parts = reader.parts()
+    if not parts:
+        raise EmptySelectionError(_nothing(scope))
+    materials, warnings = reader.materials()
+    return SceneMesh(parts, materials, tuple(reader.material_names), warnings)
+
+
+def _nothing(scope: str) -> str:
+    if scope == SELECTED:
+        return "No selected object has a surface: select a mesh, curve or text, or choose all visible objects"
+    return "No visible object has a surface: show a mesh, curve or text and enable it for renders"
+
+
+class _Reader:
+    """Collects placements; each mesh and each material once."""
+
+    def __init__(self) -> None:
+        self.material_names: dict[str, int] = {}
+        self._meshes: dict[tuple[object, ...], LocalMesh | None] = {}
+        self._placed: dict[tuple[object, ...], list[tuple[str, np.ndarray, tuple[int, ...], float]]] = {}
+
+    def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
+        """Read the instance's mesh, if it is a new one, and where it stands."""
+        item = instance.object
+        matrix = np.array(instance.matrix_world, np.float64)
+        if not np.isfinite(matrix).all():
+            raise GeometryError(
+                f"Object '{item.name}' has a transform that is not finite: repair its position or scale"
+            )
+        key = self._key(instance)
+        if key not in self._meshes:
+            with _evaluated_mesh(instance) as mesh:
+                self._meshes[key] = mesh and read_local_mesh(mesh, item.name, _layers_of(item))
+        if self._meshes[key] is not None:
+            slots = tuple(self._material(slot.material) for slot in item.material_slots)
+            self._placed.setdefault(key, []).append(
+                (item.name, matrix, slots or (self._material(None),), _random(instance))
+            )
+
+    @staticmethod
+    def _key(instance: bpy.types.DepsgraphObjectInstance) -> tuple[object, ...]:
+        """Objects share a mesh if they share evaluated data and the layers that their materials name."""
+        item = instance.object
+        data = item.data if item.type == "MESH" else item.original
+        return item.type, data.as_pointer(), _layers_of(item)
+
+    def _material(self, material: bpy.types.Material | None) -> int:
+        name = material.original.name_full if material else _NO_MATERIAL
+        return self.material_names.setdefault(name, len(self.material_names))
+
+    def parts(self) -> tuple[Placements, ...]:
+        """All placements, mesh by mesh in the order of their first appearance."""
+        parts = []
+        for key, placed in self._placed.items():
+            mesh = self._meshes[key]
+            assert mesh is not None
+            width = max(len(slots) for _, _, slots, _ in placed)
+            parts.append(
+                Placements(
+                    mesh=mesh,
+                    objects=tuple(name for name, _, _, _ in placed),
+                    matrices_world=np.stack([matrix for _, matrix, _, _ in placed]),
+                    materials=np.array([(*s, *(s[-1:] * (width - len(s)))) for _, _, s, _ in placed], np.int32),
+                    random=np.array([random for _, _, _, random in placed], np.float32),
+                )
+            )
+        return tuple(parts)
+
+    def materials(self) -> tuple[tuple[Material, ...], list[str]]:
+        """The materials in the order of their indices, and sentences about what was simplified."""
+        images, warnings, result = ImageReader(), [], []
+        library = {material.name_full: material for material in bpy.data.materials}
+        for name in self.material_names:
+            material, warning = read_material(library[name], images) if name else (Material("default"), None)
+            result.append(material)
+            if warning:
+                warnings.append(warning)
+        return tuple(result), warnings
+
+
+def _layers_of(item: bpy.types.Object) -> frozenset[str]:
+    return frozenset(name for slot in item.material_slots if slot.material for name in layer_names(slot.material))
+
+
+def _random(instance: bpy.types.DepsgraphObjectInstance) -> float:
+    """Object Info's random number, as Cycles forms it from the instance's id."""
+    return float(np.uint32(instance.random_id & 0xFFFFFFFF)) / float(0xFFFFFFFF)
+
+
+@contextmanager
+def _evaluated_mesh(instance: bpy.types.DepsgraphObjectInstance) -> Iterator[bpy.types.Mesh | None]:
+    """The mesh of an instance; a temporary one for whatever is no mesh in Blender."""
+    item = instance.object
+    if instance.is_instance and isinstance(item.data, bpy.types.Mesh):
+        yield item.data  # geometry nodes instance meshes that belong to no object
+        return
+    mesh = item.to_mesh()
+    try:
+        yield mesh
+    finally:
+        item.to_mesh_clear()

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The surface of a scene: each mesh once, placed many times, streamed batch by batch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from ...patchnet_addon.errors import GeometryError
+from ...patchnet_addon.octree.mesh import Material, TriangleBatch
+from .local_mesh import LocalMesh
+
+BATCH_TRIANGLES = 250_000
+
+
+@dataclass(frozen=True, eq=False)
+class Placements:
+    """One mesh and where it stands.
+
+    mesh: the triangles in their own space. objects: (P,) names of the placed objects.
+    matrices_world: (P, 4, 4) float64. materials: (P, S) int32, index into the scene's materials for each slot.
+    random: (P,) float32 in [0, 1], Cycles' random number of each object.
+    """
+
+    mesh: LocalMesh
+    objects: tuple[str, ...]
+    matrices_world: np.ndarray
+    materials: np.ndarray
+    random: np.ndarray
+
+    @property
+    def mirrored(self) -> np.ndarray:
+        """(P,) bool: the transform turns triangles inside out, so that their winding has to be reversed."""
+        return np.linalg.det(self.matrices_world[:, :3, :3]) < 0
+
+    @property
+    def triangle_count(self) -> int:
+        """Placed triangles."""
+        return len(self.mesh) * len(self.objects)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Triangles first to last of the placements lo to hi of one mesh; several placements only with all triangles."""
+
+    placements: Placements
+    lo: int
+    hi: int
+    first: int
+    last: int
+
+    def __len__(self) -> int:
+        return (self.hi - self.lo) * (self.last - self.first)
+
+    @property
+    def mirrored(self) -> np.ndarray:
+        """(placements,) bool, see `Placements.mirrored`."""
+        return self.placements.mirrored[self.lo : self.hi]
+
+    def corners_world(self) -> np.ndarray:
+        """(N, 3, 3) float64, wound so that normals are those of Blender also under mirroring transforms."""
+        mesh, matrices = self.placements.mesh, self.placements.matrices_world[self.lo : self.hi]
+        triangles = mesh.triangles[self.first : self.last]
+        if self.first == 0 and self.last == len(mesh):
+            points = mesh.vertices.astype(np.float64) @ matrices[:, :3, :3].transpose(0, 2, 1)  # (P, V, 3)
+            corners = (points + matrices[:, None, :3, 3])[:, triangles]  # (P, T, 3, 3)
+        else:
+            corners = mesh.vertices[triangles].astype(np.float64).reshape(1, -1, 3)
+            corners = corners @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
+        return self.wound(corners.reshape(self.hi - self.lo, -1, 3, 3))
+
+    def per_corner(self, values: np.ndarray) -> np.ndarray:
+        """Values (T, 3, C) of the mesh's corners for every triangle of the run: (N, 3, C), wound alike."""
+        part = values[self.first : self.last]
+        return self.wound(np.broadcast_to(part, (self.hi - self.lo, *part.shape)))
+
+    def wound(self, values: np.ndarray) -> np.ndarray:
+        """Values (P, T, 3, C) with corners 1 and 2 exchanged where the placement is mirrored, as (N, 3, C)."""
+        mirrored = self.mirrored
+        if mirrored.any():
+            values = np.where(mirrored[:, None, None, None], values[:, :, [0, 2, 1]], values)
+        return np.ascontiguousarray(values).reshape(-1, 3, values.shape[-1])
+
+    def materials(self) -> np.ndarray:
+        """(N,) int32 index into the scene's materials."""
+        table = self.placements.materials[self.lo : self.hi]  # (P, S)
+        slots = self.placements.mesh.slots
+        count = self.last - self.first
+        if slots is None:
+            return np.repeat(table[:, 0], count)
+        part = np.clip(slots[self.first : self.last], 0, table.shape[1] - 1)  # Blender clamps the slot too
+        return table[:, part].reshape(-1)
+
+    def normals_world(self) -> np.ndarray | None:
+        """Shading normals (N, 3, 3) float32, unit length, or None if the mesh is flat."""
+        normals = self.placements.mesh.corner_normals(self.first, self.last)
+        if normals is None:
+            return None
+        linear = self.placements.matrices_world[self.lo : self.hi, :3, :3]
+        # The cofactor matrix turns normals also where the transform cannot be inverted; its sign follows mirroring.
+        cofactors = np.stack([np.cross(linear[:, :, (i + 1) % 3], linear[:, :, (i + 2) % 3]) for i in range(3)], -1)
+        cofactors = np.where(self.mirrored[:, None, None], -cofactors, cofactors)
+        turned = normals.reshape(1, -1, 3).astype(np.float64) @ cofactors.transpose(0, 2, 1)
+        turned /= np.maximum(np.linalg.norm(turned, axis=-1, keepdims=True), 1e-30)
+        return self.wound(turned.astype(np.float32).reshape(self.hi - self.lo, -1, 3, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class SceneMesh:
+    """`MeshSource` of a Blender scene. Meshes are kept once; placed triangles exist only batch by batch.
+
+    material_names: Blender's (full) name for each of `materials`, "" where a surface has none.
+    warnings: sentences about what was simplified.
+    """
+
+    parts: tuple[Placements, ...]
+    materials: tuple[Material, ...]
+    material_names: tuple[str, ...]
+    warnings: list[str]
+    bounds_world: np.ndarray = field(init=False)  # (2, 3) float64
+    triangle_count: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "triangle_count", sum(part.triangle_count for part in self.parts))
+        object.__setattr__(self, "bounds_world", _bounds(self.parts))
+        if not any(_has_area(batch.corners_world) for batch in self.batches()):
+            names = sorted({name for part in self.parts for name in part.objects})
+            shown = ", ".join(f"'{name}'" for name in names[:3]) + (" and others" if len(names) > 3 else "")
+            raise GeometryError(f"The surface of {shown} has no area: choose objects whose faces are not degenerate")
+
+    def batches(self) -> Iterator[TriangleBatch]:
+        """All triangles, in a fixed order: mesh by mesh, placement by placement."""
+        first = 0
+        for runs in self.runs():
+            batch = _batch(runs, first)
+            yield batch
+            first += len(batch)
+
+    def runs(self) -> Iterator[tuple[Run, ...]]:
+        """What each of the `batches` is made of: large meshes divided, small ones grouped."""
+        group: list[Run] = []
+        count = 0
+        for part in self.parts:
+            for run in _runs(part):
+                if group and count + len(run) > BATCH_TRIANGLES:
+                    yield tuple(group)
+                    group, count = [], 0
+                group.append(run)
+                count += len(run)
+        if group:
+            yield tuple(group)
+
+
+def _runs(part: Placements) -> Iterator[Run]:
+    """Runs of at most BATCH_TRIANGLES triangles that cover all placements of a mesh."""
+    size = len(part.mesh)
+    together = max(1, BATCH_TRIANGLES // size)
+    for lo in range(0, len(part.objects), together):
+        hi = min(lo + together, len(part.objects))
+        pieces = max(1, -(-size // BATCH_TRIANGLES))
+        cuts = np.linspace(0, size, pieces + 1).astype(int)
+        for first, last in pairwise(cuts):
+            yield Run(part, lo, hi, int(first), int(last))
+
+
+def _batch(runs: tuple[Run, ...], first_triangle: int) -> TriangleBatch:
+    uvs = [
+        np.zeros((len(run), 3, 2), np.float32) if run.placements.mesh.uvs is None
+        else run.per_corner(run.placements.mesh.uvs)
+        for run in runs
+    ]  # fmt: skip
+    names = dict.fromkeys(name for run in runs for name in run.placements.objects[run.lo : run.hi])
+    return TriangleBatch(
+        corners_world=np.concatenate([run.corners_world() for run in runs]),
+        uvs=np.concatenate(uvs),
+        materials=np.concatenate([run.materials() for run in runs]).astype(np.int32),
+        first_triangle=first_triangle,
+        name=next(iter(names)) if len(names) == 1 else "",
+    )
+
+
+def _bounds(parts: tuple[Placements, ...]) -> np.ndarray:
+    """(2, 3) float64 of all placed vertices."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for part in parts:
+        vertices = part.mesh.vertices.astype(np.float64)
+        for matrix in part.matrices_world:
+            points = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+            low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+    return np.stack([low, high])
+
+
+def _has_area(corners_world: np.ndarray) -> bool:
+    edges = corners_world[:, 1:] - corners_world[:, :1]
+    return bool(np.cross(edges[:, 0], edges[:, 1]).any())

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Colour and opacity of textured surfaces, averaged over the size of a fragment.
+
+Each textured material has a pyramid of box-filtered means. A fragment reads the level whose texels are about as large
+as the fragment is on the texture, so that coarse voxels get means instead of single texels. Opacity that a threshold
+cuts out is cut on the finest level, before it is averaged, so that coverage stays right; luminance is averaged with
+opacity as its weight, so that what is cut away does not colour what stays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..octree.mesh import Material, Texture
+
+REC709 = np.array([0.2126, 0.7152, 0.0722], np.float32)
+REPEAT, EXTEND, MIRROR, CLIP = range(4)
+_EXTENSIONS = {"REPEAT": REPEAT, "EXTEND": EXTEND, "MIRROR": MIRROR, "CLIP": CLIP}
+_IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+
+
+def luminance(rgb: np.ndarray) -> np.ndarray:
+    """Linear Rec. 709 luminance (...) float32 of colours (..., 3)."""
+    return np.asarray(rgb, np.float32) @ REC709
+
+
+@dataclass(frozen=True, eq=False)
+class TextureTable:
+    """All materials as flat arrays for the kernels; M materials, K pyramids, V levels altogether.
+
+    texels: (N, 2) float32, opacity times luminance, and opacity. On level 0 opacity is not cut yet.
+    level_offset, level_height, level_width: (V,) int64.
+    pyramid_first: (K,) int64 first of its levels. pyramid_levels: (K,) int64.
+    pyramid_extension: (K,) int64. pyramid_transform: (K, 2, 3) float64.
+    material_pyramid: (M,) int64, -1 for no texture. material_luminance: (M,) float32, without texture.
+    material_opacity: (M,) float32, a factor on the texture's. material_threshold: (M,) float32, NaN for none.
+    material_emission: (M,) float32.
+    """
+
+    texels: np.ndarray
+    level_offset: np.ndarray
+    level_height: np.ndarray
+    level_width: np.ndarray
+    pyramid_first: np.ndarray
+    pyramid_levels: np.ndarray
+    pyramid_extension: np.ndarray
+    pyramid_transform: np.ndarray
+    material_pyramid: np.ndarray
+    material_luminance: np.ndarray
+    material_opacity: np.ndarray
+    material_threshold: np.ndarray
+    material_emission: np.ndarray
+
+    @classmethod
+    def from_materials(cls, materials: tuple[Material, ...]) -> TextureTable:
+        """Pyramids of all textured materials; equal ones are shared."""
+        pyramids: dict[tuple[object, ...], int] = {}
+        levels: list[list[np.ndarray]] = []
+        styles: list[Texture] = []
+        index = np.full(len(materials), -1, np.int64)
+        for number, material in enumerate(materials):
+            main = material.base_texture or material.alpha_texture
+            if main is None:
+                continue
+            key = _pyramid_key(material)
+            if key not in pyramids:
+                pyramids[key] = len(levels)
+                levels.append(_pyramid(material))
+                styles.append(main)
+            index[number] = pyramids[key]
+        flat = [level for pyramid in levels for level in pyramid]
+        counts = np.array([len(pyramid) for pyramid in levels], np.int64)
+        sizes = np.array([level.shape[0] * level.shape[1] for level in flat], np.int64)
+        return cls(
+            texels=np.concatenate([level.reshape(-1, 2) for level in flat]) if flat else np.zeros((1, 2), np.float32),
+            level_offset=np.cumsum(sizes) - sizes,
+            level_height=np.array([level.shape[0] for level in flat], np.int64),
+            level_width=np.array([level.shape[1] for level in flat], np.int64),
+            pyramid_first=np.cumsum(counts) - counts,
+            pyramid_levels=counts,
+            pyramid_extension=np.array([_EXTENSIONS[style.extension] for style in styles], np.int64),
+            pyramid_transform=np.array([style.transform or _IDENTITY for style in styles], np.float64).reshape(
+                -1, 2, 3
+            ),
+            material_pyramid=index,
+            material_luminance=luminance(np.array([m.base_color for m in materials])),
+            material_opacity=np.array([m.alpha for m in materials], np.float32),
+            material_threshold=np.array(
+                [np.nan if m.alpha_threshold is None else m.alpha_threshold for m in materials], np.float32
+            ),
+            material_emission=luminance(np.array([m.emission for m in materials])),
+        )
+
+
+def _pyramid_key(material: Material) -> tuple[object, ...]:
+    base, alpha = material.base_texture, material.alpha_texture
+    style = (base or alpha).extension, (base or alpha).transform  # type: ignore[union-attr]
+    factor = material.base_color
+    threshold = None if material.alpha_threshold is None or alpha is None else material.alpha_threshold / material.alpha
+    return base and id(base.pixels), alpha and id(alpha.pixels), style, factor, threshold
+
+
+def _pyramid(material: Material) -> list[np.ndarray]:
+    """Levels (h, w, 2) float32, finest first, each half as large as the one before."""
+    shine, opacity = _finest(material)
+    levels = [np.stack([shine * opacity, opacity], axis=-1)]
+    if material.alpha_threshold is not None and material.alpha_texture is not None:
+        opacity = cut_coverage(opacity, material.alpha_threshold / max(material.alpha, 1e-6))
+    below = np.stack([shine * opacity, opacity], axis=-1)
+    while max(below.shape[:2]) > 1:
+        below = _halved(_halved(below, 0), 1)
+        levels.append(below)
+    return levels
+
+
+def _finest(material: Material) -> tuple[np.ndarray, np.ndarray]:
+    """Luminance (h, w) and uncut opacity (h, w) float32 on the larger of the two textures' rasters."""
+    base, alpha = material.base_texture, material.alpha_texture
+    shape = tuple(np.max([texture.pixels.shape[:2] for texture in (base, alpha) if texture is not None], axis=0))
+    factor = np.asarray(material.base_color, np.float32)
+    if base is None:
+        shine = np.full(shape, luminance(factor), np.float32)
+    else:
+        shine = _resized(base.pixels @ (REC709 * factor), shape)
+    opacity = np.ones(shape, np.float32) if alpha is None else _resized(alpha.pixels[..., 0], shape)
+    return shine, opacity
+
+
+def _resized(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Bilinear enlargement of a raster (h, w)."""
+    for axis, size in enumerate(shape):
+        if values.shape[axis] != size:
+            at = (np.arange(size) + 0.5) * values.shape[axis] / size - 0.5
+            low = np.clip(np.floor(at).astype(int), 0, values.shape[axis] - 1)
+            high = np.minimum(low + 1, values.shape[axis] - 1)
+            weight = np.clip(at - low, 0.0, 1.0).reshape([-1 if each == axis else 1 for each in range(2)])
+            values = np.take(values, low, axis) * (1 - weight) + np.take(values, high, axis) * weight
+    return values.astype(np.float32)
+
+
+def cut_coverage(opacity: np.ndarray, threshold: float) -> np.ndarray:
+    """Share of each texel (h, w) on which bilinear opacity reaches the threshold, from 2 x 2 samples in it."""
+    total = np.zeros_like(opacity)
+    for dy in (-1, 1):
+        rows = 0.75 * opacity + 0.25 * np.roll(opacity, dy, axis=0)
+        for dx in (-1, 1):
+            total += 0.75 * rows + 0.25 * np.roll(rows, dx, axis=1) >= threshold
+    return total / np.float32(4)
+
+
+def _halved(values: np.ndarray, axis: int) -> np.ndarray:
+    """Exact box means onto half as many texels along an axis; odd sizes share a texel between two."""
+    size = values.shape[axis]
+    if size == 1:
+        return values
+    half = size // 2
+    values = np.moveaxis(values, axis, 0)
+    if size % 2 == 0:
+        result = 0.5 * (values[0::2] + values[1::2])
+    else:
+        # Source texel i covers [i, i + 1] of size; target j covers [j, j + 1] * size / half.
+        j = np.arange(half, dtype=np.float32).reshape(-1, *[1] * (values.ndim - 1))
+        weights = (half - j) / size, np.float32(half / size), (j + 1) / size
+        result = weights[0] * values[0:-1:2] + weights[1] * values[1::2] + weights[2] * values[2::2]
+    return np.ascontiguousarray(np.moveaxis(result.astype(np.float32), 0, axis))
