@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Three cameras: far and middle keep the distances that look-ahead needs at 192 pixels, close is for the eye."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from .geometry import add_object
+
+FIELD_OF_VIEW = float(np.radians(50.0))
+# Name: (position, target) in metres.
+VIEWS = {
+    "Far": ((3.4, -16.2, 7.4), (0.1, 0.0, 2.3)),
+    "Middle": ((1.7, -11.7, 3.6), (-0.35, 0.0, 2.0)),
+    "Close": ((0.9, -4.4, 1.75), (-1.55, -0.6, 0.95)),
+}
+
+
+def build_cameras(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
+    """Adds the views for square pictures; Middle becomes the scene's camera."""
+    for name, (position, target) in VIEWS.items():
+        data = bpy.data.cameras.new(name)
+        data.sensor_fit, data.angle = "AUTO", FIELD_OF_VIEW
+        item = add_object(collection, name, data)
+        item.location = position
+        item.rotation_euler = (Vector(position) - Vector(target)).to_track_quat("Z", "Y").to_euler()
+        if name == "Middle":
+            scene.camera = item
+    render = scene.render
+    render.resolution_x = render.resolution_y = 512
+    render.resolution_percentage = 100
