@@ -33,36 +33,36 @@ def from_slices(slices: Tensor) -> Tensor:
 
 
 class CornerLayer(torch.autograd.Function):
-    """Sum over a corner's occupied blocks of block x slice; the gradient goes to the matrix only."""
+    """Sum over a corner's occupied blocks of block x slice; the gradient goes to the slices only."""
 
     @staticmethod
     def forward(
         ctx: Any,
-        weight: Tensor,
+        slices: Tensor,
         blocks: Tensor,
         starts: list[int],
         pair_block: Tensor,
         pair_corner: Tensor,
         corners: int,
     ) -> Tensor:
-        """Products (corners, out) in the type of `blocks` (M, 320) for a matrix (out, 2560) in float32."""
-        slices = to_slices(weight).to(blocks.dtype)
-        result = torch.zeros(corners, weight.shape[0], dtype=blocks.dtype, device=blocks.device)
+        """Products (corners, out) in the type of `blocks` (M, 320) for slices (8, 320, out) in float32."""
+        matrices = slices.to(blocks.dtype)
+        result = torch.zeros(corners, slices.shape[2], dtype=blocks.dtype, device=blocks.device)
         for s in range(SLICES):
             here = slice(starts[s], starts[s + 1])
-            result.index_add_(0, pair_corner[here], blocks.index_select(0, pair_block[here]) @ slices[s])
+            result.index_add_(0, pair_corner[here], blocks.index_select(0, pair_block[here]) @ matrices[s])
         ctx.save_for_backward(blocks, pair_block, pair_corner)
         ctx.starts = starts
         return result
 
     @staticmethod
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:  # type: ignore[override]
-        """Gradient (out, 2560) float32 of the matrix."""
+        """Gradient (8, 320, out) float32 of the slices."""
         blocks, pair_block, pair_corner = ctx.saved_tensors
         gradient = gradient.to(blocks.dtype)
-        slices = []
+        result = torch.empty(SLICES, BLOCK_VALUES, gradient.shape[1], device=blocks.device)
         for s in range(SLICES):
             here = slice(ctx.starts[s], ctx.starts[s + 1])
             rows = blocks.index_select(0, pair_block[here])
-            slices.append(rows.t() @ gradient.index_select(0, pair_corner[here]))
-        return from_slices(torch.stack(slices).float()), None, None, None, None, None
+            result[s] = rows.t() @ gradient.index_select(0, pair_corner[here])
+        return result, None, None, None, None, None

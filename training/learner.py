@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-import torch.nn.functional as functional
 from torch import Tensor
 
-from ..patchnet_addon.network.torch_model import PatchNet
+from ..patchnet_addon.network.weights import Weights
 from .batches import Batch
-from .corner_layer import CornerLayer
 from .settings import TrainSettings
+from .sliced_net import SlicedNet
 
 
 @dataclass(frozen=True)
@@ -29,8 +28,8 @@ class Learner:
 
     def __init__(self, settings: TrainSettings) -> None:
         self.settings = settings
-        self.model = PatchNet(settings.seed)
-        self.mean = PatchNet(settings.seed)
+        weights = Weights.random(settings.seed)
+        self.model, self.mean = SlicedNet(weights), SlicedNet(weights)
         self.optimizer = torch.optim.Adam(
             self.model.parameters(), settings.learning_rate, betas=(0.9, 0.999), fused=True
         )
@@ -42,7 +41,7 @@ class Learner:
 
         Touches nothing, so that several threads may work on parts of a step.
         """
-        coverage, luminance, share = errors(predict(self.model, batch, dtype), batch)
+        coverage, luminance, share = errors(self.model(batch, dtype), batch)
         loss = coverage + self.settings.luminance_weight * luminance * share
         gradients = torch.autograd.grad(loss, list(self.model.parameters()))
         return list(gradients), Losses(float(coverage.detach()), float(luminance.detach()))
@@ -81,29 +80,6 @@ class Learner:
         self.mean.load_state_dict(state["mean"])
         self.optimizer.load_state_dict(state["optimizer"])
         self.steps, self.seconds = int(state["steps"]), float(state["seconds"])
-
-
-def predict(model: PatchNet, batch: Batch, dtype: torch.dtype) -> Tensor:
-    """Coverage and luminance (V, R, 2) in [-1, 2]; codes and decoder in float32 whatever the encoder's `dtype`."""
-    voxels, views = batch.ratio.shape
-    blocks = torch.from_numpy(batch.blocks).to(dtype)
-    first, *middle, last = model.encoder
-    pairs = torch.from_numpy(batch.pair_block), torch.from_numpy(batch.pair_corner)
-    hidden = CornerLayer.apply(first.weight, blocks, batch.slice_start.tolist(), *pairs, 8 * voxels)
-    hidden = torch.relu(hidden + first.bias.to(dtype))
-    for layer in middle:
-        hidden = torch.relu(functional.linear(hidden, layer.weight.to(dtype), layer.bias.to(dtype)))
-    codes = last(hidden.float()).view(voxels, 8, -1)
-    codes = torch.bmm(corner_shares(torch.from_numpy(batch.entry)), codes)  # (V, R, 10)
-    flat = [torch.from_numpy(array).reshape(voxels * views, -1) for array in (batch.direction, batch.up)]
-    ratio = torch.from_numpy(batch.ratio).reshape(-1)
-    return model.decode(codes.reshape(voxels * views, -1), *flat, ratio).view(voxels, views, 2)
-
-
-def corner_shares(entry: Tensor) -> Tensor:
-    """Trilinear shares (V, R, 8) of a voxel's corners, x fastest, at points (V, R, 3) in [0, 1]^3."""
-    x, y, z = torch.stack([1 - entry, entry], dim=-1).unbind(2)  # each (V, R, 2)
-    return (z[..., :, None, None] * y[..., None, :, None] * x[..., None, None, :]).flatten(2)
 
 
 def errors(predicted: Tensor, batch: Batch) -> tuple[Tensor, Tensor, Tensor]:

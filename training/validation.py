@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from ..patchnet_addon.network.torch_model import PatchNet
 from .batches import Augmentation
-from .learner import predict
+from .sliced_net import SlicedNet
 
 if TYPE_CHECKING:
     from .trainer import Corpus
@@ -20,7 +19,7 @@ _LIMIT = 2048  # voxels per scene and validation
 _CHUNK = 512
 
 
-def validate(model: PatchNet, scenes: Mapping[str, Corpus], limit: int = _LIMIT) -> dict[str, dict[str, float]]:
+def validate(model: SlicedNet, scenes: Mapping[str, Corpus], limit: int = _LIMIT) -> dict[str, dict[str, float]]:
     """Mean absolute errors of coverage and luminance by scene, in float32 and clipped as at inference.
 
     `constant_coverage` and `constant_luminance` are those of the best constant guess, for scale.
@@ -39,12 +38,12 @@ def validate(model: PatchNet, scenes: Mapping[str, Corpus], limit: int = _LIMIT)
     return result
 
 
-def _errors(model: PatchNet, corpus: Corpus, start: int) -> tuple[np.ndarray, ...]:
+def _errors(model: SlicedNet, corpus: Corpus, start: int) -> tuple[np.ndarray, ...]:
     """True coverage and luminance, predicted coverage and luminance, each flat."""
     rows = np.arange(start, min(start + _CHUNK, len(corpus.tree)))
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
     with torch.no_grad():
-        predicted = predict(model, batch, torch.float32).clamp(0, 1).numpy()
+        predicted = model(batch, torch.float32).clamp(0, 1).numpy()
     return batch.coverage.ravel(), batch.luminance.ravel(), predicted[..., 0].ravel(), predicted[..., 1].ravel()
 
 
