@@ -20,7 +20,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--views", type=int, default=8, help="views per voxel: more are faster to learn from, less diverse"
     )
-    parser.add_argument("--least-level", type=int, default=4, help="coarsest level of voxels that is used")
+    parser.add_argument("--least-level", type=int, default=5, help="coarsest level of voxels that is used")
     parser.add_argument("--held-out", type=float, default=0.05, help="share of each scene kept for validation")
     return parser
 

@@ -18,12 +18,12 @@ from ..patchnet_addon.errors import PatchNetError
 from ..patchnet_addon.kernels import device, kernel
 from ..patchnet_addon.octree.octree import Octree
 from ..patchnet_addon.progress import Progress, Steps
-from .voxel_choice import choose_voxels, held_out_voxels
+from .voxel_choice import choose_voxels, held_out_voxels, usable_nodes
 
 VIEW_FIELDS = 12  # entry 3, direction 3, up 3, ratio, coverage, luminance
 _UNIT, _SIGNED = 65535.0, 32767.0
 _ATTEMPTS = 400  # per voxel and view; a voxel that is hidden from nearly everywhere is left out
-_CHUNK = 16384
+_CHUNK = 32768
 COVERAGE_SCALE = 4096.0
 
 
@@ -36,7 +36,7 @@ class SampleSettings:
     """
 
     views: int = 8
-    least_level: int = 4
+    least_level: int = 5
     held_out: float = 0.05
     first_hit: bool = True
     seed: int = 0
@@ -64,12 +64,13 @@ def draw_samples(
     Raises PatchNetError if no voxel of the octree has look-ahead below `settings.least_level`.
     """
     random = np.random.default_rng(settings.seed)
+    nodes = usable_nodes(octree, settings.least_level)
     groups = -(-count // settings.views)
     found: list[Samples] = []
     done, number = 0, 0
     barren = 0
     while done < groups:
-        voxels = choose_voxels(octree, min(_CHUNK, groups - done + 64), settings.least_level, random)
+        voxels = choose_voxels(octree, nodes, min(_CHUNK, groups - done + 64), random)
         outside, inside = held_out_voxels(octree, voxels, settings.held_out, settings.seed)
         voxels, is_held_out = voxels[outside | inside], inside[outside | inside]
         views, good = _views(octree, voxels, settings, number)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..patchnet_addon.errors import PatchNetError
+from ..patchnet_addon.octree.grid import morton_decode
 from ..patchnet_addon.octree.octree import LOOK_AHEAD, Octree
 
 BLOCK_LEVEL = 3  # spatial blocks for validation are the cells of this level
@@ -13,7 +14,7 @@ _REPEATS = 16  # a level is drawn from at most this often per voxel it has, howe
 
 
 def usable_nodes(octree: Octree, least_level: int) -> dict[int, np.ndarray]:
-    """Nodes (n,) int64 with look-ahead, by level.
+    """Nodes (n,) int64 with look-ahead by level, counted from the level's first.
 
     Raises PatchNetError if there are none.
     """
@@ -31,16 +32,16 @@ def usable_nodes(octree: Octree, least_level: int) -> dict[int, np.ndarray]:
     return nodes
 
 
-def choose_voxels(octree: Octree, count: int, least_level: int, random: np.random.Generator) -> np.ndarray:
-    """Voxels (count, 4) uint16 level, x, y, z in random order: half uniform over voxels, half uniform over levels."""
-    nodes = usable_nodes(octree, least_level)
+def choose_voxels(octree: Octree, nodes: dict[int, np.ndarray], count: int, random: np.random.Generator) -> np.ndarray:
+    """Voxels (count, 4) uint16 level, x, y, z of `nodes` by level, in random order: half uniform over voxels, half
+    uniform over levels."""
     sizes = np.array([len(here) for here in nodes.values()], np.int64)
     shares = np.minimum(count // (2 * len(nodes)), _REPEATS * sizes)
     shares = shares + random.multinomial(count - shares.sum(), sizes / sizes.sum())
     parts = []
     for (level, here), share in zip(nodes.items(), shares, strict=True):
         picked = here[random.integers(0, len(here), share)]
-        cells = octree.cells(level)[picked]
+        cells = morton_decode(octree.keys(level)[picked])
         parts.append(np.column_stack([np.full(share, level), cells]).astype(np.uint16))
     return random.permutation(np.concatenate(parts))
 
