@@ -19,17 +19,19 @@ _AUTO_DIRECTION = np.array([0.62, -1.0, 0.48])  # from the scene to the camera: 
 _AUTO_FOV = np.radians(50.0)
 
 
-def camera_size_px(scene: bpy.types.Scene, size: tuple[int, int] | None = None) -> tuple[int, int]:
-    """Width and height of pictures: `size`, or the scene's render resolution with its percentage."""
-    if size is not None:
-        return size
+def camera_size_px(scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> tuple[int, int]:
+    """Width and height of pictures: `size`, where a 0 follows the render aspect; (0, 0) is the render resolution."""
     render = scene.render
     scale = render.resolution_percentage / 100.0
-    return max(1, int(render.resolution_x * scale)), max(1, int(render.resolution_y * scale))
+    full = max(1, int(render.resolution_x * scale)), max(1, int(render.resolution_y * scale))
+    if not any(size):
+        return full
+    width, height = size
+    return width or max(1, round(height * full[0] / full[1])), height or max(1, round(width * full[1] / full[0]))
 
 
-def tracing_camera(camera: bpy.types.Object, scene: bpy.types.Scene, size: tuple[int, int] | None = None) -> Camera:
-    """The view that Blender renders through an evaluated camera object, at `size` (width, height) in pixels.
+def tracing_camera(camera: bpy.types.Object, scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> Camera:
+    """The view that Blender renders through an evaluated camera object, at a size as in `camera_size_px`.
 
     Sensor fit, shift and pixel aspect follow Blender; the object's scale does not matter, as in Blender.
     Raises SceneError for panoramic cameras and for objects that are no cameras.
@@ -107,7 +109,7 @@ def framing_cameras(bounds_world: np.ndarray, size: tuple[int, int]) -> list[Cam
 def choose_cameras(
     depsgraph: bpy.types.Depsgraph,
     names: Sequence[str],
-    size: tuple[int, int] | None,
+    size: tuple[int, int],
     bounds_world: np.ndarray,
 ) -> list[Camera]:
     """Cameras by name; `all` are those of the scene, `auto` frames the bounds, nothing means the active camera.

@@ -42,3 +42,15 @@ def drain(steps: Steps[Result], on_progress: Callable[[Progress], None] | None =
         return stop.value
     finally:
         steps.close()
+
+
+def labelled(steps: Steps[Result], text: str) -> Steps[Result]:
+    """The same steps under another label; `{}` in `text` stands for their own."""
+    try:
+        while True:
+            report = next(steps)
+            yield Progress(report.done, report.total, text.format(report.label))
+    except StopIteration as stop:
+        return stop.value
+    finally:
+        steps.close()

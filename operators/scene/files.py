@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 
@@ -40,7 +41,9 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
         return bpy.context.scene
     importer = _importer(path, extension)
     bpy.ops.wm.read_homefile(use_empty=True)
-    _run(path, importer, filepath=str(path.absolute()))
+    # Importers that write a line per mesh are asked for warnings only.
+    calm = {"loglevel": logging.WARNING} if "loglevel" in importer.get_rna_type().properties else {}
+    _run(path, importer, filepath=str(path.absolute()), **calm)
     scene = bpy.context.scene
     if not scene.objects:
         raise SceneError(f"Scene file {path} holds no object that Blender could import: it may be damaged or empty")

@@ -40,17 +40,20 @@ def heatmap(
     return _with_legend([view], [title or "priority"], lambda place: colormap(place, map_name), ticks, quantity)
 
 
-def overlay(luminance: np.ndarray, urgency: np.ndarray, budget: float) -> np.ndarray:
+def overlay(luminance: np.ndarray, urgency: np.ndarray, budget: float, *, title: str = "") -> np.ndarray:
     """The picture (H, W) with the pixels that a budget refines in red, redder is refined first (methods 3).
 
     `urgency`: (H, W), 1 for the first pixel, falling to 0 at the budget's end and beyond.
     """
-    ground = gray(luminance)
-    weight = np.where(urgency > 0, 0.35 + 0.6 * urgency, 0.0).astype(np.float32)[..., None]
-    view = magnify(ground * (1 - weight) + red_ramp(urgency) * weight)
     ticks = ["last", "", "", "", "first"]
     label = f"refined with a budget of {budget:.0%}"
-    return _with_legend([view], ["refinement order"], red_ramp, ticks, label)
+    return _with_legend([magnify(tint(luminance, urgency))], [title or "refinement order"], red_ramp, ticks, label)
+
+
+def tint(luminance: np.ndarray, urgency: np.ndarray) -> np.ndarray:
+    """The overlay alone, (H, W, 3), one pixel a pixel."""
+    weight = np.where(urgency > 0, 0.35 + 0.6 * urgency, 0.0).astype(np.float32)[..., None]
+    return gray(luminance) * (1 - weight) + red_ramp(urgency) * weight
 
 
 def error_picture(

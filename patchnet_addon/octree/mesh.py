@@ -63,9 +63,17 @@ class TriangleBatch:
 class MeshSource(Protocol):
     """A surface that can be read batch by batch, any number of times, always in the same order."""
 
-    materials: tuple[Material, ...]
-    bounds_world: np.ndarray  # (2, 3) float64
-    triangle_count: int
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """Materials that batches refer to."""
+
+    @property
+    def bounds_world(self) -> np.ndarray:
+        """(2, 3) float64, lowest and highest corner."""
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of all batches."""
 
     def batches(self) -> Iterator[TriangleBatch]:
         """All triangles."""

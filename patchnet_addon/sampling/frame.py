@@ -59,11 +59,14 @@ class Frame:
         return active_pixels(self.hit.reshape(self.height, self.width)).ravel()
 
     @property
-    def lookahead_share(self) -> float:
-        """Share of hit pixels whose voxel has real descendants to look at (methods 4.1b); 0 without a hit."""
-        if self.prediction is None or not self.hit.any():
-            return 0.0
-        return float(self.prediction.look_ahead[self.hit].mean())
+    def lookahead_share(self) -> float | None:
+        """Share of hit pixels whose voxel has real descendants to look at (methods 4.1b).
+
+        None without a prediction, 0 without a hit.
+        """
+        if self.prediction is None:
+            return None
+        return float(self.prediction.look_ahead[self.hit].mean()) if self.hit.any() else 0.0
 
     def picture(self, values: np.ndarray) -> np.ndarray:
         """Values (P,) or (P, C) of the pixels as a picture (H, W) or (H, W, C)."""

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 def expected_error(frame: Frame, patch: Prediction) -> np.ndarray:
     """s = |L_V - (sigma L_N + (1 - sigma) L_B)|, (P,) float32; 0 where the ray met nothing (methods 7.24)."""
+    assert frame.behind is not None  # `needs` says so
     seen = patch.coverage * patch.luminance + (1.0 - patch.coverage) * frame.behind
     return np.where(frame.hit, np.abs(frame.preview - seen), np.float32(0.0))
 

@@ -182,4 +182,4 @@ def test_empty_frame_has_no_error() -> None:
     hits = SimpleNamespace(height_px=4, width_px=4, hit=np.zeros(16, bool), luminance=np.zeros(16, np.float32))
     frame = Frame(hits=hits, reference=np.zeros(16, np.float32))
     assert mse_at(frame, np.zeros(16), [0.0, 0.5]).tolist() == [0.0, 0.0]
-    assert frame.lookahead_share == 0.0
+    assert frame.lookahead_share is None

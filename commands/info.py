@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet info FILE`: what an octree, codes or weights file holds."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from ..patchnet_addon.files import FileHeader
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
+    """Arguments of `patchnet info`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "info",
+        help="print what an octree, codes or weights file holds",
+        description="Print what an octree, codes or weights file holds. The whole file is read and checked.",
+    )
+    parser.add_argument("file", type=Path, help="a .safetensors file that PatchNet wrote")
+    parser.add_argument("--json", action="store_true", help="print the metadata as JSON")
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the file's contents; returns 0. Raises FileFormatError for foreign or damaged files."""
+    from ..patchnet_addon.files import read_arrays, read_header
+
+    header = read_header(args.file)
+    read_arrays(args.file, header.kind)  # compares every array with its checksum
+    if args.json:
+        print(json.dumps({"kind": header.kind, "metadata": header.metadata}, indent=2))
+        return 0
+    print(f"{args.file}: PatchNet {header.kind}, file version {header.schema_version}")
+    for line in _summary(header, args.file):
+        print(f"  {line}")
+    print("Arrays:")
+    for name, (dtype, shape) in header.arrays.items():
+        print(f"  {name:<20} {dtype} {'x'.join(str(extent) for extent in shape)}")
+    print("Metadata:")
+    for line in _lines(header.metadata):
+        print(f"  {line}")
+    return 0
+
+
+def _summary(header: FileHeader, path: Path) -> list[str]:
+    """The figures that a person asks for first."""
+    if header.kind == "octree":
+        from ..patchnet_addon.octree.file import load_octree
+
+        octree = load_octree(path)
+        share = octree.look_ahead().sum() / octree.node_count
+        return [
+            f"depth {octree.depth}, {octree.leaf_count:,} voxels of side {octree.grid.voxel_world:.4g}, "
+            f"{octree.node_count:,} nodes",
+            f"{octree.nbytes / 2**20:.1f} MiB of nodes, look-ahead at {share:.1%} of them",
+        ]
+    if header.kind == "weights":
+        from ..patchnet_addon.network.weights import load_weights
+
+        return [f"hash {load_weights(path).hash}"]
+    if header.kind == "codes":
+        codes, nodes = header.arrays["codes"][1], header.arrays["node_corners"][1]
+        return [f"{codes[0]:,} codes of {codes[1]} values for {nodes[0]:,} voxels with look-ahead"]
+    return []
+
+
+def _lines(values: dict[str, Any], indent: str = "") -> list[str]:
+    """Nested metadata as indented lines; long lists are counted instead of printed."""
+    lines: list[str] = []
+    for name, value in values.items():
+        if isinstance(value, dict):
+            lines += [f"{indent}{name}:", *_lines(value, indent + "  ")]
+        elif isinstance(value, list) and len(value) > 8:
+            lines.append(f"{indent}{name}: {len(value)} values")
+        else:
+            lines.append(f"{indent}{name}: {value}")
+    return lines

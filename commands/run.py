@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet run SCENE`: from a scene file to refined pictures, heatmaps and a report."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..patchnet_addon.errors import PatchNetError, SettingError
+
+if TYPE_CHECKING:
+    from ..operators.job.run import JobResult
+    from ..operators.job.settings import JobSettings
+
+DEFAULT_OUT = "out"
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
+    """Arguments of `patchnet run`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "run",
+        help="refine the views of a scene where a coarse picture is wrong",
+        description="Voxelize a scene, bake its light, look ahead with PatchNet, refine its views, and report errors.",
+    )
+    parser.add_argument("scene", type=Path, help=".blend, .glb, .gltf, .obj, .ply, .stl, .fbx or .usd file")
+    parser.add_argument("--scope", choices=("visible", "selected"), default="visible", help="which objects (visible)")
+    add_job_arguments(parser)
+    parser.add_argument("--out", type=Path, help="folder for the results (out/NAME-OF-SCENE)")
+    return parser
+
+
+def add_job_arguments(parser: argparse.ArgumentParser) -> None:
+    """The settings of a job, which `patchnet demo` shares."""
+    parser.add_argument(
+        "--depth", default="auto", help="octree depth, or auto: 95 %% look-ahead for all cameras (auto)"
+    )
+    parser.add_argument("--voxel-size", type=float, help="side of the finest voxels in world units, instead of a depth")
+    parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="light (cycles)")
+    parser.add_argument("--samples", type=int, default=8, help="Cycles samples per baked texel (8)")
+    parser.add_argument("--cameras", default="", help="names with commas between, all, or auto (the active camera)")
+    parser.add_argument(
+        "--size", type=int, nargs=2, default=(192, 192), metavar=("W", "H"),
+        help="pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution (192 192)",
+    )  # fmt: skip
+    parser.add_argument("--budget", type=float, default=0.3, help="share of active pixels to refine, 0 to 1 (0.3)")
+    parser.add_argument("--strategy", default="patchnet-behind", help="what is refined first (patchnet-behind)")
+    parser.add_argument("--heatmap-max", type=float, help="priority at the end of the heatmap's legend")
+    parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
+    parser.add_argument("--weights", type=Path, help="weights file instead of the one that is shipped")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the job and print its figures; returns 0. Raises PatchNetError."""
+    require_blender()
+    from ..operators.scene import open_scene
+
+    settings = job_settings(args, args.out or Path(DEFAULT_OUT) / args.scene.stem)
+    open_scene(args.scene)
+    print_result(run_with_bars(settings), settings)
+    return 0
+
+
+def require_blender() -> None:
+    """Raises PatchNetError that says what to install if Blender is not there as a Python module."""
+    try:
+        import bpy  # noqa: F401
+    except ImportError as cause:
+        raise PatchNetError(
+            f"Blender is not there as a Python module ({cause}): install patchnet-blender[blender] and the system "
+            "libraries that README names"
+        ) from cause
+
+
+def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
+    """Settings of a job from parsed arguments; raises SettingError for values outside their range."""
+    from ..operators.job.settings import SELECTED, VISIBLE, JobSettings
+
+    return JobSettings(
+        scope=SELECTED if getattr(args, "scope", "visible") == "selected" else VISIBLE,
+        depth=_depth(args.depth),
+        voxel_world=args.voxel_size,
+        light=args.light,
+        samples=args.samples,
+        cameras=tuple(name.strip() for name in args.cameras.split(",") if name.strip()),
+        size=tuple(args.size),
+        budget=args.budget,
+        strategy=args.strategy,
+        heatmap_maximum=args.heatmap_max,
+        colormap=args.colormap,
+        weights=args.weights,
+        out=out,
+    )
+
+
+def run_with_bars(settings: JobSettings) -> JobResult:
+    """Run the job on the scene that is open in Blender, with progress bars on stderr."""
+    import bpy
+
+    from ..operators.job.run import run_job
+    from ..patchnet_addon.progress import drain
+    from .progress_bars import ProgressBars
+
+    with ProgressBars() as bars:
+        return drain(run_job(bpy.context, settings), bars.show)
+
+
+def print_result(result: JobResult, settings: JobSettings) -> None:
+    """Warnings, the octree, and what is left of the error by strategy."""
+    for warning in result.warnings:
+        print(f"Note: {warning}")
+    octree = result.report["octree"]
+    print(
+        f"Octree: depth {octree['depth']}, {octree['leaves']:,} voxels, {octree['nodes']:,} nodes, "
+        f"{(octree['bytes'] + octree['codes_bytes']) / 2**20:.1f} MiB with codes"
+    )
+    for frame in result.report["frames"]:
+        width, height = frame["size"]
+        print(
+            f"{frame['camera']} {width} x {height}: look-ahead on {frame['lookahead_share']:.1%} of hits, "
+            f"error {frame['mse_unrefined']:.2e}, after refining {settings.budget:.0%} of {frame['active_pixels']}:"
+        )
+        for name, value in sorted(frame["mse"].items(), key=lambda item: item[1]):
+            marker = " <" if name == settings.strategy else ""
+            print(f"  {name:<24} {value:.2e}{marker}")
+    print(f"Results are in {settings.out}")
+
+
+def _depth(text: str) -> int | None:
+    if text == "auto":
+        return None
+    try:
+        return int(text)
+    except ValueError as cause:
+        raise SettingError(f"Depth {text!r} is neither a whole number nor 'auto'") from cause

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The light of the scene into the voxels."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..patchnet_addon.progress import Progress, Steps
+from . import results
+from .job.settings import JobSettings
+from .job.stages import lit_octree
+from .job_operator import JobOperator
+from .properties import LightProperties
+
+
+class PATCHNET_OT_bake_light(LightProperties, JobOperator, bpy.types.Operator):
+    """Bake the light that falls on the surface into the voxels"""
+
+    bl_idname = "patchnet.bake_light"
+    bl_label = "Bake Light"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """There must be voxels."""
+        result = results.result_of(context.scene)
+        if result is None or result.octree is None:
+            cls.poll_message_set("There are no voxels yet: run Voxelize first")
+            return False
+        return super().poll(context)
+
+    def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
+        """Read the surface again, light it, and build the octree on the same grid."""
+        from .scene import read_scene
+
+        before = results.result_of(context.scene)
+        yield Progress(0, 1, "Reading the scene")
+        source = read_scene(context.evaluated_depsgraph_get(), settings.scope)
+        octree, assumed = yield from lit_octree(context, source, before.octree.grid, settings)
+        results.keep(context.scene, results.SceneResult(octree=octree, light=settings.light))
+        for warning in assumed:
+            self.report({"WARNING"}, warning)
+        return f"{octree.leaf_count:,} voxels are lit ({settings.light})"
+
+
+CLASSES = (PATCHNET_OT_bake_light,)

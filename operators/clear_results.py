@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Memory back to the machine."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import results
+from .job_operator import JobOperator
+
+
+class PATCHNET_OT_clear_results(bpy.types.Operator):
+    """Free the memory that the octree and the codes of this scene take; pictures and files stay"""
+
+    bl_idname = "patchnet.clear_results"
+    bl_label = "Free Memory"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """There must be something to free, and nobody at work on it."""
+        if results.result_of(context.scene) is None:
+            cls.poll_message_set("There are no results to free")
+            return False
+        if JobOperator.running:
+            cls.poll_message_set(f"{JobOperator.running} is running: wait for it, or press Esc over the window")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Forget the scene's results."""
+        results.forget(context.scene)
+        return {"FINISHED"}
+
+
+CLASSES = (PATCHNET_OT_clear_results,)

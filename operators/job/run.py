@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The main job, from a scene to refined pictures and a report."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.codes.file import save_codes
+from ...patchnet_addon.network.weights import Weights
+from ...patchnet_addon.octree.file import save_octree
+from ...patchnet_addon.progress import Progress, Steps
+from ..cameras import choose_cameras
+from ..images import save_png
+from ..scene import read_scene
+from .output_folder import output_folder
+from .settings import JobSettings
+from .stages import choose_grid, encode, lit_octree, load_network
+from .stopwatch import Stopwatch
+from .versions import machine, versions
+from .views import View, overview, save_view, view
+
+REPORT_NAME = "report.json"
+OVERVIEW_NAME = "overview.png"
+
+
+@dataclass(frozen=True, eq=False)
+class JobResult:
+    """What a job made. warnings: sentences about what had to be assumed or left out."""
+
+    coded: CodedOctree
+    views: tuple[View, ...]
+    report: dict[str, Any]
+    warnings: tuple[str, ...]
+
+
+def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResult]:
+    """Read, voxelize, light and encode the scene, then look at it through every camera; write files if wanted.
+
+    The scene is as before afterwards, and nothing is written if a step fails. Raises PatchNetError.
+    """
+    with output_folder(settings.out) if settings.out else nullcontext() as folder:
+        weights = load_network(settings.weights)
+        watch = Stopwatch()
+        result = yield from _compute(context, settings, weights, watch)
+        if folder is not None:
+            yield Progress(0, 1, "Writing files")
+            _write(folder, result)
+    return result
+
+
+def _compute(context: bpy.types.Context, settings: JobSettings, weights: Weights, watch: Stopwatch) -> Steps[JobResult]:
+    with watch.stage("read"):
+        yield Progress(0, 1, "Reading the scene")
+        source = read_scene(context.evaluated_depsgraph_get(), settings.scope)
+        depsgraph = context.evaluated_depsgraph_get()
+        cameras = choose_cameras(depsgraph, settings.cameras, settings.size, source.bounds_world)
+    with watch.stage("depth"):
+        choice = yield from choose_grid(source, cameras, settings)
+    with watch.stage("light and voxelize"):
+        octree, assumed = yield from lit_octree(context, source, choice.grid, settings)
+    with watch.stage("codes"):
+        coded = yield from encode(octree, weights)
+    views = []
+    for camera in cameras:
+        with watch.stage("views"):
+            views.append((yield from view(coded, camera, settings, compare=True)))
+    warnings = (*source.warnings, *choice.warnings, *assumed)
+    report = job_report(coded, views, settings, watch.seconds, warnings)
+    return JobResult(coded, tuple(views), report, warnings)
+
+
+def job_report(
+    coded: CodedOctree,
+    views: Sequence[View],
+    settings: JobSettings,
+    timings_s: dict[str, float],
+    warnings: Sequence[str],
+) -> dict[str, Any]:
+    """Everything that was measured, as plain JSON values."""
+    octree = coded.octree
+    return {
+        "octree": {
+            "depth": octree.depth,
+            "nodes": octree.node_count,
+            "leaves": octree.leaf_count,
+            "bytes": octree.nbytes,
+            "voxel_world": octree.grid.voxel_world,
+            "codes": len(coded.codes),
+            "codes_bytes": coded.nbytes,
+        },
+        "timings_s": timings_s,
+        "frames": [item.report for item in views],
+        "strategy": settings.strategy,
+        "light": octree.provenance,
+        "warnings": list(warnings),
+        "weights": {"hash": coded.weights_hash} | _scalars(coded.weights.metadata),
+        "versions": versions(),
+        "machine": machine(),
+    }
+
+
+def _scalars(metadata: dict[str, Any]) -> dict[str, Any]:
+    """The metadata without curves and tables, which stand in the weights' model card."""
+    return {name: value for name, value in metadata.items() if isinstance(value, str | int | float)}
+
+
+def _write(folder: Path, result: JobResult) -> None:
+    save_octree(result.coded.octree, folder / "octree.safetensors")
+    save_codes(result.coded, folder / "codes.safetensors")
+    for item in result.views:
+        save_view(item, folder)
+    save_png(folder / OVERVIEW_NAME, overview(result.views))
+    text = json.dumps(result.report, indent=2, allow_nan=False)
+    (folder / REPORT_NAME).write_text(text + "\n", encoding="utf-8")

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All settings of a job as one value, checked when it is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...patchnet_addon.errors import SettingError
+from ...patchnet_addon.image.colormaps import COLORMAPS
+from ...patchnet_addon.octree.grid import MAX_DEPTH
+from ...patchnet_addon.sampling.registry import DEFAULT, strategy
+
+SELECTED = "SELECTED"
+VISIBLE = "VISIBLE"
+CYCLES = "cycles"
+TWO_LIGHTS = "two-lights"
+MAX_SIZE_PX = 16384
+
+
+@dataclass(frozen=True)
+class JobSettings:
+    """What to do with a scene.
+
+    scope: SELECTED objects or all VISIBLE renderable ones.
+    depth: of the octree; None chooses it by the cameras (methods 4.1b). voxel_world: leaf side instead of a depth.
+    light: "cycles" bakes global illumination with `samples` per texel, "two-lights" is methods 7.3.
+    cameras: names, or ("all",), or ("auto",); empty for the scene's active camera.
+    size: pictures in pixels; a height of 0 follows the render aspect, (0, 0) is the render resolution.
+    budget: share of active pixels to refine. heatmap_maximum: None takes the strategy's own.
+    weights: file; None for the shipped ones. out: folder for files; None writes none.
+    """
+
+    scope: str = VISIBLE
+    depth: int | None = None
+    voxel_world: float | None = None
+    light: str = CYCLES
+    samples: int = 8
+    cameras: tuple[str, ...] = ()
+    size: tuple[int, int] = (192, 0)
+    budget: float = 0.3
+    strategy: str = DEFAULT
+    heatmap_maximum: float | None = None
+    colormap: str = COLORMAPS[0]
+    weights: Path | None = None
+    out: Path | None = None
+
+    def __post_init__(self) -> None:
+        strategy(self.strategy)
+        if self.depth is not None and self.voxel_world is not None:
+            raise SettingError("Depth and voxel size are both given: choose one of them")
+        if self.depth is not None and not 1 <= self.depth <= MAX_DEPTH:
+            raise SettingError(f"Depth {self.depth} is outside 1 to {MAX_DEPTH}: choose a depth in this range")
+        if self.voxel_world is not None and not (np.isfinite(self.voxel_world) and self.voxel_world > 0):
+            raise SettingError(f"Voxel size {self.voxel_world} must be a positive length")
+        if self.light not in (CYCLES, TWO_LIGHTS):
+            raise SettingError(f"There is no light {self.light!r}: choose {CYCLES} or {TWO_LIGHTS}")
+        if self.samples < 1:
+            raise SettingError(f"{self.samples} samples per texel are too few: choose at least 1")
+        if not 0.0 <= self.budget <= 1.0:
+            raise SettingError(f"Budget {self.budget} is outside 0 to 1: give the share of active pixels to refine")
+        if self.heatmap_maximum is not None and not self.heatmap_maximum > 0:
+            raise SettingError(f"The heatmap's maximum {self.heatmap_maximum} must be a positive number")
+        if self.colormap not in COLORMAPS:
+            raise SettingError(f"There is no colour map {self.colormap!r}: choose one of {', '.join(COLORMAPS)}")
+        if min(self.size) < 0 or max(self.size) > MAX_SIZE_PX:
+            raise SettingError(f"Picture size {self.size[0]} x {self.size[1]} is outside 0 to {MAX_SIZE_PX} pixels")

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The stages of a job, each a function from the last one's result: surface, grid, lit octree, codes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.network.weights import Weights
+from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.octree.mesh import MeshSource, Shade
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.progress import Progress, Steps, labelled
+from ...patchnet_addon.tracing.camera import Camera
+from ..daylight import daylight, has_light
+from .settings import CYCLES, JobSettings
+from .versions import versions
+
+NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
+
+
+@dataclass(frozen=True)
+class GridChoice:
+    """The grid of the octree, and a sentence if it is not what the cameras need."""
+
+    grid: Grid
+    warnings: tuple[str, ...] = ()
+
+
+def choose_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
+    """Grid around the surface by the settings' depth or voxel size, else by the cameras (methods 4.1b).
+
+    Raises MemoryEstimateError, before anything is built, if a given depth would not fit.
+    """
+    from ...patchnet_addon.octree.depth import choose_depth, coarse_octree
+
+    coarse = yield from labelled(coarse_octree(source), "Finding the depth")
+    if settings.voxel_world is not None:
+        grid = Grid.with_voxel_size(source.bounds_world, settings.voxel_world)
+        choose_depth(coarse, cameras, grid.depth)
+        return GridChoice(grid)
+    choice = choose_depth(coarse, cameras, settings.depth)
+    warnings: tuple[str, ...] = ()
+    if choice.bounded_by_memory:
+        warnings = (
+            f"The cameras need depth {choice.wanted}, but memory allows {choice.depth}: "
+            "near surfaces will have no look-ahead; choose smaller pictures or fewer objects",
+        )
+    return GridChoice(Grid.around(source.bounds_world, choice.depth), warnings)
+
+
+def unlit_octree(source: MeshSource, grid: Grid, settings: JobSettings) -> Steps[Octree]:
+    """Octree whose luminance is the surface's own colour, before any light is baked."""
+    from ...patchnet_addon.light.albedo import albedo_shade
+
+    return (yield from _build(source, grid, albedo_shade(source), settings, light="none"))
+
+
+def lit_octree(
+    context: bpy.types.Context, source: MeshSource, grid: Grid, settings: JobSettings
+) -> Steps[tuple[Octree, tuple[str, ...]]]:
+    """Octree with the light of the settings, and sentences about what had to be assumed."""
+    from ...patchnet_addon.light.two_lights import two_lights_shade
+
+    if settings.light != CYCLES:
+        octree = yield from _build(source, grid, two_lights_shade(source), settings, light=settings.light)
+        return octree, ()
+    from ...patchnet_addon.light.atlas import atlas_shade
+    from ..bake import bake_luminance
+
+    lit = has_light(context.evaluated_depsgraph_get())
+    with nullcontext() if lit else daylight(context.scene):
+        atlas = yield from bake_luminance(context, source, grid.voxel_world, settings.samples)
+    octree = yield from _build(source, grid, atlas_shade(atlas, source), settings, light=settings.light)
+    return octree, () if lit else (NO_LIGHT,)
+
+
+def _build(source: MeshSource, grid: Grid, shade: Shade, settings: JobSettings, light: str) -> Steps[Octree]:
+    from ...patchnet_addon.octree.build import build_octree
+
+    return (yield from build_octree(source, grid, shade, provenance=_provenance(source, settings, light)))
+
+
+def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[str, Any]:
+    """How an octree was made. The scene's file is named without its folder: results are passed on."""
+    values = {
+        "file": Path(bpy.data.filepath).name,
+        "scene": bpy.context.scene.name,
+        "triangles": source.triangle_count,
+        "scope": settings.scope,
+        "light": light,
+        "versions": versions(),
+    }
+    return values | ({"samples": settings.samples} if light == CYCLES else {})
+
+
+def load_network(path: Path | None) -> Weights:
+    """The weights of the settings, or the shipped ones; raises WeightsFileError."""
+    from ...patchnet_addon.network.weights import load_weights
+
+    return load_weights(path)
+
+
+def encode(octree: Octree, weights: Weights) -> Steps[CodedOctree]:
+    """Codes for all voxels with look-ahead."""
+    from ...patchnet_addon.codes.encode import encode_octree
+
+    yield Progress(0, 1, "Encoding")
+    return (yield from encode_octree(octree, weights))

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One camera's view of a lit and coded octree: its frame, its pictures, its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.image.colormaps import colormap
+from ...patchnet_addon.image.contact_sheet import contact_sheet
+from ...patchnet_addon.image.heatmap import error_picture, heatmap, overlay, tint
+from ...patchnet_addon.image.tone import gray
+from ...patchnet_addon.progress import Steps, labelled
+from ...patchnet_addon.sampling.errors import mse_at
+from ...patchnet_addon.sampling.frame import Frame
+from ...patchnet_addon.sampling.refine import refine, refined_picture, urgency
+from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
+from ...patchnet_addon.sampling.report import frame_report
+from ...patchnet_addon.sampling.trace import trace_frame
+from ...patchnet_addon.tracing.camera import Camera
+from ..images import save_exr, save_png, show_image
+from .settings import JobSettings
+
+ERROR_MAXIMUM = 0.5  # luminance error at the end of the error picture's legend
+
+# File and Blender image of each picture, in the order in which a person would look at them.
+PICTURES = {
+    "preview": "PatchNet Preview",
+    "heatmap": "PatchNet Heatmap",
+    "overlay": "PatchNet Overlay",
+    "refined": "PatchNet Refined",
+    "reference": "PatchNet Reference",
+    "error": "PatchNet Error",
+}
+PRIORITY_IMAGE = "PatchNet Refinement"
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A camera's result.
+
+    priority: (H, W) float32, raw scores of `strategy`. pictures: name -> (h, w, 3) encoded colours; those of PICTURES,
+    and "priority" and "order", which are the heatmap and the overlay without legend. report: figures.
+    """
+
+    camera: Camera
+    strategy: str
+    frame: Frame
+    priority: np.ndarray
+    pictures: dict[str, np.ndarray]
+    report: dict[str, Any]
+
+
+def view(coded: CodedOctree, camera: Camera, settings: JobSettings, *, compare: bool) -> Steps[View]:
+    """Preview, priority, refinement, reference and errors of one camera.
+
+    compare: measure all strategies, the exact oracles too, not only the chosen one.
+    """
+    chosen = strategy(settings.strategy)
+    strategies = list(STRATEGIES.values()) if compare else [chosen, STRATEGIES["optimal"]]
+    steps = trace_frame(coded.octree, camera, strategies, coded=coded)
+    frame = yield from labelled(steps, f"{camera.name}: {{}}")
+    report = frame_report(frame, camera.name, settings.budget, strategies)
+    score = chosen.scores(frame)
+    pictures = _pictures(frame, score, settings, camera.name)
+    return View(camera, settings.strategy, frame, frame.picture(score), pictures, report)
+
+
+def _pictures(frame: Frame, score: np.ndarray, settings: JobSettings, name: str) -> dict[str, np.ndarray]:
+    """What a person looks at; those with a legend are magnified, the others are as many pixels as the camera has."""
+    assert frame.reference is not None
+    chosen = strategy(settings.strategy)
+    refined = refined_picture(frame, refine(frame, score, settings.budget))
+    before, after = (np.abs(values - frame.reference) for values in (frame.preview, refined))
+    unrefined, left = mse_at(frame, score, [0.0, settings.budget])
+    picture, colors = frame.picture, settings.colormap
+    maximum = settings.heatmap_maximum or chosen.maximum
+    preview, first = picture(frame.preview), picture(urgency(frame, score, settings.budget))
+    return {
+        "preview": gray(preview),
+        "priority": colormap(picture(score) / np.float32(maximum), colors),
+        "heatmap": heatmap(picture(score), maximum, chosen.quantity, map_name=colors, title=f"{name}: {chosen.name}"),
+        "order": tint(preview, first),
+        "overlay": overlay(preview, first, settings.budget, title=f"{name}: order of refinement"),
+        "refined": gray(picture(refined)),
+        "reference": gray(picture(frame.reference)),
+        "error": error_picture(picture(before), picture(after), ERROR_MAXIMUM, (unrefined, left), map_name=colors),
+    }
+
+
+def overview(views: Sequence[View]) -> np.ndarray:
+    """All cameras in one picture: a row each, from the preview to the reference."""
+    columns = ("preview", "priority", "order", "refined", "reference")
+    rows = [[item.pictures[name] for name in columns] for item in views]
+    names = []
+    for item in views:
+        left = item.report["mse"][item.strategy]
+        names.append(f"{item.camera.name}: mse {item.report['mse_unrefined']:.5f} -> {left:.5f}")
+    titles = ("preview", "priority", "refined first: red", "refined", "reference")
+    return contact_sheet(rows, names, titles)
+
+
+def show_view(result: View) -> None:
+    """Put the view's pictures into Blender's images."""
+    for name, image in PICTURES.items():
+        show_image(image, result.pictures[name])
+    show_image(PRIORITY_IMAGE, result.priority, raw=True)
+
+
+def save_view(result: View, folder: Path) -> None:
+    """Write the view's pictures into a folder named after its camera."""
+    target = folder / (bpy.path.clean_name(result.camera.name) or "camera")
+    target.mkdir()
+    for name in PICTURES:
+        save_png(target / f"{name}.png", result.pictures[name])
+    save_exr(target / "priority.exr", result.priority)

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sidebar tab PatchNet. Drawing reads settings and summaries, and computes nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import bpy
+
+from . import results
+from .job_operator import JobOperator
+
+_STALE = {
+    "surface": "Objects changed since: voxelize again",
+    "light": "Light or materials changed since: bake again",
+}
+
+
+if TYPE_CHECKING:
+    _Panel = bpy.types.Panel
+else:
+    _Panel = object  # Blender wants its own class among the direct bases of each panel
+
+
+class _Tab(_Panel):
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "PatchNet"
+
+
+class PATCHNET_PT_main(_Tab, bpy.types.Panel):
+    """Everything in one click, and the state of the result."""
+
+    bl_label = "PatchNet"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The button that does everything, and where files go."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.operator("patchnet.run_all", icon="PLAY")
+        layout.prop(context.scene.patchnet, "out")
+        if JobOperator.running:
+            layout.label(text=f"{JobOperator.running}: Esc stops", icon="TIME")
+
+
+class _Step(_Tab):
+    """A sub-panel of one operator and its settings."""
+
+    bl_parent_id = "PATCHNET_PT_main"
+    operator = ""
+    settings: tuple[str, ...] = ()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Settings, then the button."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        values = context.scene.patchnet
+        for name in self.visible_settings(values):
+            layout.prop(values, name)
+        layout.operator(self.operator)
+
+    def visible_settings(self, _values: bpy.types.PropertyGroup) -> tuple[str, ...]:
+        """Settings that matter with the present values."""
+        return self.settings
+
+
+class PATCHNET_PT_voxelize(_Step, bpy.types.Panel):
+    """Objects and resolution."""
+
+    bl_label = "1  Voxels"
+    operator = "patchnet.voxelize"
+
+    def visible_settings(self, values: bpy.types.PropertyGroup) -> tuple[str, ...]:
+        """Depth and voxel size exclude each other."""
+        chosen = {"DEPTH": ("depth",), "VOXEL_SIZE": ("voxel_size",), "AUTO": ()}[values.resolution]
+        return ("scope", "resolution", *chosen)
+
+
+class PATCHNET_PT_light(_Step, bpy.types.Panel):
+    """Light and samples."""
+
+    bl_label = "2  Light"
+    operator = "patchnet.bake_light"
+
+    def visible_settings(self, values: bpy.types.PropertyGroup) -> tuple[str, ...]:
+        """Samples are for Cycles."""
+        return ("light", "samples") if values.light == "cycles" else ("light",)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The step, and what baking leaves out."""
+        super().draw(context)
+        self.layout.label(text="Gloss is not baked: it depends on the view", icon="INFO")
+
+
+class PATCHNET_PT_codes(_Step, bpy.types.Panel):
+    """Weights."""
+
+    bl_label = "3  Look-Ahead"
+    operator = "patchnet.precompute_codes"
+    settings = ("weights",)
+    bl_options = {"DEFAULT_CLOSED"}
+
+
+class PATCHNET_PT_view(_Step, bpy.types.Panel):
+    """Cameras, strategy and budget."""
+
+    bl_label = "4  Views"
+    operator = "patchnet.render_preview"
+    settings = ("cameras", "size", "strategy", "budget", "heatmap_maximum")
+
+
+class PATCHNET_PT_result(_Tab, bpy.types.Panel):
+    """State of the result."""
+
+    bl_label = "Result"
+    bl_parent_id = "PATCHNET_PT_main"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """What is there, and what does not fit the scene any more."""
+        layout = self.layout
+        result = results.result_of(context.scene)
+        if result is None:
+            layout.label(text="Nothing computed yet")
+            return
+        column = layout.column(align=True)
+        for line in result.summary:
+            column.label(text=line)
+        for name in sorted(result.stale):
+            layout.label(text=_STALE[name], icon="ERROR")
+        layout.operator("patchnet.clear_results", icon="TRASH")
+
+
+CLASSES = (
+    PATCHNET_PT_main,
+    PATCHNET_PT_voxelize,
+    PATCHNET_PT_light,
+    PATCHNET_PT_codes,
+    PATCHNET_PT_view,
+    PATCHNET_PT_result,
+)

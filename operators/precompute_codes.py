@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the network sees ahead, once for every corner of every voxel."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import bpy
+
+from ..patchnet_addon.progress import Steps
+from . import results
+from .job.settings import JobSettings
+from .job.stages import encode, load_network
+from .job_operator import JobOperator
+from .properties import CodesProperties
+
+
+class PATCHNET_OT_precompute_codes(CodesProperties, JobOperator, bpy.types.Operator):
+    """Encode what lies two levels below every voxel, so that views can be judged at once"""
+
+    bl_idname = "patchnet.precompute_codes"
+    bl_label = "Precompute Codes"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """There must be voxels."""
+        result = results.result_of(context.scene)
+        if result is None or result.octree is None:
+            cls.poll_message_set("There are no voxels yet: run Voxelize first")
+            return False
+        return super().poll(context)
+
+    def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
+        """Load the weights, encode, keep the codes beside the octree."""
+        before = results.result_of(context.scene)
+        coded = yield from encode(before.octree, load_network(settings.weights))
+        results.keep(context.scene, replace(before, coded=coded, lookahead_share=None))
+        return f"{len(coded.codes):,} codes for {len(coded.node_corners):,} voxels with look-ahead"
+
+
+CLASSES = (PATCHNET_OT_precompute_codes,)

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What belongs to a person or a machine rather than to a scene."""
+
+from __future__ import annotations
+
+import logging
+import os
+from dataclasses import dataclass
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+
+from ..patchnet_addon.image.colormaps import COLORMAPS
+
+ROOT_PACKAGE = __package__.rpartition(".")[0]  # "patchnet", or "bl_ext.<repository>.patchnet" in Blender
+LOG = logging.getLogger("patchnet")
+_LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
+
+
+class PatchNetPreferences(bpy.types.AddonPreferences):
+    """Shown under Edit > Preferences > Add-ons."""
+
+    bl_idname = ROOT_PACKAGE
+
+    cache_folder: StringProperty(
+        name="Cache Folder",
+        description="Folder for compiled kernels; empty for the extension's own. Counts from the next start of Blender",
+        subtype="DIR_PATH",
+    )
+    colormap: EnumProperty(
+        name="Colour Map",
+        description="Colours of the heatmap and the error picture",
+        items=[(name, name.capitalize(), "") for name in COLORMAPS],
+        default=COLORMAPS[0],
+    )
+    log_level: EnumProperty(
+        name="Log Level",
+        description="What is written to the terminal",
+        items=[(name, name.capitalize(), "") for name in _LEVELS],
+        default="WARNING",
+    )
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Three rows."""
+        layout = self.layout
+        layout.use_property_split = True
+        for name in ("cache_folder", "colormap", "log_level"):
+            layout.prop(self, name)
+
+
+@dataclass(frozen=True)
+class Preferences:
+    """Preferences as plain values; the defaults hold where PatchNet is a package and no add-on."""
+
+    cache_folder: str = ""
+    colormap: str = COLORMAPS[0]
+    log_level: str = "WARNING"
+
+
+def preferences(context: bpy.types.Context) -> Preferences:
+    """The person's preferences."""
+    addon = context.preferences.addons.get(ROOT_PACKAGE)
+    if addon is None or addon.preferences is None:
+        return Preferences()
+    values = addon.preferences
+    return Preferences(values.cache_folder, values.colormap, values.log_level)
+
+
+def apply_preferences(context: bpy.types.Context) -> None:
+    """Set log level and cache folder; the folder must be known before the first kernel is imported."""
+    chosen = preferences(context)
+    LOG.setLevel(chosen.log_level)
+    folder = bpy.path.abspath(chosen.cache_folder) if chosen.cache_folder else ""
+    if not folder and ROOT_PACKAGE.startswith("bl_ext."):
+        folder = bpy.utils.extension_path_user(ROOT_PACKAGE, path="cache", create=True)
+    if folder:
+        os.environ.setdefault("PATCHNET_CACHE", folder)
+
+
+def register() -> None:
+    """Make the preferences known."""
+    bpy.utils.register_class(PatchNetPreferences)
+
+
+def unregister() -> None:
+    """Forget them."""
+    bpy.utils.unregister_class(PatchNetPreferences)

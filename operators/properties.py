@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every setting once: as the scene's settings, and as properties of the operators that use it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, IntProperty, IntVectorProperty, PointerProperty, StringProperty
+
+from ..patchnet_addon.errors import SettingError
+from ..patchnet_addon.octree.grid import MAX_DEPTH
+from ..patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
+from .job.settings import CYCLES, SELECTED, TWO_LIGHTS, VISIBLE, JobSettings
+from .preferences import preferences
+
+_STRATEGY_ITEMS = [(item.name, item.title, item.description) for item in STRATEGIES.values()]
+
+
+class VoxelizeProperties:
+    """What is voxelized, and how finely."""
+
+    scope: EnumProperty(
+        name="Objects",
+        description="Which objects are voxelized",
+        items=[
+            ("AUTO", "Automatic", "Selected objects in a window, all visible ones in background"),
+            (SELECTED, "Selected", "Selected objects"),
+            (VISIBLE, "Visible", "All objects that are visible and rendered"),
+        ],
+        default="AUTO",
+    )
+    resolution: EnumProperty(
+        name="Resolution",
+        description="How the side of the finest voxels is found",
+        items=[
+            ("AUTO", "By Cameras", "The smallest depth at which the cameras see two levels ahead nearly everywhere"),
+            ("DEPTH", "Depth", "A number of levels: every level halves the voxels"),
+            ("VOXEL_SIZE", "Voxel Size", "A length in the scene's units"),
+        ],
+        default="AUTO",
+    )
+    depth: IntProperty(name="Depth", description="Levels of the octree", default=9, min=1, max=MAX_DEPTH)
+    voxel_size: FloatProperty(
+        name="Voxel Size", description="Side of the finest voxels", default=0.01, min=1e-6, unit="LENGTH", precision=4
+    )
+    cameras: StringProperty(
+        name="Cameras",
+        description="Names with commas between, 'all', or 'auto' to frame the scene; empty for the active camera",
+    )
+    size: IntVectorProperty(
+        name="Picture Size",
+        description="Pixels of the pictures; 0 follows the render aspect, twice 0 is the render resolution",
+        size=2,
+        default=(192, 0),
+        min=0,
+        max=16384,
+    )
+
+
+class LightProperties:
+    """Where luminance comes from."""
+
+    light: EnumProperty(
+        name="Light",
+        description="Where the luminance of the voxels comes from",
+        items=[
+            (CYCLES, "Cycles", "Direct and indirect light, emission and textures, baked by Cycles"),
+            (TWO_LIGHTS, "Two Lights", "Two opposite lights without shadows, as in the paper; takes no time"),
+        ],
+        default=CYCLES,
+    )
+    samples: IntProperty(
+        name="Samples", description="Cycles samples of each baked texel", default=8, min=1, soft_max=256, max=65536
+    )
+
+
+class CodesProperties:
+    """Which network looks ahead."""
+
+    weights: StringProperty(
+        name="Weights", description="Weights file; empty for the one that is shipped", subtype="FILE_PATH"
+    )
+
+
+class ViewProperties:
+    """What is refined first, and how it is shown."""
+
+    strategy: EnumProperty(name="Strategy", description="What is refined first", items=_STRATEGY_ITEMS, default=DEFAULT)
+    budget: FloatProperty(
+        name="Budget", description="Share of active pixels to refine", default=0.3, min=0.0, max=1.0, subtype="FACTOR"
+    )
+    heatmap_maximum: FloatProperty(
+        name="Heatmap Maximum",
+        description="Priority at the end of the heatmap's legend; 0 takes the strategy's own",
+        default=0.0,
+        min=0.0,
+    )
+
+
+class OutputProperties:
+    """Where files go."""
+
+    out: StringProperty(
+        name="Output", description="Folder for pictures, octree and report; empty writes none", subtype="DIR_PATH"
+    )
+
+
+class PatchNetSettings(
+    VoxelizeProperties,
+    LightProperties,
+    CodesProperties,
+    ViewProperties,
+    OutputProperties,
+    bpy.types.PropertyGroup,
+):
+    """Settings that a scene remembers; operators use them for whatever is not given to themselves."""
+
+
+def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> JobSettings:
+    """Settings of a job: the operator's properties where they are set, else the scene's.
+
+    Raises SettingError for values that contradict each other or lie outside their range.
+    """
+
+    def value(name: str) -> Any:
+        given = name in operator.bl_rna.properties and operator.properties.is_property_set(name)
+        return getattr(operator if given else context.scene.patchnet, name)
+
+    resolution = _resolution(operator, value("resolution"))
+    scope = value("scope")
+    if scope == "AUTO":
+        scope = VISIBLE if bpy.app.background else SELECTED
+    return JobSettings(
+        scope=scope,
+        depth=value("depth") if resolution == "DEPTH" else None,
+        voxel_world=value("voxel_size") if resolution == "VOXEL_SIZE" else None,
+        light=value("light"),
+        samples=value("samples"),
+        cameras=tuple(name.strip() for name in value("cameras").split(",") if name.strip()),
+        size=(value("size")[0], value("size")[1]),
+        budget=value("budget"),
+        strategy=value("strategy"),
+        heatmap_maximum=value("heatmap_maximum") or None,
+        colormap=preferences(context).colormap,
+        weights=_path(value("weights")),
+        out=_path(value("out")),
+    )
+
+
+def _resolution(operator: bpy.types.Operator, resolution: str) -> str:
+    """A depth or voxel size that is given to an operator counts, without naming the resolution too."""
+    given = [
+        name
+        for name in ("resolution", "depth", "voxel_size")
+        if name in operator.bl_rna.properties and operator.properties.is_property_set(name)
+    ]
+    if "resolution" in given or not given:
+        return resolution
+    if len(given) == 2:
+        raise SettingError("Depth and voxel size are both given: choose one of them")
+    return given[0].upper()
+
+
+def _path(text: str) -> Path | None:
+    """Absolute path of a text that may begin with // for the folder of the .blend file; None for an empty one."""
+    if not text:
+        return None
+    if text.startswith("//") and not bpy.data.filepath:
+        raise SettingError(f"Path '{text}' is relative to the .blend file: save the file first")
+    return Path(bpy.path.abspath(text)).absolute()
+
+
+def register() -> None:
+    """Give scenes their settings."""
+    bpy.utils.register_class(PatchNetSettings)
+    bpy.types.Scene.patchnet = PointerProperty(type=PatchNetSettings)
+
+
+def unregister() -> None:
+    """Take the settings away."""
+    del bpy.types.Scene.patchnet
+    bpy.utils.unregister_class(PatchNetSettings)

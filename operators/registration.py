@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Registration in a fixed order, unregistration in the exact reverse."""
+
+from __future__ import annotations
+
+import atexit
+
+import bpy
+
+from . import (
+    bake_light,
+    clear_results,
+    panel,
+    precompute_codes,
+    preferences,
+    properties,
+    render_preview,
+    results,
+    run_all,
+    voxelize,
+)
+
+_BEFORE = (preferences, properties, results)  # have register() and unregister() of their own
+_CLASSES = tuple(
+    item
+    for module in (voxelize, bake_light, precompute_codes, render_preview, run_all, clear_results, panel)
+    for item in module.CLASSES
+)
+
+
+def register() -> None:
+    """Make everything known to Blender."""
+    for module in _BEFORE:
+        module.register()
+    for item in _CLASSES:
+        bpy.utils.register_class(item)
+    # Blender disables its extensions before it exits; as a Python module it does not, and then hangs on what is left.
+    atexit.register(unregister)
+
+
+def unregister() -> None:
+    """Forget everything, last first."""
+    atexit.unregister(unregister)
+    for item in reversed(_CLASSES):
+        bpy.utils.unregister_class(item)
+    for module in reversed(_BEFORE):
+        module.unregister()

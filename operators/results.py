@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What was computed for each scene, and whether it still fits the scene. Held in memory, dropped with the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import bpy
+from bpy.app.handlers import persistent
+
+if TYPE_CHECKING:
+    from ..patchnet_addon.codes.coded_octree import CodedOctree
+    from ..patchnet_addon.octree.octree import Octree
+
+# Object types whose change changes the surface that was voxelized.
+_SURFACE_TYPES = frozenset({"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "EMPTY", "POINTCLOUD", "VOLUME"})
+
+
+@dataclass
+class SceneResult:
+    """The steps that are done for a scene; each is None until it ran.
+
+    light: "none" while the octree shows the surface's own colour, else the light that was baked.
+    stale: the steps whose input changed since: "surface", "light".
+    summary: lines for the panel, written when a step ends, so that drawing computes nothing.
+    """
+
+    octree: Octree | None = None
+    light: str = "none"
+    coded: CodedOctree | None = None
+    lookahead_share: float | None = None
+    stale: set[str] = field(default_factory=set)
+    summary: list[str] = field(default_factory=list)
+
+
+_results: dict[int, SceneResult] = {}
+_quiet = 0
+
+
+def result_of(scene: bpy.types.Scene) -> SceneResult | None:
+    """What is there for `scene`."""
+    return _results.get(scene.session_uid)
+
+
+def keep(scene: bpy.types.Scene, result: SceneResult) -> None:
+    """Replace what is there for `scene`."""
+    result.summary = _summary(result)
+    _results[scene.session_uid] = result
+
+
+def forget(scene: bpy.types.Scene) -> None:
+    """Free the memory that results of `scene` take."""
+    _results.pop(scene.session_uid, None)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Changes within the block are our own and are undone in it: they make nothing stale."""
+    global _quiet
+    _quiet += 1
+    try:
+        yield
+    finally:
+        bpy.context.view_layer.update()
+        _quiet -= 1
+
+
+def _summary(result: SceneResult) -> list[str]:
+    octree = result.octree
+    if octree is None:
+        return []
+    lines = [
+        f"Depth {octree.depth}, voxel side {octree.grid.voxel_world:.4g}",
+        f"{octree.leaf_count:,} voxels, {octree.node_count:,} nodes",
+        f"{(octree.nbytes + (result.coded.nbytes if result.coded else 0)) / 2**20:.1f} MiB",
+        {"none": "Light: none, the surface's own colour"}.get(result.light, f"Light: {result.light}"),
+    ]
+    if result.coded is not None:
+        lines.append(f"{len(result.coded.codes):,} codes")
+    if result.lookahead_share is not None:
+        lines.append(f"Look-ahead on {result.lookahead_share:.1%} of hits")
+    return lines
+
+
+@persistent
+def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Mark results stale whose surface or light was changed by the person."""
+    result = _results.get(scene.session_uid)
+    if result is None or _quiet:
+        return
+    for update in depsgraph.updates:
+        item = update.id
+        if isinstance(item, bpy.types.Object):
+            moved = update.is_updated_geometry or update.is_updated_transform
+            if moved and item.type in _SURFACE_TYPES:
+                result.stale.add("surface")
+            elif item.type in {"LIGHT", "LIGHT_PROBE"}:
+                result.stale.add("light")
+        elif isinstance(item, bpy.types.Material | bpy.types.World | bpy.types.Light):
+            result.stale.add("light")
+
+
+@persistent
+def _on_load(_path: str) -> None:
+    _results.clear()
+
+
+def register() -> None:
+    """Listen to changes of scenes."""
+    bpy.app.handlers.depsgraph_update_post.append(_on_change)
+    bpy.app.handlers.load_post.append(_on_load)
+
+
+def unregister() -> None:
+    """Stop listening and free all results."""
+    bpy.app.handlers.load_post.remove(_on_load)
+    bpy.app.handlers.depsgraph_update_post.remove(_on_change)
+    _results.clear()

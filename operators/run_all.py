@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The whole job in one step."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..patchnet_addon.progress import Steps
+from . import results
+from .job.settings import JobSettings
+from .job.views import show_view
+from .job_operator import JobOperator
+from .properties import CodesProperties, LightProperties, OutputProperties, ViewProperties, VoxelizeProperties
+
+
+class PATCHNET_OT_run_all(
+    VoxelizeProperties,
+    LightProperties,
+    CodesProperties,
+    ViewProperties,
+    OutputProperties,
+    JobOperator,
+    bpy.types.Operator,
+):
+    """Voxelize, bake, encode and refine, with a report of what every strategy reaches"""
+
+    bl_idname = "patchnet.run_all"
+    bl_label = "Run All"
+
+    def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
+        """Run the job, keep its results, show the first camera's pictures."""
+        from .job.run import run_job
+
+        result = yield from run_job(context, settings)
+        first = result.views[0]
+        results.keep(
+            context.scene,
+            results.SceneResult(
+                octree=result.coded.octree,
+                light=settings.light,
+                coded=result.coded,
+                lookahead_share=first.frame.lookahead_share,
+            ),
+        )
+        show_view(first)
+        for warning in result.warnings:
+            self.report({"WARNING"}, warning)
+        left = first.report["mse"][settings.strategy]
+        where = f", files in {settings.out}" if settings.out else ""
+        error = first.report["mse_unrefined"]
+        return f"{len(result.views)} views; {first.camera.name}: error {error:.2e} -> {left:.2e}{where}"
+
+
+CLASSES = (PATCHNET_OT_run_all,)

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Objects to an octree that shows their own colour."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..patchnet_addon.progress import Progress, Steps
+from . import results
+from .cameras import choose_cameras
+from .job.settings import JobSettings
+from .job.stages import choose_grid, unlit_octree
+from .job_operator import JobOperator
+from .properties import VoxelizeProperties
+
+
+class PATCHNET_OT_voxelize(VoxelizeProperties, JobOperator, bpy.types.Operator):
+    """Turn objects into a sparse voxel octree, as finely as the cameras need it"""
+
+    bl_idname = "patchnet.voxelize"
+    bl_label = "Voxelize"
+
+    def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
+        """Read the surface, choose the grid, build the octree, keep it."""
+        from .scene import read_scene
+
+        yield Progress(0, 1, "Reading the scene")
+        source = read_scene(context.evaluated_depsgraph_get(), settings.scope)
+        depsgraph = context.evaluated_depsgraph_get()
+        fixed = settings.depth or settings.voxel_world
+        cameras = [] if fixed else choose_cameras(depsgraph, settings.cameras, settings.size, source.bounds_world)
+        choice = yield from choose_grid(source, cameras, settings)
+        octree = yield from unlit_octree(source, choice.grid, settings)
+        results.keep(context.scene, results.SceneResult(octree=octree))
+        for warning in (*source.warnings, *choice.warnings):
+            self.report({"WARNING"}, warning)
+        return f"{octree.leaf_count:,} voxels of side {octree.grid.voxel_world:.4g} at depth {octree.depth}"
+
+
+CLASSES = (PATCHNET_OT_voxelize,)

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Octree and camera -> Frame: everything that the chosen strategies look at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from ..errors import SettingError
+from ..octree.octree import Octree
+from ..progress import Progress, Steps
+from ..tracing.camera import Camera
+from .frame import Frame
+from .strategy import BEHIND, EXACT, PREDICTION, REFERENCE, Strategy
+
+if TYPE_CHECKING:
+    from ..codes.coded_octree import CodedOctree
+
+
+def trace_frame(
+    octree: Octree,
+    camera: Camera,
+    strategies: Iterable[Strategy],
+    *,
+    coded: CodedOctree | None = None,
+    reference: bool = True,
+) -> Steps[Frame]:
+    """The picture at 1 sample per pixel, what `strategies` need of the rest, and the 32x32 reference if wanted.
+
+    Raises SettingError if a strategy needs codes and `coded` is None.
+    """
+    from ..codes.predict import predict
+    from ..tracing.render import behind, first_hits, supersample
+
+    needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
+    if PREDICTION in needs and coded is None:
+        raise SettingError("This strategy needs the octree's patch codes: precompute them first")
+    yield Progress(0, 1, "Tracing the preview")
+    hits = first_hits(octree, camera)
+    luminance_behind = behind(octree, camera, hits) if BEHIND in needs else None
+    prediction = predict(coded, hits) if PREDICTION in needs and coded is not None else None
+    exact = None
+    if EXACT in needs:
+        from ..codes.exact import exact_prediction
+
+        exact = yield from exact_prediction(octree, hits)
+    wanted = reference or REFERENCE in needs
+    sampled = (yield from supersample(octree, camera)) if wanted else None
+    return Frame(hits=hits, behind=luminance_behind, prediction=prediction, exact=exact, reference=sampled)
