@@ -22,9 +22,8 @@ class PATCHNET_OT_bake_light(LightProperties, JobOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """There must be voxels."""
-        result = results.result_of(context.scene)
-        if result is None or result.octree is None:
-            cls.poll_message_set("There are no voxels yet: run Voxelize first")
+        if results.result_of(context.scene) is None:
+            cls.poll_message_set(results.NO_VOXELS)
             return False
         return super().poll(context)
 
@@ -32,7 +31,7 @@ class PATCHNET_OT_bake_light(LightProperties, JobOperator, bpy.types.Operator):
         """Read the surface again, light it, and build the octree on the same grid."""
         from .scene import read_scene
 
-        before = results.result_of(context.scene)
+        before = results.voxels_of(context.scene)
         yield Progress(0, 1, "Reading the scene")
         source = read_scene(context.evaluated_depsgraph_get(), settings.scope)
         octree, assumed = yield from lit_octree(context, source, before.octree.grid, settings)

@@ -16,7 +16,7 @@ from .preferences import LOG, apply_preferences
 from .properties import job_settings
 
 if TYPE_CHECKING:
-    _Operator = bpy.types.Operator
+    from bpy.types import Operator as _Operator
 else:
     _Operator = object  # Blender wants its own class among the direct bases of each operator
 

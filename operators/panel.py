@@ -17,7 +17,7 @@ _STALE = {
 
 
 if TYPE_CHECKING:
-    _Panel = bpy.types.Panel
+    from bpy.types import Panel as _Panel
 else:
     _Panel = object  # Blender wants its own class among the direct bases of each panel
 

@@ -24,15 +24,14 @@ class PATCHNET_OT_precompute_codes(CodesProperties, JobOperator, bpy.types.Opera
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """There must be voxels."""
-        result = results.result_of(context.scene)
-        if result is None or result.octree is None:
-            cls.poll_message_set("There are no voxels yet: run Voxelize first")
+        if results.result_of(context.scene) is None:
+            cls.poll_message_set(results.NO_VOXELS)
             return False
         return super().poll(context)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Load the weights, encode, keep the codes beside the octree."""
-        before = results.result_of(context.scene)
+        before = results.voxels_of(context.scene)
         coded = yield from encode(before.octree, load_network(settings.weights))
         results.keep(context.scene, replace(before, coded=coded, lookahead_share=None))
         return f"{len(coded.codes):,} codes for {len(coded.node_corners):,} voxels with look-ahead"

@@ -125,8 +125,7 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
     """
 
     def value(name: str) -> Any:
-        given = name in operator.bl_rna.properties and operator.properties.is_property_set(name)
-        return getattr(operator if given else context.scene.patchnet, name)
+        return getattr(operator if _is_given(operator, name) else context.scene.patchnet, name)
 
     resolution = _resolution(operator, value("resolution"))
     scope = value("scope")
@@ -149,13 +148,15 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
     )
 
 
+def _is_given(operator: bpy.types.Operator, name: str) -> bool:
+    """Whether the operator has this property and its caller set it."""
+    values = operator.properties
+    return name in values.bl_rna.properties and values.is_property_set(name)
+
+
 def _resolution(operator: bpy.types.Operator, resolution: str) -> str:
     """A depth or voxel size that is given to an operator counts, without naming the resolution too."""
-    given = [
-        name
-        for name in ("resolution", "depth", "voxel_size")
-        if name in operator.bl_rna.properties and operator.properties.is_property_set(name)
-    ]
+    given = [name for name in ("resolution", "depth", "voxel_size") if _is_given(operator, name)]
     if "resolution" in given or not given:
         return resolution
     if len(given) == 2:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import bpy
+import numpy as np
 from bpy.props import IntVectorProperty, StringProperty
 
 from ..patchnet_addon.progress import Steps
@@ -31,18 +32,17 @@ class PATCHNET_OT_render_preview(ViewProperties, JobOperator, bpy.types.Operator
         """There must be codes."""
         result = results.result_of(context.scene)
         if result is None or result.coded is None:
-            cls.poll_message_set("There are no codes yet: run Precompute Codes first")
+            cls.poll_message_set(results.NO_CODES)
             return False
         return super().poll(context)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace, score, refine, show."""
-        before = results.result_of(context.scene)
-        grid = before.coded.octree.grid
-        bounds = grid.to_world([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+        before, coded = results.voxels_of(context.scene), results.codes_of(context.scene)
+        bounds = coded.octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
         depsgraph = context.evaluated_depsgraph_get()
         camera = choose_cameras(depsgraph, settings.cameras, settings.size, bounds)[0]
-        result = yield from view(before.coded, camera, settings, compare=False)
+        result = yield from view(coded, camera, settings, compare=False)
         show_view(result)
         share = result.frame.lookahead_share
         results.keep(context.scene, replace(before, lookahead_share=share))

@@ -11,9 +11,14 @@ from typing import TYPE_CHECKING
 import bpy
 from bpy.app.handlers import persistent
 
+from ..patchnet_addon.errors import SettingError
+
 if TYPE_CHECKING:
     from ..patchnet_addon.codes.coded_octree import CodedOctree
     from ..patchnet_addon.octree.octree import Octree
+
+NO_VOXELS = "There are no voxels yet: run Voxelize first"
+NO_CODES = "There are no codes yet: run Precompute Codes first"
 
 # Object types whose change changes the surface that was voxelized.
 _SURFACE_TYPES = frozenset({"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "EMPTY", "POINTCLOUD", "VOLUME"})
@@ -21,14 +26,14 @@ _SURFACE_TYPES = frozenset({"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT"
 
 @dataclass
 class SceneResult:
-    """The steps that are done for a scene; each is None until it ran.
+    """The steps that are done for a scene; codes are None until they were computed.
 
     light: "none" while the octree shows the surface's own colour, else the light that was baked.
     stale: the steps whose input changed since: "surface", "light".
     summary: lines for the panel, written when a step ends, so that drawing computes nothing.
     """
 
-    octree: Octree | None = None
+    octree: Octree
     light: str = "none"
     coded: CodedOctree | None = None
     lookahead_share: float | None = None
@@ -43,6 +48,22 @@ _quiet = 0
 def result_of(scene: bpy.types.Scene) -> SceneResult | None:
     """What is there for `scene`."""
     return _results.get(scene.session_uid)
+
+
+def voxels_of(scene: bpy.types.Scene) -> SceneResult:
+    """The result of `scene`; raises SettingError with what to do if there is none."""
+    result = result_of(scene)
+    if result is None:
+        raise SettingError(NO_VOXELS)
+    return result
+
+
+def codes_of(scene: bpy.types.Scene) -> CodedOctree:
+    """The codes of `scene`; raises SettingError with what to do if there are none."""
+    coded = voxels_of(scene).coded
+    if coded is None:
+        raise SettingError(NO_CODES)
+    return coded
 
 
 def keep(scene: bpy.types.Scene, result: SceneResult) -> None:
@@ -70,8 +91,6 @@ def quiet() -> Iterator[None]:
 
 def _summary(result: SceneResult) -> list[str]:
     octree = result.octree
-    if octree is None:
-        return []
     lines = [
         f"Depth {octree.depth}, voxel side {octree.grid.voxel_world:.4g}",
         f"{octree.leaf_count:,} voxels, {octree.node_count:,} nodes",
