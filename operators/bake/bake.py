@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Baking the light of a surface, page of charts by page.
+
+The scene stays as it is: nothing in it is hidden. For each page a mesh of its triangles is added, lifted off the
+surface by far less than a voxel and invisible to all rays, so that it neither shadows nor reflects anything; Cycles
+computes the light that arrives on it. So instances stay instances, and memory is bounded by the page. Between two
+pages the scene is exactly as before.
+
+Both sides of sheets are baked. Closed surfaces, whose inner side nobody sees, only from outside. A side that gets next
+to no light beside the other does not count: it is enclosed, although the surface has a gap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.errors import SceneError, SettingError
+from ...patchnet_addon.light.charts import Charts
+from ...patchnet_addon.progress import Progress, Steps
+from ..scene.scene_mesh import SceneMesh
+from .bake_materials import bake_materials
+from .closed_runs import ClosedPieces
+from .page_mesh import CHART_LAYER, PageTriangles, page_mesh, page_triangles
+from .settings import changed, object_mode
+
+if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
+    from ...patchnet_addon.light.atlas import Atlas
+
+MAX_TEXELS = 1 << 25
+_DARK_SIDE = 0.02  # of the brighter side: enclosed
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+
+def bake_luminance(
+    context: bpy.types.Context,
+    source: SceneMesh,
+    texel_world: float,
+    samples: int,
+    seed: int = 0,
+    *,
+    max_texels: int = MAX_TEXELS,
+) -> Steps[Atlas]:
+    """Diffuse light with global illumination, and emission, on all triangles of `source`.
+
+    texel_world: side of a texel, about that of a leaf; texels grow if there would be more than `max_texels`.
+    samples: paths a texel and side. Raises SceneError if Cycles is not there or cannot bake.
+    """
+    from ...patchnet_addon.light.atlas import Atlas
+    from ...patchnet_addon.light.charts import layout_charts
+
+    if samples < 1:
+        raise SettingError(f"{samples} samples per texel are too few: choose at least 1")
+    charts = yield from layout_charts(source, texel_world, max_texels=max_texels)
+    baker = _Baker(context, source, charts, samples, seed)
+    pages = np.zeros((charts.page_count, charts.page_side**2, 2), np.float32)
+    for page in range(charts.page_count):
+        yield Progress(page, charts.page_count, "Baking light")
+        part = baker.triangles(page)
+        if len(part) == 0:
+            continue
+        front = baker.bake(part, back=False)
+        hidden = baker.hidden_sides(part, front)
+        if hidden.any():
+            yield Progress(page + 0.5, charts.page_count, "Baking light")
+            back = baker.bake(part.only(hidden), back=True)
+            front = baker.merged(page, part.triangles[hidden], part.closed[hidden], front, back)
+        pages[page] = front
+    yield Progress(charts.page_count, charts.page_count, "Baking light")
+    return Atlas(charts, pages.reshape(-1, 2), samples)
+
+
+class _Baker:
+    """Bakes sides of pages; holds nothing of Blender's between two calls but the context."""
+
+    def __init__(self, context: bpy.types.Context, source: SceneMesh, charts: Charts, samples: int, seed: int) -> None:
+        self._context = context
+        self._source = source
+        self._charts = charts
+        self._samples = samples
+        self._seed = seed
+        self._closed = ClosedPieces()
+        # Far less than a voxel, but well above the rounding of single precision coordinates.
+        reach = float(np.abs(source.bounds_world).max())
+        self._offset_world = max(1e-3 * charts.texel_world, 2.0**-18 * reach)
+
+    def triangles(self, page: int) -> PageTriangles:
+        """What lies on a page."""
+        return page_triangles(self._source, self._charts, page, self._closed)
+
+    def hidden_sides(self, part: PageTriangles, front: np.ndarray) -> np.ndarray:
+        """(N,) bool: triangles whose back has to be baked too: sheets, and closed ones whose front is black."""
+        from ...patchnet_addon.light.chart_lookup import triangle_means
+
+        means = triangle_means(self._charts, np.ascontiguousarray(front[:, 0]), part.triangles)
+        return ~part.closed | (means <= 1e-6 * means.max(initial=0.0))
+
+    def merged(
+        self, page: int, triangles: np.ndarray, closed: np.ndarray, front: np.ndarray, back: np.ndarray
+    ) -> np.ndarray:
+        """The page (side * side, 2) with both sides of `triangles` averaged, or the lit one where the other is dark."""
+        from ...patchnet_addon.light.chart_lookup import texel_owners, triangle_means
+
+        means = [triangle_means(self._charts, np.ascontiguousarray(side[:, 0]), triangles) for side in (front, back)]
+        weight = np.full(len(triangles), 0.5, np.float32)  # of the back
+        weight[means[1] < _DARK_SIDE * means[0]] = 0.0
+        weight[(means[0] < _DARK_SIDE * means[1]) | closed] = 1.0
+        of_triangle = np.zeros(len(self._charts.page) + 1, np.float32)  # the last one: texels without a triangle
+        of_triangle[triangles] = weight
+        of_texel = of_triangle[texel_owners(self._charts, page)][:, None]
+        return front * (1.0 - of_texel) + back * of_texel
+
+    def bake(self, part: PageTriangles, back: bool) -> np.ndarray:
+        """(side * side, 2) float32 of one side: luminance weighed by opacity, and opacity."""
+        with ExitStack() as stack:
+            stack.enter_context(object_mode(self._context))
+            stack.enter_context(_cycles(self._context.scene, self._samples, self._seed))
+            image = stack.enter_context(_image(self._charts.page_side))
+            materials = stack.enter_context(bake_materials(self._source.material_names, image))
+            mesh = page_mesh(part, self._charts, materials, self._offset_world, back)
+            target = stack.enter_context(_target(self._context, mesh))
+            _run(self._context, target)
+            pixels = np.empty(self._charts.page_side**2 * 4, np.float32)
+            image.pixels.foreach_get(pixels)
+        pixels = np.nan_to_num(pixels.reshape(-1, 4), posinf=0.0, neginf=0.0)
+        shine = np.maximum(pixels[:, :3] @ _LUMINANCE, 0.0)
+        return np.stack([shine, np.clip(pixels[:, 3], 0.0, 1.0)], axis=-1)
+
+
+@contextmanager
+def _cycles(scene: bpy.types.Scene, samples: int, seed: int) -> Iterator[None]:
+    """Settings for an unbiased bake; the user's bounces, device and light stay."""
+    if not hasattr(scene, "cycles"):
+        raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose the two-lights shading")
+    with ExitStack() as stack:
+        stack.enter_context(changed(scene.render, engine="CYCLES"))
+        stack.enter_context(
+            changed(
+                scene.cycles,
+                samples=samples,
+                seed=seed,
+                use_animated_seed=False,
+                use_adaptive_sampling=False,
+                use_denoising=False,
+                sample_clamp_direct=0.0,
+                sample_clamp_indirect=0.0,
+                film_exposure=1.0,
+                time_limit=0.0,
+                use_sample_subset=False,
+            )
+        )
+        yield
+
+
+@contextmanager
+def _image(side: int) -> Iterator[bpy.types.Image]:
+    image = bpy.data.images.new("PatchNet Bake", side, side, alpha=True, float_buffer=True, is_data=True)
+    try:
+        yield image
+    finally:
+        bpy.data.images.remove(image)
+
+
+@contextmanager
+def _target(context: bpy.types.Context, mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
+    """An object of `mesh` that no ray meets; both are removed after the block."""
+    item = None
+    try:
+        item = bpy.data.objects.new("PatchNet Bake", mesh)
+        context.scene.collection.objects.link(item)
+        # Cycles drops objects that no ray at all can meet: scattering in volumes is what remains.
+        for ray in ("camera", "diffuse", "glossy", "transmission", "shadow"):
+            setattr(item, f"visible_{ray}", False)
+        context.view_layer.update()
+        yield item
+    finally:
+        if item is not None:
+            bpy.data.objects.remove(item)
+        bpy.data.meshes.remove(mesh)
+
+
+def _run(context: bpy.types.Context, target: bpy.types.Object) -> None:
+    override = {"active_object": target, "object": target, "selected_objects": [target]}
+    try:
+        with context.temp_override(**override):
+            result = bpy.ops.object.bake(
+                type="COMBINED",
+                pass_filter={"DIRECT", "INDIRECT", "DIFFUSE", "EMIT"},
+                margin=0,
+                use_clear=True,
+                use_selected_to_active=False,
+                target="IMAGE_TEXTURES",
+                save_mode="INTERNAL",
+                uv_layer=CHART_LAYER,
+            )
+    except RuntimeError as cause:
+        reason = str(cause).strip().removeprefix("Error: ")
+        raise SceneError(f"Cycles cannot bake the light of the scene ({reason})") from cause
+    if "FINISHED" not in result:
+        raise SceneError("Cycles stopped baking the light of the scene: start it again")

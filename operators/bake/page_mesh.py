@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The triangles of one page of charts, as arrays and as a Blender mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.light.charts import Charts
+from ..scene.scene_mesh import Run, SceneMesh
+from .closed_runs import ClosedPieces
+
+CHART_LAYER = "PatchNet Charts"
+SURFACE_LAYER = "PatchNet Surface"
+_MAX_UV_LAYERS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class PageTriangles:
+    """Placed triangles of one page.
+
+    triangles: (N,) int64 indices in the source. corners_world: (N, 3, 3) float64. normals_world: (N, 3, 3) float32.
+    uvs: (N, 3, 2) float32. materials: (N,) int32. closed: (N,) bool, their inner side is enclosed.
+    layers: corner layers by name, (N, 3, C) float32.
+    """
+
+    triangles: np.ndarray
+    corners_world: np.ndarray
+    normals_world: np.ndarray
+    uvs: np.ndarray
+    materials: np.ndarray
+    closed: np.ndarray
+    layers: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.triangles)
+
+    def only(self, chosen: np.ndarray) -> PageTriangles:
+        """The triangles where `chosen` (N,) is true."""
+        return PageTriangles(
+            self.triangles[chosen], self.corners_world[chosen], self.normals_world[chosen], self.uvs[chosen],
+            self.materials[chosen], self.closed[chosen], {key: each[chosen] for key, each in self.layers.items()},
+        )  # fmt: skip
+
+
+def page_triangles(source: SceneMesh, charts: Charts, page: int, closed: ClosedPieces) -> PageTriangles:
+    """The triangles with an area whose charts lie on a page."""
+    parts: list[PageTriangles] = []
+    first = 0
+    for runs in source.runs():
+        for run in runs:
+            mask = charts.page[first : first + len(run)] == page
+            if mask.any():
+                parts.append(_part(run, mask, first, closed))
+            first += len(run)
+    names = dict.fromkeys(name for part in parts for name in part.layers)
+    widths = {name: next(p.layers[name].shape[-1] for p in parts if name in p.layers) for name in names}
+    layers = {
+        name: np.concatenate([p.layers.get(name, np.zeros((len(p), 3, widths[name]), np.float32)) for p in parts])
+        for name in names
+    }
+    columns = ("triangles", "corners_world", "normals_world", "uvs", "materials", "closed")
+    return PageTriangles(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns), layers)
+
+
+def _part(run: Run, mask: np.ndarray, first: int, closed: ClosedPieces) -> PageTriangles:
+    corners = run.corners_world()
+    flat = geometric_normals(corners)
+    mask = mask & flat.any(axis=1)
+    mesh = run.placements.mesh
+    normals = run.normals_world()
+    if normals is None:
+        smooth = np.repeat(flat[mask, None], 3, axis=1).astype(np.float32)
+    else:
+        smooth = normals[mask]
+    uvs = np.zeros((len(run), 3, 2), np.float32) if mesh.uvs is None else run.per_corner(mesh.uvs)
+    return PageTriangles(
+        triangles=first + np.flatnonzero(mask),
+        corners_world=corners[mask],
+        normals_world=smooth,
+        uvs=uvs[mask],
+        materials=run.materials()[mask],
+        closed=closed.of(run)[mask],
+        layers={name: run.per_corner(values)[mask] for name, values in mesh.layers.items()},
+    )
+
+
+def geometric_normals(corners_world: np.ndarray) -> np.ndarray:
+    """Unit normals (N, 3) float64 of triangles (N, 3, 3); zero where there is no area."""
+    normals = np.cross(corners_world[:, 1] - corners_world[:, 0], corners_world[:, 2] - corners_world[:, 0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(length > 0.0, normals / np.where(length > 0.0, length, 1.0), 0.0)
+
+
+def page_mesh(
+    part: PageTriangles, charts: Charts, materials: Sequence[bpy.types.Material], offset_world: float, back: bool
+) -> bpy.types.Mesh:
+    """A new mesh of these triangles, lifted off the surface by `offset_world`; `back` makes it face the other way."""
+    sign = -1.0 if back else 1.0
+    wind = [0, 2, 1] if back else [0, 1, 2]
+    lift = geometric_normals(part.corners_world) * (sign * offset_world)
+    corners = (part.corners_world + lift[:, None])[:, wind]
+    mesh = bpy.data.meshes.new("PatchNet Bake")
+    count = len(part)
+    mesh.vertices.add(3 * count)
+    mesh.loops.add(3 * count)
+    mesh.polygons.add(count)
+    mesh.vertices.foreach_set("co", corners.astype(np.float32).ravel())
+    mesh.loops.foreach_set("vertex_index", np.arange(3 * count, dtype=np.int32))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
+    for material in materials:
+        mesh.materials.append(material)
+    mesh.polygons.foreach_set("material_index", part.materials.astype(np.int32))
+    mesh.update(calc_edges=True)
+    _add_uvs(mesh, SURFACE_LAYER, part.uvs[:, wind])
+    mesh.uv_layers[SURFACE_LAYER].active_render = True
+    _add_uvs(mesh, CHART_LAYER, (charts.corner_texels(part.triangles) / charts.page_side)[:, wind])
+    for name, values in part.layers.items():
+        _add_layer(mesh, name, values[:, wind])
+    normals = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
+    normals.data.foreach_set("vector", (part.normals_world[:, wind] * np.float32(sign)).ravel())
+    return mesh
+
+
+def _add_uvs(mesh: bpy.types.Mesh, name: str, uvs: np.ndarray) -> None:
+    layer = mesh.uv_layers.new(name=name, do_init=False)
+    layer.uv.foreach_set("vector", np.ascontiguousarray(uvs, np.float32).ravel())
+
+
+def _add_layer(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
+    if values.shape[-1] == 2:
+        if len(mesh.uv_layers) < _MAX_UV_LAYERS:
+            _add_uvs(mesh, name, values)
+        return
+    attribute = mesh.color_attributes.new(name, "FLOAT_COLOR", "CORNER")
+    attribute.data.foreach_set("color", np.ascontiguousarray(values, np.float32).ravel())
