@@ -10,7 +10,7 @@ from .geometry import Shape, add_object, array, ball, bevel, box, curve, join, l
 from .instancing import show_collection
 from .masonry import ARCADE_Y, INSIDE, PLINTH, Materials
 
-TABLE = (-1.7, -1.6)
+TABLE = (-1.7, -1.35)
 _TOP = 0.78
 _HALF = (1.05, 0.52)  # half length and half width of the table's top
 _GAP = 0.007  # the cloth lies this far above the table
@@ -62,7 +62,7 @@ def _cloth(rng: np.random.Generator) -> Shape:
     around = np.arctan2(out_v, out_u) * 0.3 + edge_u - edge_v
     fold = 0.6 * np.sin(2 * np.pi * around / 0.23) + 0.4 * np.sin(2 * np.pi * around / 0.137 + 1.0)
     drop = np.clip((over - 0.015) / hang, 0, 1.5)
-    away = np.minimum(over, 0.022) + drop**1.2 * (0.035 + 0.022 * fold + 0.11 * corner)
+    away = np.minimum(over, 0.022) + drop**1.2 * (0.04 + 0.03 * fold + 0.11 * corner)
     wrinkle = 0.0012 * (np.sin(9 * u + 3 * v + rng.uniform(0, 6)) + np.sin(-4 * u + 11 * v + rng.uniform(0, 6)))
     height = np.where(over > 0, -np.maximum(over - 0.012, 0) * 0.985, 0) + np.abs(wrinkle) * (over < 0.01)
     points = np.stack([edge_u + out_u / safe * away, edge_v + out_v / safe * away, height], -1)

@@ -7,9 +7,9 @@ import bpy
 import numpy as np
 
 from .geometry import Shape, array, ball, bevel, box, curve, join, lathe, place, tube
-from .masonry import BAY, INSIDE, PLINTH, Materials
+from .masonry import BAY, FRONT, INSIDE, PLINTH, Materials
 
-FENCE_Y = -5.25
+FENCE_Y = FRONT + 0.15
 GATE = (0.9, 3.1)  # the gate's left and right post
 _HEIGHT = 1.75
 _BASE = 0.32

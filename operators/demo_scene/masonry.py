@@ -11,7 +11,8 @@ from .instancing import scatter
 
 Materials = dict[str, bpy.types.Material]
 
-INSIDE = 5.4  # half the courtyard's inner width and depth
+INSIDE = 5.4  # half the inner width, and where the house begins
+FRONT = -4.5  # the courtyard's open side
 WALL = 0.3
 PLINTH = 0.45  # height of the arcade's floor
 ARCADE_Y = 2.7  # front of the arcade
@@ -72,9 +73,9 @@ def _outline(centre: float, radius: float, sill: float, spring: float, floor: bo
 def build_floor(collection: bpy.types.Collection, materials: Materials, rng: np.random.Generator) -> None:
     """A kerb around, and within instanced tiles in a chequer of warm tones."""
     edges = [
-        ((-6, -5.62), (6, -INSIDE)),
-        ((-6, -INSIDE), (-INSIDE - 0.25, 5.75)),
-        ((INSIDE + 0.25, -INSIDE), (6, 5.75)),
+        ((-6, FRONT - 0.22), (6, FRONT)),
+        ((-6, FRONT), (-INSIDE - 0.25, 5.7)),
+        ((INSIDE + 0.25, FRONT), (6, 5.7)),
     ]
     kerbs = [box((*low, -0.2), (*high, 0), False) for low, high in edges]
     place(collection, "Kerb", join(kerbs), materials["stone"], repeat=2.5)
@@ -86,15 +87,15 @@ def build_floor(collection: bpy.types.Collection, materials: Materials, rng: np.
         tile = place(
             hidden,
             f"Floor tile {number + 1}",
-            box((-half, -half, -0.006), (half, half, 0.01), False),
+            box((-half, -half, 0), (half, half, 0.01), False),
             materials[f"floor{number}"],
         )
         bevel(tile, 0.007)
         prototypes.append(tile)
-    i, j = (axis.ravel() for axis in np.meshgrid(np.arange(36), np.arange(27), indexing="ij"))
+    i, j = (axis.ravel() for axis in np.meshgrid(np.arange(36), np.arange(24), indexing="ij"))
     kind = np.where((i + j) % 2 == 0, 3, rng.integers(0, 3, len(i)))
     kind = np.where(rng.random(len(i)) < 0.12, rng.integers(0, 4, len(i)), kind)
-    points = np.stack([-INSIDE + size * (i + 0.5), -INSIDE + size * (j + 0.5), rng.normal(0, 0.001, len(i))], -1)
+    points = np.stack([-INSIDE + size * (i + 0.5), FRONT + size * (j + 0.5), rng.normal(0, 0.001, len(i))], -1)
     tilts = rng.normal(0, 0.003, (len(i), 3)) * (1, 1, 0)
     for number, tile in enumerate(prototypes):
         mine = kind == number
@@ -105,46 +106,34 @@ def build_steps(collection: bpy.types.Collection, materials: Materials) -> None:
     """The arcade's plinth and three steps in front of its middle, with glazed risers."""
     low, front = PLINTH / 3, ARCADE_Y - 0.12
     solid = box((-INSIDE, front, 0), (INSIDE, INSIDE, PLINTH))
-    place(
-        collection, "Plinth", Shape(solid.vertices, solid.faces[:1] + solid.faces[3:4]), materials["stone"], repeat=2.0
-    )
+    seen = Shape(solid.vertices, solid.faces[:1] + solid.faces[3:4])  # top and front
+    place(collection, "Plinth", seen, materials["stone"], repeat=2.0)
     for number in range(3):
         y, top = front - 0.36 * (2 - number), low * (number + 1)
         if number < 2:
-            place(
-                collection,
-                f"Step {number + 1}",
-                box((-2.9, y, 0), (2.9, front, top), False),
-                materials["stone"],
-                repeat=2.0,
-            )
+            step = box((-2.9, y, 0), (2.9, front, top), False)
+            place(collection, f"Step {number + 1}", step, materials["stone"], repeat=2.0)
         reach = INSIDE if number == 2 else 2.9
         tread = box((-reach - 0.02 * (number < 2), y - 0.035, top), (reach + 0.02 * (number < 2), y + 0.34, top + 0.03))
         bevel(place(collection, f"Tread {number + 1}", tread, materials["stone"], repeat=1.5), 0.012, 3)
-        riser = sheet(
-            np.array(
-                [
-                    [[-2.85, y - 0.008, top - low + 0.02], [2.85, y - 0.008, top - low + 0.02]],
-                    [[-2.85, y - 0.008, top], [2.85, y - 0.008, top]],
-                ]
-            )
-        )
+        ends = np.array([(-2.85, y - 0.008, top), (2.85, y - 0.008, top)])
+        riser = sheet(np.stack([ends - (0, 0, low - 0.02), ends]))
         place(collection, f"Riser {number + 1}", riser.repeated(5.7 / 0.26, 0.5), materials["glaze"])
 
 
 def build_walls(collection: bpy.types.Collection, materials: Materials) -> None:
     """Brick wall on the left with an opening, plaster wall on the right, the house behind."""
-    side = arch_wall(-INSIDE, 2.7, 0, 2.6, [(-1.0, 0.62, 1.0, 1.75)], WALL).turned(np.pi / 2)
+    side = arch_wall(FRONT, ARCADE_Y, 0, 2.6, [(-1.0, 0.62, 1.0, 1.75)], WALL).turned(np.pi / 2)
     place(collection, "Brick wall", side.moved((-INSIDE, 0, 0)), materials["brick"], repeat=1.6)
-    right = box((INSIDE, -INSIDE, 0), (INSIDE + WALL, 2.7, 2.15))
+    right = box((INSIDE, FRONT, 0), (INSIDE + WALL, ARCADE_Y, 2.15), False)
     place(collection, "Plaster wall", right, materials["ochre"], repeat=3.2)
     for name, x, height in (("left", -INSIDE - WALL / 2, 2.6), ("right", INSIDE + WALL / 2, 2.15)):
-        stone = box((x - 0.21, -INSIDE - 0.03, height), (x + 0.21, -INSIDE + 0.56, height + 0.09))
+        stone = box((x - 0.21, FRONT - 0.03, height), (x + 0.21, FRONT + 0.56, height + 0.09))
         coping = place(collection, f"Coping {name}", stone, materials["stone"])
         bevel(coping, 0.02, 3)
-        array(coping, 14, (0, 0.581, 0))
+        array(coping, 12, (0, (ARCADE_Y - FRONT + 0.02) / 12, 0))
         _gable(collection, f"Arcade end {name}", x, materials["ochre" if x > 0 else "brick"])
-    lower = arch_wall(-INSIDE - WALL, INSIDE + WALL, 0, 5.1, [(0.0, 0.75, PLINTH, 2.1)], WALL, back=False)
+    lower = arch_wall(-INSIDE, INSIDE, PLINTH, 5.1, [(0.0, 0.75, PLINTH, 2.1)], WALL, back=False)
     place(collection, "Back wall", lower.moved((0, INSIDE, 0)), materials["ochre"], repeat=3.2)
     windows = [(x, 0.42, 5.65, 6.2) for x in (-3.3, 0.0, 3.3)]
     upper = arch_wall(-INSIDE - WALL, INSIDE + WALL, 5.1, 7.1, windows, WALL, back=False)
@@ -160,15 +149,15 @@ def build_walls(collection: bpy.types.Collection, materials: Materials) -> None:
 
 def _cornice() -> Shape:
     """A moulding along the top of the upper wall: three fillets."""
+    side = INSIDE + WALL
     rows = [(0.05, 6.86, 6.93), (0.1, 6.93, 7.02), (0.16, 7.02, 7.1)]
-    return join(
-        box((-INSIDE - WALL - out, INSIDE - out, low), (INSIDE + WALL + out, INSIDE, high)) for out, low, high in rows
-    )
+    fillets = [box((-side - out, INSIDE - out, low), (side + out, INSIDE, high)) for out, low, high in rows]
+    return join(Shape(fillet.vertices, fillet.faces[1:4] + fillet.faces[5:]) for fillet in fillets)  # no top, no back
 
 
 def _gable(collection: bpy.types.Collection, name: str, x: float, material: bpy.types.Material) -> None:
     """The wall that closes the arcade at one side, under the slope of its roof."""
-    profile = np.array([(2.7, 0.0), (INSIDE + WALL, 0.0), (INSIDE + WALL, 5.1), (INSIDE, 5.1), (2.7, 4.24)])
+    profile = np.array([(ARCADE_Y, 0.0), (5.7, 0.0), (5.7, 5.1), (INSIDE, 5.1), (ARCADE_Y, 4.24)])
     rings = [np.column_stack([np.full(5, x + side * WALL / 2), profile]) for side in (1, -1)]
     shape = sheet(np.stack(rings), closed=True)
     shape.faces += [tuple(range(5)), tuple(range(5, 10))[::-1]]

@@ -78,7 +78,7 @@ def _pot(collection: bpy.types.Collection, materials: Materials, radius: float, 
     pot = place(
         collection, "Pot", lathe([(radius * r, height * z) for r, z in profile], 32), materials["clay"], smooth=True
     )
-    solidify(pot, 0.02)
+    solidify(pot, 0.02, rim_only=True)
     soil = lathe([(radius * 0.98, 0.9 * height), (radius * 0.5, 0.93 * height), (0.01, 0.95 * height)], 20)
     place(collection, "Soil", soil, materials["soil"], smooth=True)
 
@@ -106,14 +106,14 @@ def make_pots(materials: Materials, rng: np.random.Generator) -> dict[str, bpy.t
         8,
     )
     olive = _potted(
-        "Olive", materials, [("olive", bush(rng, 480, (0.46, 0.46, 0.5), (0, 0, 1.72), 0.27, 0.6))], 0.27, 0.46
+        "Olive", materials, [("olive", bush(rng, 820, (0.46, 0.46, 0.5), (0, 0, 1.72), 0.205, 0.6))], 0.27, 0.46
     )
     place(olive, "Olive trunk", olive_trunk, materials["bark"], smooth=True)
     return {
         "box": _potted("Box", materials, [("citrus", box_ball)], 0.25, 0.44),
         "lavender": _potted("Lavender", materials, [("lavender", lavender)], 0.18, 0.3),
         "geranium": _potted("Geranium", materials, [("citrus", green), ("geranium", red)], 0.2, 0.34),
-        "fern": _potted("Fern", materials, [("fern", fronds(rng, 46, (0, 0, 0.38), 0.85))], 0.24, 0.4),
+        "fern": _potted("Fern", materials, [("fern", fronds(rng, 40, (0, 0, 0.38), 0.85))], 0.24, 0.4),
         "olive": olive,
     }
 
@@ -122,26 +122,17 @@ def build_pots(collection: bpy.types.Collection, materials: Materials, rng: np.r
     """Potted plants on the steps, before the arcade, along the walls and by the gate."""
     pots = make_pots(materials, rng)
     spots = [
-        ("olive", -3.55, 1.85, 1.15),
-        ("olive", 3.55, 1.85, 1.1),
-        ("fern", -4.75, 1.95, 1.1),
-        ("fern", 4.8, 0.2, 1.15),
-        ("geranium", -2.65, 1.92, 1.0),
-        ("geranium", 2.62, 1.98, 1.05),
-        ("lavender", -4.2, 1.55, 1.2),
-        ("box", -4.95, 0.9, 1.0),
-        ("geranium", -4.95, 0.1, 1.0),
-        ("lavender", -5.0, -0.5, 1.0),
-        ("fern", -4.85, -2.0, 1.0),
-        ("box", -4.9, -3.0, 1.1),
-        ("geranium", -4.95, -3.7, 0.95),
-        ("lavender", 5.0, -0.7, 1.1),
-        ("geranium", 4.95, -2.7, 1.05),
-        ("box", 4.8, -3.6, 1.15),
-        ("box", 0.5, -4.75, 0.9),
-        ("box", 3.6, -4.7, 0.9),
-        ("lavender", -0.2, -4.85, 1.0),
-        ("geranium", 4.3, 1.7, 0.9),
+        *[
+            ("olive", -3.55, 1.85, 1.15),
+            ("olive", 3.55, 1.85, 1.1),
+            ("fern", -4.75, 1.95, 1.1),
+            ("fern", 4.8, 0.4, 1.1),
+        ],
+        *[("geranium", -2.65, 1.92, 1.0), ("geranium", 2.62, 1.98, 1.05), ("geranium", 4.3, 1.7, 0.9)],
+        *[("lavender", -4.2, 1.55, 1.2), ("box", -4.95, 0.9, 1.0), ("geranium", -4.95, 0.1, 1.0)],
+        *[("lavender", -5.0, -0.4, 1.0), ("fern", -4.85, -1.7, 1.0), ("box", -4.9, -2.6, 1.1)],
+        *[("geranium", -4.95, -3.3, 0.95), ("lavender", 5.0, -0.35, 1.1), ("geranium", 4.95, -2.3, 1.05)],
+        *[("box", 4.8, -3.2, 1.15), ("box", 0.5, -3.8, 0.9), ("box", 3.6, -3.75, 0.9), ("lavender", -0.2, -3.95, 1.0)],
     ]
     for name, x, y, scale in spots:
         show_collection(collection, pots[name], (x, y, 0.03), rng.uniform(0, 6.28), scale * rng.uniform(0.95, 1.05))
