@@ -31,6 +31,7 @@ def cards(
     spine[..., 2] -= bend[:, None] * lengths[:, None] * t**2
     half = across[:, None] * (lengths * width / 2)[:, None, None]
     points = np.stack([spine - half, spine + half], axis=2)  # (count, rows, 2, 3)
+    points[..., 2] = np.maximum(points[..., 2], 0.02)  # long fronds come to lie on the floor
     number = np.arange(count * rows * 2).reshape(count, rows, 2)
     quads = np.stack([number[:, :-1, 0], number[:, :-1, 1], number[:, 1:, 1], number[:, 1:, 0]], -1).reshape(-1, 4)
     uv = np.broadcast_to(np.stack(np.meshgrid([0.0, 1.0], t), -1), (count, rows, 2, 2)).reshape(-1, 2)
