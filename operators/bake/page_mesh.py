@@ -63,7 +63,8 @@ def page_triangles(source: SceneMesh, charts: Charts, page: int, closed: ClosedP
         for name in names
     }
     columns = ("triangles", "corners_world", "normals_world", "uvs", "materials", "closed")
-    return PageTriangles(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns), layers)
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in columns}
+    return PageTriangles(**arrays, layers=layers)
 
 
 def _part(run: Run, mask: np.ndarray, first: int, closed: ClosedPieces) -> PageTriangles:

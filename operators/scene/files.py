@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -50,7 +50,7 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
     return scene
 
 
-def _importer(path: Path, extension: str) -> Callable[..., set[str]]:
+def _importer(path: Path, extension: str) -> Any:
     """The import operator for an extension, its add-on enabled if need be."""
     if extension not in _IMPORTERS:
         known = ", ".join([".blend", *_IMPORTERS])
@@ -67,7 +67,7 @@ def _importer(path: Path, extension: str) -> Callable[..., set[str]]:
     return operator
 
 
-def _first_operator(names: tuple[str, ...]) -> Callable[..., set[str]] | None:
+def _first_operator(names: tuple[str, ...]) -> Any | None:
     for name in names:
         module, function = name.split(".")
         operator = getattr(getattr(bpy.ops, module), function)
@@ -79,11 +79,11 @@ def _first_operator(names: tuple[str, ...]) -> Callable[..., set[str]] | None:
     return None
 
 
-def _run(path: Path, operator: Callable[..., set[str]], **arguments: object) -> None:
+def _run(path: Path, operator: Any, **arguments: object) -> None:
     """Call an operator on a file; importers raise whatever their parser stumbled on."""
     try:
         result = operator(**arguments)
-    except Exception as cause:  # noqa: BLE001: importers are add-ons, a damaged file can raise anything
+    except Exception as cause:
         reason = str(cause).strip().splitlines()[-1] if str(cause).strip() else type(cause).__name__
         raise SceneError(f"Scene file {path} cannot be read, it may be damaged ({reason})") from cause
     if "FINISHED" not in result:

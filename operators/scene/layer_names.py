@@ -18,14 +18,18 @@ _NAME_PROPERTY = {
 
 def layer_names(material: bpy.types.Material) -> frozenset[str]:
     """Names that any node of the material mentions, in its groups too, if it says any at all."""
-    if not material.use_nodes or material.node_tree is None:
+    tree = shader_tree(material)
+    if tree is None:
         return frozenset()
-    names = (
-        getattr(node, _NAME_PROPERTY[node.type])
-        for node in all_nodes(material.node_tree)
-        if node.type in _NAME_PROPERTY
-    )
-    return frozenset(name for name in names if name)
+    named = (node for node in all_nodes(tree) if node.type in _NAME_PROPERTY)
+    return frozenset(name for node in named if (name := getattr(node, _NAME_PROPERTY[node.type])))
+
+
+def shader_tree(material: bpy.types.Material) -> bpy.types.NodeTree | None:
+    """The material's nodes, or None if it uses none (from Blender 5.0 on all materials do)."""
+    if bpy.app.version < (5, 0, 0) and not material.use_nodes:
+        return None
+    return material.node_tree
 
 
 def all_nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:

@@ -72,7 +72,7 @@ def read_local_mesh(mesh: bpy.types.Mesh, name: str, layer_names: frozenset[str]
 
 
 def _read(collection: bpy.types.bpy_prop_collection, key: str, shape: tuple[int, ...], dtype: type) -> np.ndarray:
-    values = np.empty(int(np.prod(shape)), dtype)
+    values: np.ndarray = np.empty(int(np.prod(shape)), dtype)
     collection.foreach_get(key, values)
     return values.reshape(shape)
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...patchnet_addon.octree.mesh import Material, Texture
 from .images import ImageReader
+from .layer_names import shader_tree
 from .node_links import Input, Output, source
 from .node_values import ColorTerm, NodeValues, NotUnderstoodError, NumberTerm, Rgb
 
@@ -37,11 +38,12 @@ def read_material(material: bpy.types.Material, images: ImageReader) -> tuple[Ma
     What is not understood takes its default value: base colour 0.8, opaque, no emission.
     """
     name = material.name
-    if not material.use_nodes or material.node_tree is None:
+    tree = shader_tree(material)
+    if tree is None:
         r, g, b, alpha = material.diffuse_color
         return Material(name, base_color=(r, g, b), alpha=alpha), None
     walk = _Walk(NodeValues(images))
-    output = _output(material.node_tree)
+    output = _output(tree)
     if output is None:
         surface = _Surface(transparent=True, alpha=NumberTerm(0.0))
     else:

@@ -10,8 +10,6 @@ import bpy
 SELECTED = "SELECTED"
 VISIBLE = "VISIBLE"
 
-SURFACE_TYPES = frozenset({"MESH", "CURVE", "SURFACE", "FONT", "META"})
-
 
 def surface_instances(depsgraph: bpy.types.Depsgraph, scope: str) -> Iterator[bpy.types.DepsgraphObjectInstance]:
     """Instances that show a surface to the camera, in the dependency graph's order.
@@ -22,7 +20,8 @@ def surface_instances(depsgraph: bpy.types.Depsgraph, scope: str) -> Iterator[bp
     layer = depsgraph.view_layer.original if hasattr(depsgraph.view_layer, "original") else depsgraph.view_layer
     rendered = _rendered_objects(layer)
     for instance in depsgraph.object_instances:
-        if instance.object.type not in SURFACE_TYPES or not _shows(instance):
+        # Curves, text, surfaces and metaballs come a second time as what they evaluate to: an instance of type MESH.
+        if instance.object.type != "MESH" or not _shows(instance):
             continue
         owner = (instance.parent if instance.is_instance else instance.object).original
         if owner.name_full not in rendered or (instance.is_instance and _hidden_instance(instance)):

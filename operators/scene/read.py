@@ -16,6 +16,7 @@ from .layer_names import layer_names
 from .local_mesh import LocalMesh, read_local_mesh
 from .materials import read_material
 from .placements import SELECTED, VISIBLE, surface_instances
+from .render_geometry import render_geometry
 from .scene_mesh import Placements, SceneMesh
 
 _NO_MATERIAL = ""
@@ -30,8 +31,9 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMes
     if scope not in (SELECTED, VISIBLE):
         raise SettingError(f"There is no scope {scope!r}: choose {SELECTED} or {VISIBLE}")
     reader = _Reader()
-    for instance in surface_instances(depsgraph, scope):
-        reader.add(instance)
+    with render_geometry(depsgraph):
+        for instance in surface_instances(depsgraph, scope):
+            reader.add(instance)
     parts = reader.parts()
     if not parts:
         raise EmptySelectionError(_nothing(scope))
@@ -51,6 +53,7 @@ class _Reader:
     def __init__(self) -> None:
         self.material_names: dict[str, int] = {}
         self._meshes: dict[tuple[object, ...], LocalMesh | None] = {}
+        self._layer_names: dict[str, frozenset[str]] = {}
         self._placed: dict[tuple[object, ...], list[tuple[str, np.ndarray, tuple[int, ...], float]]] = {}
 
     def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
@@ -64,19 +67,27 @@ class _Reader:
         key = self._key(instance)
         if key not in self._meshes:
             with _evaluated_mesh(instance) as mesh:
-                self._meshes[key] = mesh and read_local_mesh(mesh, item.name, _layers_of(item))
+                self._meshes[key] = mesh and read_local_mesh(mesh, item.name, self._layers_of(item))
         if self._meshes[key] is not None:
             slots = tuple(self._material(slot.material) for slot in item.material_slots)
             self._placed.setdefault(key, []).append(
                 (item.name, matrix, slots or (self._material(None),), _random(instance))
             )
 
-    @staticmethod
-    def _key(instance: bpy.types.DepsgraphObjectInstance) -> tuple[object, ...]:
+    def _key(self, instance: bpy.types.DepsgraphObjectInstance) -> tuple[object, ...]:
         """Objects share a mesh if they share evaluated data and the layers that their materials name."""
         item = instance.object
-        data = item.data if item.type == "MESH" else item.original
-        return item.type, data.as_pointer(), _layers_of(item)
+        return item.data.as_pointer(), self._layers_of(item)
+
+    def _layers_of(self, item: bpy.types.Object) -> frozenset[str]:
+        names: frozenset[str] = frozenset()
+        for slot in item.material_slots:
+            if slot.material:
+                key = slot.material.original.name_full
+                if key not in self._layer_names:
+                    self._layer_names[key] = layer_names(slot.material)
+                names |= self._layer_names[key]
+        return names
 
     def _material(self, material: bpy.types.Material | None) -> int:
         name = material.original.name_full if material else _NO_MATERIAL
@@ -112,10 +123,6 @@ class _Reader:
         return tuple(result), warnings
 
 
-def _layers_of(item: bpy.types.Object) -> frozenset[str]:
-    return frozenset(name for slot in item.material_slots if slot.material for name in layer_names(slot.material))
-
-
 def _random(instance: bpy.types.DepsgraphObjectInstance) -> float:
     """Object Info's random number, as Cycles forms it from the instance's id."""
     return float(np.uint32(instance.random_id & 0xFFFFFFFF)) / float(0xFFFFFFFF)
@@ -123,10 +130,10 @@ def _random(instance: bpy.types.DepsgraphObjectInstance) -> float:
 
 @contextmanager
 def _evaluated_mesh(instance: bpy.types.DepsgraphObjectInstance) -> Iterator[bpy.types.Mesh | None]:
-    """The mesh of an instance; a temporary one for whatever is no mesh in Blender."""
+    """The mesh of an instance."""
     item = instance.object
     if instance.is_instance and isinstance(item.data, bpy.types.Mesh):
-        yield item.data  # geometry nodes instance meshes that belong to no object
+        yield item.data  # it may belong to no object: geometry nodes instance meshes, curves evaluate to them
         return
     mesh = item.to_mesh()
     try:

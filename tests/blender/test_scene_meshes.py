@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scenes as triangles: what Blender evaluates is what is read."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Euler, Matrix
+
+from patchnet.operators.scene import SceneMesh, read_scene, scene_mesh
+from patchnet.patchnet_addon.errors import EmptySelectionError, GeometryError, SettingError
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+CUBE_FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+
+
+@pytest.fixture(autouse=True)
+def empty_scene() -> None:
+    bpy.ops.wm.read_homefile(use_empty=True)
+
+
+def link(item: bpy.types.Object) -> bpy.types.Object:
+    bpy.context.scene.collection.objects.link(item)
+    return item
+
+
+def mesh_object(name: str, vertices: list, faces: list) -> bpy.types.Object:
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices, [], faces)
+    return link(bpy.data.objects.new(name, mesh))
+
+
+def cube(name: str = "Cube") -> bpy.types.Object:
+    vertices = [(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
+    return mesh_object(name, vertices, CUBE_FACES)
+
+
+def read(scope: str = "VISIBLE") -> SceneMesh:
+    bpy.context.view_layer.update()
+    return read_scene(bpy.context.evaluated_depsgraph_get(), scope)
+
+
+def corners(source: SceneMesh) -> np.ndarray:
+    return np.concatenate([batch.corners_world for batch in source.batches()])
+
+
+def area(points: np.ndarray) -> float:
+    return 0.5 * float(np.linalg.norm(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), axis=1).sum())
+
+
+def volume(points: np.ndarray) -> float:
+    """Signed volume that triangles (T, 3, 3) enclose; positive if their normals point outwards."""
+    return float(np.linalg.det(points).sum()) / 6.0
+
+
+@pytest.mark.parametrize("scale", [(1, 1, 1), (2, 3, 0.5), (-1, 1, 1), (-2, -1, -3), (1, -1, -1)])
+def test_transforms_keep_normals_outside(scale: tuple[float, float, float]) -> None:
+    item = cube()
+    item.matrix_world = (
+        Matrix.Translation((3, -2, 1)) @ Euler((0.3, 0.2, 1)).to_matrix().to_4x4() @ Matrix.Diagonal((*scale, 1))
+    )
+    source = read()
+    points = corners(source)
+    assert source.triangle_count == len(points) == 12
+    assert volume(points - points.mean(axis=(0, 1))) == pytest.approx(abs(np.prod(scale)), rel=1e-5)
+    expected = np.array([item.matrix_world @ vertex.co for vertex in item.data.vertices])
+    np.testing.assert_allclose(source.bounds_world, [expected.min(axis=0), expected.max(axis=0)], atol=1e-5)
+
+
+def test_parent_transform_and_shared_mesh() -> None:
+    first = cube()
+    second = link(bpy.data.objects.new("Second", first.data))
+    second.parent = first
+    second.location = (5, 0, 0)
+    first.scale = (2, 2, 2)
+    source = read()
+    assert len(source.parts) == 1, "objects that share a mesh must share its arrays"
+    assert area(corners(source)) == pytest.approx(48.0, rel=1e-5)
+    assert source.bounds_world[1, 0] == pytest.approx(12.0)
+
+
+def test_modifiers_with_render_settings_and_scene_unchanged() -> None:
+    item = cube()
+    array = item.modifiers.new("Array", "ARRAY")
+    array.count, array.show_viewport = 3, False
+    subdivision = item.modifiers.new("Subdivision", "SUBSURF")
+    subdivision.subdivision_type, subdivision.levels, subdivision.render_levels = "SIMPLE", 0, 2
+    bpy.context.view_layer.update()
+    before = scene_snapshot()
+    source = read()
+    assert source.triangle_count == 12 * 3 * 16
+    assert_unchanged(before)
+    assert len(item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.polygons) == 6
+
+
+def test_curve_text_surface_and_metaball() -> None:
+    curve = bpy.data.curves.new("Tube", "CURVE")
+    curve.dimensions, curve.bevel_depth = "3D", 0.1
+    spline = curve.splines.new("POLY")
+    spline.points.add(1)
+    spline.points[0].co, spline.points[1].co = (0, 0, 0, 1), (0, 0, 4, 1)
+    link(bpy.data.objects.new("Tube", curve))
+    tube = read()
+    assert area(corners(tube)) == pytest.approx(2 * np.pi * 0.1 * 4, rel=0.05)
+    text = bpy.data.curves.new("Text", "FONT")
+    text.body = "I"
+    link(bpy.data.objects.new("Text", text)).location = (10, 0, 0)
+    with_text = read()
+    assert with_text.triangle_count > tube.triangle_count
+    ball = bpy.data.metaballs.new("Ball")
+    ball.resolution = ball.render_resolution = 0.1
+    element = ball.elements.new()
+    element.radius = 1.0
+    link(bpy.data.objects.new("Ball", ball)).location = (20, 0, 0)
+    assert read().bounds_world[1, 0] > 20.0
+    assert {name for part in read().parts for name in part.objects} == {"Tube", "Text", "Ball"}
+
+
+def test_collection_instances_belong_to_their_instancer() -> None:
+    item = cube()
+    group = bpy.data.collections.new("Group")
+    bpy.context.scene.collection.objects.unlink(item)
+    group.objects.link(item)
+    for number in range(3):
+        empty = link(bpy.data.objects.new(f"Empty {number}", None))
+        empty.instance_type, empty.instance_collection = "COLLECTION", group
+        empty.location = (3 * number, 0, 0)
+        empty.select_set(number == 1)
+    source = read()
+    assert (source.triangle_count, len(source.parts)) == (36, 1)
+    selected = read("SELECTED")
+    assert selected.triangle_count == 12
+    np.testing.assert_allclose(selected.bounds_world, [[3, 0, 0], [4, 1, 1]], atol=1e-6)
+
+
+def test_geometry_nodes_instances() -> None:
+    tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    line = tree.nodes.new("GeometryNodeMeshLine")
+    line.inputs["Count"].default_value = 5
+    line.inputs["Offset"].default_value = (2, 0, 0)
+    box = tree.nodes.new("GeometryNodeMeshCube")
+    on_points = tree.nodes.new("GeometryNodeInstanceOnPoints")
+    tree.links.new(line.outputs[0], on_points.inputs["Points"])
+    tree.links.new(box.outputs[0], on_points.inputs["Instance"])
+    tree.links.new(on_points.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    item = cube()
+    item.modifiers.new("Nodes", "NODES").node_group = tree
+    item.select_set(True)
+    for scope in ("VISIBLE", "SELECTED"):
+        source = read(scope)
+        assert source.triangle_count == 60
+        assert len(source.parts) == 1
+        assert area(corners(source)) == pytest.approx(30.0, rel=1e-5)
+
+
+def test_scope_follows_visibility() -> None:
+    shown, hidden, unrendered, excluded, invisible = (cube(name) for name in "ABCDE")
+    hidden.hide_set(True)
+    unrendered.hide_render = True
+    invisible.visible_camera = False
+    group = bpy.data.collections.new("Excluded")
+    bpy.context.scene.collection.children.link(group)
+    bpy.context.scene.collection.objects.unlink(excluded)
+    group.objects.link(excluded)
+    bpy.context.view_layer.layer_collection.children["Excluded"].exclude = True
+    assert {name for part in read().parts for name in part.objects} == {"A"}
+    shown.hide_render = True
+    with pytest.raises(EmptySelectionError, match="No visible object"):
+        read()
+
+
+def test_render_disabled_collection() -> None:
+    item = cube("Hidden")
+    group = bpy.data.collections.new("Group")
+    bpy.context.scene.collection.children.link(group)
+    bpy.context.scene.collection.objects.unlink(item)
+    group.objects.link(item)
+    group.hide_render = True
+    cube("Shown")
+    assert {name for part in read().parts for name in part.objects} == {"Shown"}
+
+
+def test_material_slots_and_uvs() -> None:
+    item = mesh_object(
+        "Quads", [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0, 0), (2, 1, 0)], [(0, 1, 2, 3), (1, 4, 5, 2)]
+    )
+    materials = [bpy.data.materials.new(name) for name in ("One", "Two")]
+    for material in materials:
+        item.data.materials.append(material)
+    item.data.polygons[1].material_index = 1
+    item.data.uv_layers.new(name="Other")
+    layer = item.data.uv_layers.new(name="Shown")
+    layer.active_render = True
+    for loop, value in zip(item.data.loops, layer.uv, strict=True):
+        value.vector = item.data.vertices[loop.vertex_index].co.xy * 0.5
+    copy = link(bpy.data.objects.new("Copy", item.data))
+    copy.location = (0, 0, 1)
+    copy.scale = (-1, 1, 1)
+    copy.material_slots[0].link = "OBJECT"
+    copy.material_slots[0].material = bpy.data.materials.new("Own")
+    source = read()
+    batch = next(source.batches())
+    names = [source.materials[index].name for index in batch.materials]
+    assert sorted(names) == ["One", "One", "Own", "Own", "Two", "Two", "Two", "Two"]
+    np.testing.assert_allclose(batch.uvs, np.abs(batch.corners_world[..., :2]) * 0.5, atol=1e-6)
+    centre = np.abs(batch.corners_world.mean(axis=1)[:, 0])
+    assert [name == "Two" for name in names] == [bool(x > 1) for x in centre]
+
+
+def test_batches_are_divided_and_grouped(monkeypatch: pytest.MonkeyPatch) -> None:
+    for number in range(20):
+        cube(f"Cube {number}").location = (2 * number, 0, 0)
+    whole = read()
+    assert len(list(whole.batches())) == 1
+    monkeypatch.setattr(scene_mesh, "BATCH_TRIANGLES", 30)
+    parts = list(whole.batches())
+    assert [len(part) for part in parts] == [24] * 10
+    assert [part.first_triangle for part in parts] == list(range(0, 240, 24))
+    monkeypatch.setattr(scene_mesh, "BATCH_TRIANGLES", 5)
+    small = list(whole.batches())
+    assert max(len(part) for part in small) <= 5
+    np.testing.assert_array_equal(
+        np.concatenate([part.corners_world for part in small]), np.concatenate([part.corners_world for part in parts])
+    )
+
+
+def test_shading_normals_follow_the_transform() -> None:
+    item = cube()
+    item.data.shade_smooth()
+    item.scale = (-2, 1, 0.5)
+    item.rotation_euler = (0.4, 0.1, 0.7)
+    source = read()
+    (run,) = next(source.runs())
+    normals = run.normals_world()
+    assert normals is not None
+    # A smooth cube's vertex normals point along its diagonals; normals turn with the inverse transpose.
+    inverse = np.linalg.inv(np.array(item.matrix_world.to_3x3())).T
+    local = (
+        np.array(item.matrix_world.inverted()) @ np.append(run.corners_world().reshape(-1, 3), np.ones((36, 1)), 1).T
+    )
+    expected = (local[:3].T - 0.5) @ inverse.T
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    np.testing.assert_allclose(normals.reshape(-1, 3), expected, atol=2e-3)
+
+
+def test_bad_input() -> None:
+    with pytest.raises(EmptySelectionError, match="No visible object has a surface"):
+        read()
+    item = cube("Broken")
+    with pytest.raises(EmptySelectionError, match="No selected object has a surface"):
+        read("SELECTED")
+    with pytest.raises(SettingError, match="scope"):
+        read("EVERYTHING")
+    item.data.vertices[3].co.x = float("nan")
+    with pytest.raises(GeometryError, match=r"'Broken'.*not finite"):
+        read()
+    for vertex in item.data.vertices:
+        vertex.co = (1, 2, 3)
+    with pytest.raises(GeometryError, match="'Broken' has no area"):
+        read()
+    item.hide_render = True
+    mesh_object("Points", [(0, 0, 0), (1, 0, 0)], [])
+    with pytest.raises(EmptySelectionError):
+        read()
