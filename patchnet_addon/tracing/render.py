@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import SettingError
 from ..kernels import kernel
-from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..octree.octree import LOOK_AHEAD, LUMINANCE_SCALE, Octree
 from ..progress import Progress, Steps
 from .camera import Camera, camera_in_unit_cube
 from .traverse import MAX_LEVELS, first_hit, pixel_ray
@@ -125,11 +125,20 @@ def _first_hits(
 
 
 def behind(octree: Octree, camera: Camera, hits: Hits, background: float = 0.0) -> np.ndarray:
-    """Luminance (P,) float32 of each ray's next voxel; the ray restarts 1.5 sides beyond its entry (methods 3.12)."""
+    """Luminance (P,) float32 of each ray's next voxel; the ray restarts 1.5 sides beyond its entry (methods 3.12).
+
+    It runs with the footprint of a patch's fine voxels, LOOK_AHEAD levels below the pixel's: a coarse one would meet
+    the grown outline of the very surface whose gaps it is to look through.
+    """
     unit = camera_in_unit_cube(camera, octree.grid)
+    lens = unit.lens.copy()
+    lens[2:] /= 2.0**LOOK_AHEAD
     out = np.full(camera.pixel_count, background, np.float32)
     t_unit = np.where(hits.hit, hits.t_world / octree.grid.side_world, 0.0).astype(np.float64)
-    _behind(octree.child_mask, octree.first_child, octree.luminance, *unit, hits.node, hits.level, t_unit, out)
+    _behind(
+        octree.child_mask, octree.first_child, octree.luminance, unit.frame, lens, unit.perspective,
+        unit.width_px, unit.height_px, hits.node, hits.level, t_unit, out,
+    )  # fmt: skip
     return out
 
 
