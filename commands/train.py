@@ -4,7 +4,7 @@
 The shipped weights come from
 
     patchnet dataset OCTREE... --samples 24000000 --out data
-    patchnet train data --preset improved --passes 200000000 --out run
+    patchnet train data --preset improved --out run
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -218,8 +219,8 @@ def load_checkpoint(path: Path, learner: Learner, run: dict[str, Any]) -> None:
         state = torch.load(path, weights_only=True)
         other = state["run"]
         learner.load(state["learner"])
-    except (RuntimeError, KeyError, ValueError, EOFError) as cause:
-        raise FileFormatError(f"{path} is damaged ({cause}): start the run anew") from cause
+    except (RuntimeError, KeyError, ValueError, EOFError, pickle.UnpicklingError) as cause:
+        raise FileFormatError(f"{path} is damaged ({type(cause).__name__}): start the run anew") from cause
     changed = [name for name in run if other.get(name) != run[name]]
     if changed:
         raise SettingError(f"{path} was written with other values of {', '.join(changed)}: resume with the same ones")

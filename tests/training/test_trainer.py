@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training runs: the sparse first layer, learning, exact resume, files that do not fit."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from patchnet.patchnet_addon.errors import FileFormatError, PatchNetError, SettingError
+from patchnet.patchnet_addon.network.weights import Weights, load_weights
+from patchnet.patchnet_addon.octree.file import save_octree
+from patchnet.patchnet_addon.progress import drain
+from patchnet.training.batches import Augmentation
+from patchnet.training.dataset import Dataset, load_dataset, save_samples
+from patchnet.training.procedural import spheres_and_slats
+from patchnet.training.samples import SampleSettings, draw_samples
+from patchnet.training.schedule import learning_rate
+from patchnet.training.settings import PRESETS, TrainSettings
+
+torch = pytest.importorskip("torch")
+from patchnet.training.trainer import RunOptions, corpus_of, rows_of_step, train  # noqa: E402  needs torch
+
+SETTINGS = TrainSettings(passes=6 * 256, batch=256, precision="fp32", augment=True, average=0.9, clip=1.0, warm_up=2)
+
+
+@pytest.fixture(scope="module")
+def datasets() -> list[Dataset]:
+    found = []
+    for seed in (1, 2):
+        octree = spheres_and_slats(6, seed=seed)
+        settings = SampleSettings(views=4, least_level=3, held_out=0.05, seed=seed)
+        found.append(Dataset(f"scene {seed}", octree, drain(draw_samples(octree, 400, settings)), {}))
+    return found
+
+
+def test_sparse_first_layer_equals_the_network(datasets: list[Dataset]) -> None:
+    from patchnet.patchnet_addon.network.torch_model import PatchNet
+    from patchnet.training.sliced_net import SlicedNet
+
+    corpus, _ = corpus_of(datasets)
+    rows = np.arange(12)
+    batch = corpus.batch(rows, Augmentation.none(len(rows)))
+    weights = Weights.random(3, bias=0.1)
+    sliced, plain = SlicedNet(weights), PatchNet.from_weights(weights)
+    blocks = torch.zeros(len(rows) * 8, 8, 320)
+    for s in range(8):
+        here = slice(batch.slice_start[s], batch.slice_start[s + 1])
+        blocks[batch.pair_corner[here], s] = torch.from_numpy(batch.blocks[batch.pair_block[here]])
+    eight = blocks.view(len(rows), 8, 2, 2, 2, 4, 4, 4, 5).permute(0, 1, 2, 5, 3, 6, 4, 7, 8)
+    patches = eight.reshape(len(rows), 1, 8, 2560).expand(-1, 4, -1, -1).reshape(-1, 8, 2560)
+    views = [torch.from_numpy(getattr(batch, name)).flatten(0, 1) for name in ("entry", "direction", "up", "ratio")]
+    expected = plain(patches, *views)
+    found = sliced(batch, torch.float32)
+    torch.testing.assert_close(found.view(-1, 2), expected, atol=1e-5, rtol=0)
+    expected.square().sum().backward()
+    found.square().sum().backward()
+    gradient = SlicedNet(plain_gradient(plain)).slices
+    torch.testing.assert_close(sliced.slices.grad, gradient, atol=1e-3, rtol=1e-3)
+    for name, array in sliced.to_weights().arrays().items():
+        np.testing.assert_array_equal(array, weights.arrays()[name])
+
+
+def plain_gradient(model: torch.nn.Module) -> Weights:
+    """Gradients of a network in the form of weights."""
+    return Weights.from_arrays({name: value.grad.numpy() for name, value in model.named_parameters()})
+
+
+def test_learns_a_small_set(datasets: list[Dataset], tmp_path: Path) -> None:
+    """The loss falls far below that of the best constant guess."""
+    settings = TrainSettings(passes=150 * 256, batch=256, precision="fp32", learning_rate=2e-3, schedule="cosine")
+    drain(train(datasets, settings, RunOptions(tmp_path, log_steps=10, validate_steps=1000)))
+    curve = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
+    last = [line for line in curve if "coverage" in line][-1]
+    coverage = np.concatenate([dataset.samples.views[..., 10].ravel() / 4096 for dataset in datasets])
+    luminance = np.concatenate([dataset.samples.views[..., 11].ravel() / 65535 for dataset in datasets])
+    seen = luminance[coverage > 0]
+    assert last["coverage"] < 0.5 * np.abs(coverage - np.median(coverage)).mean()
+    assert last["luminance"] < 0.5 * np.abs(seen - np.median(seen)).mean()
+
+
+def test_resumed_run_equals_uninterrupted(datasets: list[Dataset], tmp_path: Path) -> None:
+    whole = drain(train(datasets, SETTINGS, RunOptions(tmp_path / "a", log_steps=2)))
+    drain(train(datasets, SETTINGS, RunOptions(tmp_path / "b", log_steps=2, stop_after=3)))
+    steps = train(datasets, SETTINGS, RunOptions(tmp_path / "b", resume=True, log_steps=2))
+    next(steps)
+    steps.close()  # interrupted once more, in the middle
+    resumed = drain(train(datasets, SETTINGS, RunOptions(tmp_path / "b", resume=True, log_steps=2)))
+    assert whole.hash == resumed.hash == load_weights(tmp_path / "b" / "patchnet.safetensors").hash
+    assert resumed.metadata["sample_passes"] == 6 * 256
+
+
+def test_refuses_what_does_not_fit(datasets: list[Dataset], tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match="nothing to train on"):
+        drain(train([], SETTINGS, RunOptions(tmp_path)))
+    with pytest.raises(FileFormatError, match="without --resume"):
+        drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
+    drain(train(datasets, SETTINGS, RunOptions(tmp_path, stop_after=1)))
+    with pytest.raises(SettingError, match="holds a run already"):
+        drain(train(datasets, SETTINGS, RunOptions(tmp_path)))
+    with pytest.raises(SettingError, match="learning_rate"):
+        drain(train(datasets, replace(SETTINGS, learning_rate=0.5), RunOptions(tmp_path, resume=True)))
+    (tmp_path / "checkpoint.pt").write_bytes(b"nothing")
+    with pytest.raises(PatchNetError):
+        drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
+
+
+def test_dataset_file_knows_its_octree(datasets: list[Dataset], tmp_path: Path) -> None:
+    octree, samples = datasets[0].octree, datasets[0].samples
+    save_octree(octree, tmp_path / "a.safetensors")
+    path = tmp_path / "a.samples.safetensors"
+    save_samples(samples, tmp_path / "a.safetensors", octree, SampleSettings(), path)
+    again = load_dataset(path)
+    assert again.name == "a"
+    np.testing.assert_array_equal(again.samples.views, samples.views)
+    save_octree(datasets[1].octree, tmp_path / "a.safetensors")
+    with pytest.raises(FileFormatError, match="another state"):
+        load_dataset(path)
+    (tmp_path / "a.safetensors").unlink()
+    with pytest.raises(FileFormatError):
+        load_dataset(path)
+
+
+def test_each_epoch_visits_every_voxel_once(datasets: list[Dataset]) -> None:
+    corpus, _ = corpus_of(datasets)
+    count = len(corpus.tree)
+    seen = np.concatenate([rows_of_step(corpus, SETTINGS, 7, step) for step in range(2 * count // 7 + 1)])
+    assert sorted(seen[:count]) == sorted(seen[count : 2 * count]) == list(range(count))
+    assert (seen[:count] != seen[count : 2 * count]).any()
+
+
+def test_schedules() -> None:
+    paper = PRESETS["paper"]
+    rates = [learning_rate(step, 800, paper) for step in (0, 399, 400, 699, 700, 799)]
+    np.testing.assert_allclose(rates, [1e-3, 1e-3, 1e-4, 1e-4, 1e-5, 1e-5])
+    improved = PRESETS["improved"]
+    assert learning_rate(0, 20000, improved) < 1e-5
+    assert learning_rate(499, 20000, improved) == improved.learning_rate
+    assert learning_rate(20000, 20000, improved) == pytest.approx(improved.final_rate)
