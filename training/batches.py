@@ -131,17 +131,7 @@ def _move_views(views: np.ndarray, symmetry: np.ndarray, linear: np.ndarray) -> 
 
 
 @serial_kernel
-def _gather_nodes(
-    child_mask: np.ndarray,
-    first_child: np.ndarray,
-    luminance: np.ndarray,
-    root: np.ndarray,
-    voxel: np.ndarray,
-    remap: np.ndarray,
-    nodes: np.ndarray,
-    counts: np.ndarray,
-    linear: np.ndarray,
-) -> None:
+def _gather_nodes(child_mask, first_child, luminance, root, voxel, remap, nodes, counts, linear):
     for v in range(len(root)):
         fill_brick(
             child_mask,
@@ -157,7 +147,7 @@ def _gather_nodes(
         linear[v, 0], linear[v, 1] = 1.0, 0.0
         if remap[v, 3] == 0:
             continue
-        low, high = 65535, 0
+        low, high = np.int64(65535), np.int64(0)
         for block in range(27):
             if counts[v, block] > 0:
                 for cell in range(64):
@@ -175,20 +165,8 @@ def _gather_nodes(
 
 @serial_kernel
 def _write_blocks(
-    luminance: np.ndarray,
-    normal: np.ndarray,
-    nodes: np.ndarray,
-    counts: np.ndarray,
-    place: np.ndarray,
-    linear: np.ndarray,
-    symmetry: np.ndarray,
-    axis: np.ndarray,
-    sign: np.ndarray,
-    to_block: np.ndarray,
-    to_cell: np.ndarray,
-    blocks: np.ndarray,
-    moved: np.ndarray,
-) -> None:
+    luminance, normal, nodes, counts, place, linear, symmetry, axis, sign, to_block, to_cell, blocks, moved
+):
     for v in range(len(nodes)):
         turn = symmetry[v]
         gain, offset = linear[v, 0] / np.float32(LUMINANCE_SCALE), linear[v, 1]
@@ -213,7 +191,7 @@ def _write_blocks(
 
 
 @serial_kernel
-def _list_pairs(moved: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _list_pairs(moved, position):
     start = np.zeros(9, np.int64)
     total = 0
     for v in range(len(moved)):

@@ -30,9 +30,7 @@ class Learner:
         self.settings = settings
         weights = Weights.random(settings.seed)
         self.model, self.mean = SlicedNet(weights), SlicedNet(weights)
-        self.optimizer = torch.optim.Adam(
-            self.model.parameters(), settings.learning_rate, betas=(0.9, 0.999), fused=True
-        )
+        self.optimizer = torch.optim.Adam(self.model.trained(), settings.learning_rate, betas=(0.9, 0.999), fused=True)
         self.steps = 0
         self.seconds = 0.0  # of training so far, over all interruptions
 
@@ -43,17 +41,17 @@ class Learner:
         """
         coverage, luminance, share = errors(self.model(batch, dtype), batch)
         loss = coverage + self.settings.luminance_weight * luminance * share
-        gradients = torch.autograd.grad(loss, list(self.model.parameters()))
+        gradients = torch.autograd.grad(loss, self.model.trained())
         return list(gradients), Losses(float(coverage.detach()), float(luminance.detach()))
 
     def step(self, parts: list[list[Tensor]], rate: float) -> None:
         """Take one step at learning rate `rate` along the mean of the gradients of equally large parts of a batch."""
         for group in self.optimizer.param_groups:
             group["lr"] = rate
-        for parameter, *gradients in zip(self.model.parameters(), *parts, strict=True):
+        for parameter, *gradients in zip(self.model.trained(), *parts, strict=True):
             parameter.grad = torch.stack(gradients).mean(0) if len(gradients) > 1 else gradients[0]
         if self.settings.clip:
-            torch.nn.utils.clip_grad_norm_(self.model.parameters(), self.settings.clip)
+            torch.nn.utils.clip_grad_norm_(self.model.trained(), self.settings.clip)
         self.optimizer.step()
         self.steps += 1
         self._update_mean()
@@ -62,7 +60,8 @@ class Learner:
         # Early on the mean would remember the random start, so its memory grows with the run.
         decay = min(self.settings.average, (1 + self.steps) / (10 + self.steps)) if self.settings.average else 0.0
         with torch.no_grad():
-            torch._foreach_lerp_(list(self.mean.parameters()), list(self.model.parameters()), 1.0 - decay)
+            for mean, value in zip(self.mean.trained(), self.model.trained(), strict=True):
+                mean.lerp_(value, 1.0 - decay)
 
     def state(self) -> dict[str, Any]:
         """All that `load` needs to go on exactly."""

@@ -15,7 +15,7 @@ def octree_from_leaves(cells: np.ndarray, luminance: np.ndarray, normal: np.ndar
     luminance: (N,) in [0, 1]. normal: (N, 3) of length at most 1. Cells that occur twice are averaged.
     """
     keys, place = np.unique(morton_encode(cells), return_inverse=True)
-    area = np.bincount(place).astype(np.float64)  # (n,)
+    area: np.ndarray = np.bincount(place).astype(np.float64)  # (n,)
     values = np.column_stack([luminance, normal]).astype(np.float64)  # (N, 4)
     sums = np.stack([np.bincount(place, values[:, k]) for k in range(4)], axis=1)
     levels = [(keys, area, sums)]

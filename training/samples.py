@@ -108,7 +108,7 @@ def _views(octree: Octree, voxels: np.ndarray, settings: SampleSettings, number:
 
 
 @device
-def _mix(state: np.uint64) -> np.uint64:
+def _mix(state):
     """The splitmix64 finaliser: a random word from a counter, the same on any number of cores."""
     state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -116,14 +116,14 @@ def _mix(state: np.uint64) -> np.uint64:
 
 
 @device
-def _uniform(state: np.ndarray) -> float:
+def _uniform(state):
     """Next random number of [0, 1); `state` is (1,) uint64."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
     return np.float64(_mix(state[0]) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
 
 
 @device
-def _enter_box(origin: np.ndarray, direction: np.ndarray, x: float, y: float, z: float) -> float:
+def _enter_box(origin, direction, x, y, z):
     """Distance at which a line enters the unit cube at (x, y, z), 1e30 if it misses; may be negative."""
     enter, leave = -1e30, 1e30
     for axis in range(3):
@@ -139,7 +139,7 @@ def _enter_box(origin: np.ndarray, direction: np.ndarray, x: float, y: float, z:
 
 
 @device
-def _draw_line(state: np.ndarray, origin: np.ndarray, direction: np.ndarray, up: np.ndarray) -> None:
+def _draw_line(state, origin, direction, up):
     """A random direction, roll, and a line through the disc of radius sqrt(3)/2 around the voxel's centre."""
     height, turn = 2.0 * _uniform(state) - 1.0, 2.0 * np.pi * _uniform(state)
     flat = np.sqrt(max(0.0, 1.0 - height * height))
@@ -154,7 +154,7 @@ def _draw_line(state: np.ndarray, origin: np.ndarray, direction: np.ndarray, up:
 
 
 @device
-def _is_first_hit(counts: np.ndarray, origin: np.ndarray, direction: np.ndarray, enter: float) -> bool:
+def _is_first_hit(counts, origin, direction, enter):
     """Whether no other occupied voxel of the 3x3x3 neighbourhood is entered before the centre one."""
     for block in range(27):
         if counts[block] > 0 and block != 13:
@@ -165,17 +165,7 @@ def _is_first_hit(counts: np.ndarray, origin: np.ndarray, direction: np.ndarray,
 
 
 @kernel
-def _draw_views(
-    child_mask: np.ndarray,
-    first_child: np.ndarray,
-    luminance: np.ndarray,
-    voxels: np.ndarray,
-    start: np.uint64,
-    first_hit: bool,
-    views: np.ndarray,
-    views_signed: np.ndarray,
-    good: np.ndarray,
-) -> None:
+def _draw_views(child_mask, first_child, luminance, voxels, start, first_hit, views, views_signed, good):
     for group in prange(len(voxels)):
         brick = np.empty((27, 64), np.int32)
         counts = np.empty(27, np.int32)

@@ -11,27 +11,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels import device
-from ..octree.octree import LOOK_AHEAD, POPCOUNT, Octree
+from ..octree.octree import LOOK_AHEAD, Octree
+from .patches import BLOCK_SIDE, child_at
 
-BLOCK_SIDE = 1 << LOOK_AHEAD  # fine cells along a voxel
-BLOCK_CELLS = BLOCK_SIDE**3
-NEIGHBOURS = 27
 EMPTY = -1
 
 
 @device
-def child_node(child_mask: np.ndarray, first_child: np.ndarray, node: int, octant: int) -> int:
-    """The child of an inner node in an octant (x + 2y + 4z), -1 if it does not exist."""
-    mask = child_mask[node]
-    if (mask >> octant) & 1 == 0:
-        return -1
-    return np.int64(first_child[node]) + POPCOUNT[mask & ((1 << octant) - 1)]
-
-
-@device
-def find_node(
-    child_mask: np.ndarray, first_child: np.ndarray, root: int, level: int, x: int, y: int, z: int
-) -> tuple[int, int]:
+def find_node(child_mask, first_child, root, level, x, y, z):
     """Node below `root` that holds a cell of a level, and its own level: a lower one if a coarser leaf covers it.
 
     The node is -1 where the cell is empty or outside of the root.
@@ -45,16 +32,14 @@ def find_node(
             return node, depth
         shift = level - 1 - depth
         octant = ((x >> shift) & 1) | (((y >> shift) & 1) << 1) | (((z >> shift) & 1) << 2)
-        node = child_node(child_mask, first_child, node, octant)
+        node = child_at(child_mask, first_child, node, octant)
         if node < 0:
             return -1, level
     return node, level
 
 
 @device
-def fill_block(
-    child_mask: np.ndarray, first_child: np.ndarray, node: int, is_leaf_above: bool, cells: np.ndarray
-) -> int:
+def fill_block(child_mask, first_child, node, is_leaf_above, cells):
     """Write the 64 fine cells of a voxel into `cells` (64,) and return how many are occupied."""
     if is_leaf_above or child_mask[node] == 0:
         cells[:] = node
@@ -82,17 +67,7 @@ def fill_block(
 
 
 @device
-def fill_brick(
-    child_mask: np.ndarray,
-    first_child: np.ndarray,
-    root: int,
-    level: int,
-    x: int,
-    y: int,
-    z: int,
-    brick: np.ndarray,
-    counts: np.ndarray,
-) -> None:
+def fill_brick(child_mask, first_child, root, level, x, y, z, brick, counts):
     """Write the brick of the voxel (x, y, z) of a level into `brick` (27, 64), and its blocks' `counts` (27,).
 
     `brick` holds nodes only in blocks whose count is not 0; the others keep what they had.

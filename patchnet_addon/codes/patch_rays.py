@@ -61,7 +61,7 @@ def render_patches(octree: Octree, rays: PatchRays) -> tuple[np.ndarray, np.ndar
 
 
 @device
-def _popcount(bits: np.uint64) -> np.uint64:
+def _popcount(bits):
     """Set bits of a word; the compiler knows this idiom and makes it one instruction."""
     bits = bits - ((bits >> np.uint64(1)) & np.uint64(0x5555555555555555))
     bits = (bits & np.uint64(0x3333333333333333)) + ((bits >> np.uint64(2)) & np.uint64(0x3333333333333333))
@@ -70,7 +70,7 @@ def _popcount(bits: np.uint64) -> np.uint64:
 
 
 @device
-def set_view(entry: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: float, view: np.ndarray) -> None:
+def set_view(entry, direction, up, ratio, view):
     """Fill `view` (6, 3) float64: how the brick's cells project onto the pixels of the viewport.
 
     Rows 0 and 1: pixels to the right and up per cell along x, y, z. Row 2: pixel of the brick's lowest corner, and
@@ -104,7 +104,7 @@ def set_view(entry: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: fl
 
 
 @device
-def _draw(view: np.ndarray, centre_u: float, centre_v: float, rows: np.ndarray) -> int:
+def _draw(view, centre_u, centre_v, rows):
     """Draw one cube centred on a pixel position into the free bits of `rows` (64,) uint64; how many it took."""
     first = max(0, int(np.ceil(centre_v - view[2, 2])))
     last = min(63, int(np.floor(centre_v + view[2, 2])))
@@ -127,14 +127,7 @@ def _draw(view: np.ndarray, centre_u: float, centre_v: float, rows: np.ndarray) 
 
 
 @device
-def see_brick(
-    luminance: np.ndarray,
-    brick: np.ndarray,
-    counts: np.ndarray,
-    direction: np.ndarray,
-    view: np.ndarray,
-    rows: np.ndarray,
-) -> tuple[float, float]:
+def see_brick(luminance, brick, counts, direction, view, rows):
     """Coverage and mean luminance (65535 = 1) of a brick in a view; `rows` (64,) uint64 is scratch.
 
     Along parallel rays, a cell can only hide cells that lie further along each axis in the direction's sign: running
@@ -177,19 +170,19 @@ def see_brick(
 
 @kernel
 def _render(
-    child_mask: np.ndarray,
-    first_child: np.ndarray,
-    luminance: np.ndarray,
-    level: np.ndarray,
-    cell: np.ndarray,
-    group_start: np.ndarray,
-    entry: np.ndarray,
-    direction: np.ndarray,
-    up: np.ndarray,
-    ratio: np.ndarray,
-    coverage_out: np.ndarray,
-    luminance_out: np.ndarray,
-) -> None:
+    child_mask,
+    first_child,
+    luminance,
+    level,
+    cell,
+    group_start,
+    entry,
+    direction,
+    up,
+    ratio,
+    coverage_out,
+    luminance_out,
+):
     for group in prange(len(level)):
         brick = np.empty((27, 64), np.int32)
         counts = np.empty(27, np.int32)
