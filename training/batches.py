@@ -147,13 +147,14 @@ def _gather_nodes(child_mask, first_child, luminance, root, voxel, remap, nodes,
         linear[v, 0], linear[v, 1] = 1.0, 0.0
         if remap[v, 3] == 0:
             continue
-        low, high = np.int64(65535), np.int64(0)
+        low, high = 65535.0, 0.0
         for block in range(27):
             if counts[v, block] > 0:
                 for cell in range(64):
                     node = nodes[v, block, cell]
                     if node >= 0:
-                        low, high = min(low, np.int64(luminance[node])), max(high, np.int64(luminance[node]))
+                        low = min(low, luminance[node])
+                        high = max(high, luminance[node])
         dark, bright = low / LUMINANCE_SCALE, high / LUMINANCE_SCALE
         gain = min(remap[v, 0], 1.0 / max(bright - dark, 1e-6))
         place = remap[v, 1] * (1.0 - gain * (bright - dark))  # the darkest cell's new luminance
