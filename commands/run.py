@@ -54,9 +54,11 @@ def run(args: argparse.Namespace) -> int:
     """Run the job and print its figures; returns 0. Raises PatchNetError."""
     require_blender()
     from ..operators.scene import open_scene
+    from .quiet import quiet_stdout
 
     settings = job_settings(args, args.out or Path(DEFAULT_OUT) / args.scene.stem)
-    open_scene(args.scene)
+    with quiet_stdout():
+        open_scene(args.scene)
     print_result(run_with_bars(settings), settings)
     return 0
 
@@ -74,7 +76,8 @@ def require_blender() -> None:
 
 def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
     """Settings of a job from parsed arguments; raises SettingError for values outside their range."""
-    from ..operators.job.settings import SELECTED, VISIBLE, JobSettings
+    from ..operators.job.settings import JobSettings
+    from ..operators.scene.placements import SELECTED, VISIBLE
 
     return JobSettings(
         scope=SELECTED if getattr(args, "scope", "visible") == "selected" else VISIBLE,
@@ -100,8 +103,9 @@ def run_with_bars(settings: JobSettings) -> JobResult:
     from ..operators.job.run import run_job
     from ..patchnet_addon.progress import drain
     from .progress_bars import ProgressBars
+    from .quiet import quiet_stdout
 
-    with ProgressBars() as bars:
+    with quiet_stdout(), ProgressBars() as bars:
         return drain(run_job(bpy.context, settings), bars.show)
 
 

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 import bpy
 from mathutils import Euler
 
+from ..patchnet_addon.progress import Result, Steps
+
 SUN_STRENGTH = 4.0  # W/m2
 SUN_ANGLE = 0.009  # radians, as from the earth
 SUN_ROTATION = (0.75, 0.25, 0.6)  # radians: from the upper right, towards the framing cameras' view
@@ -56,6 +58,19 @@ def _bright(socket: bpy.types.NodeSocket) -> bool:
     """A colour or strength that is not black; a linked one is taken for bright."""
     value = socket.default_value
     return socket.is_linked or (value > 0 if isinstance(value, float) else max(value[:3]) > 0)
+
+
+def in_daylight(scene: bpy.types.Scene, steps: Steps[Result]) -> Steps[Result]:
+    """The same steps, each with sun and sky in the scene, which is as before between them."""
+    try:
+        while True:
+            with daylight(scene):
+                report = next(steps)
+            yield report
+    except StopIteration as stop:
+        return stop.value
+    finally:
+        steps.close()
 
 
 @contextmanager

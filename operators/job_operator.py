@@ -100,20 +100,16 @@ class JobOperator(_Operator):
         self._progress = Progress(0, 1, self.bl_label)
         try:
             apply_preferences(context)
-            return self._quietly(context, job_settings(context, self))
+            return self.steps(context, job_settings(context, self))
         except PatchNetError as error:
             self.report({"ERROR"}, str(error))
             return None
 
-    def _quietly(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """The steps, with the changes that they make and undo making no result stale."""
-        with results.quiet():
-            return (yield from self.steps(context, settings))
-
     def _pull(self, steps: Steps[str]) -> set[str] | None:
         """One step; the outcome if it was the last one. Domain errors become reports here and nowhere else."""
         try:
-            progress = next(steps)
+            with results.quiet():
+                progress = next(steps)
         except StopIteration as stop:
             self.report({"INFO"}, stop.value)
             self._outcome = {"FINISHED"}

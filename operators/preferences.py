@@ -13,6 +13,7 @@ from bpy.props import EnumProperty, StringProperty
 from ..patchnet_addon.image.colormaps import COLORMAPS
 
 ROOT_PACKAGE = __package__.rpartition(".")[0]  # "patchnet", or "bl_ext.<repository>.patchnet" in Blender
+IS_EXTENSION = ROOT_PACKAGE.startswith("bl_ext.")
 LOG = logging.getLogger("patchnet")
 _LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
 
@@ -71,7 +72,7 @@ def apply_preferences(context: bpy.types.Context) -> None:
     chosen = preferences(context)
     LOG.setLevel(chosen.log_level)
     folder = bpy.path.abspath(chosen.cache_folder) if chosen.cache_folder else ""
-    if not folder and ROOT_PACKAGE.startswith("bl_ext."):
+    if not folder and IS_EXTENSION:
         folder = bpy.utils.extension_path_user(ROOT_PACKAGE, path="cache", create=True)
     if folder:
         os.environ.setdefault("PATCHNET_CACHE", folder)

@@ -12,8 +12,9 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty, IntVectorPropert
 from ..patchnet_addon.errors import SettingError
 from ..patchnet_addon.octree.grid import MAX_DEPTH
 from ..patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
-from .job.settings import CYCLES, SELECTED, TWO_LIGHTS, VISIBLE, JobSettings
+from .job.settings import CYCLES, TWO_LIGHTS, JobSettings
 from .preferences import preferences
+from .scene.placements import SELECTED, VISIBLE
 
 _STRATEGY_ITEMS = [(item.name, item.title, item.description) for item in STRATEGIES.values()]
 
@@ -80,7 +81,10 @@ class CodesProperties:
     """Which network looks ahead."""
 
     weights: StringProperty(
-        name="Weights", description="Weights file; empty for the one that is shipped", subtype="FILE_PATH"
+        name="Weights",
+        description="Weights file; empty for the one that is shipped",
+        subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
 
 
@@ -103,7 +107,10 @@ class OutputProperties:
     """Where files go."""
 
     out: StringProperty(
-        name="Output", description="Folder for pictures, octree and report; empty writes none", subtype="DIR_PATH"
+        name="Output",
+        description="Folder for pictures, octree and report; empty writes none",
+        subtype="DIR_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
 
 

@@ -34,8 +34,9 @@ def register() -> None:
         module.register()
     for item in _CLASSES:
         bpy.utils.register_class(item)
-    # Blender disables its extensions before it exits; as a Python module it does not, and then hangs on what is left.
-    atexit.register(unregister)
+    # Blender disables its extensions before it exits. Whatever else is still registered then makes it hang.
+    if not preferences.IS_EXTENSION:
+        atexit.register(unregister)
 
 
 def unregister() -> None:

@@ -12,9 +12,8 @@ from ...patchnet_addon.errors import SettingError
 from ...patchnet_addon.image.colormaps import COLORMAPS
 from ...patchnet_addon.octree.grid import MAX_DEPTH
 from ...patchnet_addon.sampling.registry import DEFAULT, strategy
+from ..scene.placements import VISIBLE
 
-SELECTED = "SELECTED"
-VISIBLE = "VISIBLE"
 CYCLES = "cycles"
 TWO_LIGHTS = "two-lights"
 MAX_SIZE_PX = 16384

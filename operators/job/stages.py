@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,8 @@ from ...patchnet_addon.octree.mesh import MeshSource, Shade
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.progress import Progress, Steps, labelled
 from ...patchnet_addon.tracing.camera import Camera
-from ..daylight import daylight, has_light
+from ..daylight import has_light, in_daylight
+from ..scene import SceneMesh
 from .settings import CYCLES, JobSettings
 from .versions import versions
 
@@ -63,7 +63,7 @@ def unlit_octree(source: MeshSource, grid: Grid, settings: JobSettings) -> Steps
 
 
 def lit_octree(
-    context: bpy.types.Context, source: MeshSource, grid: Grid, settings: JobSettings
+    context: bpy.types.Context, source: SceneMesh, grid: Grid, settings: JobSettings
 ) -> Steps[tuple[Octree, tuple[str, ...]]]:
     """Octree with the light of the settings, and sentences about what had to be assumed."""
     from ...patchnet_addon.light.two_lights import two_lights_shade
@@ -75,8 +75,8 @@ def lit_octree(
     from ..bake import bake_luminance
 
     lit = has_light(context.evaluated_depsgraph_get())
-    with nullcontext() if lit else daylight(context.scene):
-        atlas = yield from bake_luminance(context, source, grid.voxel_world, settings.samples)
+    baking = bake_luminance(context, source, grid.voxel_world, settings.samples)
+    atlas = yield from baking if lit else in_daylight(context.scene, baking)
     octree = yield from _build(source, grid, atlas_shade(atlas, source), settings, light=settings.light)
     return octree, () if lit else (NO_LIGHT,)
 

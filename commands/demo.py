@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet demo`: build the courtyard, run the whole job on its three cameras."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from ..patchnet_addon.errors import PatchNetError
+from .run import add_job_arguments, job_settings, print_result, require_blender, run_with_bars
+
+SCENE_NAME = "courtyard.blend"
+CAMERAS = "Far,Middle,Close"
+DEPTH = "10"  # gives look-ahead to Far and Middle; Close shows what happens without
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
+    """Arguments of `patchnet demo`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "demo",
+        help="build the demo courtyard and show what PatchNet does with it",
+        description="Build the demo courtyard, save it, and run the whole job on its cameras Far, Middle and Close.",
+    )
+    add_job_arguments(parser)
+    parser.set_defaults(cameras=CAMERAS, depth=DEPTH)
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results (out/demo)")
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Build, save, run, print; returns 0. Raises PatchNetError."""
+    require_blender()
+    from ..operators.demo_scene import save_demo_scene
+    from ..operators.scene import open_scene
+    from .quiet import quiet_stdout
+
+    start = time.monotonic()
+    settings = job_settings(args, args.out)
+    scene = args.out / SCENE_NAME
+    try:
+        args.out.mkdir(parents=True, exist_ok=True)
+        with quiet_stdout():
+            save_demo_scene(scene.absolute())
+    except (OSError, RuntimeError) as cause:
+        raise PatchNetError(f"{scene} cannot be written ({cause}): choose another folder with --out") from cause
+    with quiet_stdout():
+        open_scene(scene)
+    print_result(run_with_bars(settings), settings)
+    print(f"The scene is {scene}; everything took {time.monotonic() - start:.0f} s")
+    return 0

@@ -1,0 +1,296 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every operator for real on a small scene: what it makes, what it says, and that it leaves the scene alone."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+import patchnet
+from patchnet.operators import results
+from patchnet.operators.images import show_image
+from patchnet.operators.job.run import run_job
+from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.job.views import PICTURES, PRIORITY_IMAGE
+from patchnet.patchnet_addon.codes.file import load_codes
+from patchnet.patchnet_addon.network.weights import load_weights
+from patchnet.patchnet_addon.octree.file import load_octree
+from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.tests.blender.job_scene import SMALL, build, drop_result_images, random_weights
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+FILES = {"preview.png", "heatmap.png", "overlay.png", "priority.exr", "refined.png", "reference.png", "error.png"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    patchnet.register()
+    yield
+    patchnet.unregister()
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(random_weights(tmp_path_factory.mktemp("weights")))
+
+
+@pytest.fixture(autouse=True)
+def scene(weights: str) -> bpy.types.Scene:
+    build()
+    bpy.context.scene.patchnet.weights = weights
+    return bpy.context.scene
+
+
+def pixels(image: bpy.types.Image) -> np.ndarray:
+    values = np.empty(image.size[0] * image.size[1] * image.channels, np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(image.size[1], image.size[0], image.channels)
+
+
+def run_small(**settings: object) -> set[str]:
+    return bpy.ops.patchnet.run_all(**{"light": "two-lights", **SMALL, **settings})
+
+
+def test_steps_one_by_one(scene: bpy.types.Scene) -> None:
+    before = scene_snapshot()
+    assert bpy.ops.patchnet.voxelize(depth=7) == {"FINISHED"}
+    unlit = results.voxels_of(scene)
+    assert unlit.octree.depth == 7 and unlit.light == "none" and unlit.coded is None
+    assert bpy.ops.patchnet.bake_light(light="two-lights") == {"FINISHED"}
+    lit = results.voxels_of(scene)
+    assert lit.light == "two-lights" and lit.octree.grid == unlit.octree.grid
+    np.testing.assert_array_equal(lit.octree.child_mask, unlit.octree.child_mask)
+    assert (lit.octree.luminance != unlit.octree.luminance).any()
+    assert bpy.ops.patchnet.precompute_codes() == {"FINISHED"}
+    assert len(results.codes_of(scene).codes) > 100
+    assert_unchanged(before)
+    assert bpy.ops.patchnet.render_preview(size=(24, 16)) == {"FINISHED"}
+    assert results.voxels_of(scene).lookahead_share > 0.95
+    for name in PICTURES.values():
+        assert bpy.data.images[name].colorspace_settings.name == "sRGB"
+    raw = bpy.data.images[PRIORITY_IMAGE]
+    assert tuple(raw.size) == (24, 16) and raw.is_float and raw.colorspace_settings.name == "Non-Color"
+    drop_result_images()
+    assert_unchanged(before)
+
+
+def test_operator_and_script_do_the_same(scene: bpy.types.Scene, weights: str) -> None:
+    assert run_small() == {"FINISHED"}
+    shown = {name: pixels(bpy.data.images[image])[..., :3] for name, image in PICTURES.items()}
+    raw = pixels(bpy.data.images[PRIORITY_IMAGE])[..., 0]
+    settings = JobSettings(depth=7, size=(24, 16), light="two-lights", weights=Path(weights))
+    view = drain(run_job(bpy.context, settings)).views[0]
+    np.testing.assert_array_equal(raw, view.priority)
+    for name, picture in shown.items():
+        np.testing.assert_allclose(picture, view.pictures[name], atol=0.51 / 255)
+
+
+def test_run_all_with_cycles(scene: bpy.types.Scene, tmp_path: Path, weights: str) -> None:
+    out = tmp_path / "new" / "out"
+    before = scene_snapshot()
+    assert bpy.ops.patchnet.run_all(samples=1, depth=5, size=(24, 16), out=str(out)) == {"FINISHED"}
+    assert results.voxels_of(scene).light == "cycles"
+    refinement = pixels(bpy.data.images[PRIORITY_IMAGE])[..., 0]
+    drop_result_images()
+    assert_unchanged(before)
+    assert {path.name for path in out.iterdir()} == {
+        "Eye", "codes.safetensors", "octree.safetensors", "overview.png", "report.json",
+    }  # fmt: skip
+    assert {path.name for path in (out / "Eye").iterdir()} == FILES
+    assert [path.name for path in (tmp_path).iterdir()] == ["new"]
+    coded = load_codes(out / "codes.safetensors", load_octree(out / "octree.safetensors"), load_weights(weights))
+    report = json.loads((out / "report.json").read_text())
+    assert report["octree"]["depth"] == coded.octree.depth == 5
+    assert report["octree"]["nodes"] == coded.octree.node_count
+    assert report["octree"]["leaves"] == coded.octree.leaf_count
+    assert report["octree"]["bytes"] == coded.octree.nbytes
+    assert report["weights"]["hash"] == coded.weights_hash
+    assert report["versions"]["blender"] == bpy.app.version_string
+    assert all(seconds >= 0 for seconds in report["timings_s"].values())
+    (frame,) = report["frames"]
+    assert frame["camera"] == "Eye" and frame["size"] == [24, 16] and frame["budget"] == pytest.approx(0.3)
+    assert set(frame["mse"]) == set(STRATEGIES)
+    assert all(frame["mse"]["optimal"] <= value <= frame["mse_unrefined"] for value in frame["mse"].values())
+    image = bpy.data.images.load(str(out / "Eye" / "priority.exr"))
+    assert image.is_float and tuple(image.size) == (24, 16)
+    np.testing.assert_array_equal(pixels(image)[..., 0], refinement)
+
+
+def test_pictures_are_written_as_they_are_shown(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    run_small(out=str(tmp_path))
+    for name, image in PICTURES.items():
+        saved = bpy.data.images.load(str(tmp_path / "Eye" / f"{name}.png"))
+        np.testing.assert_allclose(pixels(saved)[..., :3], pixels(bpy.data.images[image])[..., :3], atol=1e-6)
+
+
+def test_scene_without_light_is_lit_and_says_so(weights: str, capfd: pytest.CaptureFixture[str]) -> None:
+    build(light=False)
+    before = scene_snapshot()
+    assert bpy.ops.patchnet.run_all(samples=1, depth=5, size=(16, 0), weights=weights) == {"FINISHED"}
+    assert results.voxels_of(bpy.context.scene).octree.luminance.any()
+    drop_result_images()
+    assert_unchanged(before)
+    assert "sun and a sky" in capfd.readouterr().out
+
+
+def test_scope(scene: bpy.types.Scene) -> None:
+    bpy.ops.patchnet.voxelize(depth=5)  # in background all visible objects
+    everything = results.voxels_of(scene).octree.area_world[0]
+    bpy.ops.patchnet.voxelize(depth=5, scope="SELECTED")
+    selected = results.voxels_of(scene).octree.area_world[0]
+    assert selected == pytest.approx(2 * 2 * 2 + 4 * 2 * 0.1, rel=1e-4)
+    assert everything == pytest.approx(selected + 5 * (4 * 2 * 0.05 + 2 * 0.05**2), rel=1e-4)
+
+
+def test_settings_of_the_scene_hold_unless_given(scene: bpy.types.Scene) -> None:
+    scene.patchnet.resolution, scene.patchnet.depth = "DEPTH", 4
+    bpy.ops.patchnet.voxelize()
+    assert results.voxels_of(scene).octree.depth == 4
+    bpy.ops.patchnet.voxelize(depth=5)
+    assert results.voxels_of(scene).octree.depth == 5
+    bpy.ops.patchnet.voxelize(voxel_size=0.25)
+    assert results.voxels_of(scene).octree.grid.voxel_world == pytest.approx(0.25)
+    assert scene.patchnet.depth == 4
+
+
+def test_automatic_depth_gives_look_ahead(scene: bpy.types.Scene) -> None:
+    assert bpy.ops.patchnet.run_all(light="two-lights", size=(48, 48), cameras="auto") == {"FINISHED"}
+    assert results.voxels_of(scene).lookahead_share >= 0.95
+
+
+def test_polls_say_what_is_missing(scene: bpy.types.Scene) -> None:
+    with pytest.raises(RuntimeError, match="no voxels yet: run Voxelize first"):
+        bpy.ops.patchnet.bake_light()
+    with pytest.raises(RuntimeError, match="no voxels yet: run Voxelize first"):
+        bpy.ops.patchnet.precompute_codes()
+    with pytest.raises(RuntimeError, match="no codes yet: run Precompute Codes first"):
+        bpy.ops.patchnet.render_preview()
+    with pytest.raises(RuntimeError, match="no results to free"):
+        bpy.ops.patchnet.clear_results()
+
+
+def test_memory_is_freed(scene: bpy.types.Scene) -> None:
+    bpy.ops.patchnet.voxelize(depth=4)
+    assert bpy.ops.patchnet.clear_results() == {"FINISHED"}
+    assert results.result_of(scene) is None
+    bpy.ops.patchnet.voxelize(depth=4)
+    build()
+    assert not results._results
+
+
+def test_changes_make_results_stale(scene: bpy.types.Scene) -> None:
+    bpy.ops.patchnet.voxelize(depth=4)
+    bpy.ops.patchnet.bake_light(light="two-lights")
+    assert results.voxels_of(scene).stale == set()
+    scene.camera.location.x += 1.0
+    bpy.context.view_layer.update()
+    assert results.voxels_of(scene).stale == set()
+    bpy.data.lights["Lamp"].energy = 1.0
+    bpy.context.view_layer.update()
+    assert results.voxels_of(scene).stale == {"light"}
+    bpy.data.objects["Slab"].location.x += 1.0
+    bpy.context.view_layer.update()
+    assert results.voxels_of(scene).stale == {"light", "surface"}
+    bpy.ops.patchnet.voxelize(depth=4)
+    assert results.voxels_of(scene).stale == set()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"scope": "SELECTED"}, "No selected object has a surface"),
+        ({"cameras": "Nobody"}, "no camera 'Nobody'"),
+        ({"depth": 14}, "GiB"),
+        ({"depth": 7, "voxel_size": 0.1}, "choose one of them"),
+        ({"weights": "/nowhere/weights.safetensors"}, "does not exist"),
+        ({"out": "//relative"}, "save the file first"),
+    ],
+)
+def test_bad_input_changes_nothing(
+    scene: bpy.types.Scene, settings: dict[str, object], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("patchnet.patchnet_addon.octree.depth.available_memory", lambda: 1 << 30)
+    for item in scene.objects:
+        item.select_set(False)
+    before = scene_snapshot()
+    with pytest.raises(RuntimeError, match=message):
+        run_small(**settings)
+    assert_unchanged(before)
+    assert results.result_of(scene) is None
+
+
+def test_errors_keep_what_was_there(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    run_small(out=str(tmp_path))
+    kept = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    result = results.result_of(scene)
+    scene.camera.data.type = "PANO"
+    with pytest.raises(RuntimeError, match="perspective or orthographic"):
+        run_small(out=str(tmp_path))
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == kept
+    assert results.result_of(scene) is result
+
+
+@pytest.mark.parametrize("light", ["cycles", "two-lights"])
+def test_stopping_anywhere_leaves_nothing_behind(light: str, weights: str, tmp_path: Path) -> None:
+    build(light=False)
+    before = scene_snapshot()
+    settings = JobSettings(depth=5, size=(16, 16), light=light, samples=1, weights=Path(weights), out=tmp_path / "out")
+    count = len(list(run_job(bpy.context, settings)))
+    assert count > 8 and (tmp_path / "out").is_dir()
+    for stop in range(0, count, max(1, count // 6)):
+        steps = run_job(bpy.context, JobSettings(**{**vars(settings), "out": tmp_path / "stopped"}))
+        for _ in range(stop + 1):
+            next(steps)
+        steps.close()
+        assert_unchanged(before)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_images_of_the_person_are_left_alone() -> None:
+    own = bpy.data.images.new("PatchNet Preview", 4, 4)
+    ours = show_image("PatchNet Preview", np.zeros((3, 5), np.float32))
+    assert ours != own and tuple(own.size) == (4, 4) and tuple(ours.size) == (5, 3)
+    again = show_image("PatchNet Preview", np.ones((6, 5), np.float32))
+    assert again == ours and tuple(again.size) == (5, 6)
+
+
+def test_panels_draw_without_computing(scene: bpy.types.Scene) -> None:
+    from patchnet.operators import panel
+
+    class Layout:
+        """Stands in for the layout of a window: it takes every call and remembers texts."""
+
+        def __init__(self) -> None:
+            self.texts: list[str] = []
+
+        def __getattr__(self, name: str):
+            def call(*args: object, **keywords: object) -> "Layout":
+                self.texts += [str(value) for value in (*args, *keywords.values())]
+                return self
+
+            return call
+
+    bpy.ops.patchnet.voxelize(depth=4)
+    texts: list[str] = []
+    for item in panel.CLASSES:
+        layout = Layout()
+        owner = type(
+            "Drawn", (), {name: getattr(item, name) for name in ("operator", "settings") if hasattr(item, name)}
+        )
+        drawn = owner()
+        drawn.layout = layout
+        if hasattr(item, "visible_settings"):
+            drawn.visible_settings = lambda values, item=item, drawn=drawn: item.visible_settings(drawn, values)
+        if item is panel.PATCHNET_PT_light:
+            panel._Step.draw(drawn, bpy.context)
+        else:
+            item.draw(drawn, bpy.context)
+        texts += layout.texts
+    text = " ".join(texts)
+    for operator in ("run_all", "voxelize", "bake_light", "precompute_codes", "render_preview", "clear_results"):
+        assert f"patchnet.{operator}" in text
+    assert "Depth 4" in text and "voxels" in text
