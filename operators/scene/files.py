@@ -30,7 +30,7 @@ _IMPORTERS: dict[str, tuple[tuple[str, ...], str]] = {
 def open_scene(path: str | Path) -> bpy.types.Scene:
     """Open a .blend file, or import any other one into an empty scene; what was open before is closed.
 
-    Raises SceneError if the file is missing, damaged, of an unknown kind, or holds no object.
+    Raises SceneError if the file is missing, damaged, of an unknown kind, or holds no surface.
     """
     path = Path(path)
     if not path.is_file():
@@ -45,9 +45,13 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
     calm = {"loglevel": logging.WARNING} if "loglevel" in importer.get_rna_type().properties else {}
     _run(path, importer, filepath=str(path.absolute()), **calm)
     scene = bpy.context.scene
-    if not scene.objects:
-        raise SceneError(f"Scene file {path} holds no object that Blender could import: it may be damaged or empty")
+    if not any(_has_surface(item) for item in bpy.data.objects):
+        raise SceneError(f"Scene file {path} holds no surface that Blender could import: it may be damaged or empty")
     return scene
+
+
+def _has_surface(item: bpy.types.Object) -> bool:
+    return len(item.data.polygons) > 0 if item.type == "MESH" else item.type in ("CURVE", "SURFACE", "FONT", "META")
 
 
 def _importer(path: Path, extension: str) -> Any:

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scene files of every kind, and files that are none."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet.operators.scene import open_scene, read_scene
+from patchnet.patchnet_addon.errors import SceneError
+
+
+@pytest.fixture
+def triangle() -> bpy.types.Object:
+    bpy.ops.wm.read_homefile(use_empty=True)
+    mesh = bpy.data.meshes.new("Triangle")
+    mesh.from_pydata([(0, 0, 0), (2, 0, 0), (0, 3, 0)], [], [(0, 1, 2)])
+    item = bpy.data.objects.new("Triangle", mesh)
+    bpy.context.scene.collection.objects.link(item)
+    item.select_set(True)
+    bpy.context.view_layer.objects.active = item
+    return item
+
+
+@pytest.mark.parametrize("extension", ["blend", "glb", "gltf", "obj", "ply", "stl", "fbx", "GLB"])
+def test_files_are_read(triangle: bpy.types.Object, tmp_path: Path, extension: str) -> None:
+    path = tmp_path / f"a scene.{extension}"
+    if extension == "blend":
+        bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    elif extension.lower() in ("glb", "gltf"):
+        kind = "GLB" if extension.lower() == "glb" else "GLTF_SEPARATE"
+        bpy.ops.export_scene.gltf(filepath=str(path), export_format=kind)
+        if not path.exists():
+            path.with_suffix(f".{extension.lower()}").rename(path)
+    elif extension == "fbx":
+        bpy.ops.export_scene.fbx(filepath=str(path))
+    else:
+        getattr(bpy.ops.wm, f"{extension}_export")(filepath=str(path))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    open_scene(path)
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    assert source.triangle_count == 1
+    (batch,) = source.batches()
+    a, b, c = batch.corners_world[0]
+    assert 0.5 * np.linalg.norm(np.cross(b - a, c - a)) == pytest.approx(3.0, rel=1e-4)
+
+
+def test_missing_unknown_and_damaged_files(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="does not exist"):
+        open_scene(tmp_path / "nothing.glb")
+    with pytest.raises(SceneError, match="does not exist"):
+        open_scene(tmp_path)
+    (tmp_path / "scene.doc").write_text("text")
+    with pytest.raises(SceneError, match=r"unknown extension '\.doc'"):
+        open_scene(tmp_path / "scene.doc")
+    for extension in ("blend", "glb", "gltf", "obj", "ply", "stl", "fbx"):
+        path = tmp_path / f"damaged.{extension}"
+        path.write_bytes(b"this is no scene at all \x00\x01\x02" * 10)
+        with pytest.raises(SceneError, match=f"damaged.{extension}"):
+            open_scene(path)

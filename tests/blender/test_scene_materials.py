@@ -1,0 +1,320 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials as the engine sees them, of hand-made trees and of the glTF importer's."""
+
+import base64
+import json
+import struct
+import zlib
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet.operators.scene import open_scene, read_scene
+from patchnet.operators.scene.images import ImageReader
+from patchnet.operators.scene.materials import read_material
+from patchnet.patchnet_addon.octree.mesh import Material
+
+
+@pytest.fixture(autouse=True)
+def empty_scene() -> None:
+    bpy.ops.wm.read_homefile(use_empty=True)
+
+
+def principled(name: str = "Paint") -> tuple[bpy.types.Material, bpy.types.Node]:
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:
+        material.use_nodes = True
+    return material, next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+
+
+def add(material: bpy.types.Material, kind: str, **inputs: object) -> bpy.types.Node:
+    node = material.node_tree.nodes.new(kind)
+    for name, value in inputs.items():
+        node.inputs[name].default_value = value
+    return node
+
+
+def image(name: str, pixels: np.ndarray, *, float_buffer: bool = False, data: bool = False) -> bpy.types.Image:
+    height, width, _ = pixels.shape
+    result = bpy.data.images.new(name, width, height, alpha=True, float_buffer=float_buffer, is_data=data)
+    result.pixels.foreach_set(np.ascontiguousarray(pixels, np.float32).ravel())
+    result.update()
+    return result
+
+
+def texture(material: bpy.types.Material, picture: bpy.types.Image) -> bpy.types.Node:
+    node = add(material, "ShaderNodeTexImage")
+    node.image = picture
+    return node
+
+
+def read(material: bpy.types.Material) -> tuple[Material, str | None]:
+    return read_material(material, ImageReader())
+
+
+def link(material: bpy.types.Material, start: bpy.types.NodeSocket, end: bpy.types.NodeSocket) -> None:
+    material.node_tree.links.new(start, end)
+
+
+PIXELS = np.random.default_rng(0).integers(0, 256, (4, 6, 4)) / 255.0
+
+
+def decoded(values: np.ndarray) -> np.ndarray:
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+def test_constants() -> None:
+    material, node = principled()
+    node.inputs["Base Color"].default_value = (0.1, 0.2, 0.3, 1)
+    node.inputs["Alpha"].default_value = 0.25
+    node.inputs["Emission Color"].default_value = (1.0, 0.5, 0.0, 1)
+    node.inputs["Emission Strength"].default_value = 4.0
+    result, warning = read(material)
+    assert warning is None
+    assert result.base_color == pytest.approx((0.1, 0.2, 0.3))
+    assert (result.alpha, result.emission) == (0.25, (4.0, 2.0, 0.0))
+    assert result.base_texture is None and result.alpha_texture is None
+
+
+@pytest.mark.parametrize("kind", ["byte", "float", "data"])
+def test_images_become_linear(kind: str) -> None:
+    material, node = principled()
+    picture = image("Picture", PIXELS, float_buffer=kind == "float", data=kind == "data")
+    link(material, texture(material, picture).outputs["Color"], node.inputs["Base Color"])
+    result, warning = read(material)
+    assert warning is None and result.base_texture is not None
+    expected = decoded(PIXELS[..., :3]) if kind == "byte" else PIXELS[..., :3]
+    np.testing.assert_allclose(result.base_texture.pixels, expected, atol=1e-5)
+    assert result.base_texture.pixels.dtype == np.float32
+
+
+def test_image_times_factor_and_shared_pixels() -> None:
+    picture = image("Picture", PIXELS)
+    images = ImageReader()
+    results = []
+    for blend in ("MIX_RGB", "MIX"):
+        material, node = principled()
+        mix = add(material, "ShaderNodeMixRGB" if blend == "MIX_RGB" else "ShaderNodeMix")
+        mix.blend_type = "MULTIPLY"
+        if blend == "MIX":
+            mix.data_type = "RGBA"
+        factor, a, b = (mix.inputs[i] for i in ((0, 6, 7) if blend == "MIX" else (0, 1, 2)))
+        factor.default_value = 1.0
+        link(material, texture(material, picture).outputs["Color"], a)
+        b.default_value = (0.5, 0.25, 1.0, 1.0)
+        link(material, mix.outputs["Result" if blend == "MIX" else "Color"], node.inputs["Base Color"])
+        result, warning = read_material(material, images)
+        assert warning is None
+        assert result.base_color == pytest.approx((0.5, 0.25, 1.0))
+        results.append(result)
+    assert results[0].base_texture.pixels is results[1].base_texture.pixels
+
+
+@pytest.mark.parametrize(
+    "operations, threshold, scale, offset",
+    [
+        ([], None, 1.0, 0.0),
+        ([("MULTIPLY", 0.5)], None, 0.5, 0.0),
+        ([("GREATER_THAN", 0.3)], 0.3, 1.0, 0.0),
+        ([("ROUND", None)], 0.5, 1.0, 0.0),
+        ([("LESS_THAN", 0.7), ("1-", None)], 0.7, 1.0, 0.0),
+        ([("MULTIPLY", 0.5), ("LESS_THAN", 0.25), ("1-", None)], 0.25, 0.5, 0.0),
+        ([("1-", None)], None, -1.0, 1.0),
+        ([("LESS_THAN", 0.4)], 0.6, -1.0, 1.0),
+    ],
+)
+def test_alpha_through_math(operations: list, threshold: float | None, scale: float, offset: float) -> None:
+    material, node = principled()
+    socket = texture(material, image("Leaf", PIXELS)).outputs["Alpha"]
+    for operation, value in operations:
+        math = add(material, "ShaderNodeMath")
+        math.operation = "SUBTRACT" if operation == "1-" else operation
+        if operation == "1-":
+            math.inputs[0].default_value = 1.0
+            link(material, socket, math.inputs[1])
+        else:
+            link(material, socket, math.inputs[0])
+            math.inputs[1].default_value = value or 0.0
+        socket = math.outputs[0]
+    link(material, socket, node.inputs["Alpha"])
+    result, warning = read(material)
+    assert warning is None and result.alpha_texture is not None
+    assert result.alpha_threshold == (None if threshold is None else pytest.approx(threshold))
+    np.testing.assert_allclose(
+        result.alpha_texture.pixels[..., 0], np.clip(PIXELS[..., 3] * scale + offset, 0, 1), atol=1e-5
+    )
+
+
+def test_mix_with_transparent_groups_reroutes_and_muted_nodes() -> None:
+    material, node = principled()
+    tree = material.node_tree
+    node.inputs["Base Color"].default_value = (0.2, 0.4, 0.6, 1)
+    group = bpy.data.node_groups.new("Cut", "ShaderNodeTree")
+    group.interface.new_socket("Alpha", in_out="INPUT", socket_type="NodeSocketFloat")
+    group.interface.new_socket("Shader", in_out="INPUT", socket_type="NodeSocketShader")
+    group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    enter, leave = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    mix = group.nodes.new("ShaderNodeMixShader")
+    group.links.new(enter.outputs[0], mix.inputs[0])
+    group.links.new(group.nodes.new("ShaderNodeBsdfTransparent").outputs[0], mix.inputs[1])
+    group.links.new(enter.outputs[1], mix.inputs[2])
+    group.links.new(mix.outputs[0], leave.inputs[0])
+    user = tree.nodes.new("ShaderNodeGroup")
+    user.node_tree = group
+    reroute = tree.nodes.new("NodeReroute")
+    muted = tree.nodes.new("ShaderNodeMath")
+    muted.mute = True
+    picture = texture(material, image("Leaf", PIXELS))
+    tree.links.new(picture.outputs["Alpha"], muted.inputs[0])
+    tree.links.new(muted.outputs[0], reroute.inputs[0])
+    tree.links.new(reroute.outputs[0], user.inputs[0])
+    tree.links.new(node.outputs[0], user.inputs[1])
+    output = next(each for each in tree.nodes if each.type == "OUTPUT_MATERIAL")
+    tree.links.new(user.outputs[0], output.inputs["Surface"])
+    result, warning = read(material)
+    assert warning is None
+    assert result.base_color == pytest.approx((0.2, 0.4, 0.6))
+    np.testing.assert_allclose(result.alpha_texture.pixels[..., 0], PIXELS[..., 3], atol=1e-5)
+
+
+def test_diffuse_plus_emission_and_no_shader() -> None:
+    material, _ = principled()
+    tree = material.node_tree
+    diffuse = add(material, "ShaderNodeBsdfDiffuse", Color=(0.3, 0.3, 0.3, 1))
+    emission = add(material, "ShaderNodeEmission", Color=(1, 1, 0, 1), Strength=2.0)
+    both = add(material, "ShaderNodeAddShader")
+    tree.links.new(diffuse.outputs[0], both.inputs[0])
+    tree.links.new(emission.outputs[0], both.inputs[1])
+    output = next(each for each in tree.nodes if each.type == "OUTPUT_MATERIAL")
+    tree.links.new(both.outputs[0], output.inputs["Surface"])
+    result, _ = read(material)
+    assert result.base_color == pytest.approx((0.3, 0.3, 0.3))
+    assert result.emission == pytest.approx((2.0, 2.0, 0.0))
+    tree.nodes.clear()
+    result, _ = read(material)
+    assert result.alpha == 0.0, "nothing is shown where no output is"
+
+
+def test_texture_mapping() -> None:
+    material, node = principled()
+    picture = texture(material, image("Picture", PIXELS))
+    mapping = add(material, "ShaderNodeMapping", Location=(0.5, 0.25, 0), Rotation=(0, 0, np.pi / 2), Scale=(2, 3, 1))
+    link(material, add(material, "ShaderNodeUVMap").outputs[0], mapping.inputs["Vector"])
+    link(material, mapping.outputs[0], picture.inputs["Vector"])
+    link(material, picture.outputs["Color"], node.inputs["Base Color"])
+    result, warning = read(material)
+    assert warning is None
+    np.testing.assert_allclose(result.base_texture.transform, [[0, -3, 0.5], [2, 0, 0.25]], atol=1e-6)
+
+
+def test_what_is_not_understood_is_said_once() -> None:
+    material, node = principled("Marble")
+    noise = add(material, "ShaderNodeTexNoise")
+    link(material, noise.outputs["Color"], node.inputs["Base Color"])
+    link(material, noise.outputs["Fac" if "Fac" in noise.outputs else "Factor"], node.inputs["Alpha"])
+    node.inputs["Emission Strength"].default_value = 1.0
+    link(material, add(material, "ShaderNodeVertexColor").outputs["Color"], node.inputs["Emission Color"])
+    result, warning = read(material)
+    assert (result.base_color, result.alpha) == ((0.8, 0.8, 0.8), 1.0)
+    assert warning is not None and warning.count("Material 'Marble'") == 1
+    assert "base colour" in warning and "opacity" in warning and "vertex colours" in warning
+
+
+def test_missing_images_are_said(tmp_path: Path) -> None:
+    lost = image("Gone", PIXELS)
+    lost.filepath_raw, lost.file_format = str(tmp_path / "gone.png"), "PNG"
+    lost.save()
+    lost.source = "FILE"
+    (tmp_path / "gone.png").unlink()
+    lost.reload()
+    for picture, words in ((lost, "image 'Gone'"), (None, "without an image")):
+        material, node = principled("Lost")
+        texture_node = add(material, "ShaderNodeTexImage")
+        texture_node.image = picture
+        link(material, texture_node.outputs["Color"], node.inputs["Base Color"])
+        result, warning = read(material)
+        assert result.base_texture is None and result.base_color == (0.8, 0.8, 0.8)
+        assert warning is not None and words in warning
+
+
+def png(pixels: np.ndarray) -> bytes:
+    """An 8 bit RGBA PNG, top row first."""
+    height, width, _ = pixels.shape
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    rows = b"".join(b"\0" + pixels[row].astype(np.uint8).tobytes() for row in range(height))
+    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+
+
+def write_gltf(path: Path, materials: list[dict], pixels: np.ndarray) -> None:
+    """One triangle a material, with texture coordinates, and one texture."""
+    positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    uvs = np.array([[0, 1], [1, 1], [0, 0]], np.float32)  # glTF counts from the top
+    data = positions.tobytes() + uvs.tobytes()
+    picture = "data:image/png;base64," + base64.b64encode(png(pixels)).decode()
+    content = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+    document = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": list(range(len(materials)))}],
+        "nodes": [{"mesh": index, "translation": [2 * index, 0, 0]} for index in range(len(materials))],
+        "meshes": [
+            {"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": index}]}
+            for index in range(len(materials))
+        ],
+        "materials": materials,
+        "textures": [{"source": 0}],
+        "images": [{"uri": picture}],
+        "buffers": [{"byteLength": len(data), "uri": content}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 24}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]},
+            {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"},
+        ],
+    }  # fmt: skip
+    path.write_text(json.dumps(document))
+
+
+def test_gltf_importers_materials(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(1).integers(0, 256, (3, 5, 4))
+    textured = {"index": 0}
+    materials = [
+        {"name": "Plain", "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 0.5]}, "alphaMode": "BLEND"},
+        {"name": "Opaque", "pbrMetallicRoughness": {"baseColorTexture": textured}},
+        {"name": "Tinted",
+         "pbrMetallicRoughness": {"baseColorTexture": textured, "baseColorFactor": [0.5, 1, 0.25, 1]}},
+        {"name": "Mask", "alphaMode": "MASK", "alphaCutoff": 0.3,
+         "pbrMetallicRoughness": {"baseColorTexture": textured}},
+        {"name": "Blend", "alphaMode": "BLEND",
+         "pbrMetallicRoughness": {"baseColorTexture": textured, "baseColorFactor": [1, 1, 1, 0.5]}},
+        {"name": "Half mask", "alphaMode": "MASK", "alphaCutoff": 0.25,
+         "pbrMetallicRoughness": {"baseColorTexture": textured, "baseColorFactor": [1, 1, 1, 0.5]}},
+        {"name": "Lamp", "emissiveFactor": [1, 0.5, 0], "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}},
+    ]  # fmt: skip
+    write_gltf(tmp_path / "scene.gltf", materials, pixels)
+    open_scene(tmp_path / "scene.gltf")
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    assert source.warnings == []
+    found = {material.name: material for material in source.materials}
+    color, alpha = decoded(pixels[::-1, :, :3] / 255.0), pixels[::-1, :, 3] / 255.0
+    assert found["Plain"].base_color == pytest.approx((0.1, 0.2, 0.3)) and found["Plain"].alpha == pytest.approx(0.5)
+    for name in ("Opaque", "Tinted", "Mask", "Blend", "Half mask"):
+        np.testing.assert_allclose(found[name].base_texture.pixels, color, atol=1e-5)
+    assert found["Opaque"].alpha_texture is None and found["Opaque"].alpha == 1.0
+    assert found["Tinted"].base_color == pytest.approx((0.5, 1.0, 0.25))
+    np.testing.assert_allclose(found["Mask"].alpha_texture.pixels[..., 0], alpha, atol=1e-5)
+    assert found["Mask"].alpha_threshold == pytest.approx(0.3)
+    assert found["Blend"].alpha_threshold is None
+    np.testing.assert_allclose(found["Blend"].alpha_texture.pixels[..., 0], alpha * 0.5, atol=1e-5)
+    cut = (
+        found["Half mask"].alpha_texture.pixels[..., 0] * found["Half mask"].alpha >= found["Half mask"].alpha_threshold
+    )
+    np.testing.assert_array_equal(cut, alpha * 0.5 >= 0.25)
+    assert found["Lamp"].emission == pytest.approx((1.0, 0.5, 0.0))
+    batch = next(source.batches())
+    assert batch.uvs.min() == 0.0 and batch.uvs.max() == 1.0
