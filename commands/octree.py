@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..patchnet_addon.errors import SettingError
-from .quiet_blender import quiet_blender
+from .quiet import quiet_stdout
 from .run import require_blender
 
 if TYPE_CHECKING:
@@ -54,11 +54,11 @@ def run(args: argparse.Namespace) -> int:
 
     if not args.texel_voxels > 0:
         raise SettingError(f"Texels of {args.texel_voxels} voxels are impossible: give a positive number")
-    with quiet_blender():
+    with quiet_stdout():
         open_scene(args.scene)
     hide_from_renders([text.strip().lower() for text in args.without.split(",") if text.strip()])
     args.out.parent.mkdir(parents=True, exist_ok=True)
-    with quiet_blender(), ProgressBars() as bars:
+    with quiet_stdout(), ProgressBars() as bars:
         octree = drain(_build(args), bars.show)
     save_octree(octree, args.out)
     print(f"{args.out}: depth {octree.depth}, {octree.leaf_count:,} voxels, {octree.nbytes / 2**20:.1f} MiB")

@@ -13,7 +13,7 @@ from ..patchnet_addon.progress import Result, Steps
 
 SUN_STRENGTH = 4.0  # W/m2
 SUN_ANGLE = 0.009  # radians, as from the earth
-SUN_ROTATION = (0.75, 0.25, 0.6)  # radians: from the upper right, towards the framing cameras' view
+SUN_ROTATION = (0.42, 0.16, 0.6)  # radians: high enough to reach the floor of a courtyard
 SKY_COLOR = (0.55, 0.7, 1.0)
 SKY_STRENGTH = 0.8
 

@@ -18,7 +18,7 @@ octree() { # NAME SCENE OPTIONS...
 }
 
 octree sponza-cycles sponza_crytek.glb --depth 9 --light cycles --samples 16
-octree sponza-cycles-turned sponza_crytek.glb --depth 10 --light cycles --samples 16 --texel-voxels 2 --rotate 1
+octree sponza-turned sponza_crytek.glb --depth 10 --light two-lights --rotate 1
 octree shuttle ldraw_space_shuttle.glb --depth 9 --light two-lights
 octree shuttle-turned ldraw_space_shuttle.glb --depth 10 --light two-lights --rotate 2
 octree station ldraw_iss.glb --depth 9 --light two-lights
@@ -32,6 +32,6 @@ octree ducts-turned bim_clinic.glb --depth 10 --light two-lights --without archi
 octree san-miguel san_miguel.glb --depth 10 --light two-lights
 octree san-miguel-turned san_miguel.glb --depth 10 --light two-lights --rotate 1
 
-[ -d "$work/samples" ] || "$patchnet" dataset "$work"/octrees/*.safetensors --samples 24000000 --out "$work/samples"
+[ -d "$work/samples" ] || "$patchnet" dataset "$work"/octrees/*.safetensors --samples 16000000 --out "$work/samples"
 resume=$([ -e "$work/run/checkpoint.pt" ] && echo --resume || true)
 "$patchnet" train "$work/samples" --preset improved --passes 128000000 --batch 2048 --out "$work/run" $resume
