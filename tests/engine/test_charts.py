@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Charts: nobody shares a texel, everybody has one, and what is stored there is found again."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.light.atlas import Atlas, atlas_shade
+from patchnet.patchnet_addon.light.chart_lookup import lookup, texel_owners, triangle_means
+from patchnet.patchnet_addon.light.charts import SINGLE, Charts, layout_charts
+from patchnet.patchnet_addon.octree.mesh import Fragments, Material, TriangleMesh
+from patchnet.patchnet_addon.progress import drain
+
+
+def triangles(count: int, seed: int = 0, spread: float = 1.5) -> np.ndarray:
+    """Triangles (count, 3, 3) of very different sizes and shapes."""
+    rng = np.random.default_rng(seed)
+    corners = rng.normal(size=(count, 3, 3)) * np.exp(rng.normal(size=(count, 1, 1)) * spread)
+    corners[::7, 2] = corners[::7, 0] + 0.01 * (corners[::7, 2] - corners[::7, 0])  # slivers
+    corners[::11] = corners[::11, :1]  # points
+    return corners + rng.normal(size=(count, 1, 3)) * 10
+
+
+def layout(corners: np.ndarray, texel: float, **settings: int) -> Charts:
+    return drain(layout_charts(TriangleMesh.from_arrays(corners), texel, **settings))
+
+
+def inside(charts: Charts, triangle: int) -> set[tuple[int, int]]:
+    """Texels (x, y) whose centre is in the triangle of the chart, from its corners alone."""
+    corners = charts.corner_texels(np.array([triangle]))[0]
+    low, high = np.floor(corners.min(axis=0)).astype(int) - 1, np.ceil(corners.max(axis=0)).astype(int) + 1
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1])))
+    edges = np.array([corners[1] - corners[0], corners[2] - corners[0]]).T
+    weights = np.linalg.solve(edges, np.stack([x + 0.5 - corners[0, 0], y + 0.5 - corners[0, 1]]))
+    # The renderer rounds: a centre this near to an edge would be anybody's.
+    distance = np.min([weights[0], weights[1], 1 - weights.sum(axis=0)], axis=0) * abs(np.linalg.det(edges))
+    assert (np.abs(distance) / np.linalg.norm(corners - np.roll(corners, 1, 0), axis=1).max() > 0.01).all()
+    chosen = (weights > 0).all(axis=0) & (weights.sum(axis=0) < 1)
+    return set(zip(x[chosen].tolist(), y[chosen].tolist(), strict=True))
+
+
+@pytest.mark.parametrize("texel, page_side", [(0.3, 64), (0.3, 1024), (3.0, 16), (1000.0, 8)])
+def test_texels_belong_to_one_triangle_each(texel: float, page_side: int) -> None:
+    corners = triangles(200)
+    charts = layout(corners, texel, page_side=page_side)
+    owners = np.stack([texel_owners(charts, page) for page in range(charts.page_count)])
+    owners = owners.reshape(charts.page_count, charts.page_side, charts.page_side)
+    for triangle in range(len(corners)):
+        page, y, x = np.nonzero(owners == triangle)
+        assert len(x) >= 1 and (page == charts.page[triangle]).all()
+        # No overlap: what the triangle covers is what it owns.
+        assert inside(charts, triangle) == set(zip(x.tolist(), y.tolist(), strict=True))
+
+
+def test_size_of_charts_follows_the_triangles() -> None:
+    corners = triangles(2000)[1::2]
+    charts = layout(corners, 0.05)
+    edges = (
+        np.sort(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)[:, :2] / charts.texel_world
+    )  # legs
+    sides = np.sort(np.stack([charts.log_width, charts.log_height], axis=1), axis=1)
+    clear = (charts.kind != SINGLE) & (edges[:, 1] < 16 * edges[:, 0])
+    assert (np.abs(sides[clear] - np.log2(np.maximum(edges[clear], 1))) <= 0.5 + 1e-6).all()
+    # The longest edge is the hypotenuse.
+    chart = charts.corner_texels(np.arange(len(corners)))
+    lengths = np.linalg.norm(np.roll(chart, -1, axis=1) - chart, axis=2)
+    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).argmax(axis=1)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    solid = clear & (area > 1e-9)
+    assert (lengths.argmax(axis=1) == longest)[solid].all()
+
+
+def test_pages_are_well_filled_and_bounded() -> None:
+    corners = triangles(5000, spread=0.5)[1::2]
+    charts = layout(corners, 0.05, page_side=256)
+    owned = sum(int((texel_owners(charts, page) >= 0).sum()) for page in range(charts.page_count))
+    assert owned > 0.6 * (charts.page_count - 1) * charts.page_side**2
+    small = layout(corners, 0.05, max_texels=30_000, page_side=64)
+    assert small.texel_world > 0.05
+    assert small.texel_count <= 30_000 + 64**2
+    single = layout(corners, 0.05, max_texels=1)
+    assert (single.kind == SINGLE).all()
+    with pytest.raises(SettingError, match="Texel size"):
+        layout(corners, 0.0)
+
+
+def chart_positions(charts: Charts, triangle: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
+    """Reference: where on the page (F, 2) points of triangles lie."""
+    corners = charts.corner_texels(triangle)
+    weights = np.column_stack([1 - barycentric.sum(axis=1), barycentric])
+    return np.einsum("fc,fcx->fx", weights, corners)
+
+
+def test_lookup_is_exact_for_a_linear_function() -> None:
+    corners = triangles(400, seed=3)[1::2]
+    charts = layout(corners, 0.1, page_side=128)
+    plane = np.array([0.3, 0.7, 500.0])  # of the page's x and y, positive everywhere
+    side = charts.page_side
+    y, x = (axis.ravel() + 0.5 for axis in np.indices((side, side)))
+    texels = np.full((charts.page_count, side * side), np.nan, np.float32)
+    for page in range(charts.page_count):
+        owned = texel_owners(charts, page) >= 0  # what nobody owns is not a number, and must never be touched
+        texels[page, owned] = (plane[0] * x + plane[1] * y + plane[2])[owned]
+    rng = np.random.default_rng(0)
+    triangle = rng.integers(0, len(corners), 20_000)
+    barycentric = rng.dirichlet((1, 1, 1), len(triangle))[:, 1:].astype(np.float32)
+    values = lookup(charts, texels.reshape(-1, 1), triangle, barycentric)[:, 0]
+    assert np.isfinite(values).all()
+    position = chart_positions(charts, triangle, barycentric.astype(np.float64))
+    expected = position @ plane[:2] + plane[2]
+    # Not within half a texel of the legs, nor in their tips, where the values of the nearest texels count.
+    start = charts.corner_texels(triangle)[np.arange(len(triangle)), charts.origin[triangle]]
+    offset, legs = np.abs(position - start), charts.legs(triangle)
+    cell = np.floor(offset - 0.5)
+    owned = [((cell + np.array(step) + 0.5) / legs).sum(axis=1) < 1 for step in ((1, 0), (0, 1))]
+    clear = (offset >= 0.5).all(axis=1) & owned[0] & owned[1] & (charts.kind[triangle] != SINGLE)
+    assert clear.sum() > 3000
+    np.testing.assert_allclose(values[clear], expected[clear], rtol=2e-5)
+    assert np.abs(values - expected).max() < 16.0 * np.linalg.norm(plane[:2])  # the longest tip, in texels
+
+
+def test_no_triangle_reads_its_neighbours() -> None:
+    corners = triangles(500, seed=5)
+    charts = layout(corners, 0.2, page_side=64)
+    texels = np.stack([texel_owners(charts, page) for page in range(charts.page_count)]).astype(np.float32)
+    rng = np.random.default_rng(1)
+    triangle = rng.integers(0, len(corners), 30_000)
+    barycentric = rng.dirichlet((0.5, 0.5, 0.5), len(triangle))[:, 1:].astype(np.float32)
+    values = lookup(charts, texels.reshape(-1, 1), triangle, barycentric)[:, 0]
+    np.testing.assert_allclose(values, triangle, atol=1e-3)
+    for page in range(charts.page_count):
+        members = np.flatnonzero(charts.page == page)
+        np.testing.assert_allclose(triangle_means(charts, texels[page], members), members, rtol=1e-6)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.05, 200.0), st.floats(0.05, 200.0), st.integers(0, 2), st.booleans())
+def test_any_shape_has_texels_of_its_own(one: float, other: float, turn: int, twice: bool) -> None:
+    corner = np.roll([(0.0, 0.0, 0.0), (one, 0.0, 0.0), (0.0, other, 0.0)], turn, axis=0)
+    corners = np.stack([corner] * (2 if twice else 1))
+    charts = layout(corners, 1.0)
+    owners = texel_owners(charts, 0)
+    for triangle in range(len(corners)):
+        assert len(inside(charts, triangle)) == (owners == triangle).sum() >= 1
+
+
+def test_shade_divides_by_opacity() -> None:
+    corners = triangles(40, seed=2)[1::2]
+    mesh = TriangleMesh.from_arrays(corners, (Material("Pane", alpha=0.25),))
+    charts = drain(layout_charts(mesh, 0.2))
+    texels = np.zeros((charts.texel_count, 2), np.float32)
+    texels[:] = (0.1, 0.25)
+    texels[: charts.page_side**2 // 2] = (0.0, 0.0)  # the renderer saw nothing at all
+    shade = atlas_shade(Atlas(charts, texels), mesh)
+    count = len(corners)
+    fragments = Fragments(np.zeros(count, np.uint64), np.arange(count, dtype=np.int32),
+                          np.full((count, 2), 1 / 3, np.float32), np.ones(count))  # fmt: skip
+    values, opacity = shade(next(mesh.batches()), fragments)
+    assert values.dtype == opacity.dtype == np.float32
+    assert set(np.round(np.unique(values), 4)) <= {np.float32(0.0), np.float32(0.4)}
+    np.testing.assert_allclose(opacity, 0.25)
+    other = TriangleMesh.from_arrays(corners[:-1])
+    with pytest.raises(SettingError, match="bake the light again"):
+        atlas_shade(Atlas(charts, texels), other)

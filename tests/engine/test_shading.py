@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Textured shading against brute force over the texture."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.light.albedo import albedo_shade
+from patchnet.patchnet_addon.light.closed import closed_triangles
+from patchnet.patchnet_addon.light.exposure import quantile_exposure
+from patchnet.patchnet_addon.light.textures import TextureTable, cut_coverage
+from patchnet.patchnet_addon.light.two_lights import two_lights_shade
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.octree.voxelize import clip_batch, triangle_areas_and_normals
+
+WHITE = (1.0, 1.0, 1.0)
+REC709 = np.array([0.2126, 0.7152, 0.0722])
+SQUARE = np.array([[(0, 0, 0), (1, 0, 0), (1, 1, 0)], [(0, 0, 0), (1, 1, 0), (0, 1, 0)]], float)
+
+
+def square(material: Material, tiles: float = 1.0) -> TriangleMesh:
+    """The unit square in the plane z = 0, its texture repeated `tiles` times along each axis."""
+    uvs = (SQUARE[..., :2] * tiles).astype(np.float32)
+    return TriangleMesh((TriangleBatch(SQUARE, uvs, np.zeros(2, np.int32), 0),), (material,))
+
+
+def pieces(mesh: TriangleMesh, depth: int) -> tuple[TriangleBatch, Fragments]:
+    """The square cut into 2^depth x 2^depth cells."""
+    (batch,) = mesh.batches()
+    grid = Grid((-1e-9, -1e-9, -0.5), 1.0 + 2e-9, depth)
+    areas, _ = triangle_areas_and_normals(batch.corners_world)
+    parts = list(clip_batch(batch, grid, areas))
+    return batch, Fragments(*(np.concatenate([getattr(p, key) for p in parts]) for key in Fragments.__annotations__))
+
+
+def points(batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
+    """Centroids (F, 2) of the fragments."""
+    weights = np.column_stack([1 - fragments.barycentric.sum(axis=1), fragments.barycentric])
+    return np.einsum("fc,fcx->fx", weights, batch.corners_world[fragments.triangle])[:, :2]
+
+
+def wrapped(index: np.ndarray, size: int, extension: str) -> tuple[np.ndarray, np.ndarray]:
+    """Reference: texel of an index, and whether there is one."""
+    inside = (index >= 0) & (index < size)
+    if extension == "EXTEND":
+        return np.clip(index, 0, size - 1), np.ones_like(inside)
+    if extension == "CLIP":
+        return np.clip(index, 0, size - 1), inside
+    if extension == "MIRROR":
+        index = index % (2 * size)
+        return np.where(index < size, index, 2 * size - 1 - index), np.ones_like(inside)
+    return index % size, np.ones_like(inside)
+
+
+def bilinear(pixels: np.ndarray, uv: np.ndarray, extension: str) -> np.ndarray:
+    """Reference lookup (F, C)."""
+    height, width, channels = pixels.shape
+    x, y = uv[:, 0] * width - 0.5, uv[:, 1] * height - 0.5
+    total = np.zeros((len(uv), channels))
+    for dy in (0, 1):
+        for dx in (0, 1):
+            column, there_x = wrapped(np.floor(x).astype(int) + dx, width, extension)
+            row, there_y = wrapped(np.floor(y).astype(int) + dy, height, extension)
+            weight = (1 - abs(x - np.floor(x) - dx)) * (1 - abs(y - np.floor(y) - dy)) * there_x * there_y
+            total += weight[:, None] * pixels[row, column]
+    return total
+
+
+@pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "MIRROR", "CLIP"])
+@pytest.mark.parametrize("transform", [None, ((0.0, -1.5, 0.25), (2.0, 0.0, -0.5))])
+def test_small_fragments_read_the_finest_texels(extension: str, transform: tuple | None) -> None:
+    rng = np.random.default_rng(0)
+    pixels = rng.random((5, 7, 3)).astype(np.float32)
+    material = Material("M", (0.5, 1.0, 0.25), Texture("T", pixels, extension, transform))
+    mesh = square(material, tiles=2.5)
+    batch, fragments = pieces(mesh, 5)
+    fragments = replace(fragments, area_world=fragments.area_world * 1e-6)
+    values, opacity = albedo_shade(mesh)(batch, fragments)
+    uv = points(batch, fragments) * 2.5
+    if transform is not None:
+        uv = np.column_stack([uv, np.ones(len(uv))]) @ np.array(transform).T
+    expected = bilinear(pixels, uv, extension) @ (REC709 * (0.5, 1.0, 0.25))
+    if extension == "CLIP":  # nothing is outside of a clipped texture
+        assert (opacity[(uv < -0.2).any(axis=1) | (uv > 1.2).any(axis=1)] == 0).all()
+        inside = opacity > 0.999
+        np.testing.assert_allclose(values[inside], expected[inside], atol=1e-5)
+    else:
+        np.testing.assert_allclose(values, expected, atol=1e-5)
+        np.testing.assert_allclose(opacity, 1.0)
+
+
+@pytest.mark.parametrize("shape", [(64, 64), (48, 100), (33, 17)])
+def test_large_fragments_get_means(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(1)
+    pixels = rng.random((*shape, 3)).astype(np.float32)
+    mesh = square(Material("M", WHITE, Texture("T", pixels)), tiles=8.0)
+    values, _ = albedo_shade(mesh)(*pieces(mesh, 1))
+    mean = float((pixels @ REC709).mean())
+    np.testing.assert_allclose(values, mean, rtol=0.02)
+    # A coarse texture under middling cells: close to the mean over each cell.
+    coarse = np.kron(rng.random((4, 4, 1)), np.ones((16, 16, 3))).astype(np.float32)
+    mesh = square(Material("M", WHITE, Texture("T", coarse)))
+    batch, fragments = pieces(mesh, 2)
+    values, _ = albedo_shade(mesh)(batch, fragments)
+    cell = (points(batch, fragments) * 4).astype(int)
+    truth = coarse[cell[:, 1] * 16, cell[:, 0] * 16] @ REC709
+    centre = np.abs(points(batch, fragments) * 4 % 1 - 0.5).max(axis=1) < 0.2
+    assert np.abs(values - truth)[centre].mean() < 0.15 * truth.std() + 0.05
+
+
+def test_alpha_fractions_and_cut_alpha() -> None:
+    rng = np.random.default_rng(2)
+    alpha = np.kron(rng.random((32, 32, 1)), np.ones((8, 8, 1))).astype(np.float32)
+    color = np.where(alpha >= 0.5, 0.9, 0.1).astype(np.float32).repeat(3, axis=2)  # what is cut away is dark
+    area = float((alpha >= 0.5).mean())
+    soft = square(Material("Soft", WHITE, Texture("C", color), alpha_texture=Texture("A", alpha)))
+    hard = square(Material("Hard", WHITE, Texture("C", color), alpha_texture=Texture("A", alpha), alpha_threshold=0.5))
+    for depth in (0 + 1, 3, 5, 9):
+        batch, fragments = pieces(soft, depth)
+        weight = fragments.area_world
+        _, opacity = albedo_shade(soft)(batch, fragments)
+        assert np.average(opacity, weights=weight) == pytest.approx(float(alpha.mean()), abs=0.01)
+        values, opacity = albedo_shade(hard)(batch, fragments)
+        assert np.average(opacity, weights=weight) == pytest.approx(area, abs=0.02), "coverage is right at every size"
+        assert np.average(values, weights=weight * opacity) == pytest.approx(0.9, abs=0.03), "what is cut has no colour"
+    assert set(np.unique(opacity)) <= {0.0, 1.0}, "fine fragments are there or not"
+
+
+def test_constant_alpha_scales_a_texture_and_thresholds_are_of_the_product() -> None:
+    alpha = np.linspace(0, 1, 64, dtype=np.float32).reshape(1, 64, 1).repeat(64, axis=0)
+    texture = Texture("A", alpha, "EXTEND")
+    faint = square(Material("Faint", alpha=0.5, alpha_texture=texture))
+    batch, fragments = pieces(faint, 4)
+    _, opacity = albedo_shade(faint)(batch, fragments)
+    assert np.average(opacity, weights=fragments.area_world) == pytest.approx(0.25, abs=0.01)
+    cut = square(Material("Cut", alpha=0.5, alpha_texture=texture, alpha_threshold=0.4))
+    _, opacity = albedo_shade(cut)(batch, fragments)
+    assert np.average(opacity, weights=fragments.area_world) == pytest.approx(0.2, abs=0.01)
+
+
+def test_coverage_of_a_texel() -> None:
+    ramp = np.array([[0.0, 0.4, 0.8, 0.8]], np.float32).repeat(3, axis=0)
+    # From 0.4 to 0.8 bilinear opacity passes 0.5 at a quarter of the way: one of two samples reaches it.
+    np.testing.assert_allclose(cut_coverage(ramp, 0.5)[1], [0.0, 0.5, 1.0, 1.0])
+
+
+def test_two_lights() -> None:
+    rng = np.random.default_rng(3)
+    corners = rng.normal(size=(50, 3, 3))
+    mesh = TriangleMesh.from_arrays(corners, (Material("M", (0.2, 0.4, 0.6), emission=(0.1, 0.1, 0.1)),))
+    count = len(corners)
+    fragments = Fragments(np.zeros(count, np.uint64), np.arange(count, dtype=np.int32),
+                          np.full((count, 2), 1 / 3, np.float32), np.ones(count))  # fmt: skip
+    direction = np.array([1.0, -2.0, 0.5])
+    values, opacity = two_lights_shade(mesh, tuple(direction))(next(mesh.batches()), fragments)
+    albedo = float(REC709 @ (0.2, 0.4, 0.6))
+    for triangle in range(count):
+        a, b, c = corners[triangle]
+        normal = np.cross(b - a, c - a)
+        cosine = abs(normal @ direction) / np.linalg.norm(normal) / np.linalg.norm(direction)
+        assert values[triangle] == pytest.approx(albedo * cosine + 0.1, rel=1e-5)
+    assert (opacity == 1).all() and values.dtype == np.float32
+    turned, _ = two_lights_shade(mesh, tuple(-direction))(next(mesh.batches()), fragments)
+    np.testing.assert_array_equal(turned, values)
+    with pytest.raises(SettingError, match="direction"):
+        two_lights_shade(mesh, (0.0, 0.0, 0.0))
+
+
+def test_pyramids_keep_the_mean_and_are_shared() -> None:
+    rng = np.random.default_rng(4)
+    texture = Texture("T", rng.random((37, 22, 3)).astype(np.float32))
+    one = Material("One", WHITE, texture)
+    table = TextureTable.from_materials((one, replace(one, name="Two"), Material("Plain")))
+    assert table.material_pyramid.tolist() == [0, 0, -1]
+    assert table.level_height.tolist() == [37, 18, 9, 4, 2, 1, 1][: len(table.level_height)]
+    mean = float((texture.pixels @ REC709).mean())
+    for level in range(len(table.level_offset)):
+        size = table.level_height[level] * table.level_width[level]
+        part = table.texels[table.level_offset[level] : table.level_offset[level] + size]
+        assert part[:, 0].mean() == pytest.approx(mean, rel=1e-5)
+
+
+def test_closed_pieces() -> None:
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [(a, *edge) for a, b, c, d in quads for edge in ((b, c), (c, d))]
+    box = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
+    triangles = np.array(faces, np.int32)
+    assert closed_triangles(box, triangles).all()
+    soup = box[triangles].reshape(-1, 3)  # every corner a vertex of its own
+    apart = np.arange(36, dtype=np.int32).reshape(-1, 3)
+    assert closed_triangles(soup, apart).all()
+    assert not closed_triangles(box, triangles[:-1]).any(), "a gap opens the piece"
+    flipped = triangles.copy()
+    flipped[3] = flipped[3, ::-1]
+    assert not closed_triangles(box, flipped).any(), "sides must agree"
+    two = np.concatenate([soup, soup[:33] + 5]), np.concatenate([apart, apart[:11] + 36])
+    assert closed_triangles(*two).tolist() == [True] * 12 + [False] * 11
+    point = np.concatenate([triangles, [[0, 0, 1]]]).astype(np.int32)
+    assert closed_triangles(box, point).tolist() == [True] * 12 + [False]
+
+
+def test_exposure() -> None:
+    values = np.linspace(0.0, 2.0, 100_001)
+    assert quantile_exposure(values) == pytest.approx(1.0 / 1.99, rel=1e-4)
+    assert quantile_exposure(np.zeros(5)) == 1.0
