@@ -44,6 +44,13 @@ class TrainSettings:
 
 PAPER = TrainSettings()
 IMPROVED = TrainSettings(
-    learning_rate=2e-3, schedule="cosine", warm_up=500, average=0.999, clip=1.0, augment=True, luminance_weight=2.0
+    batch=2048,
+    learning_rate=2e-3,
+    schedule="cosine",
+    warm_up=500,
+    average=0.999,
+    clip=1.0,
+    augment=True,
+    luminance_weight=2.0,
 )
 PRESETS = {"quick": replace(IMPROVED, passes=32_000_000), "paper": PAPER, "improved": IMPROVED}
