@@ -25,6 +25,7 @@ from ...patchnet_addon.progress import Progress, Steps
 from ..scene.scene_mesh import SceneMesh
 from .bake_materials import bake_materials
 from .closed_runs import ClosedPieces
+from .object_data import attributes_needed, lost_inputs
 from .page_mesh import CHART_LAYER, PageTriangles, page_mesh, page_triangles
 from .settings import changed, object_mode
 
@@ -71,7 +72,7 @@ def bake_luminance(
             front = baker.merged(page, part.triangles[hidden], part.closed[hidden], front, back)
         pages[page] = front
     yield Progress(charts.page_count, charts.page_count, "Baking light")
-    return Atlas(charts, pages.reshape(-1, 2), samples)
+    return Atlas(charts, pages.reshape(-1, 2), samples, baker.warnings)
 
 
 class _Baker:
@@ -84,13 +85,16 @@ class _Baker:
         self._samples = samples
         self._seed = seed
         self._closed = ClosedPieces()
+        used = [material for material in bpy.data.materials if material.name_full in source.material_names]
+        self._attributes = attributes_needed(used)
+        self.warnings = tuple(_lost(material.name, nodes) for material in used if (nodes := lost_inputs(material)))
         # Far less than a voxel, but well above the rounding of single precision coordinates.
         reach = float(np.abs(source.bounds_world).max())
         self._offset_world = max(1e-3 * charts.texel_world, 2.0**-18 * reach)
 
     def triangles(self, page: int) -> PageTriangles:
         """What lies on a page."""
-        return page_triangles(self._source, self._charts, page, self._closed)
+        return page_triangles(self._source, self._charts, page, self._closed, self._attributes)
 
     def hidden_sides(self, part: PageTriangles, front: np.ndarray) -> np.ndarray:
         """(N,) bool: triangles whose back has to be baked too: sheets, and closed ones whose front is black."""
@@ -120,7 +124,7 @@ class _Baker:
             stack.enter_context(object_mode(self._context))
             stack.enter_context(_cycles(self._context.scene, self._samples, self._seed))
             image = stack.enter_context(_image(self._charts.page_side))
-            materials = stack.enter_context(bake_materials(self._source.material_names, image))
+            materials = stack.enter_context(bake_materials(self._source.material_names, image, back))
             mesh = page_mesh(part, self._charts, materials, self._offset_world, back)
             target = stack.enter_context(_target(self._context, mesh))
             _run(self._context, target)
@@ -129,6 +133,11 @@ class _Baker:
         pixels = np.nan_to_num(pixels.reshape(-1, 4), posinf=0.0, neginf=0.0)
         shine = np.maximum(pixels[:, :3] @ _LUMINANCE, 0.0)
         return np.stack([shine, np.clip(pixels[:, 3], 0.0, 1.0)], axis=-1)
+
+
+def _lost(name: str, nodes: tuple[str, ...]) -> str:
+    listed = ", ".join(f"'{node}'" for node in nodes)
+    return f"Material '{name}' is baked without what depends on the view or on whole objects: node {listed}"
 
 
 @contextmanager

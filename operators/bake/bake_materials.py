@@ -9,21 +9,60 @@ from contextlib import contextmanager
 import bpy
 
 from ..scene.layer_names import shader_tree
+from .object_data import needs_redirect, redirect
 
 
 @contextmanager
-def bake_materials(names: Sequence[str], image: bpy.types.Image) -> Iterator[list[bpy.types.Material]]:
-    """A copy of each named material, in this order, whose active node is `image`; removed after the block."""
-    library = {material.name_full: material for material in bpy.data.materials}
-    copies: list[bpy.types.Material] = []
+def bake_materials(names: Sequence[str], image: bpy.types.Image, back: bool) -> Iterator[list[bpy.types.Material]]:
+    """A copy of each named material, in this order, whose active node is `image`; removed after the block.
+
+    The copies take from attributes what they would ask the object; `back` says that the mesh shows back sides.
+    """
+    copies = _Copies()
     try:
         for name in names:
-            copies.append(library[name].copy() if name else bpy.data.materials.new("PatchNet Default"))
-            _aim(copies[-1], image, plain=not name)
-        yield copies
+            copies.add(name, image, back)
+        yield copies.materials
     finally:
-        for copy in copies:
-            bpy.data.materials.remove(copy)
+        copies.remove()
+
+
+class _Copies:
+    """Copies of materials and of the node groups in them."""
+
+    def __init__(self) -> None:
+        self.materials: list[bpy.types.Material] = []
+        self._groups: list[bpy.types.NodeTree] = []
+        self._library = {material.name_full: material for material in bpy.data.materials}
+
+    def add(self, name: str, image: bpy.types.Image, back: bool) -> None:
+        """Copy a material by its full name; "" is what Cycles shows without one."""
+        original = self._library[name] if name else None
+        copy = original.copy() if original else bpy.data.materials.new("PatchNet Default")
+        self.materials.append(copy)
+        if original and needs_redirect(original):
+            self._redirect(copy.node_tree, original.pass_index, back, {})
+        _aim(copy, image, plain=original is None)
+
+    def _redirect(
+        self, tree: bpy.types.NodeTree, material_index: int, back: bool, known: dict[str, bpy.types.NodeTree]
+    ) -> None:
+        redirect(tree, material_index, back)
+        for node in tree.nodes:
+            if node.type == "GROUP" and node.node_tree:
+                name = node.node_tree.name_full
+                if name not in known:
+                    known[name] = node.node_tree.copy()
+                    self._groups.append(known[name])
+                    self._redirect(known[name], material_index, back, known)
+                node.node_tree = known[name]
+
+    def remove(self) -> None:
+        """Remove all copies."""
+        for material in self.materials:
+            bpy.data.materials.remove(material)
+        for group in self._groups:
+            bpy.data.node_groups.remove(group)
 
 
 def _aim(material: bpy.types.Material, image: bpy.types.Image, plain: bool) -> None:

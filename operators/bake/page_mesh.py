@@ -12,6 +12,7 @@ import numpy as np
 from ...patchnet_addon.light.charts import Charts
 from ..scene.scene_mesh import Run, SceneMesh
 from .closed_runs import ClosedPieces
+from .object_data import attribute_values
 
 CHART_LAYER = "PatchNet Charts"
 SURFACE_LAYER = "PatchNet Surface"
@@ -46,15 +47,17 @@ class PageTriangles:
         )  # fmt: skip
 
 
-def page_triangles(source: SceneMesh, charts: Charts, page: int, closed: ClosedPieces) -> PageTriangles:
-    """The triangles with an area whose charts lie on a page."""
+def page_triangles(
+    source: SceneMesh, charts: Charts, page: int, closed: ClosedPieces, attributes: frozenset[str]
+) -> PageTriangles:
+    """The triangles with an area whose charts lie on a page, with `attributes` of their objects among the layers."""
     parts: list[PageTriangles] = []
     first = 0
     for runs in source.runs():
         for run in runs:
             mask = charts.page[first : first + len(run)] == page
             if mask.any():
-                parts.append(_part(run, mask, first, closed))
+                parts.append(_part(run, mask, first, closed, attributes))
             first += len(run)
     names = dict.fromkeys(name for part in parts for name in part.layers)
     widths = {name: next(p.layers[name].shape[-1] for p in parts if name in p.layers) for name in names}
@@ -67,7 +70,7 @@ def page_triangles(source: SceneMesh, charts: Charts, page: int, closed: ClosedP
     return PageTriangles(**arrays, layers=layers)
 
 
-def _part(run: Run, mask: np.ndarray, first: int, closed: ClosedPieces) -> PageTriangles:
+def _part(run: Run, mask: np.ndarray, first: int, closed: ClosedPieces, attributes: frozenset[str]) -> PageTriangles:
     corners = run.corners_world()
     flat = geometric_normals(corners)
     mask = mask & flat.any(axis=1)
@@ -85,7 +88,8 @@ def _part(run: Run, mask: np.ndarray, first: int, closed: ClosedPieces) -> PageT
         uvs=uvs[mask],
         materials=run.materials()[mask],
         closed=closed.of(run)[mask],
-        layers={name: run.per_corner(values)[mask] for name, values in mesh.layers.items()},
+        layers={name: run.per_corner(values)[mask] for name, values in mesh.layers.items()}
+        | {name: attribute_values(run, name)[mask] for name in sorted(attributes)},
     )
 
 
@@ -132,9 +136,12 @@ def _add_uvs(mesh: bpy.types.Mesh, name: str, uvs: np.ndarray) -> None:
 
 
 def _add_layer(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
-    if values.shape[-1] == 2:
+    """A UV map or attribute of values (N, 3, C)."""
+    width = values.shape[-1]
+    if width == 2:
         if len(mesh.uv_layers) < _MAX_UV_LAYERS:
             _add_uvs(mesh, name, values)
         return
-    attribute = mesh.color_attributes.new(name, "FLOAT_COLOR", "CORNER")
-    attribute.data.foreach_set("color", np.ascontiguousarray(values, np.float32).ravel())
+    kind, key = {1: ("FLOAT", "value"), 3: ("FLOAT_VECTOR", "vector"), 4: ("FLOAT_COLOR", "color")}[width]
+    attribute = mesh.attributes.new(name, kind, "CORNER")
+    attribute.data.foreach_set(key, np.ascontiguousarray(values, np.float32).ravel())

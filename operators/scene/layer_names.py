@@ -1,11 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Names of the UV maps and colour attributes that a material asks for."""
+"""What the nodes of a material ask of the mesh: UV maps and attributes by name, generated coordinates."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import bpy
+
+# The layer that holds generated coordinates, which belong to a mesh and its texture space.
+GENERATED = "patchnet_generated"
+# Textures that take generated coordinates if nothing else is linked to them.
+GENERATED_BY_DEFAULT = frozenset(
+    {
+        "TEX_NOISE", "TEX_VORONOI", "TEX_WAVE", "TEX_MAGIC", "TEX_GRADIENT", "TEX_CHECKER", "TEX_BRICK", "TEX_GABOR",
+        "TEX_MUSGRAVE",
+    }
+)  # fmt: skip
 
 _NAME_PROPERTY = {
     "UVMAP": "uv_map",
@@ -17,12 +27,24 @@ _NAME_PROPERTY = {
 
 
 def layer_names(material: bpy.types.Material) -> frozenset[str]:
-    """Names that any node of the material mentions, in its groups too, if it says any at all."""
+    """Names that any node of the material mentions, in its groups too, and GENERATED if one needs it."""
     tree = shader_tree(material)
     if tree is None:
         return frozenset()
-    named = (node for node in all_nodes(tree) if node.type in _NAME_PROPERTY)
-    return frozenset(name for node in named if (name := getattr(node, _NAME_PROPERTY[node.type])))
+    names = set()
+    for node in all_nodes(tree):
+        if node.type in _NAME_PROPERTY:
+            names.add(getattr(node, _NAME_PROPERTY[node.type]))
+        elif needs_generated(node):
+            names.add(GENERATED)
+    return frozenset(names - {""})
+
+
+def needs_generated(node: bpy.types.Node) -> bool:
+    """Whether a node yields or takes generated coordinates."""
+    if node.type == "TEX_COORD":
+        return node.outputs["Generated"].is_linked
+    return node.type in GENERATED_BY_DEFAULT and not node.inputs["Vector"].is_linked
 
 
 def shader_tree(material: bpy.types.Material) -> bpy.types.NodeTree | None:

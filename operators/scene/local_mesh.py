@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.errors import GeometryError
+from .layer_names import GENERATED
 
 _NORMAL_SCALE = 32767.0
 
@@ -20,7 +21,8 @@ class LocalMesh:
     vertices: (V, 3) float32, only those that triangles use. triangles: (T, 3) int32.
     uvs: (T, 3, 2) float32 of the layer that renders, or None. slots: (T,) int16 material slots, or None if all are 0.
     normals: (T, 3, 3) int16 shading normals, 32767 = 1, or None if all faces are flat.
-    layers: further corner layers that materials name, (T, 3, C) float32 with C = 2 for UV and 4 for colour.
+    layers: further corner layers that materials name, (T, 3, C) float32: C = 1 for numbers, 2 for UV, 3 for vectors,
+        4 for colours.
     """
 
     name: str
@@ -50,9 +52,8 @@ def read_local_mesh(mesh: bpy.types.Mesh, name: str, layer_names: frozenset[str]
     if count == 0:
         return None
     loops = _read(mesh.loop_triangles, "loops", (count, 3), np.int32)
-    vertex_of_loop = _read(mesh.loops, "vertex_index", (len(mesh.loops),), np.int32)
     vertices = _read(mesh.vertices, "co", (len(mesh.vertices), 3), np.float32)
-    vertices, triangles = _used(vertices, vertex_of_loop[loops])
+    vertices, triangles = _used(vertices, _vertex_of_loop(mesh)[loops])
     if not np.isfinite(vertices).all():
         raise GeometryError(
             f"Object '{name}' has vertices that are not finite numbers (NaN or infinite): "
@@ -102,13 +103,40 @@ def _normals(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
 
 
 def _layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
-    """A UV map (L, 2) or colour attribute (L, 4), by name, at the corners."""
+    """A UV map (L, 2), colours (L, 4), vectors (L, 3) or numbers (L, 1), by name, at the corners."""
+    if name == GENERATED:
+        return _generated(mesh)
     if name in mesh.uv_layers:
         return _uvs(mesh.uv_layers[name], len(mesh.loops))
-    attribute = mesh.color_attributes.get(name)
-    if attribute is None:
+    attribute = mesh.attributes.get(name)
+    if attribute is None or attribute.data_type not in _ATTRIBUTE_KINDS:
         return None
-    values = _read(attribute.data, "color", (len(attribute.data), 4), np.float32)
+    key, width = _ATTRIBUTE_KINDS[attribute.data_type]
+    values = _read(attribute.data, key, (len(attribute.data), width), np.float32)
     if attribute.domain == "POINT":
-        values = values[_read(mesh.loops, "vertex_index", (len(mesh.loops),), np.int32)]
-    return values
+        return values[_vertex_of_loop(mesh)]
+    if attribute.domain == "FACE":
+        return np.repeat(values, _read(mesh.polygons, "loop_total", (len(mesh.polygons),), np.int32), axis=0)
+    return values if attribute.domain == "CORNER" else None
+
+
+# Data type of an attribute -> key of its values and their width.
+_ATTRIBUTE_KINDS = {
+    "FLOAT": ("value", 1),
+    "FLOAT_VECTOR": ("vector", 3),
+    "FLOAT2": ("vector", 2),
+    "FLOAT_COLOR": ("color", 4),
+    "BYTE_COLOR": ("color", 4),
+}
+
+
+def _generated(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Generated coordinates (L, 3): the mesh before modifiers, in its texture space, [0, 1]^3."""
+    points = _read(mesh.vertices, "undeformed_co", (len(mesh.vertices), 3), np.float32)
+    size = np.array(mesh.texspace_size, np.float32)
+    scale = np.where(size != 0, 0.5 / np.where(size != 0, size, 1.0), 0.0).astype(np.float32)
+    return ((points - np.array(mesh.texspace_location, np.float32)) * scale + np.float32(0.5))[_vertex_of_loop(mesh)]
+
+
+def _vertex_of_loop(mesh: bpy.types.Mesh) -> np.ndarray:
+    return _read(mesh.loops, "vertex_index", (len(mesh.loops),), np.int32)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -15,6 +16,7 @@ from .images import ImageReader
 from .layer_names import layer_names
 from .local_mesh import LocalMesh, read_local_mesh
 from .materials import read_material
+from .object_random import object_random
 from .placements import SELECTED, VISIBLE, surface_instances
 from .render_geometry import render_geometry
 from .scene_mesh import Placements, SceneMesh
@@ -47,6 +49,22 @@ def _nothing(scope: str) -> str:
     return "No visible object has a surface: show a mesh, curve or text and enable it for renders"
 
 
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """One row of `Placements`."""
+
+    name: str
+    matrix_world: np.ndarray
+    slots: tuple[int, ...]
+    random: float
+    color: tuple[float, ...]
+    index: int
+
+    def padded_slots(self, width: int) -> tuple[int, ...]:
+        """`width` slots, the last one repeated, as Blender does for faces beyond the slots."""
+        return (*self.slots, *(self.slots[-1:] * (width - len(self.slots))))
+
+
 class _Reader:
     """Collects placements; each mesh and each material once."""
 
@@ -54,7 +72,7 @@ class _Reader:
         self.material_names: dict[str, int] = {}
         self._meshes: dict[tuple[object, ...], LocalMesh | None] = {}
         self._layer_names: dict[str, frozenset[str]] = {}
-        self._placed: dict[tuple[object, ...], list[tuple[str, np.ndarray, tuple[int, ...], float]]] = {}
+        self._placed: dict[tuple[object, ...], list[_Placed]] = {}
 
     def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
         """Read the instance's mesh, if it is a new one, and where it stands."""
@@ -71,8 +89,11 @@ class _Reader:
         if self._meshes[key] is not None:
             slots = tuple(self._material(slot.material) for slot in item.material_slots)
             self._placed.setdefault(key, []).append(
-                (item.name, matrix, slots or (self._material(None),), _random(instance))
-            )
+                _Placed(
+                    item.name, matrix, slots or (self._material(None),), object_random(instance), tuple(item.color),
+                    item.pass_index,
+                )
+            )  # fmt: skip
 
     def _key(self, instance: bpy.types.DepsgraphObjectInstance) -> tuple[object, ...]:
         """Objects share a mesh if they share evaluated data and the layers that their materials name."""
@@ -99,14 +120,16 @@ class _Reader:
         for key, placed in self._placed.items():
             mesh = self._meshes[key]
             assert mesh is not None
-            width = max(len(slots) for _, _, slots, _ in placed)
+            width = max(len(each.slots) for each in placed)
             parts.append(
                 Placements(
                     mesh=mesh,
-                    objects=tuple(name for name, _, _, _ in placed),
-                    matrices_world=np.stack([matrix for _, matrix, _, _ in placed]),
-                    materials=np.array([(*s, *(s[-1:] * (width - len(s)))) for _, _, s, _ in placed], np.int32),
-                    random=np.array([random for _, _, _, random in placed], np.float32),
+                    objects=tuple(each.name for each in placed),
+                    matrices_world=np.stack([each.matrix_world for each in placed]),
+                    materials=np.array([each.padded_slots(width) for each in placed], np.int32),
+                    random=np.array([each.random for each in placed]),
+                    colors=np.array([each.color for each in placed], np.float32),
+                    indices=np.array([each.index for each in placed], np.int32),
                 )
             )
         return tuple(parts)
@@ -121,11 +144,6 @@ class _Reader:
             if warning:
                 warnings.append(warning)
         return tuple(result), warnings
-
-
-def _random(instance: bpy.types.DepsgraphObjectInstance) -> float:
-    """Object Info's random number, as Cycles forms it from the instance's id."""
-    return float(np.uint32(instance.random_id & 0xFFFFFFFF)) / float(0xFFFFFFFF)
 
 
 @contextmanager

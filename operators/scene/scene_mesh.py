@@ -22,7 +22,8 @@ class Placements:
 
     mesh: the triangles in their own space. objects: (P,) names of the placed objects.
     matrices_world: (P, 4, 4) float64. materials: (P, S) int32, index into the scene's materials for each slot.
-    random: (P,) float32 in [0, 1], Cycles' random number of each object.
+    random: (P,) float64 in [0, 1], Cycles' random number of each object. colors: (P, 4) float32, the objects' colours.
+    indices: (P,) int32, the objects' pass indices.
     """
 
     mesh: LocalMesh
@@ -30,6 +31,8 @@ class Placements:
     matrices_world: np.ndarray
     materials: np.ndarray
     random: np.ndarray
+    colors: np.ndarray
+    indices: np.ndarray
 
     @property
     def mirrored(self) -> np.ndarray:
