@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +31,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument("--depth", type=int, required=True, help="octree depth")
     parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="light (cycles)")
     parser.add_argument("--samples", type=int, default=8, help="Cycles samples per baked texel (8)")
-    parser.add_argument("--texel-voxels", type=float, default=1.0, help="side of a baked texel in leaf voxels (1)")
+    parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in leaf voxels (2)")
     parser.add_argument(
         "--rotate", type=int, default=0, metavar="SEED",
         help="turn the lit surface by a random rotation; two-lights then shines from a random direction (0: upright)",
@@ -106,7 +105,7 @@ def _shade(args: argparse.Namespace, source: Any) -> Steps[Shade]:
     import bpy
 
     from ..operators.bake import bake_luminance
-    from ..operators.daylight import daylight, has_light
+    from ..operators.daylight import has_light, in_daylight
     from ..operators.job.stages import NO_LIGHT
     from ..patchnet_addon.light.atlas import atlas_shade
     from ..patchnet_addon.light.two_lights import DIRECTION, two_lights_shade
@@ -120,5 +119,6 @@ def _shade(args: argparse.Namespace, source: Any) -> Steps[Shade]:
     lit = has_light(bpy.context.evaluated_depsgraph_get())
     if not lit:
         print(f"Note: {NO_LIGHT}", file=sys.stderr)
-    with nullcontext() if lit else daylight(bpy.context.scene):
-        return atlas_shade((yield from bake_luminance(bpy.context, source, texel, args.samples)), source)
+    baking = bake_luminance(bpy.context, source, texel, args.samples)
+    atlas = yield from baking if lit else in_daylight(bpy.context.scene, baking)
+    return atlas_shade(atlas, source)

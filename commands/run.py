@@ -38,6 +38,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--voxel-size", type=float, help="side of the finest voxels in world units, instead of a depth")
     parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="light (cycles)")
     parser.add_argument("--samples", type=int, default=8, help="Cycles samples per baked texel (8)")
+    parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in finest voxels (2)")
     parser.add_argument("--cameras", default="", help="names with commas between, all, or auto (the active camera)")
     parser.add_argument(
         "--size", type=int, nargs=2, default=(192, 192), metavar=("W", "H"),
@@ -85,6 +86,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         voxel_world=args.voxel_size,
         light=args.light,
         samples=args.samples,
+        texel_voxels=args.texel_voxels,
         cameras=tuple(name.strip() for name in args.cameras.split(",") if name.strip()),
         size=tuple(args.size),
         budget=args.budget,

@@ -85,7 +85,7 @@ class PATCHNET_PT_light(_Step, bpy.types.Panel):
 
     def visible_settings(self, values: bpy.types.PropertyGroup) -> tuple[str, ...]:
         """Samples are for Cycles."""
-        return ("light", "samples") if values.light == "cycles" else ("light",)
+        return ("light", "samples", "texel_voxels") if values.light == "cycles" else ("light",)
 
     def draw(self, context: bpy.types.Context) -> None:
         """The step, and what baking leaves out."""

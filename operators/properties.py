@@ -75,6 +75,13 @@ class LightProperties:
     samples: IntProperty(
         name="Samples", description="Cycles samples of each baked texel", default=8, min=1, soft_max=256, max=65536
     )
+    texel_voxels: FloatProperty(
+        name="Texel Size",
+        description="Side of a baked texel in finest voxels: smaller texels take longer and show finer shadows",
+        default=2.0,
+        min=0.25,
+        max=16.0,
+    )
 
 
 class CodesProperties:
@@ -144,6 +151,7 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
         voxel_world=value("voxel_size") if resolution == "VOXEL_SIZE" else None,
         light=value("light"),
         samples=value("samples"),
+        texel_voxels=value("texel_voxels"),
         cameras=tuple(name.strip() for name in value("cameras").split(",") if name.strip()),
         size=(value("size")[0], value("size")[1]),
         budget=value("budget"),

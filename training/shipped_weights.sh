@@ -17,7 +17,7 @@ octree() { # NAME SCENE OPTIONS...
     [ -e "$out" ] || "$patchnet" octree "$scene" --out "$out" "$@"
 }
 
-octree sponza-cycles sponza_crytek.glb --depth 9 --light cycles --samples 16
+octree sponza-cycles sponza_crytek.glb --depth 9 --light cycles --samples 16 --texel-voxels 1
 octree sponza-turned sponza_crytek.glb --depth 10 --light two-lights --rotate 1
 octree shuttle ldraw_space_shuttle.glb --depth 9 --light two-lights
 octree shuttle-turned ldraw_space_shuttle.glb --depth 10 --light two-lights --rotate 2

@@ -26,6 +26,7 @@ class JobSettings:
     scope: SELECTED objects or all VISIBLE renderable ones.
     depth: of the octree; None chooses it by the cameras (methods 4.1b). voxel_world: leaf side instead of a depth.
     light: "cycles" bakes global illumination with `samples` per texel, "two-lights" is methods 7.3.
+    texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
     cameras: names, or ("all",), or ("auto",); empty for the scene's active camera.
     size: pictures in pixels; a height of 0 follows the render aspect, (0, 0) is the render resolution.
     budget: share of active pixels to refine. heatmap_maximum: None takes the strategy's own.
@@ -37,6 +38,7 @@ class JobSettings:
     voxel_world: float | None = None
     light: str = CYCLES
     samples: int = 8
+    texel_voxels: float = 2.0
     cameras: tuple[str, ...] = ()
     size: tuple[int, int] = (192, 0)
     budget: float = 0.3
@@ -58,6 +60,8 @@ class JobSettings:
             raise SettingError(f"There is no light {self.light!r}: choose {CYCLES} or {TWO_LIGHTS}")
         if self.samples < 1:
             raise SettingError(f"{self.samples} samples per texel are too few: choose at least 1")
+        if not (np.isfinite(self.texel_voxels) and self.texel_voxels > 0):
+            raise SettingError(f"Texels of {self.texel_voxels} voxels are impossible: give a positive number")
         if not 0.0 <= self.budget <= 1.0:
             raise SettingError(f"Budget {self.budget} is outside 0 to 1: give the share of active pixels to refine")
         if self.heatmap_maximum is not None and not self.heatmap_maximum > 0:

@@ -75,7 +75,7 @@ def lit_octree(
     from ..bake import bake_luminance
 
     lit = has_light(context.evaluated_depsgraph_get())
-    baking = bake_luminance(context, source, grid.voxel_world, settings.samples)
+    baking = bake_luminance(context, source, grid.voxel_world * settings.texel_voxels, settings.samples)
     atlas = yield from baking if lit else in_daylight(context.scene, baking)
     octree = yield from _build(source, grid, atlas_shade(atlas, source), settings, light=settings.light)
     return octree, () if lit else (NO_LIGHT,)
@@ -97,7 +97,7 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
         "light": light,
         "versions": versions(),
     }
-    return values | ({"samples": settings.samples} if light == CYCLES else {})
+    return values | ({"samples": settings.samples, "texel_voxels": settings.texel_voxels} if light == CYCLES else {})
 
 
 def load_network(path: Path | None) -> Weights:
