@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet run` and `patchnet info` on files of several kinds, and on everything that can be wrong with them."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet import commands
+from patchnet.patchnet_addon.network.weights import load_weights
+from patchnet.tests.blender.job_scene import build, random_weights
+
+QUICK = ["--light", "two-lights", "--size", "16", "16", "--depth", "5"]
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(random_weights(tmp_path_factory.mktemp("weights")))
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> Path:
+    """The small scene as a .blend file."""
+    build()
+    path = tmp_path / "small.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+# In a process of its own: Blender as a Python module hangs at its exit after a glTF export and a job in one process.
+EXPORT = """
+import sys
+import bpy
+from patchnet.tests.blender.job_scene import build
+build()
+name = sys.argv[1]
+bpy.ops.export_scene.gltf(filepath=name + ".glb", export_cameras=True)
+bpy.ops.export_scene.fbx(filepath=name + ".fbx")
+bpy.ops.wm.obj_export(filepath=name + ".obj")
+bpy.ops.wm.ply_export(filepath=name + ".ply")
+"""
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small scene as small.glb, .fbx, .obj and .ply in this folder."""
+    folder = tmp_path_factory.mktemp("exported")
+    subprocess.run([sys.executable, "-c", EXPORT, str(folder / "small")], check=True, capture_output=True)
+    return folder
+
+
+def run(scene: Path, out: Path, weights: str, *arguments: str) -> int:
+    return commands.main(["run", str(scene), "--out", str(out), "--weights", weights, *QUICK, *arguments])
+
+
+def test_run_writes_what_it_promises(
+    scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert run(scene_file, out, weights, "--cameras", "all", "--strategy", "ss-variance", "--budget", "0.5") == 0
+    report = json.loads((out / "report.json").read_text())
+    assert report["strategy"] == "ss-variance"
+    assert [frame["camera"] for frame in report["frames"]] == ["Eye"]
+    assert report["frames"][0]["budget"] == 0.5
+    assert {"nodes", "leaves", "bytes", "depth"} <= set(report["octree"])
+    printed = capsys.readouterr().out
+    assert "ss-variance" in printed and "Octree: depth 5" in printed and "Fra:" not in printed
+    assert str(tmp_path) not in (out / "report.json").read_text()
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".obj", ".ply", ".fbx"])
+def test_other_formats(suffix: str, exported: Path, tmp_path: Path, weights: str) -> None:
+    assert run(exported / f"small{suffix}", tmp_path / "out", weights, "--cameras", "auto") == 0
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert [frame["camera"] for frame in report["frames"]] == ["Far", "Middle", "Close"]
+    assert report["light"]["triangles"] == 72
+    assert report["frames"][1]["active_pixels"] > 20
+
+
+def test_light_is_added_where_there_is_none(
+    exported: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = exported / "small.obj"
+    arguments = ["--light", "cycles", "--samples", "1", "--cameras", "auto"]
+    assert run(path, tmp_path / "out", weights, *arguments) == 0
+    assert "no light: it was lit with a sun and a sky" in capsys.readouterr().out
+
+
+def damaged(path: Path) -> Path:
+    path.write_bytes(b"this is no scene, whatever its name says" * 20)
+    return path
+
+
+def not_finite(path: Path) -> Path:
+    build()
+    bpy.data.objects["Slab"].data.vertices[0].co.x = np.nan
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def flat_as_a_line(path: Path) -> Path:
+    build()
+    for item in [item for item in bpy.data.objects if item.type == "MESH"]:
+        item.scale = (0.0, 0.0, 1.0)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def without_surface(path: Path) -> Path:
+    build()
+    for item in [item for item in bpy.data.objects if item.type == "MESH"]:
+        bpy.data.objects.remove(item)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def without_camera(path: Path) -> Path:
+    build(camera=False)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def with_panorama(path: Path) -> Path:
+    build()
+    bpy.data.cameras["Eye"].type = "PANO"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("make", "suffix", "message"),
+    [
+        (lambda path: path, ".blend", "does not exist"),
+        (lambda path: damaged(path), ".xyz", "xyz"),
+        (damaged, ".blend", "cannot be read"),
+        (damaged, ".glb", "cannot be read"),
+        (not_finite, ".blend", "Slab"),
+        (flat_as_a_line, ".blend", "no area"),
+        (without_surface, ".blend", "surface"),
+        (without_camera, ".blend", "no camera"),
+        (with_panorama, ".blend", "perspective or orthographic"),
+    ],
+)
+def test_bad_scenes_end_with_one_sentence(
+    make, suffix: str, message: str, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene, out = make(tmp_path / f"scene{suffix}"), tmp_path / "out"
+    out.mkdir()
+    (out / "report.json").write_text("kept")
+    assert run(scene, out, weights) == 2
+    assert_one_sentence(capsys.readouterr().err, message)
+    assert [path.name for path in out.iterdir()] == ["report.json"]
+    assert (out / "report.json").read_text() == "kept"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--depth", "deep"], "auto"),
+        (["--depth", "40"], "outside 1 to"),
+        (["--depth", "14"], "GiB"),
+        (["--voxel-size", "0.1"], "choose one of them"),
+        (["--budget", "1.5"], "outside 0 to 1"),
+        (["--strategy", "best"], "patchnet-behind"),
+        (["--cameras", "Nobody"], "'Eye'"),
+        (["--samples", "0"], "at least 1"),
+        (["--size", "-1", "20"], "Picture size"),
+        (["--colormap", "jet"], "viridis"),
+        (["--heatmap-max", "0"], "positive"),
+    ],
+)
+def test_bad_arguments_end_with_one_sentence(
+    arguments: list[str],
+    message: str,
+    scene_file: Path,
+    tmp_path: Path,
+    weights: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("patchnet.patchnet_addon.octree.depth.available_memory", lambda: 1 << 30)
+    assert run(scene_file, tmp_path / "out", weights, *arguments) == 2
+    assert_one_sentence(capsys.readouterr().err, message)
+    assert not (tmp_path / "out").exists()
+
+
+def test_bad_weights_end_with_one_sentence(
+    scene_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    foreign = damaged(tmp_path / "foreign.safetensors")
+    for path, message in ((tmp_path / "missing.safetensors", "does not exist"), (foreign, "not a PatchNet file")):
+        assert run(scene_file, tmp_path / "out", str(path)) == 2
+        assert_one_sentence(capsys.readouterr().err, message)
+
+
+def test_output_that_cannot_be_written(
+    scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    occupied = tmp_path / "out"
+    occupied.write_text("a file")
+    assert run(scene_file, occupied, weights) == 2
+    assert_one_sentence(capsys.readouterr().err, "file where the output folder should be")
+    assert occupied.read_text() == "a file"
+
+
+def test_info(scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert run(scene_file, out, weights) == 0
+    capsys.readouterr()
+    for path, words in (
+        (out / "octree.safetensors", ["PatchNet octree", "depth 5", "child_mask", "two-lights"]),
+        (out / "codes.safetensors", ["PatchNet codes", "voxels with look-ahead", load_weights(weights).hash]),
+        (Path(weights), ["PatchNet weights", load_weights(weights).hash, "encoder.0.weight"]),
+    ):
+        assert commands.main(["info", str(path)]) == 0
+        printed = capsys.readouterr().out
+        assert all(word in printed for word in words), printed
+    assert commands.main(["info", "--json", str(out / "octree.safetensors")]) == 0
+    assert json.loads(capsys.readouterr().out)["metadata"]["depth"] == 5
+
+
+@pytest.mark.parametrize("damage", ["missing", "foreign", "truncated", "flipped"])
+def test_info_of_damaged_files(
+    damage: str, scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert run(scene_file, out, weights) == 0
+    path = out / "octree.safetensors"
+    content = bytearray(path.read_bytes())
+    if damage == "missing":
+        path.unlink()
+    elif damage == "foreign":
+        damaged(path)
+    elif damage == "truncated":
+        path.write_bytes(content[:-100])
+    else:
+        content[-50] ^= 0xFF
+        path.write_bytes(content)
+    capsys.readouterr()
+    assert commands.main(["info", str(path)]) == 2
+    assert_one_sentence(capsys.readouterr().err, "octree.safetensors")
+
+
+def assert_one_sentence(text: str, message: str) -> None:
+    """The last line is an error that holds `message`; nothing like a traceback is above it."""
+    lines = text.strip().splitlines()
+    assert lines[-1].startswith("patchnet: error: ") and message in lines[-1], text
+    assert "Traceback" not in text
