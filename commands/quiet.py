@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 from collections.abc import Iterator
@@ -12,14 +13,21 @@ from contextlib import contextmanager
 @contextmanager
 def quiet_stdout() -> Iterator[None]:
     """Within the block, what the process writes to stdout goes nowhere, whether Python or compiled code writes it."""
-    sys.stdout.flush()
+    _flush()
     kept = os.dup(1)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(nowhere, 1)
         yield
     finally:
-        sys.stdout.flush()
+        _flush()
         os.dup2(kept, 1)
         os.close(kept)
         os.close(nowhere)
+
+
+def _flush() -> None:
+    """Empty the buffers of Python and of the C library, so that no line changes sides."""
+    sys.stdout.flush()
+    if os.name == "posix":
+        ctypes.CDLL(None).fflush(None)
