@@ -26,13 +26,16 @@ from ..scene.scene_mesh import SceneMesh
 from .bake_materials import bake_materials
 from .closed_runs import ClosedPieces
 from .object_data import attributes_needed, lost_inputs
-from .page_mesh import CHART_LAYER, PageTriangles, page_mesh, page_triangles
+from .page_mesh import CHART_LAYER, PageTriangles, fill_mesh, joined, page_triangles
 from .settings import changed, object_mode
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ...patchnet_addon.light.atlas import Atlas
 
 MAX_TEXELS = 1 << 25
+# Triangles up to which pages have this side: a bake starts with reading the whole scene into Cycles, so that large
+# scenes want few pages, small ones many: for reports of progress, and for memory.
+_PAGE_SIDES = ((200_000, 512), (1_000_000, 1024), (np.inf, 2048))
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
@@ -56,7 +59,8 @@ def bake_luminance(
 
     if samples < 1:
         raise SettingError(f"{samples} samples per texel are too few: choose at least 1")
-    charts = yield from layout_charts(source, texel_world, max_texels=max_texels)
+    side = next(side for limit, side in _PAGE_SIDES if source.triangle_count <= limit)
+    charts = yield from layout_charts(source, texel_world, max_texels=max_texels, page_side=side)
     baker = _Baker(context, source, charts, samples, seed)
     pages = np.zeros((charts.page_count, charts.page_side**2, 2), np.float32)
     for page in range(charts.page_count):
@@ -64,15 +68,16 @@ def bake_luminance(
         part = baker.triangles(page)
         if len(part) == 0:
             continue
-        front = baker.bake(part, back=False)
-        hidden = baker.hidden_sides(part, front)
-        if hidden.any():
+        sheets = part.only(~part.closed)
+        front, back = baker.bake(part, sheets)
+        pages[page] = baker.merged(page, sheets.triangles, front, back)
+        lit_inside = part.only(baker.black(part, front))
+        if len(lit_inside):
             yield Progress(page + 0.5, charts.page_count, "Baking light")
-            back = baker.bake(part.only(hidden), back=True)
-            front = baker.merged(page, part.triangles[hidden], part.closed[hidden], front, back)
-        pages[page] = front
+            _, back = baker.bake(part.only(np.zeros(len(part), bool)), lit_inside)
+            pages[page] = baker.merged(page, lit_inside.triangles, pages[page], back)
     yield Progress(charts.page_count, charts.page_count, "Baking light")
-    return Atlas(charts, pages.reshape(-1, 2), samples, baker.warnings)
+    return Atlas(charts, pages.reshape(-1, 2), samples, (*baker.warnings, *_coarse(charts, texel_world, max_texels)))
 
 
 class _Baker:
@@ -96,43 +101,62 @@ class _Baker:
         """What lies on a page."""
         return page_triangles(self._source, self._charts, page, self._closed, self._attributes)
 
-    def hidden_sides(self, part: PageTriangles, front: np.ndarray) -> np.ndarray:
-        """(N,) bool: triangles whose back has to be baked too: sheets, and closed ones whose front is black."""
+    def black(self, part: PageTriangles, front: np.ndarray) -> np.ndarray:
+        """(N,) bool: closed triangles that get no light from outside; a lamp may be inside."""
         from ...patchnet_addon.light.chart_lookup import triangle_means
 
         means = triangle_means(self._charts, np.ascontiguousarray(front[:, 0]), part.triangles)
-        return ~part.closed | (means <= 1e-6 * means.max(initial=0.0))
+        return part.closed & (means <= 1e-6 * means.max(initial=0.0))
 
-    def merged(
-        self, page: int, triangles: np.ndarray, closed: np.ndarray, front: np.ndarray, back: np.ndarray
-    ) -> np.ndarray:
+    def merged(self, page: int, triangles: np.ndarray, front: np.ndarray, back: np.ndarray) -> np.ndarray:
         """The page (side * side, 2) with both sides of `triangles` averaged, or the lit one where the other is dark."""
         from ...patchnet_addon.light.chart_lookup import texel_owners, triangle_means
 
         means = [triangle_means(self._charts, np.ascontiguousarray(side[:, 0]), triangles) for side in (front, back)]
         weight = np.full(len(triangles), 0.5, np.float32)  # of the back
-        weight[means[1] < _DARK_SIDE * means[0]] = 0.0
-        weight[(means[0] < _DARK_SIDE * means[1]) | closed] = 1.0
+        weight[means[1] <= _DARK_SIDE * means[0]] = 0.0
+        weight[means[0] < _DARK_SIDE * means[1]] = 1.0
         of_triangle = np.zeros(len(self._charts.page) + 1, np.float32)  # the last one: texels without a triangle
         of_triangle[triangles] = weight
         of_texel = of_triangle[texel_owners(self._charts, page)][:, None]
         return front * (1.0 - of_texel) + back * of_texel
 
-    def bake(self, part: PageTriangles, back: bool) -> np.ndarray:
-        """(side * side, 2) float32 of one side: luminance weighed by opacity, and opacity."""
+    def bake(self, fronts: PageTriangles, backs: PageTriangles) -> list[np.ndarray]:
+        """Both sides, each (side * side, 2) float32: luminance weighed by opacity, and opacity; zero elsewhere."""
+        names = self._source.material_names
         with ExitStack() as stack:
             stack.enter_context(object_mode(self._context))
             stack.enter_context(_cycles(self._context.scene, self._samples, self._seed))
-            image = stack.enter_context(_image(self._charts.page_side))
-            materials = stack.enter_context(bake_materials(self._source.material_names, image, back))
-            mesh = page_mesh(part, self._charts, materials, self._offset_world, back)
-            target = stack.enter_context(_target(self._context, mesh))
-            _run(self._context, target)
-            pixels = np.empty(self._charts.page_side**2 * 4, np.float32)
-            image.pixels.foreach_get(pixels)
-        pixels = np.nan_to_num(pixels.reshape(-1, 4), posinf=0.0, neginf=0.0)
-        shine = np.maximum(pixels[:, :3] @ _LUMINANCE, 0.0)
-        return np.stack([shine, np.clip(pixels[:, 3], 0.0, 1.0)], axis=-1)
+            images, materials = [], []
+            for part, back in ((fronts, False), (backs, True)):
+                images.append(stack.enter_context(_image(self._charts.page_side)) if len(part) else None)
+                materials += stack.enter_context(bake_materials(names if len(part) else (), images[-1], back))
+            mesh = stack.enter_context(_mesh())
+            shift = len(names) if len(fronts) else 0
+            fill_mesh(mesh, joined([fronts, backs.turned(shift)]), materials, self._offset_world)
+            _run(self._context, stack.enter_context(_target(self._context, mesh)))
+            return [_shine(image, self._charts.page_side) for image in images]
+
+
+def _shine(image: bpy.types.Image | None, side: int) -> np.ndarray:
+    """Luminance times opacity, and opacity (side * side, 2) float32 of a baked image."""
+    if image is None:
+        return np.zeros((side * side, 2), np.float32)
+    pixels = np.empty(side * side * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels = np.nan_to_num(pixels.reshape(-1, 4), posinf=0.0, neginf=0.0)
+    shine = np.maximum(pixels[:, :3] @ _LUMINANCE, 0.0)
+    return np.stack([shine, np.clip(pixels[:, 3], 0.0, 1.0)], axis=-1)
+
+
+def _coarse(charts: Charts, texel_world: float, max_texels: int) -> tuple[str, ...]:
+    factor = charts.texel_world / texel_world
+    if factor < 1.01:
+        return ()
+    return (
+        f"The light is baked with texels {factor:.1f} times as large as asked for, since there would be more than "
+        f"{max_texels / 1e6:.0f} million: choose a smaller depth or fewer objects for finer light",
+    )
 
 
 def _lost(name: str, nodes: tuple[str, ...]) -> str:
@@ -175,11 +199,19 @@ def _image(side: int) -> Iterator[bpy.types.Image]:
 
 
 @contextmanager
-def _target(context: bpy.types.Context, mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
-    """An object of `mesh` that no ray meets; both are removed after the block."""
-    item = None
+def _mesh() -> Iterator[bpy.types.Mesh]:
+    mesh = bpy.data.meshes.new("PatchNet Bake")
     try:
-        item = bpy.data.objects.new("PatchNet Bake", mesh)
+        yield mesh
+    finally:
+        bpy.data.meshes.remove(mesh)
+
+
+@contextmanager
+def _target(context: bpy.types.Context, mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
+    """An object of `mesh` that no ray meets, removed after the block."""
+    item = bpy.data.objects.new("PatchNet Bake", mesh)
+    try:
         context.scene.collection.objects.link(item)
         # Cycles drops objects that no ray at all can meet: scattering in volumes is what remains.
         for ray in ("camera", "diffuse", "glossy", "transmission", "shadow"):
@@ -187,9 +219,7 @@ def _target(context: bpy.types.Context, mesh: bpy.types.Mesh) -> Iterator[bpy.ty
         context.view_layer.update()
         yield item
     finally:
-        if item is not None:
-            bpy.data.objects.remove(item)
-        bpy.data.meshes.remove(mesh)
+        bpy.data.objects.remove(item)
 
 
 def _run(context: bpy.types.Context, target: bpy.types.Object) -> None:

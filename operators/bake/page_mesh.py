@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import bpy
 import numpy as np
@@ -24,14 +24,15 @@ class PageTriangles:
     """Placed triangles of one page.
 
     triangles: (N,) int64 indices in the source. corners_world: (N, 3, 3) float64. normals_world: (N, 3, 3) float32.
-    uvs: (N, 3, 2) float32. materials: (N,) int32. closed: (N,) bool, their inner side is enclosed.
-    layers: corner layers by name, (N, 3, C) float32.
+    uvs: (N, 3, 2) float32. chart_uvs: (N, 3, 2) float32, the page is [0, 1]^2. materials: (N,) int32.
+    closed: (N,) bool, their inner side is enclosed. layers: corner layers by name, (N, 3, C) float32.
     """
 
     triangles: np.ndarray
     corners_world: np.ndarray
     normals_world: np.ndarray
     uvs: np.ndarray
+    chart_uvs: np.ndarray
     materials: np.ndarray
     closed: np.ndarray
     layers: dict[str, np.ndarray] = field(default_factory=dict)
@@ -42,9 +43,37 @@ class PageTriangles:
     def only(self, chosen: np.ndarray) -> PageTriangles:
         """The triangles where `chosen` (N,) is true."""
         return PageTriangles(
-            self.triangles[chosen], self.corners_world[chosen], self.normals_world[chosen], self.uvs[chosen],
-            self.materials[chosen], self.closed[chosen], {key: each[chosen] for key, each in self.layers.items()},
-        )  # fmt: skip
+            **{name: getattr(self, name)[chosen] for name in _COLUMNS},
+            layers={name: values[chosen] for name, values in self.layers.items()},
+        )
+
+    def turned(self, material_shift: int) -> PageTriangles:
+        """The same triangles facing the other way, their material indices raised by `material_shift`."""
+        wind = [0, 2, 1]
+        return replace(
+            self,
+            corners_world=self.corners_world[:, wind],
+            normals_world=-self.normals_world[:, wind],
+            uvs=self.uvs[:, wind],
+            chart_uvs=self.chart_uvs[:, wind],
+            materials=self.materials + material_shift,
+            layers={name: values[:, wind] for name, values in self.layers.items()},
+        )
+
+
+_COLUMNS = ("triangles", "corners_world", "normals_world", "uvs", "chart_uvs", "materials", "closed")
+
+
+def joined(parts: Sequence[PageTriangles]) -> PageTriangles:
+    """Triangles of all parts; a layer that a part lacks is zero there."""
+    widths = {name: values.shape[-1] for part in parts for name, values in part.layers.items()}
+    layers = {
+        name: np.concatenate([p.layers.get(name, np.zeros((len(p), 3, width), np.float32)) for p in parts])
+        for name, width in widths.items()
+    }
+    return PageTriangles(
+        **{name: np.concatenate([getattr(p, name) for p in parts]) for name in _COLUMNS}, layers=layers
+    )
 
 
 def page_triangles(
@@ -57,20 +86,14 @@ def page_triangles(
         for run in runs:
             mask = charts.page[first : first + len(run)] == page
             if mask.any():
-                parts.append(_part(run, mask, first, closed, attributes))
+                parts.append(_part(run, mask, first, charts, closed, attributes))
             first += len(run)
-    names = dict.fromkeys(name for part in parts for name in part.layers)
-    widths = {name: next(p.layers[name].shape[-1] for p in parts if name in p.layers) for name in names}
-    layers = {
-        name: np.concatenate([p.layers.get(name, np.zeros((len(p), 3, widths[name]), np.float32)) for p in parts])
-        for name in names
-    }
-    columns = ("triangles", "corners_world", "normals_world", "uvs", "materials", "closed")
-    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in columns}
-    return PageTriangles(**arrays, layers=layers)
+    return joined(parts)
 
 
-def _part(run: Run, mask: np.ndarray, first: int, closed: ClosedPieces, attributes: frozenset[str]) -> PageTriangles:
+def _part(
+    run: Run, mask: np.ndarray, first: int, charts: Charts, closed: ClosedPieces, attributes: frozenset[str]
+) -> PageTriangles:
     corners = run.corners_world()
     flat = geometric_normals(corners)
     mask = mask & flat.any(axis=1)
@@ -81,11 +104,13 @@ def _part(run: Run, mask: np.ndarray, first: int, closed: ClosedPieces, attribut
     else:
         smooth = normals[mask]
     uvs = np.zeros((len(run), 3, 2), np.float32) if mesh.uvs is None else run.per_corner(mesh.uvs)
+    triangles = first + np.flatnonzero(mask)
     return PageTriangles(
-        triangles=first + np.flatnonzero(mask),
+        triangles=triangles,
         corners_world=corners[mask],
         normals_world=smooth,
         uvs=uvs[mask],
+        chart_uvs=(charts.corner_texels(triangles) / charts.page_side).astype(np.float32),
         materials=run.materials()[mask],
         closed=closed.of(run)[mask],
         layers={name: run.per_corner(values)[mask] for name, values in mesh.layers.items()}
@@ -100,16 +125,12 @@ def geometric_normals(corners_world: np.ndarray) -> np.ndarray:
     return np.where(length > 0.0, normals / np.where(length > 0.0, length, 1.0), 0.0)
 
 
-def page_mesh(
-    part: PageTriangles, charts: Charts, materials: Sequence[bpy.types.Material], offset_world: float, back: bool
-) -> bpy.types.Mesh:
-    """A new mesh of these triangles, lifted off the surface by `offset_world`; `back` makes it face the other way."""
-    sign = -1.0 if back else 1.0
-    wind = [0, 2, 1] if back else [0, 1, 2]
-    lift = geometric_normals(part.corners_world) * (sign * offset_world)
-    corners = (part.corners_world + lift[:, None])[:, wind]
-    mesh = bpy.data.meshes.new("PatchNet Bake")
+def fill_mesh(
+    mesh: bpy.types.Mesh, part: PageTriangles, materials: Sequence[bpy.types.Material], offset_world: float
+) -> None:
+    """Make an empty mesh one of these triangles, lifted off the surface by `offset_world` to the side they face."""
     count = len(part)
+    corners = part.corners_world + geometric_normals(part.corners_world)[:, None] * offset_world
     mesh.vertices.add(3 * count)
     mesh.loops.add(3 * count)
     mesh.polygons.add(count)
@@ -120,14 +141,13 @@ def page_mesh(
         mesh.materials.append(material)
     mesh.polygons.foreach_set("material_index", part.materials.astype(np.int32))
     mesh.update(calc_edges=True)
-    _add_uvs(mesh, SURFACE_LAYER, part.uvs[:, wind])
+    _add_uvs(mesh, SURFACE_LAYER, part.uvs)
     mesh.uv_layers[SURFACE_LAYER].active_render = True
-    _add_uvs(mesh, CHART_LAYER, (charts.corner_texels(part.triangles) / charts.page_side)[:, wind])
+    _add_uvs(mesh, CHART_LAYER, part.chart_uvs)
     for name, values in part.layers.items():
-        _add_layer(mesh, name, values[:, wind])
+        _add_layer(mesh, name, values)
     normals = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
-    normals.data.foreach_set("vector", (part.normals_world[:, wind] * np.float32(sign)).ravel())
-    return mesh
+    normals.data.foreach_set("vector", np.ascontiguousarray(part.normals_world, np.float32).ravel())
 
 
 def _add_uvs(mesh: bpy.types.Mesh, name: str, uvs: np.ndarray) -> None:

@@ -78,7 +78,7 @@ def lit_octree(
     baking = bake_luminance(context, source, grid.voxel_world * settings.texel_voxels, settings.samples)
     atlas = yield from baking if lit else in_daylight(context.scene, baking)
     octree = yield from _build(source, grid, atlas_shade(atlas, source), settings, light=settings.light)
-    return octree, () if lit else (NO_LIGHT,)
+    return octree, (*atlas.warnings, *(() if lit else (NO_LIGHT,)))
 
 
 def _build(source: MeshSource, grid: Grid, shade: Shade, settings: JobSettings, light: str) -> Steps[Octree]:

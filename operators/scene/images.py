@@ -75,4 +75,4 @@ def _linear(color: np.ndarray, image: bpy.types.Image) -> np.ndarray:
     space = image.colorspace_settings.name
     if image.is_float or space in _RAW_SPACES or space.startswith("Linear"):
         return np.nan_to_num(color, posinf=0.0, neginf=0.0)
-    return _BYTE_TO_LINEAR[np.clip(np.rint(color * 255.0), 0, 255).astype(np.uint8)]
+    return _BYTE_TO_LINEAR[(np.clip(color, 0.0, 1.0) * np.float32(255.0) + np.float32(0.5)).astype(np.uint8)]

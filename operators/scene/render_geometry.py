@@ -37,11 +37,10 @@ def _render_values(scene: bpy.types.Scene) -> Iterator[tuple[Any, str, Any]]:
     if scene.render.use_simplify:
         yield scene.render, "simplify_subdivision", scene.render.simplify_subdivision_render
     for item in bpy.data.objects:
-        if item.users_scene or item.users_collection:
-            for modifier in item.modifiers:
-                yield modifier, "show_viewport", modifier.show_render
-                if modifier.type in ("SUBSURF", "MULTIRES"):
-                    yield modifier, "levels", modifier.render_levels
+        for modifier in item.modifiers:
+            yield modifier, "show_viewport", modifier.show_render
+            if modifier.type in ("SUBSURF", "MULTIRES"):
+                yield modifier, "levels", modifier.render_levels
     for curve in bpy.data.curves:
         for axis in ("u", "v"):
             if resolution := getattr(curve, f"render_resolution_{axis}"):

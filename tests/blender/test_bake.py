@@ -124,6 +124,30 @@ def test_sides_of_sheets() -> None:
         )
 
 
+def test_closed_boxes_that_are_lit_from_inside() -> None:
+    """Where nothing shines outside, the inner side counts. A sheet beside it keeps the mean of its sides."""
+    cube(diffuse((0.5, 0.5, 0.5)))
+    lamp = bpy.data.lights.new("Lamp", "POINT")
+    lamp.energy, lamp.shadow_soft_size = 40.0, 0.01
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Lamp", lamp))
+    cube(diffuse((0.5, 0.5, 0.5))).location.x = 20
+    material = diffuse((0.0, 0.0, 0.0))
+    tree = material.node_tree
+    strength = tree.nodes.new("ShaderNodeMath")
+    strength.operation = "MULTIPLY_ADD"
+    strength.inputs[1].default_value, strength.inputs[2].default_value = 0.4, 0.4
+    tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"], strength.inputs[0])
+    tree.links.new(strength.outputs[0], tree.nodes["Emission"].inputs["Strength"])
+    sheet = square("Sheet", material)
+    sheet.location.x, sheet.scale = 20, (0.5, 0.5, 0.5)
+    bpy.context.scene.cycles.diffuse_bounces = 0
+    values = shaded(*baked(0.25, 64))
+    # The lamp's 40 W fall on 24 square metres.
+    assert values["Cube"].mean() == pytest.approx(40.0 / 24.0 * 0.5 / np.pi, rel=0.02)
+    assert values["Cube.001"].min() > 0.0
+    assert values["Sheet"].mean() == pytest.approx(0.6, rel=1e-3)
+
+
 def test_furnace() -> None:
     """In a closed room of albedo a where everything emits e, light is e / (1 - a), after all bounces."""
     cube(diffuse((0.5, 0.5, 0.5), emission=0.3), inside_out=True)
@@ -224,6 +248,7 @@ def test_texels_are_bounded() -> None:
     source, atlas = baked(0.01, 1, max_texels=300)
     assert atlas.charts.texel_world > 0.01
     assert len(atlas.texels) <= 1024
+    assert "texels" in atlas.warnings[0]
     with pytest.raises(SettingError, match="samples"):
         drain(bake_luminance(bpy.context, source, 0.1, 0))
 
