@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import bpy
+import numpy as np
 
+from ..patchnet_addon.errors import SceneError
+from ..patchnet_addon.octree.grid import Grid
 from ..patchnet_addon.progress import Progress, Steps
 from . import results
 from .job.settings import JobSettings
@@ -33,12 +36,20 @@ class PATCHNET_OT_bake_light(LightProperties, JobOperator, bpy.types.Operator):
 
         before = results.voxels_of(context.scene)
         yield Progress(0, 1, "Reading the scene")
-        source = read_scene(context.evaluated_depsgraph_get(), settings.scope)
+        source = read_scene(context.evaluated_depsgraph_get(), before.scope)
+        _check_bounds(source.bounds_world, before.octree.grid)
         octree, assumed = yield from lit_octree(context, source, before.octree.grid, settings)
-        results.keep(context.scene, results.SceneResult(octree=octree, light=settings.light))
+        results.keep(context.scene, results.SceneResult(octree=octree, scope=before.scope, light=settings.light))
         for warning in assumed:
             self.report({"WARNING"}, warning)
         return f"{octree.leaf_count:,} voxels are lit ({settings.light})"
+
+
+def _check_bounds(bounds_world: np.ndarray, grid: Grid) -> None:
+    """Raises SceneError if the surface (2, 3) has left the cube that was voxelized."""
+    corners = grid.to_unit(bounds_world)
+    if corners.min() < 0.0 or corners.max() > 1.0:
+        raise SceneError("Objects have moved out of the voxels, or others are selected: run Voxelize again")
 
 
 CLASSES = (PATCHNET_OT_bake_light,)

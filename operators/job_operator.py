@@ -22,6 +22,18 @@ else:
 
 _SLICE_S = 0.05  # of work between two redraws of the window
 _TICK_S = 0.02
+_LOOKING = frozenset(
+    {
+        "MOUSEMOVE",
+        "INBETWEEN_MOUSEMOVE",
+        "MIDDLEMOUSE",
+        "WHEELUPMOUSE",
+        "WHEELDOWNMOUSE",
+        "TRACKPADPAN",
+        "TRACKPADZOOM",
+        "WINDOW_DEACTIVATE",
+    }
+)
 
 
 class JobOperator(_Operator):
@@ -51,8 +63,8 @@ class JobOperator(_Operator):
         steps = self._begin(context)
         if steps is None:
             return {"CANCELLED"}
-        while self._pull(steps) is None:
-            pass
+        while not self._outcome:
+            self._pull(steps)
         return self._outcome
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
@@ -77,15 +89,19 @@ class JobOperator(_Operator):
             self.report({"INFO"}, f"{self.bl_label} was stopped: nothing was changed")
             return {"CANCELLED"}
         if event.type != "TIMER":
-            # Input would reach the scene while it is prepared for baking; looking around is harmless.
-            looking = event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "WINDOW_DEACTIVATE"}
-            return {"PASS_THROUGH"} if looking or event.type.startswith("TIMER") else {"RUNNING_MODAL"}
+            # Looking around is harmless; anything else could change what is being read.
+            return {"PASS_THROUGH"} if event.type in _LOOKING else {"RUNNING_MODAL"}
         deadline = time.perf_counter() + _SLICE_S
-        while time.perf_counter() < deadline:
-            progress = self._pull(self._steps)
-            if progress is not None:
-                self._end_modal(context)
-                return self._outcome
+        try:
+            self._pull(self._steps)
+            while not self._outcome and time.perf_counter() < deadline:
+                self._pull(self._steps)
+        except BaseException:
+            self._end_modal(context)
+            raise
+        if self._outcome:
+            self._end_modal(context)
+            return self._outcome
         self._show(context)
         return {"RUNNING_MODAL"}
 
@@ -98,6 +114,7 @@ class JobOperator(_Operator):
         """The steps, or None after the settings' errors were reported."""
         self._outcome: set[str] = set()
         self._progress = Progress(0, 1, self.bl_label)
+        self._label_start = time.perf_counter()
         try:
             apply_preferences(context)
             return self.steps(context, job_settings(context, self))
@@ -105,8 +122,8 @@ class JobOperator(_Operator):
             self.report({"ERROR"}, str(error))
             return None
 
-    def _pull(self, steps: Steps[str]) -> set[str] | None:
-        """One step; the outcome if it was the last one. Domain errors become reports here and nowhere else."""
+    def _pull(self, steps: Steps[str]) -> None:
+        """One step, which sets the outcome if it was the last. Domain errors become reports here and nowhere else."""
         try:
             with results.quiet():
                 progress = next(steps)
@@ -122,15 +139,17 @@ class JobOperator(_Operator):
         else:
             if progress.label != self._progress.label:
                 LOG.info("%s: %s", self.bl_label, progress.label)
+                self._label_start = time.perf_counter()
             self._progress = progress
-        return self._outcome or None
 
     def _show(self, context: bpy.types.Context) -> None:
         progress = self._progress
         percent = round(100 * progress.fraction)
         context.window_manager.progress_update(percent)
-        text = f"PatchNet: {progress.label} {percent} %   (Esc stops)"
-        context.workspace.status_text_set(text)
+        elapsed = time.perf_counter() - self._label_start
+        left = elapsed / progress.fraction - elapsed if progress.fraction > 0.05 and elapsed > 2.0 else 0.0
+        remaining = f", about {left:.0f} s left" if left >= 1.0 else ""
+        context.workspace.status_text_set(f"PatchNet: {progress.label} {percent} %{remaining}   (Esc stops)")
 
     def _end_modal(self, context: bpy.types.Context) -> None:
         JobOperator.running = ""

@@ -71,6 +71,8 @@ def apply_preferences(context: bpy.types.Context) -> None:
     """Set log level and cache folder; the folder must be known before the first kernel is imported."""
     chosen = preferences(context)
     LOG.setLevel(chosen.log_level)
+    if not LOG.handlers:
+        LOG.addHandler(logging.StreamHandler())
     folder = bpy.path.abspath(chosen.cache_folder) if chosen.cache_folder else ""
     if not folder and IS_EXTENSION:
         folder = bpy.utils.extension_path_user(ROOT_PACKAGE, path="cache", create=True)

@@ -46,6 +46,11 @@ class VoxelizeProperties:
     voxel_size: FloatProperty(
         name="Voxel Size", description="Side of the finest voxels", default=0.01, min=1e-6, unit="LENGTH", precision=4
     )
+
+
+class CameraProperties:
+    """Whose pictures are made, and how large."""
+
     cameras: StringProperty(
         name="Cameras",
         description="Names with commas between, 'all', or 'auto' to frame the scene; empty for the active camera",
@@ -123,6 +128,7 @@ class OutputProperties:
 
 class PatchNetSettings(
     VoxelizeProperties,
+    CameraProperties,
     LightProperties,
     CodesProperties,
     ViewProperties,

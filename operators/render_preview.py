@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import bpy
 import numpy as np
-from bpy.props import IntVectorProperty, StringProperty
 
 from ..patchnet_addon.progress import Steps
 from . import results
@@ -15,17 +14,14 @@ from .cameras import choose_cameras
 from .job.settings import JobSettings
 from .job.views import show_view, view
 from .job_operator import JobOperator
-from .properties import ViewProperties
+from .properties import CameraProperties, ViewProperties
 
 
-class PATCHNET_OT_render_preview(ViewProperties, JobOperator, bpy.types.Operator):
+class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, JobOperator, bpy.types.Operator):
     """Show the preview, its heatmap and the refined picture of the first camera as Blender images"""
 
     bl_idname = "patchnet.render_preview"
     bl_label = "Render Preview"
-
-    cameras: StringProperty(name="Camera", description="Name of a camera; empty for the active one")
-    size: IntVectorProperty(name="Picture Size", size=2, default=(192, 0), min=0, max=16384)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

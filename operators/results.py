@@ -28,12 +28,14 @@ _SURFACE_TYPES = frozenset({"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT"
 class SceneResult:
     """The steps that are done for a scene; codes are None until they were computed.
 
+    scope: which objects were voxelized, "SELECTED" or "VISIBLE".
     light: "none" while the octree shows the surface's own colour, else the light that was baked.
     stale: the steps whose input changed since: "surface", "light".
     summary: lines for the panel, written when a step ends, so that drawing computes nothing.
     """
 
     octree: Octree
+    scope: str
     light: str = "none"
     coded: CodedOctree | None = None
     lookahead_share: float | None = None

@@ -10,13 +10,21 @@ from . import results
 from .job.settings import JobSettings
 from .job.views import show_view
 from .job_operator import JobOperator
-from .properties import CodesProperties, LightProperties, OutputProperties, ViewProperties, VoxelizeProperties
+from .properties import (
+    CameraProperties,
+    CodesProperties,
+    LightProperties,
+    OutputProperties,
+    ViewProperties,
+    VoxelizeProperties,
+)
 
 
 class PATCHNET_OT_run_all(
     VoxelizeProperties,
     LightProperties,
     CodesProperties,
+    CameraProperties,
     ViewProperties,
     OutputProperties,
     JobOperator,
@@ -37,6 +45,7 @@ class PATCHNET_OT_run_all(
             context.scene,
             results.SceneResult(
                 octree=result.coded.octree,
+                scope=settings.scope,
                 light=settings.light,
                 coded=result.coded,
                 lookahead_share=first.frame.lookahead_share,

@@ -11,10 +11,10 @@ from .cameras import choose_cameras
 from .job.settings import JobSettings
 from .job.stages import choose_grid, unlit_octree
 from .job_operator import JobOperator
-from .properties import VoxelizeProperties
+from .properties import CameraProperties, VoxelizeProperties
 
 
-class PATCHNET_OT_voxelize(VoxelizeProperties, JobOperator, bpy.types.Operator):
+class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bpy.types.Operator):
     """Turn objects into a sparse voxel octree, as finely as the cameras need it"""
 
     bl_idname = "patchnet.voxelize"
@@ -31,7 +31,7 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, JobOperator, bpy.types.Operator):
         cameras = [] if fixed else choose_cameras(depsgraph, settings.cameras, settings.size, source.bounds_world)
         choice = yield from choose_grid(source, cameras, settings)
         octree = yield from unlit_octree(source, choice.grid, settings)
-        results.keep(context.scene, results.SceneResult(octree=octree))
+        results.keep(context.scene, results.SceneResult(octree=octree, scope=settings.scope))
         for warning in (*source.warnings, *choice.warnings):
             self.report({"WARNING"}, warning)
         return f"{octree.leaf_count:,} voxels of side {octree.grid.voxel_world:.4g} at depth {octree.depth}"

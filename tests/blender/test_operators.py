@@ -173,6 +173,17 @@ def test_polls_say_what_is_missing(scene: bpy.types.Scene) -> None:
         bpy.ops.patchnet.clear_results()
 
 
+def test_light_is_baked_on_what_was_voxelized(scene: bpy.types.Scene) -> None:
+    bpy.ops.patchnet.voxelize(depth=4, scope="SELECTED")
+    area = results.voxels_of(scene).octree.area_world[0]
+    bpy.ops.patchnet.bake_light(light="two-lights")
+    assert results.voxels_of(scene).octree.area_world[0] == area
+    bpy.data.objects["Slab"].location.z += 3.0
+    bpy.context.view_layer.update()
+    with pytest.raises(RuntimeError, match="run Voxelize again"):
+        bpy.ops.patchnet.bake_light(light="two-lights")
+
+
 def test_memory_is_freed(scene: bpy.types.Scene) -> None:
     bpy.ops.patchnet.voxelize(depth=4)
     assert bpy.ops.patchnet.clear_results() == {"FINISHED"}

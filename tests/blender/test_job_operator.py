@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The modal side of the shared mixin, with a stand-in for the window that background mode lacks."""
+
+from types import SimpleNamespace
+
+import bpy
+import pytest
+
+from patchnet.operators import job_operator
+from patchnet.operators.job_operator import JobOperator
+from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.progress import Progress
+
+
+class Window:
+    """Remembers what an operator did to the window manager and to the status bar."""
+
+    def __init__(self) -> None:
+        self.timers: list[str] = []
+        self.texts: list[str | None] = []
+        self.percents: list[float] = []
+        self.window = self.screen = self
+        self.areas: list[object] = []
+        self.workspace = SimpleNamespace(status_text_set=self.texts.append)
+        self.window_manager = SimpleNamespace(
+            progress_begin=lambda low, high: None,
+            progress_update=self.percents.append,
+            progress_end=lambda: None,
+            event_timer_add=lambda step, window: self.timers.append("timer") or "timer",
+            event_timer_remove=self.timers.remove,
+            modal_handler_add=lambda operator: None,
+        )
+
+
+class Counting(JobOperator):
+    """Counts to a number, or fails on the way; `closed` is set by its cleaning up."""
+
+    bl_label = "Count"
+
+    def __init__(self, count: int, error: Exception | None = None) -> None:
+        self.count, self.error, self.closed = count, error, False
+        self.reports: list[tuple[set[str], str]] = []
+
+    def report(self, kind: set[str], text: str) -> None:
+        self.reports.append((kind, text))
+
+    def steps(self, context, settings):
+        try:
+            for index in range(self.count):
+                yield Progress(index, self.count, "Counting")
+            if self.error:
+                raise self.error
+            return f"{self.count} steps"
+        finally:
+            self.closed = True
+
+
+@pytest.fixture(autouse=True)
+def in_a_window(monkeypatch: pytest.MonkeyPatch) -> None:
+    bpy.ops.wm.read_homefile(use_empty=True)
+    monkeypatch.setattr(job_operator, "job_settings", lambda context, operator: None)
+    monkeypatch.setattr(job_operator, "apply_preferences", lambda context: None)
+    monkeypatch.setattr(job_operator, "bpy", SimpleNamespace(app=SimpleNamespace(background=False), types=bpy.types))
+
+
+def event(kind: str) -> SimpleNamespace:
+    return SimpleNamespace(type=kind, value="PRESS")
+
+
+def test_runs_to_the_end_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(job_operator, "_SLICE_S", 1e-9)
+    window, operator = Window(), Counting(5)
+    assert operator.invoke(window, event("LEFTMOUSE")) == {"RUNNING_MODAL"}
+    assert JobOperator.running == "Count" and window.timers == ["timer"]
+    states = [operator.modal(window, event("TIMER")) for _ in range(6)]
+    assert states == [{"RUNNING_MODAL"}] * 5 + [{"FINISHED"}]
+    assert operator.reports == [({"INFO"}, "5 steps")] and operator.closed
+    assert window.percents == [0, 20, 40, 60, 80]
+    assert window.texts[0] == "PatchNet: Counting 0 %   (Esc stops)" and window.texts[-1] is None
+    assert JobOperator.running == "" and window.timers == []
+
+
+def test_escape_stops_and_cleans_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(job_operator, "_SLICE_S", 1e-9)
+    window, operator = Window(), Counting(5)
+    operator.invoke(window, event("LEFTMOUSE"))
+    operator.modal(window, event("TIMER"))
+    assert operator.modal(window, event("A")) == {"RUNNING_MODAL"}
+    assert operator.modal(window, event("WHEELUPMOUSE")) == {"PASS_THROUGH"}
+    assert not operator.closed
+    assert operator.modal(window, event("ESC")) == {"CANCELLED"}
+    assert operator.closed and JobOperator.running == "" and window.timers == [] and window.texts[-1] is None
+
+
+@pytest.mark.parametrize(
+    ("error", "text"), [(SettingError("Give a number."), "Give a number."), (MemoryError(), "ran out of memory")]
+)
+def test_expected_errors_are_reported(error: Exception, text: str) -> None:
+    window, operator = Window(), Counting(2, error)
+    operator.invoke(window, event("LEFTMOUSE"))
+    assert operator.modal(window, event("TIMER")) == {"CANCELLED"}
+    ((kind, message),) = operator.reports
+    assert kind == {"ERROR"} and text in message
+    assert JobOperator.running == "" and window.timers == []
+
+
+def test_unexpected_errors_are_raised_and_leave_no_timer() -> None:
+    window, operator = Window(), Counting(2, ZeroDivisionError())
+    operator.invoke(window, event("LEFTMOUSE"))
+    with pytest.raises(ZeroDivisionError):
+        operator.modal(window, event("TIMER"))
+    assert operator.closed and JobOperator.running == "" and window.timers == []
+
+
+def test_execute_does_the_same_at_once() -> None:
+    window, operator = Window(), Counting(3)
+    assert operator.execute(window) == {"FINISHED"}
+    assert operator.reports == [({"INFO"}, "3 steps")] and window.timers == []
