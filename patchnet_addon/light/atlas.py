@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import SettingError
 from ..octree.mesh import Fragments, MeshSource, Shade, TriangleBatch
-from .chart_lookup import lookup
+from .chart_lookup import lookup, triangle_means
 from .charts import Charts
 from .texture_lookup import surface_of_fragments
 from .textures import TextureTable
@@ -44,10 +44,38 @@ def atlas_shade(atlas: Atlas, source: MeshSource) -> Shade:
     table = TextureTable.from_materials(source.materials)
 
     def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
-        _, opacity = surface_of_fragments(table, batch, fragments)
+        albedo, opacity = surface_of_fragments(table, batch, fragments)
         triangles = fragments.triangle.astype(np.int64) + batch.first_triangle
         values = lookup(atlas.charts, atlas.texels, triangles, fragments.barycentric)
+        lost = (values[:, 1] <= _LEAST_OPACITY) & (opacity > 0.0)
+        values[lost] = _triangle_values(atlas, triangles[lost])
         seen = values[:, 1] > _LEAST_OPACITY
-        return np.where(seen, values[:, 0] / np.where(seen, values[:, 1], 1.0), 0.0).astype(np.float32), opacity
+        luminance = np.where(seen, values[:, 0] / np.where(seen, values[:, 1], 1.0), 0.0).astype(np.float32)
+        lost = ~seen & (opacity > 0.0)
+        if lost.any():
+            materials = batch.materials[fragments.triangle]
+            luminance[lost] = albedo[lost] * _irradiance(luminance, albedo, materials, seen)[materials[lost]]
+        return luminance, opacity
 
     return shade
+
+
+def _triangle_values(atlas: Atlas, triangles: np.ndarray) -> np.ndarray:
+    """Means (n, 2) over all texels of triangles (n,): at the edge of a cut-out, a texel may have met the gap only."""
+    charts, texels = atlas.charts, atlas.texels.reshape(atlas.charts.page_count, -1, 2)
+    distinct, place = np.unique(triangles, return_inverse=True)
+    means = np.zeros((len(distinct), 2), np.float32)
+    for page in np.unique(charts.page[distinct]):
+        on_page = np.flatnonzero(charts.page[distinct] == page)
+        for channel in (0, 1):
+            values = np.ascontiguousarray(texels[page, :, channel])
+            means[on_page, channel] = triangle_means(charts, values, distinct[on_page])
+    return means[place.reshape(-1)]
+
+
+def _irradiance(luminance: np.ndarray, albedo: np.ndarray, materials: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Light per albedo (materials,) on what was seen of each material, for triangles whose only texel met a gap."""
+    count = int(materials.max()) + 1
+    light = np.bincount(materials[seen], luminance[seen], count)
+    color = np.bincount(materials[seen], albedo[seen], count)
+    return np.where(color > 0.0, light / np.where(color > 0.0, color, 1.0), 0.0)
