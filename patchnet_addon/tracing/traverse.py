@@ -42,6 +42,14 @@ def _child(child_mask, first_child, node, octant):  # type: ignore[no-untyped-de
 
 
 @device
+def _upwards(origin, direction):  # type: ignore[no-untyped-def]
+    """One axis of a ray, mirrored so that it does not run downwards: origin, 1 / direction, whether it was mirrored."""
+    if direction < 0.0:
+        return 1.0 - origin, 1.0 / max(-direction, _TINY), 1
+    return origin, 1.0 / max(direction, _TINY), 0
+
+
+@device
 def first_hit(child_mask, first_child, origin, direction, t_start, z0, dz, side0, side_per_z, stack, cell):  # type: ignore[no-untyped-def]
     """Node, level and t of the first voxel that the ray meets and that fits its pixel, or is a leaf; node -1 if none.
 
@@ -49,24 +57,10 @@ def first_hit(child_mask, first_child, origin, direction, t_start, z0, dz, side0
     z0 + t * dz is the axial distance at t; side0 + side_per_z * z the pixel side there. A voxel of side s stops the ray
     if s < 2 * pixel side at its entry point. stack: (MAX_LEVELS,) int64 scratch. cell: (3,) int64, becomes the voxel's.
     """
-    ox, oy, oz = origin[0], origin[1], origin[2]
-    dx, dy, dz_axis = direction[0], direction[1], direction[2]
-    mirror = 0
-    if dx < 0.0:
-        mirror |= 1
-        ox = 1.0 - ox
-        dx = -dx
-    if dy < 0.0:
-        mirror |= 2
-        oy = 1.0 - oy
-        dy = -dy
-    if dz_axis < 0.0:
-        mirror |= 4
-        oz = 1.0 - oz
-        dz_axis = -dz_axis
-    inv_x = 1.0 / max(dx, _TINY)
-    inv_y = 1.0 / max(dy, _TINY)
-    inv_z = 1.0 / max(dz_axis, _TINY)
+    ox, inv_x, mirror_x = _upwards(origin[0], direction[0])
+    oy, inv_y, mirror_y = _upwards(origin[1], direction[1])
+    oz, inv_z, mirror_z = _upwards(origin[2], direction[2])
+    mirror = mirror_x | mirror_y << 1 | mirror_z << 2
     t = max(max(-ox * inv_x, -oy * inv_y), max(-oz * inv_z, t_start))
     t_leave = min(min((1.0 - ox) * inv_x, (1.0 - oy) * inv_y), (1.0 - oz) * inv_z)
     if not t < t_leave:
@@ -82,9 +76,9 @@ def first_hit(child_mask, first_child, origin, direction, t_start, z0, dz, side0
             pixel = side0 + side_per_z * (z0 + t * dz)
             if child_mask[node] == 0 or size < 2.0 * pixel:
                 top = (np.int64(1) << level) - 1
-                cell[0] = top - ix if mirror & 1 else ix
-                cell[1] = top - iy if mirror & 2 else iy
-                cell[2] = top - iz if mirror & 4 else iz
+                cell[0] = top - ix if mirror_x else ix
+                cell[1] = top - iy if mirror_y else iy
+                cell[2] = top - iz if mirror_z else iz
                 return node, level, t
             stack[level] = node
             level += 1
