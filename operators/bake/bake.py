@@ -71,7 +71,7 @@ def bake_luminance(
         sheets = part.only(~part.closed)
         front, back = baker.bake(part, sheets)
         pages[page] = baker.merged(page, sheets.triangles, front, back)
-        lit_inside = part.only(baker.black(part, front))
+        lit_inside = part.only(baker.black(page, part, front))
         if len(lit_inside):
             yield Progress(page + 0.5, charts.page_count, "Baking light")
             _, back = baker.bake(part.only(np.zeros(len(part), bool)), lit_inside)
@@ -101,18 +101,18 @@ class _Baker:
         """What lies on a page."""
         return page_triangles(self._source, self._charts, page, self._closed, self._attributes)
 
-    def black(self, part: PageTriangles, front: np.ndarray) -> np.ndarray:
+    def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
         """(N,) bool: closed triangles that get no light from outside; a lamp may be inside."""
         from ...patchnet_addon.light.chart_lookup import triangle_means
 
-        means = triangle_means(self._charts, np.ascontiguousarray(front[:, 0]), part.triangles)
+        means = triangle_means(self._charts, front, part.triangles, page)[:, 0]
         return part.closed & (means <= 1e-6 * means.max(initial=0.0))
 
     def merged(self, page: int, triangles: np.ndarray, front: np.ndarray, back: np.ndarray) -> np.ndarray:
         """The page (side * side, 2) with both sides of `triangles` averaged, or the lit one where the other is dark."""
         from ...patchnet_addon.light.chart_lookup import texel_owners, triangle_means
 
-        means = [triangle_means(self._charts, np.ascontiguousarray(side[:, 0]), triangles) for side in (front, back)]
+        means = [triangle_means(self._charts, side, triangles, page)[:, 0] for side in (front, back)]
         weight = np.full(len(triangles), 0.5, np.float32)  # of the back
         weight[means[1] <= _DARK_SIDE * means[0]] = 0.0
         weight[means[0] < _DARK_SIDE * means[1]] = 1.0

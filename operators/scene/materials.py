@@ -14,7 +14,8 @@ from ...patchnet_addon.octree.mesh import Material, Texture
 from .images import ImageReader
 from .layer_names import shader_tree
 from .node_links import Input, Output, source
-from .node_values import ColorTerm, NodeValues, NotUnderstoodError, NumberTerm, Rgb
+from .node_terms import ColorTerm, NotUnderstoodError, NumberTerm, Rgb
+from .node_values import NodeValues
 
 _DEFAULT_COLOR: Rgb = (0.8, 0.8, 0.8)
 _BLACK: Rgb = (0.0, 0.0, 0.0)

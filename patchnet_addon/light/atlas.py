@@ -62,15 +62,8 @@ def atlas_shade(atlas: Atlas, source: MeshSource) -> Shade:
 
 def _triangle_values(atlas: Atlas, triangles: np.ndarray) -> np.ndarray:
     """Means (n, 2) over all texels of triangles (n,): at the edge of a cut-out, a texel may have met the gap only."""
-    charts, texels = atlas.charts, atlas.texels.reshape(atlas.charts.page_count, -1, 2)
     distinct, place = np.unique(triangles, return_inverse=True)
-    means = np.zeros((len(distinct), 2), np.float32)
-    for page in np.unique(charts.page[distinct]):
-        on_page = np.flatnonzero(charts.page[distinct] == page)
-        for channel in (0, 1):
-            values = np.ascontiguousarray(texels[page, :, channel])
-            means[on_page, channel] = triangle_means(charts, values, distinct[on_page])
-    return means[place.reshape(-1)]
+    return triangle_means(atlas.charts, atlas.texels, distinct)[place.reshape(-1)].astype(np.float32)
 
 
 def _irradiance(luminance: np.ndarray, albedo: np.ndarray, materials: np.ndarray, seen: np.ndarray) -> np.ndarray:

@@ -117,41 +117,44 @@ def lookup(charts: Charts, texels: np.ndarray, triangles: np.ndarray, barycentri
 
 
 @kernel
-def _means(  # type: ignore[no-untyped-def]
-    triangle, x, y, log_width, log_height, kind, page_side, texels, out
-):
+def _means(triangle, page, x, y, log_width, log_height, kind, page_side, texels, out):  # type: ignore[no-untyped-def]
+    channels = texels.shape[1]
     for index in numba.prange(len(triangle)):
         t = triangle[index]
         side_x = np.int64(log_width[t])
         side_y = np.int64(log_height[t])
-        square = side_x == side_y
+        single = kind[t] == SINGLE
+        leg_x = 2.0 if single else _leg(side_x, side_x == side_y, kind[t])
+        leg_y = 2.0 if single else _leg(side_y, side_x == side_y, kind[t])
         count = 0
-        total = 0.0
-        if kind[t] == SINGLE:
-            total = texels[_place(0, 0, kind[t], 0, x[t], y[t], side_x, side_y, page_side)]
-            count = 1
-        else:
-            leg_x = _leg(side_x, square, kind[t])
-            leg_y = _leg(side_y, square, kind[t])
-            j = 0
-            while _owns(0, j, leg_x, leg_y):
-                i = 0
-                while _owns(i, j, leg_x, leg_y):
-                    total += texels[_place(i, j, kind[t], 0, x[t], y[t], side_x, side_y, page_side)]
-                    count += 1
-                    i += 1
-                j += 1
-        out[index] = total / count
+        out[index] = 0.0
+        j = 0
+        while _owns(0, j, leg_x, leg_y):
+            i = 0
+            while _owns(i, j, leg_x, leg_y):
+                place = _place(i, j, kind[t], page[t], x[t], y[t], side_x, side_y, page_side)
+                for channel in range(channels):
+                    out[index, channel] += texels[place, channel]
+                count += 1
+                i += 1
+                if single:
+                    break
+            j += 1
+            if single:
+                break
+        for channel in range(channels):
+            out[index, channel] /= count
 
 
-def triangle_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Mean (n,) float32 over the own texels of each of the triangles (n,), all on one page.
+def triangle_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, page: int | None = None) -> np.ndarray:
+    """Means (n, C) float64 over the own texels of each of the triangles (n,).
 
-    texels: (side * side,) float32, those of that page.
+    texels: (pages * side * side, C) float32, or those of one `page` (side * side, C) on which all triangles lie.
     """
-    out = np.empty(len(triangles), np.float32)
+    out = np.empty((len(triangles), texels.shape[1]), np.float64)
+    pages = charts.page if page is None else np.zeros_like(charts.page)
     _means(
-        triangles, charts.x, charts.y, charts.log_width, charts.log_height, charts.kind,
+        triangles, pages, charts.x, charts.y, charts.log_width, charts.log_height, charts.kind,
         charts.page_side, texels, out,
     )  # fmt: skip
     return out

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Nodes that yield colours: what each of them amounts to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .images import usable
+from .node_links import Input, Output, source
+from .node_terms import WHITE, ColorTerm, NotUnderstoodError, TextureUse, rgb
+
+if TYPE_CHECKING:
+    from .node_values import NodeValues
+
+
+def texture_use(values: NodeValues, output: Output) -> TextureUse:
+    node = output.node
+    if not usable(node.image):
+        name = f"image '{node.image.name}'" if node.image else f"node '{node.name}' without an image"
+        raise NotUnderstoodError(f"{name} (missing, empty or tiled)")
+    if node.projection != "FLAT":
+        raise NotUnderstoodError(f"the {node.projection.lower()} projection of image '{node.image.name}'")
+    return TextureUse(node.image, node.extension, _uv_transform(values, output.input("Vector")))
+
+
+def _uv_transform(
+    values: NodeValues, at: Input
+) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
+    """How texture coordinates come from the mesh's UV map; None for the map itself."""
+    found = source(at)
+    if isinstance(found, Input) or (found.node.type == "TEX_COORD" and found.socket.name == "UV"):
+        return None
+    if found.node.type in ("UVMAP", "ATTRIBUTE"):
+        return None  # by name: nearly always the map that renders
+    if found.node.type != "MAPPING":
+        raise NotUnderstoodError(f"texture coordinates from node '{found.node.name}'")
+    inner = _uv_transform(values, found.input("Vector"))
+    matrix = _mapping_matrix(found)
+    if inner is not None:
+        matrix = matrix @ np.vstack([inner, [0, 0, 1]])
+    (a, b, c), (d, e, f) = matrix[:2]
+    return (float(a), float(b), float(c)), (float(d), float(e), float(f))
+
+
+def _mapping_matrix(output: Output) -> np.ndarray:
+    """(3, 3) float64 of a Mapping node in the plane of the texture."""
+    node = output.node
+    offset, rotation, scale = (
+        np.array(rgb(found.value)) if isinstance(found := source(output.input(name)), Input) else None
+        for name in ("Location", "Rotation", "Scale")
+    ) if node.vector_type in ("POINT", "VECTOR") else (None, None, None)  # fmt: skip
+    if node.vector_type == "VECTOR":
+        offset = np.zeros(3)
+    if offset is None or rotation is None or scale is None or abs(rotation[:2]).max() > 1e-6:
+        raise NotUnderstoodError(f"node '{node.name}'")
+    cosine, sine = np.cos(rotation[2]), np.sin(rotation[2])
+    return np.array(
+        [[cosine * scale[0], -sine * scale[1], offset[0]], [sine * scale[0], cosine * scale[1], offset[1]], [0, 0, 1]]
+    )
+
+
+def _image_color(values: NodeValues, output: Output) -> ColorTerm:
+    texture = texture_use(values, output)
+    if output.socket.name == "Alpha":
+        raise NotUnderstoodError(f"the alpha of image '{texture.image.name}' as a colour")
+    return ColorTerm(WHITE, texture)
+
+
+def _mix_color(values: NodeValues, output: Output) -> ColorTerm:
+    node = output.node
+    if node.type == "MIX":
+        if node.data_type != "RGBA":
+            raise NotUnderstoodError(f"node '{node.name}'")
+        # Sockets of all data types share names; these are the ones of colours.
+        factor, a, b = ("Factor_Float", "A_Color", "B_Color")
+        factor_at, a_at, b_at = (
+            Input(next(s for s in node.inputs if s.identifier == name), output.groups) for name in (factor, a, b)
+        )
+    else:
+        factor_at, a_at, b_at = (output.input(index) for index in range(3))
+    factor_value = values.constant_number(factor_at)
+    if node.blend_type not in ("MIX", "MULTIPLY"):
+        raise NotUnderstoodError(f"blend mode {node.blend_type.lower()} of node '{node.name}'")
+    if factor_value <= 0.0:
+        return values.color(a_at)
+    first, second = values.color(a_at), values.color(b_at)
+    if node.blend_type == "MULTIPLY":
+        return _product(values, first, second, factor_value)
+    return _blend(values, first, second, factor_value)
+
+
+def _product(values: NodeValues, first: ColorTerm, second: ColorTerm, factor: float) -> ColorTerm:
+    """first * lerp(1, second, factor)."""
+    if second.texture is not None and first.texture is None and factor >= 1.0:
+        first, second = second, first
+    if second.texture is not None:
+        values.notes.append(f"image '{second.texture.image.name}' counts by its mean colour")
+    r, g, b = (1.0 - factor + factor * each for each in values.constant_color(second))
+    return first.scaled((r, g, b))
+
+
+def _blend(values: NodeValues, first: ColorTerm, second: ColorTerm, factor: float) -> ColorTerm:
+    """lerp(first, second, factor)."""
+    if factor >= 1.0:
+        return second
+    for term in (first, second):
+        if term.texture is not None:
+            values.notes.append(f"image '{term.texture.image.name}' counts by its mean colour")
+    pairs = zip(values.constant_color(first), values.constant_color(second), strict=True)
+    r, g, b = (a + factor * (b - a) for a, b in pairs)
+    return ColorTerm((r, g, b))
+
+
+def _vertex_color(values: NodeValues, output: Output) -> ColorTerm:
+    values.notes.append("vertex colours are left out")
+    return ColorTerm()
+
+
+def _ramp(values: NodeValues, output: Output) -> ColorTerm:
+    color = output.node.color_ramp.evaluate(values.constant_number(output.input("Fac")))
+    return ColorTerm(rgb(color))
+
+
+def _adjusted(values: NodeValues, output: Output) -> ColorTerm:
+    values.notes.append(f"node '{output.node.name}' is left out")
+    return values.color(output.input("Color"))
+
+
+COLOR_RULES: dict[str, Callable[[NodeValues, Output], ColorTerm]] = {
+    "TEX_IMAGE": _image_color,
+    "RGB": lambda values, output: ColorTerm(rgb(output.socket.default_value)),
+    "VALUE": lambda values, output: ColorTerm(rgb(output.socket.default_value)),
+    "MIX": _mix_color,
+    "MIX_RGB": _mix_color,
+    "VALTORGB": _ramp,
+    "VERTEX_COLOR": _vertex_color,
+    "ATTRIBUTE": _vertex_color,
+    "GAMMA": _adjusted,
+    "BRIGHTCONTRAST": _adjusted,
+    "HUE_SAT": _adjusted,
+    "CURVE_RGB": _adjusted,
+}

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a socket of a shader tree amounts to: a constant times, or affine in, one image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+
+REC709 = (0.2126, 0.7152, 0.0722)
+Rgb = tuple[float, float, float]
+WHITE: Rgb = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class TextureUse:
+    """An image and how it lies on the surface: uv' = transform (2, 3) of (u, v, 1)."""
+
+    image: bpy.types.Image
+    extension: str = "REPEAT"
+    transform: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+
+
+@dataclass(frozen=True)
+class ColorTerm:
+    """factor * texture, or factor alone."""
+
+    factor: Rgb = WHITE
+    texture: TextureUse | None = None
+
+    def scaled(self, factor: Rgb) -> ColorTerm:
+        """This colour times a constant one."""
+        r, g, b = (one * other for one, other in zip(self.factor, factor, strict=True))
+        return replace(self, factor=(r, g, b))
+
+
+@dataclass(frozen=True)
+class NumberTerm:
+    """scale * channel of a texture + offset; 1 or 0 by `threshold` if there is one. Without texture: offset."""
+
+    offset: float = 1.0
+    scale: float = 0.0
+    texture: TextureUse | None = None
+    channel: str = "A"
+    threshold: float | None = None
+
+    @property
+    def constant(self) -> bool:
+        """Whether it is the same everywhere."""
+        return self.texture is None
+
+    def affine(self, scale: float, offset: float) -> NumberTerm:
+        """scale * this + offset; after a threshold only the complement is possible."""
+        if self.threshold is not None:
+            if (scale, offset) == (1.0, 0.0):
+                return self
+            if (scale, offset) == (-1.0, 1.0):
+                turned = replace(self, threshold=None).affine(-1.0, 1.0)
+                return replace(turned, threshold=1.0 - self.threshold)
+            raise NotUnderstoodError("arithmetic behind an alpha threshold")
+        return replace(self, offset=scale * self.offset + offset, scale=scale * self.scale)
+
+
+class NotUnderstoodError(Exception):
+    """A part of a shader tree that has no view of its own here; its message is a noun phrase."""
+
+
+def rgb(value: object) -> Rgb:
+    """A socket's value as a colour."""
+    if isinstance(value, float | int):
+        return (float(value),) * 3
+    r, g, b = (float(each) for each in list(value)[:3])  # type: ignore[call-overload]
+    return r, g, b
+
+
+def number(value: object) -> float:
+    """A socket's value as a number; a colour counts by its luminance."""
+    if isinstance(value, float | int):
+        return float(value)
+    return float(np.dot(rgb(value), REC709))
