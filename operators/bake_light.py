@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 
@@ -11,7 +13,7 @@ from ..patchnet_addon.octree.grid import Grid
 from ..patchnet_addon.progress import Progress, Steps
 from . import results
 from .job.settings import JobSettings
-from .job.stages import lit_octree
+from .job.stages import build, lit
 from .job_operator import JobOperator
 from .properties import LightProperties
 
@@ -38,7 +40,9 @@ class PATCHNET_OT_bake_light(LightProperties, JobOperator, bpy.types.Operator):
         yield Progress(0, 1, "Reading the scene")
         source = read_scene(context.evaluated_depsgraph_get(), before.scope)
         _check_bounds(source.bounds_world, before.octree.grid)
-        octree, assumed = yield from lit_octree(context, source, before.octree.grid, settings)
+        settings, grid = replace(settings, scope=before.scope), before.octree.grid
+        shade, assumed = yield from lit(context, source, grid, settings)
+        octree = yield from build(source, grid, shade, settings, settings.light)
         results.keep(context.scene, results.SceneResult(octree=octree, scope=before.scope, light=settings.light))
         for warning in assumed:
             self.report({"WARNING"}, warning)

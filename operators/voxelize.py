@@ -9,7 +9,7 @@ from ..patchnet_addon.progress import Progress, Steps
 from . import results
 from .cameras import choose_cameras
 from .job.settings import JobSettings
-from .job.stages import choose_grid, unlit_octree
+from .job.stages import build, choose_grid, unlit
 from .job_operator import JobOperator
 from .properties import CameraProperties, VoxelizeProperties
 
@@ -30,7 +30,7 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         fixed = settings.depth or settings.voxel_world
         cameras = [] if fixed else choose_cameras(depsgraph, settings.cameras, settings.size, source.bounds_world)
         choice = yield from choose_grid(source, cameras, settings)
-        octree = yield from unlit_octree(source, choice.grid, settings)
+        octree = yield from build(source, choice.grid, unlit(source), settings, "none")
         results.keep(context.scene, results.SceneResult(octree=octree, scope=settings.scope))
         for warning in (*source.warnings, *choice.warnings):
             self.report({"WARNING"}, warning)

@@ -22,7 +22,7 @@ from ..images import save_png
 from ..scene import read_scene
 from .output_folder import output_folder
 from .settings import JobSettings
-from .stages import choose_grid, encode, lit_octree, load_network
+from .stages import build, choose_grid, encode, lit, load_network
 from .stopwatch import Stopwatch
 from .versions import machine, versions
 from .views import View, overview, save_view, view
@@ -64,8 +64,10 @@ def _compute(context: bpy.types.Context, settings: JobSettings, weights: Weights
         cameras = choose_cameras(depsgraph, settings.cameras, settings.size, source.bounds_world)
     with watch.stage("depth"):
         choice = yield from choose_grid(source, cameras, settings)
-    with watch.stage("light and voxelize"):
-        octree, assumed = yield from lit_octree(context, source, choice.grid, settings)
+    with watch.stage("light"):
+        shade, assumed = yield from lit(context, source, choice.grid, settings)
+    with watch.stage("voxelize"):
+        octree = yield from build(source, choice.grid, shade, settings, settings.light)
     with watch.stage("codes"):
         coded = yield from encode(octree, weights)
     views = []

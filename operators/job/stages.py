@@ -55,33 +55,32 @@ def choose_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSett
     return GridChoice(Grid.around(source.bounds_world, choice.depth), warnings)
 
 
-def unlit_octree(source: MeshSource, grid: Grid, settings: JobSettings) -> Steps[Octree]:
-    """Octree whose luminance is the surface's own colour, before any light is baked."""
+def unlit(source: MeshSource) -> Shade:
+    """The surface's own colour, before any light is baked."""
     from ...patchnet_addon.light.albedo import albedo_shade
 
-    return (yield from _build(source, grid, albedo_shade(source), settings, light="none"))
+    return albedo_shade(source)
 
 
-def lit_octree(
+def lit(
     context: bpy.types.Context, source: SceneMesh, grid: Grid, settings: JobSettings
-) -> Steps[tuple[Octree, tuple[str, ...]]]:
-    """Octree with the light of the settings, and sentences about what had to be assumed."""
-    from ...patchnet_addon.light.two_lights import two_lights_shade
-
+) -> Steps[tuple[Shade, tuple[str, ...]]]:
+    """The surface in the light of the settings, and sentences about what had to be assumed."""
     if settings.light != CYCLES:
-        octree = yield from _build(source, grid, two_lights_shade(source), settings, light=settings.light)
-        return octree, ()
+        from ...patchnet_addon.light.two_lights import two_lights_shade
+
+        return two_lights_shade(source), ()
     from ...patchnet_addon.light.atlas import atlas_shade
     from ..bake import bake_luminance
 
-    lit = has_light(context.evaluated_depsgraph_get())
+    bright = has_light(context.evaluated_depsgraph_get())
     baking = bake_luminance(context, source, grid.voxel_world * settings.texel_voxels, settings.samples)
-    atlas = yield from baking if lit else in_daylight(context.scene, baking)
-    octree = yield from _build(source, grid, atlas_shade(atlas, source), settings, light=settings.light)
-    return octree, (*atlas.warnings, *(() if lit else (NO_LIGHT,)))
+    atlas = yield from baking if bright else in_daylight(context.scene, baking)
+    return atlas_shade(atlas, source), (*atlas.warnings, *(() if bright else (NO_LIGHT,)))
 
 
-def _build(source: MeshSource, grid: Grid, shade: Shade, settings: JobSettings, light: str) -> Steps[Octree]:
+def build(source: MeshSource, grid: Grid, shade: Shade, settings: JobSettings, light: str) -> Steps[Octree]:
+    """The octree of a surface; `light` says in its file what `shade` is."""
     from ...patchnet_addon.octree.build import build_octree
 
     return (yield from build_octree(source, grid, shade, provenance=_provenance(source, settings, light)))
