@@ -45,6 +45,7 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
     calm = {"loglevel": logging.WARNING} if "loglevel" in importer.get_rna_type().properties else {}
     _run(path, importer, filepath=str(path.absolute()), **calm)
     scene = bpy.context.scene
+    scene.name = path.stem  # reports name the scene
     if not any(_has_surface(item) for item in bpy.data.objects):
         raise SceneError(f"Scene file {path} holds no surface that Blender could import: it may be damaged or empty")
     return scene
