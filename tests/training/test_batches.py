@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
 from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_blocks
 from patchnet.patchnet_addon.octree.octree import Octree
