@@ -11,8 +11,8 @@ from .pixel_font import GLYPH_HEIGHT, draw_text
 
 _PAPER = 0.11
 _GAP = 6
-_CELL_PX = 260  # smaller pictures are magnified by a whole factor to about this width
-_SCALE = 2
+_CELL_PX = 380  # smaller pictures are magnified by a whole factor to about this width
+_SCALE = 3
 
 
 def contact_sheet(rows: Sequence[Sequence[np.ndarray]], names: Sequence[str], titles: Sequence[str]) -> np.ndarray:

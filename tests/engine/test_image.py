@@ -6,6 +6,7 @@ import pytest
 
 from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.image.colormaps import COLORMAPS, colormap, red_ramp
+from patchnet.patchnet_addon.image.contact_sheet import contact_sheet
 from patchnet.patchnet_addon.image.heatmap import error_picture, heatmap, magnify, overlay
 from patchnet.patchnet_addon.image.pixel_font import _GLYPHS, draw_text, text_mask
 from patchnet.patchnet_addon.image.tone import srgb_encode, to_bytes
@@ -87,3 +88,14 @@ def test_glyphs_differ_and_texts_are_cut_at_the_border() -> None:
     page = np.zeros((8, 8, 3), np.float32)
     draw_text(page, "LONG TEXT", -3, 6, 2)
     assert page.any()
+
+
+def test_contact_sheet_places_every_picture() -> None:
+    rows = [[np.full((20, 30, 3), 0.2 * (3 * row + column), np.float32) for column in range(3)] for row in range(2)]
+    sheet = contact_sheet(rows, ["far", "close"], ["one", "two", "three"])
+    levels = [float(value) for value in np.unique(sheet[..., 0])]
+    for value in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
+        assert any(abs(level - value) < 1e-6 for level in levels)
+    # The first row stands above the second, and columns go from left to right.
+    where = {value: np.argwhere(np.abs(sheet[..., 0] - value) < 1e-6).mean(axis=0) for value in (0.0, 0.2, 0.6)}
+    assert where[0.0][0] > where[0.6][0] and where[0.0][1] < where[0.2][1]
