@@ -45,6 +45,7 @@ class JobOperator(_Operator):
 
     bl_options: ClassVar[set[str]] = {"REGISTER"}
     running: ClassVar[str] = ""  # title of the operator that works in a window now
+    fraction: ClassVar[float] = 0.0  # of its present step, for the panel
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """The work; its result is a sentence about what was done. It leaves the scene as it was, also when closed."""
@@ -75,7 +76,7 @@ class JobOperator(_Operator):
         if steps is None:
             return {"CANCELLED"}
         self._steps = steps
-        JobOperator.running = self.bl_label
+        JobOperator.running, JobOperator.fraction = self.bl_label, 0.0
         manager = context.window_manager
         manager.progress_begin(0, 100)
         self._timer = manager.event_timer_add(_TICK_S, window=context.window)
@@ -145,6 +146,9 @@ class JobOperator(_Operator):
     def _show(self, context: bpy.types.Context) -> None:
         progress = self._progress
         percent = round(100 * progress.fraction)
+        if progress.fraction != JobOperator.fraction:
+            JobOperator.fraction = progress.fraction
+            _redraw(context, "UI")
         context.window_manager.progress_update(percent)
         elapsed = time.perf_counter() - self._label_start
         left = elapsed / progress.fraction - elapsed if progress.fraction > 0.05 and elapsed > 2.0 else 0.0
@@ -156,5 +160,12 @@ class JobOperator(_Operator):
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
         context.workspace.status_text_set(None)
-        for area in context.screen.areas if context.screen else ():
-            area.tag_redraw()
+        _redraw(context)
+
+
+def _redraw(context: bpy.types.Context, *kinds: str) -> None:
+    """Draw the regions of some kinds again, such as the sidebars ("UI"); without kinds, all."""
+    for area in context.screen.areas if context.screen else ():
+        for region in area.regions:
+            if not kinds or region.type in kinds:
+                region.tag_redraw()

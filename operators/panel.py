@@ -14,6 +14,7 @@ _STALE = {
     "surface": "Objects changed since: voxelize again",
     "light": "Light or materials changed since: bake again",
 }
+_WHEN_EMPTY = {"out": "No Files", "weights": "Shipped", "cameras": "Active Camera"}  # what empty text settings mean
 
 
 if TYPE_CHECKING:
@@ -37,10 +38,12 @@ class PATCHNET_PT_main(_Tab, bpy.types.Panel):
         """The button that does everything, and where files go."""
         layout = self.layout
         layout.use_property_split = True
-        layout.operator("patchnet.run_all", icon="PLAY")
-        layout.prop(context.scene.patchnet, "out")
-        if JobOperator.running:
-            layout.label(text=f"{JobOperator.running}: Esc stops", icon="TIME")
+        layout.use_property_decorate = False
+        if JobOperator.running:  # in the button's place, so that the buttons below stay where they are
+            layout.progress(factor=JobOperator.fraction, text=f"{JobOperator.running}: Esc stops")
+        else:
+            layout.operator("patchnet.run_all", icon="PLAY")
+        layout.prop(context.scene.patchnet, "out", placeholder=_WHEN_EMPTY["out"])
 
 
 class _Step(_Tab):
@@ -57,7 +60,7 @@ class _Step(_Tab):
         layout.use_property_decorate = False
         values = context.scene.patchnet
         for name in self.visible_settings(values):
-            layout.prop(values, name)
+            layout.prop(values, name, placeholder=_WHEN_EMPTY.get(name, ""))
         layout.operator(self.operator)
 
     def visible_settings(self, _values: bpy.types.PropertyGroup) -> tuple[str, ...]:
@@ -90,7 +93,7 @@ class PATCHNET_PT_light(_Step, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """The step, and what baking leaves out."""
         super().draw(context)
-        self.layout.label(text="Gloss is not baked: it depends on the view", icon="INFO")
+        self.layout.label(text="Diffuse light only, no gloss", icon="INFO")
 
 
 class PATCHNET_PT_codes(_Step, bpy.types.Panel):
@@ -99,7 +102,6 @@ class PATCHNET_PT_codes(_Step, bpy.types.Panel):
     bl_label = "3  Look-Ahead"
     operator = "patchnet.precompute_codes"
     settings = ("weights",)
-    bl_options = {"DEFAULT_CLOSED"}
 
 
 class PATCHNET_PT_view(_Step, bpy.types.Panel):
@@ -126,6 +128,8 @@ class PATCHNET_PT_result(_Tab, bpy.types.Panel):
         column = layout.column(align=True)
         for line in result.summary:
             column.label(text=line)
+        if result.lookahead_share is not None:
+            column.label(text="Pictures: see an Image Editor", icon="IMAGE_DATA")
         for name in sorted(result.stale):
             layout.label(text=_STALE[name], icon="ERROR")
         layout.operator("patchnet.clear_results", icon="TRASH")

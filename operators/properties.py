@@ -108,7 +108,7 @@ class ViewProperties:
         name="Budget", description="Share of active pixels to refine", default=0.3, min=0.0, max=1.0, subtype="FACTOR"
     )
     heatmap_maximum: FloatProperty(
-        name="Heatmap Maximum",
+        name="Heatmap Max",
         description="Priority at the end of the heatmap's legend; 0 takes the strategy's own",
         default=0.0,
         min=0.0,
