@@ -3,6 +3,7 @@
 #   make demo     install what is missing, then build, bake, encode and refine the demo scene into out/demo
 #   make test     lint, types and all tests
 #   make lint     lint and types alone
+#   make test-blender   the extension in a real Blender 5.2, with a window: BLENDER=/path/to/blender, or one is fetched
 #   make zip      the extension for Blender 4.5 and 5.2 on this platform, with its wheels, into dist/
 #   make clean    remove results and builds, keep the environments
 #
@@ -16,13 +17,17 @@ VENV_52 := .venv-5.2
 STAMP_52 := $(VENV_52)/.installed
 INPUTS := pyproject.toml setup.py constraints.txt
 
-.PHONY: demo test lint zip clean system environment environment-5.2
+.PHONY: demo test test-blender lint zip clean system environment environment-5.2
 
 demo: environment
 	$(VENV)/bin/patchnet demo --out out/demo
 
 test: environment
 	.ci/test $(VENV)/bin/python
+
+# By default a small Debian with Blender is made in .blender-root: 1.1 GB, as root. BLENDER_ROOT puts it elsewhere.
+test-blender: environment
+	.ci/pytest-group $(VENV)/bin/python "real Blender" tests/real_blender
 
 lint: environment
 	$(VENV)/bin/ruff check .

@@ -11,8 +11,8 @@ from . import results
 from .job_operator import JobOperator
 
 _STALE = {
-    "surface": "Objects changed since: voxelize again",
-    "light": "Light or materials changed since: bake again",
+    "surface": "Objects changed: voxelize again",
+    "light": "Light changed: bake again",
 }
 _WHEN_EMPTY = {"out": "No Files", "weights": "Shipped", "cameras": "Active Camera"}  # what empty text settings mean
 
@@ -125,13 +125,13 @@ class PATCHNET_PT_result(_Tab, bpy.types.Panel):
         if result is None:
             layout.label(text="Nothing computed yet")
             return
+        for name in sorted(result.stale, reverse=True):  # surface before light, as the steps are
+            layout.label(text=_STALE[name], icon="ERROR")
         column = layout.column(align=True)
         for line in result.summary:
             column.label(text=line)
         if result.lookahead_share is not None:
             column.label(text="Pictures: see an Image Editor", icon="IMAGE_DATA")
-        for name in sorted(result.stale):
-            layout.label(text=_STALE[name], icon="ERROR")
         layout.operator("patchnet.clear_results", icon="TRASH")
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 NO_VOXELS = "There are no voxels yet: run Voxelize first"
 NO_CODES = "There are no codes yet: run Precompute Codes first"
 
+_LIGHTS = {"none": "none, the surface's own colour", "cycles": "Cycles", "two-lights": "Two Lights"}
 # Object types whose change changes the surface that was voxelized.
 _SURFACE_TYPES = frozenset({"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "EMPTY", "POINTCLOUD", "VOLUME"})
 
@@ -97,7 +98,7 @@ def _summary(result: SceneResult) -> list[str]:
         f"Depth {octree.depth}, voxel side {octree.grid.voxel_world:.4g}",
         f"{octree.leaf_count:,} voxels, {octree.node_count:,} nodes",
         f"{(octree.nbytes + (result.coded.nbytes if result.coded else 0)) / 2**20:.1f} MiB",
-        {"none": "Light: none, the surface's own colour"}.get(result.light, f"Light: {result.light}"),
+        f"Light: {_LIGHTS.get(result.light, result.light)}",
     ]
     if result.coded is not None:
         lines.append(f"{len(result.coded.codes):,} codes")

@@ -57,7 +57,8 @@ class PATCHNET_OT_run_all(
         left = first.report["mse"][settings.strategy]
         where = f", files in {settings.out}" if settings.out else ""
         error = first.report["mse_unrefined"]
-        return f"{len(result.views)} views; {first.camera.name}: error {error:.2e} -> {left:.2e}{where}"
+        count = f"{len(result.views)} view{'s' if len(result.views) != 1 else ''}"
+        return f"{count}; {first.camera.name}: error {error:.2e} -> {left:.2e}{where}"
 
 
 CLASSES = (PATCHNET_OT_run_all,)

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How to start a real Blender, with and without a window."""
+
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SCREEN = (1500, 1100)
+
+
+@dataclass(frozen=True)
+class Blender:
+    """How to start it: a prefix of the command line, and the variables it is given."""
+
+    prefix: tuple[str, ...]
+    program: str
+    environment: dict[str, str]
+
+    def run(self, *arguments: str | Path, seconds: float = 150.0) -> subprocess.CompletedProcess[str]:
+        """Run Blender without a window to its end."""
+        return self._start((self.program, *map(str, arguments)), seconds)
+
+    def run_window(self, *arguments: str | Path, seconds: float = 200.0) -> subprocess.CompletedProcess[str]:
+        """Run Blender with a window on a virtual screen to its end."""
+        width, height = SCREEN
+        screen = ("xvfb-run", "-a", "-s", f"-screen 0 {width}x{height}x24")
+        place = ("--enable-event-simulate", "-p", "0", "0", str(width), str(height))
+        return self._start((*screen, self.program, *place, *map(str, arguments)), seconds)
+
+    def execute(self, line: str) -> str:
+        """Run a line of Python in background; what was printed. Fails if it fails."""
+        done = self.run("-b", "--python-exit-code", "1", "--python-expr", line)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    def value(self, expression: str) -> str:
+        """What a Python expression is in this Blender, as text."""
+        said = self.execute(f"import addon_utils, bpy, sys; print('value:', {expression})")
+        return next(line for line in said.splitlines() if line.startswith("value: ")).removeprefix("value: ")
+
+    def _start(self, command: tuple[str, ...], seconds: float) -> subprocess.CompletedProcess[str]:
+        variables = tuple(f"{name}={value}" for name, value in self.environment.items())
+        words = (*self.prefix, "env", *variables, *command)
+        return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=seconds, check=False)

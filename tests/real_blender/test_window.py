@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A real Blender window, used with simulated mouse and keys: what window.py saw is what a user should see."""
+
+from pathlib import Path
+
+IMAGES = {"PatchNet Preview", "PatchNet Heatmap", "PatchNet Overlay", "PatchNet Refined", "PatchNet Refinement"}
+STEPS = ("voxelize", "bake_light", "precompute_codes", "render_preview", "run_all")
+
+
+def test_visit_came_to_its_end(visit: dict) -> None:
+    assert visit["problem"] == ""
+    assert "Traceback" not in visit["said"]
+
+
+def test_tab_has_all_buttons(visit: dict) -> None:
+    assert visit["tab"] == "PatchNet"
+    assert {f"patchnet.{name}" for name in STEPS} <= set(visit["buttons"])
+
+
+def test_buttons_that_come_too_early_are_grey(visit: dict) -> None:
+    assert visit["bake before voxels"] == {"running": "", "result": False}
+
+
+def test_nothing_selected_changes_nothing(visit: dict) -> None:
+    assert visit["voxelize nothing"] == {"running": "", "result": False}
+
+
+def test_escape_stops_and_leaves_no_trace(visit: dict) -> None:
+    stopped = visit["stopped bake"]
+    assert stopped["was_running"] == "Bake Light"
+    assert stopped["light"] == "none" and stopped["unchanged"]
+
+
+def test_steps_do_their_work(visit: dict) -> None:
+    assert visit["octree"]["depth"] == 6 and visit["octree"]["voxels"] > 1000
+    assert visit["light"] == "cycles" and visit["codes"] > 100
+    assert set(visit["pictures"]) >= IMAGES
+
+
+def test_scene_is_as_before(visit: dict) -> None:
+    assert visit["unchanged by steps"]
+    assert visit["stale after own work"] == []
+
+
+def test_changes_are_noticed_and_undone(visit: dict) -> None:
+    assert "surface" in visit["stale after move"]
+    assert visit["undone"] and visit["result after undo"]
+
+
+def test_run_all_writes_its_files(visit: dict) -> None:
+    assert {"report.json", "octree.safetensors", "codes.safetensors", "Far/heatmap.png"} <= set(visit["files"])
+
+
+def test_memory_is_given_back(visit: dict) -> None:
+    assert visit["freed"]
+
+
+def test_screenshots_are_there(visit: dict, out: Path) -> None:
+    for name in ("window-start", "window-progress", "window-steps", "window-heatmap", "panel-result"):
+        assert (out / f"{name}.png").stat().st_size > 5000

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Somebody tries PatchNet in a Blender window: opens the tab, presses every button, stops one, looks at the pictures.
+
+    blender --enable-event-simulate -p 0 0 1500 1000 courtyard.blend -P window.py -- OUT
+
+Writes OUT/window.json, a value for each thing that was seen, and screenshots beside it. test_window.py judges them.
+"""
+
+import json
+import sys
+import time
+from pathlib import Path
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).parent))
+import clicks
+
+OUT = Path(sys.argv[sys.argv.index("--") + 1])
+PACKAGE = "bl_ext.user_default.patchnet"
+SMALL = {"resolution": "DEPTH", "depth": 6, "samples": 1, "size": (48, 32), "cameras": "Far"}
+
+STEPS = ("run_all", "voxelize", "bake_light", "precompute_codes", "render_preview")
+START = time.monotonic()
+
+seen: dict[str, object] = {"clock": {}}
+
+
+def operators(name: str):
+    """A module of the installed extension."""
+    return sys.modules[f"{PACKAGE}.operators.{name}"]
+
+
+def running() -> str:
+    """Title of the job that works now, or ""."""
+    return operators("job_operator").JobOperator.running
+
+
+def result():
+    """What was computed for the scene so far, or None."""
+    return operators("results").result_of(clicks.window().scene)
+
+
+def pictures() -> list[str]:
+    """Names of our images."""
+    return sorted(image.name for image in bpy.data.images if image.name.startswith("PatchNet"))
+
+
+def blocks() -> dict[str, list[str]]:
+    """Names of all data-blocks that a bake could leave behind, and what is selected."""
+    kinds = ("objects", "meshes", "materials", "images", "worlds", "lights", "node_groups", "collections", "scenes")
+    named = {kind: sorted(item.name_full for item in getattr(bpy.data, kind)) for kind in kinds}
+    layer = clicks.window().view_layer
+    return named | {"selected": sorted(item.name for item in layer.objects if item.select_get())}
+
+
+def job(point: tuple[int, int], seconds: float = 100.0):
+    """Click a button and wait for its job; the longest time that the window stood still meanwhile."""
+    yield from clicks.click(point)
+    yield from clicks.wait_for(lambda: bool(running()), "the button starts its job", 20.0)
+    start = last = time.monotonic()
+    longest = 0.0
+    while running():
+        if time.monotonic() - start > seconds:
+            raise TimeoutError(f"{running()} did not end within {seconds:.0f} s")
+        yield 0.02
+        now = time.monotonic()
+        longest, last = max(longest, now - last), now
+    yield 0.2
+    return {"seconds": round(last - start, 1), "longest_pause_s": round(longest, 2)}
+
+
+def side_box() -> tuple[int, int, int, int]:
+    """The sidebar, as a box for screenshots."""
+    side = clicks.region("UI")
+    return side.x, side.y, side.width, side.height
+
+
+def open_tab():
+    """N opens the sidebar; the tab is chosen."""
+    window = clicks.window()
+    settings = window.scene.patchnet
+    for name, value in SMALL.items():
+        setattr(settings, name, value)
+    if not clicks.area("VIEW_3D").spaces.active.show_region_ui:
+        yield from clicks.key("N", *clicks.over_viewport())
+    yield 0.5
+    clicks.region("UI").active_panel_category = "PatchNet"
+    yield 0.5
+    seen["tab"] = clicks.region("UI").active_panel_category
+    yield from clicks.screenshot(OUT / "window-start.png")
+    yield from clicks.screenshot(OUT / "panel-start.png", side_box())
+
+
+def too_early(buttons: dict[str, tuple[int, int]]):
+    """Steps without what they need are grey: a click does nothing."""
+    yield from clicks.click(buttons["patchnet.bake_light"])
+    yield 0.5
+    seen["bake before voxels"] = {"running": running(), "result": result() is not None}
+
+
+def nothing_selected(buttons: dict[str, tuple[int, int]]):
+    """An error is a message, not a traceback, and leaves things as they are."""
+    for item in clicks.window().view_layer.objects:
+        item.select_set(False)
+    yield from clicks.click(buttons["patchnet.voxelize"])
+    yield 0.7
+    yield from clicks.screenshot(OUT / "window-nothing-selected.png")
+    seen["voxelize nothing"] = {"running": running(), "result": result() is not None}
+    yield from clicks.dismiss()
+
+
+def step_by_step(buttons: dict[str, tuple[int, int]]):
+    """Select all, then the buttons from top to bottom; the first bake is stopped."""
+    settings = clicks.window().scene.patchnet
+    yield from clicks.key("A", *clicks.over_viewport())
+    yield 0.3
+    seen["selected"] = len(blocks()["selected"])
+    yield from clicks.screenshot(OUT / "window-selected.png")
+    before = blocks()
+    seen["voxelize"] = yield from job(buttons["patchnet.voxelize"])
+    seen["octree"] = {"voxels": result().octree.leaf_count, "depth": result().octree.depth}
+    settings.texel_voxels = 0.5  # many pages, between which the window lives
+    seen["stopped bake"] = yield from stopped_job(buttons["patchnet.bake_light"])
+    seen["stopped bake"] |= {"light": result().light, "unchanged": blocks() == before}
+    settings.texel_voxels = 2.0
+    seen["bake_light"] = yield from job(buttons["patchnet.bake_light"])
+    seen["light"] = result().light
+    seen["precompute_codes"] = yield from job(buttons["patchnet.precompute_codes"])
+    seen["codes"] = len(result().coded.codes)
+    seen["render_preview"] = yield from job(buttons["patchnet.render_preview"])
+    seen["pictures"] = pictures()
+    seen["summary"] = list(result().summary)
+    seen["stale after own work"] = sorted(result().stale)
+    after = blocks()
+    after["images"] = [name for name in after["images"] if not name.startswith("PatchNet")]
+    seen["unchanged by steps"] = after == before
+    yield from clicks.screenshot(OUT / "window-steps.png")
+    yield from clicks.screenshot(OUT / "panel-result.png", side_box())
+
+
+def stopped_job(point: tuple[int, int]):
+    """Start a long job, look at its progress, press Esc."""
+    yield from clicks.click(point)
+    yield from clicks.wait_for(lambda: bool(running()), "the long job starts")
+    yield 1.5
+    yield from clicks.screenshot(OUT / "window-progress.png")
+    was_running = running()
+    start = time.monotonic()
+    yield from clicks.key("ESC", *clicks.over_viewport())
+    yield from clicks.wait_for(lambda: not running(), "Esc stops the job")
+    stopped = time.monotonic()
+    yield 0.5
+    return {"was_running": was_running, "seconds_to_stop": round(stopped - start, 1)}
+
+
+def change_and_undo(_buttons: dict[str, tuple[int, int]]):
+    """Moving an object makes the result stale, and says so; undo brings the object back, and all still lives."""
+    window, (x, y) = clicks.window(), clicks.over_viewport()
+    item = next(item for item in window.scene.objects if item.type == "MESH" and item.visible_get())
+    was = tuple(item.location)
+    name = item.name
+    yield from clicks.key("G", x, y)
+    yield from clicks.move(x + 40, y + 40)
+    yield from clicks.key("LEFTMOUSE", x + 40, y + 40)
+    yield 0.3
+    moved = tuple(window.scene.objects[name].location) != was
+    seen["stale after move"] = sorted(result().stale) if moved else "nothing moved"
+    yield from clicks.screenshot(OUT / "panel-stale.png", side_box())
+    yield from clicks.key("Z", x, y, ctrl=True)
+    yield 0.5
+    seen["undone"] = tuple(window.scene.objects[name].location) == was
+    seen["result after undo"] = result() is not None
+
+
+def all_at_once(buttons: dict[str, tuple[int, int]]):
+    """Run All does everything, with files."""
+    window = clicks.window()
+    window.scene.patchnet.out = str(OUT / "run-all")
+    seen["run_all"] = yield from job(buttons["patchnet.run_all"])
+    seen["files"] = sorted(str(path.relative_to(OUT / "run-all")) for path in (OUT / "run-all").rglob("*.*"))
+    shown = clicks.area("VIEW_3D")
+    shown.type = "IMAGE_EDITOR"
+    yield 0.3
+    shown.spaces.active.image = bpy.data.images.get("PatchNet Heatmap")
+    with bpy.context.temp_override(window=window, area=shown, region=clicks.region("WINDOW", "IMAGE_EDITOR")):
+        bpy.ops.image.view_all(fit_view=True)
+    yield from clicks.screenshot(OUT / "window-heatmap.png")
+    shown.type = "VIEW_3D"
+    yield 0.5
+
+
+def free_memory(_buttons: dict[str, tuple[int, int]]):
+    """The last button, which was not there in the beginning, gives the memory back."""
+    buttons = yield from clicks.find_buttons({"patchnet.clear_results"})
+    yield from clicks.click(buttons["patchnet.clear_results"])
+    yield 0.3
+    seen["freed"] = result() is None
+
+
+def session():
+    """The whole visit."""
+    yield from open_tab()
+    save("stopped on the way")
+    buttons = yield from clicks.find_buttons({f"patchnet.{name}" for name in STEPS})
+    seen["buttons"] = sorted(buttons)
+    for part in (too_early, nothing_selected, step_by_step, change_and_undo, all_at_once, free_memory):
+        yield from part(buttons)
+        seen["clock"][part.__name__] = round(time.monotonic() - START)
+        save("stopped on the way")
+
+
+def save(problem: str) -> None:
+    """Write what was seen so far: also a Blender that crashes leaves it."""
+    (OUT / "window.json").write_text(json.dumps(seen | {"problem": problem}, indent=1))
+
+
+def finish(problem: str) -> None:
+    """Write what was seen and leave."""
+    save(problem)
+    bpy.ops.wm.quit_blender()
+
+
+bpy.context.preferences.view.show_splash = False
+bpy.context.preferences.view.ui_scale = 1.0
+clicks.play(session(), finish)
