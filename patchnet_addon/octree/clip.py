@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import device
+from ..kernels import device, serial_kernel
 
 # A triangle cut by six planes has at most nine vertices.
 _MAX_VERTICES = 12
@@ -34,30 +34,47 @@ def cell_key(x, y, z):  # type: ignore[no-untyped-def]
 
 
 @device
+def _copy(source, count, first, target):  # type: ignore[no-untyped-def]
+    """Copy the coordinates first.. of a polygon's vertices; element by element, because slices cost more than that."""
+    for i in range(count):
+        for k in range(first, 5):
+            target[i, k] = source[i, k]
+
+
+@device
 def _split(source, count, axis, plane, below, above):  # type: ignore[no-untyped-def]
-    """Cut a convex polygon (rows x, y, z, u, v) at coordinate[axis] = plane; returns the two vertex counts."""
+    """Cut a convex polygon (rows x, y, z, u, v) at coordinate[axis] = plane; returns the two vertex counts.
+
+    Coordinates before `axis` are left out: the axes are cut in order, so nothing looks at them again.
+    """
     n_below = 0
     n_above = 0
+    j = count - 1
+    b = source[j, axis]
     for i in range(count):
-        j = i + 1 if i + 1 < count else 0
         a = source[i, axis]
-        b = source[j, axis]
-        if a <= plane:
-            below[n_below, :] = source[i, :]
-            n_below += 1
-        if a >= plane:
-            above[n_above, :] = source[i, :]
-            n_above += 1
         if (a < plane and b > plane) or (a > plane and b < plane):
-            t = (plane - a) / (b - a)
-            for k in range(5):
-                value = source[i, k] + t * (source[j, k] - source[i, k])
-                below[n_below, k] = value
-                above[n_above, k] = value
+            # From the vertex below to the one above, so that the cut does not depend on the direction of the edge.
+            low, high = (i, j) if a < b else (j, i)
+            t = (plane - source[low, axis]) / (source[high, axis] - source[low, axis])
             below[n_below, axis] = plane
             above[n_above, axis] = plane
+            for k in range(axis + 1, 5):
+                value = source[low, k] + t * (source[high, k] - source[low, k])
+                below[n_below, k] = value
+                above[n_above, k] = value
             n_below += 1
             n_above += 1
+        if a <= plane:
+            for k in range(axis, 5):
+                below[n_below, k] = source[i, k]
+            n_below += 1
+        if a >= plane:
+            for k in range(axis, 5):
+                above[n_above, k] = source[i, k]
+            n_above += 1
+        j = i
+        b = a
     return n_below, n_above
 
 
@@ -67,8 +84,9 @@ def _cell_range(polygon, count, axis, resolution):  # type: ignore[no-untyped-de
     low = polygon[0, axis]
     high = low
     for i in range(1, count):
-        low = min(low, polygon[i, axis])
-        high = max(high, polygon[i, axis])
+        value = polygon[i, axis]
+        low = min(low, value)
+        high = max(high, value)
     first = min(max(int(np.floor(low)), 0), resolution - 1)
     last = min(max(int(np.floor(high)), 0), resolution - 1)
     return first, last
@@ -82,15 +100,17 @@ def _moments(polygon, count):  # type: ignore[no-untyped-def]
     area = 0.0
     u_sum = 0.0
     v_sum = 0.0
-    for i in range(1, count - 1):
-        ua = polygon[i, 3] - u0
-        va = polygon[i, 4] - v0
-        ub = polygon[i + 1, 3] - u0
-        vb = polygon[i + 1, 4] - v0
+    ua = polygon[1, 3] - u0
+    va = polygon[1, 4] - v0
+    for i in range(2, count):
+        ub = polygon[i, 3] - u0
+        vb = polygon[i, 4] - v0
         piece = 0.5 * (ua * vb - ub * va)
         area += piece
         u_sum += piece * (ua + ub)
         v_sum += piece * (va + vb)
+        ua = ub
+        va = vb
     if area <= 0.0:
         return 0.0, 0.0, 0.0
     return area, u0 + u_sum / (3.0 * area), v0 + v_sum / (3.0 * area)
@@ -109,64 +129,85 @@ def _reserve(cells, measures, count):  # type: ignore[no-untyped-def]
 
 
 @device
+def _put(cells, measures, count, key, triangle, area, u, v):  # type: ignore[no-untyped-def]
+    """Append one fragment."""
+    cells, measures = _reserve(cells, measures, count)
+    cells[count, 0] = key
+    cells[count, 1] = triangle
+    measures[count, 0] = area
+    measures[count, 1] = u
+    measures[count, 2] = v
+    return cells, measures
+
+
+@device
 def _peel(rest, now, count, axis, cell, last, slab):  # type: ignore[no-untyped-def]
     """Take the part of the polygon rest[now] in slab `cell`; the remainder lands in the other half of `rest`.
 
     Returns the slab's vertex count, which half holds the remainder, and the remainder's vertex count.
     """
     if cell == last:
-        slab[:count] = rest[now, :count]
+        _copy(rest[now], count, axis, slab)
         return count, now, 0
     n_slab, n_rest = _split(rest[now], count, axis, cell + 1.0, slab, rest[1 - now])
     return n_slab, 1 - now, n_rest
 
 
 @device
-def _clip_column(column, n_column, x, y, triangle, resolution, rest, piece, cells, measures, count):  # type: ignore[no-untyped-def]
-    """Append the cells of one column along z to the fragments."""
-    rest[0, :n_column] = column[:n_column]
+def _clip_column(column, n_column, key, triangle, resolution, wanted, shift, rest, piece, cells, measures, count):  # type: ignore[no-untyped-def]
+    """Append the cells of one column along z to the fragments; `key` is that of the column's cell z = 0."""
     now = 0
     n_rest = n_column
     z, last = _cell_range(column, n_column, 2, resolution)
+    _copy(column, n_column, 2, rest[0])
     while z <= last and n_rest >= 3:
         n_piece, now, n_rest = _peel(rest, now, n_rest, 2, z, last, piece)
-        if n_piece >= 3:
+        cell = key | (_spread_bits(z) << np.uint64(2))
+        if n_piece >= 3 and wanted[cell >> shift]:
             area, u, v = _moments(piece, n_piece)
             if area > 0.0:
-                cells, measures = _reserve(cells, measures, count)
-                cells[count, 0] = cell_key(x, y, z)
-                cells[count, 1] = triangle
-                measures[count, 0] = area
-                measures[count, 1] = u
-                measures[count, 2] = v
+                cells, measures = _put(cells, measures, count, cell, triangle, area, u, v)
                 count += 1
         z += 1
     return cells, measures, count
 
 
 @device
-def _clip_slab(slab, n_slab, x, triangle, resolution, rest, column, piece, cells, measures, count):  # type: ignore[no-untyped-def]
+def _clip_slab(slab, n_slab, x, triangle, resolution, wanted, shift, rest, column, piece, cells, measures, count):  # type: ignore[no-untyped-def]
     """Append the cells of one slab to the fragments, column by column along y. rest: (2, 2, vertices, 5)."""
-    rest[0, 0, :n_slab] = slab[:n_slab]
     now = 0
     n_rest = n_slab
     y, last = _cell_range(slab, n_slab, 1, resolution)
+    _copy(slab, n_slab, 1, rest[0, 0])
     while y <= last and n_rest >= 3:
         n_column, now, n_rest = _peel(rest[0], now, n_rest, 1, y, last, column)
         if n_column >= 3:
             cells, measures, count = _clip_column(
-                column, n_column, x, y, triangle, resolution, rest[1], piece, cells, measures, count
-            )
+                column, n_column, cell_key(x, y, 0), triangle, resolution, wanted, shift, rest[1], piece,
+                cells, measures, count,
+            )  # fmt: skip
         y += 1
     return cells, measures, count
 
 
 @device
-def clip_triangles(corners_voxel, areas_world, first, last, x_first, x_last, resolution):  # type: ignore[no-untyped-def]
+def _load(corners, polygon):  # type: ignore[no-untyped-def]
+    """The triangle (3, 3) as a polygon with coordinates (u, v) on the triangle."""
+    for corner in range(3):
+        for axis in range(3):
+            polygon[corner, axis] = corners[corner, axis]
+        polygon[corner, 3] = 1.0 if corner == 1 else 0.0
+        polygon[corner, 4] = 1.0 if corner == 2 else 0.0
+
+
+@serial_kernel
+def clip_triangles(corners_voxel, areas_world, first, last, x_first, x_last, resolution, wanted, shift):  # type: ignore[no-untyped-def]
     """Fragments of triangles first..last-1 in the slabs x_first..x_last-1 of the grid.
 
     corners_voxel: (T, 3, 3) float64, leaf cells as unit. areas_world: (T,) float64, the triangles' areas.
-    Returns keys (F,) uint64, triangle (F,) int32, barycentric (F, 2) float32, area_world (F,) float64.
+    wanted: (blocks,) bool, and only fragments with wanted[key >> shift] are made; shift: uint64.
+    Returns keys (F,) uint64, triangle (F,) int32, barycentric (F, 2) float32, area_world (F,) float64. A fragment
+    depends on its triangle and cell alone, not on the ranges.
     Runs on one core without the interpreter lock, so several may run in threads.
     """
     cells = np.empty((_INITIAL_CAPACITY, 2), np.uint64)  # key, triangle
@@ -179,21 +220,37 @@ def clip_triangles(corners_voxel, areas_world, first, last, x_first, x_last, res
     for triangle in range(first, last):
         if not areas_world[triangle] > 0.0:
             continue
-        for corner in range(3):
-            for axis in range(3):
-                rest[0, 0, corner, axis] = corners_voxel[triangle, corner, axis]
-            rest[0, 0, corner, 3] = 1.0 if corner == 1 else 0.0
-            rest[0, 0, corner, 4] = 1.0 if corner == 2 else 0.0
+        _load(corners_voxel[triangle], rest[0, 0])
+        x, x_end = _cell_range(rest[0, 0], 3, 0, resolution)
+        y, y_end = _cell_range(rest[0, 0], 3, 1, resolution)
+        z, z_end = _cell_range(rest[0, 0], 3, 2, resolution)
+        low = cell_key(x, y, z) >> shift
+        high = cell_key(x_end, y_end, z_end) >> shift
+        if low == high and not wanted[low]:
+            continue
+        if x == x_end and y == y_end and z == z_end:
+            if x_first <= x < x_last:
+                cells, measures = _put(cells, measures, count, cell_key(x, y, z), triangle, 0.5, 1.0 / 3.0, 1.0 / 3.0)
+                count += 1
+            continue
         now = 0
         n_rest = 3
-        x, x_end = _cell_range(rest[0, 0], 3, 0, resolution)
         while x <= x_end and n_rest >= 3:
             n_slab, now, n_rest = _peel(rest[0], now, n_rest, 0, x, x_end, slab)
             if n_slab >= 3 and x_first <= x < x_last:
                 cells, measures, count = _clip_slab(
-                    slab, n_slab, x, triangle, resolution, rest[1:], column, piece, cells, measures, count
-                )
+                    slab, n_slab, x, triangle, resolution, wanted, shift, rest[1:], column, piece,
+                    cells, measures, count,
+                )  # fmt: skip
             x += 1
-    triangles = cells[:count, 1].astype(np.int32)
-    area_world = 2.0 * measures[:count, 0] * areas_world[triangles]
-    return cells[:count, 0].copy(), triangles, measures[:count, 1:].astype(np.float32), area_world
+    keys = np.empty(count, np.uint64)
+    triangles = np.empty(count, np.int32)
+    barycentric = np.empty((count, 2), np.float32)
+    area_world = np.empty(count, np.float64)
+    for i in range(count):
+        keys[i] = cells[i, 0]
+        triangles[i] = cells[i, 1]
+        barycentric[i, 0] = measures[i, 1]
+        barycentric[i, 1] = measures[i, 2]
+        area_world[i] = 2.0 * measures[i, 0] * areas_world[triangles[i]]
+    return keys, triangles, barycentric, area_world

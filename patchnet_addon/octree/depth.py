@@ -22,9 +22,9 @@ COARSE_DEPTH = 7
 MIN_DEPTH = 5
 LOOK_AHEAD_SHARE = 0.95
 BYTES_PER_NODE = 14
-# While an octree is built, a leaf passes as fragments (48 bytes, about 1.7 of them a leaf), sums (48 bytes) that are
-# sorted into a second copy, and means of all levels.
-_PEAK_BYTES_PER_LEAF = 230
+# While an octree is built, a leaf is summed in fixed point (48 bytes and its share of a brick, about 20) and handed out
+# as key and sums (28 bytes); a large scene does that block by block, so that this is then more than it takes.
+_PEAK_BYTES_PER_LEAF = 100
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Surface sums per leaf in fixed point: integers add up to the same whatever the order, and so does the octree.
+
+Leaves live in bricks of 4x4x4 cells, and a hash table finds a brick by its key. Neighbouring fragments share a brick,
+so most lookups stay in cache, and only bricks are sorted at the end, not fragments.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kernels import device, serial_kernel
+from .grid import Grid
+from .mesh import Fragments
+
+MIN_OPACITY = 1.0 / 255.0
+_BRICK_BITS = 6
+_BRICK_CELLS = 1 << _BRICK_BITS
+# A leaf's area counts in 2^-40 of a voxel's face: four million coincident layers fit, and what is smaller counts as
+# one unit, so that every touched voxel stays. Luminance times area needs more room: multiples of 2^24 units, and the
+# rest.
+_AREA_UNITS = 2.0**40
+_WHOLE = 2.0**24
+_PART = 2.0**-16
+_MAX_LUMINANCE = 2.0**32
+_COLUMNS = 6  # area, luminance in whole parts and the rest, normal (x, y, z); each weighed by area
+
+
+class LeafAccumulator:
+    """Sums over fragments of leaves, until `take` hands them out in order of their key."""
+
+    def __init__(self, grid: Grid) -> None:
+        self._area_unit = grid.voxel_world**2 / _AREA_UNITS
+        self._count = np.zeros(2, np.int64)  # bricks, leaves
+        self._brick_key = np.zeros(1 << 10, np.uint64)
+        self._brick_rows = np.zeros(_BRICK_CELLS << 10, np.int32)  # 1 + row of each cell, 0: none yet
+        self._rows = np.zeros(_COLUMNS << 12, np.int64)
+        self._table = _table_of(self._brick_key, 0)
+
+    def __len__(self) -> int:
+        """Leaves so far."""
+        return int(self._count[1])
+
+    def add(self, fragments: Fragments, luminance: np.ndarray, opacity: np.ndarray, normals: np.ndarray) -> None:
+        """Add fragments with their luminance (F,), opacity (F,) and the unit normals (T, 3) of their triangles.
+
+        Fragments with less than 1/255 of opacity leave no trace.
+        """
+        shine, cover = np.asarray(luminance, np.float32), np.asarray(opacity, np.float32)
+        first = 0
+        while first < len(fragments):
+            first = _add(
+                first, fragments.keys, fragments.triangle, fragments.area_world, shine, cover, normals,
+                1.0 / self._area_unit, self._table, self._brick_key, self._brick_rows, self._rows, self._count,
+            )  # fmt: skip
+            if first < len(fragments):
+                self._grow()
+
+    def _grow(self) -> None:
+        """Half as much room again; the arrays grow in place, so that the old ones do not stand beside the new."""
+        bricks, leaves = (int(value) for value in self._count)
+        if bricks == len(self._brick_key):
+            more = bricks + bricks // 2
+            self._brick_key.resize(more, refcheck=False)
+            self._brick_rows.resize(more * _BRICK_CELLS, refcheck=False)
+            self._table = _table_of(self._brick_key, bricks)
+        if leaves * _COLUMNS == len(self._rows):
+            self._rows.resize((leaves + leaves // 2) * _COLUMNS, refcheck=False)
+
+    def take(self) -> tuple[np.ndarray, np.ndarray]:
+        """Keys (n,) uint64, ascending, and sums (n, 5) float32 in world units, as `LeafSums` holds them."""
+        bricks, leaves = (int(value) for value in self._count)
+        keys = np.empty(leaves, np.uint64)
+        sums = np.empty((leaves, 5), np.float32)
+        order = np.argsort(self._brick_key[:bricks])
+        _emit(order, self._brick_key, self._brick_rows, self._rows, self._area_unit, keys, sums)
+        return keys, sums
+
+
+def _table_of(brick_key: np.ndarray, bricks: int) -> np.ndarray:
+    """Hash table (a power of two,) int32 with room for as many bricks as `brick_key` holds; -1 where empty."""
+    table = np.full(1 << (2 * len(brick_key) - 1).bit_length(), -1, np.int32)
+    _insert_all(table, brick_key, bricks)
+    return table
+
+
+@device
+def _slot(table, key):  # type: ignore[no-untyped-def]
+    """Where the search for a brick begins: Fibonacci hashing."""
+    mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
+    return np.int64((mixed >> np.uint64(32)) & np.uint64(len(table) - 1))
+
+
+@serial_kernel
+def _insert_all(table, brick_key, bricks):  # type: ignore[no-untyped-def]
+    for brick in range(bricks):
+        slot = _slot(table, brick_key[brick])
+        while table[slot] >= 0:
+            slot = (slot + 1) & (len(table) - 1)
+        table[slot] = brick
+
+
+@device
+def _find_brick(key, table, brick_key, count):  # type: ignore[no-untyped-def]
+    """Index of a brick, new ones included; -1 if there is no room for a new one."""
+    slot = _slot(table, key)
+    while table[slot] >= 0:
+        if brick_key[table[slot]] == key:
+            return np.int64(table[slot])
+        slot = (slot + 1) & (len(table) - 1)
+    brick = count[0]
+    if brick == len(brick_key):
+        return np.int64(-1)
+    table[slot] = brick
+    brick_key[brick] = key
+    count[0] += 1
+    return brick
+
+
+@serial_kernel
+def _add(first, keys, triangle, area, luminance, opacity, normals, units, table, brick_key, brick_rows, rows, count):  # type: ignore[no-untyped-def]
+    """Add fragments from `first` on; returns the first that found no room, or their number."""
+    brick = np.int64(-1)
+    for i in range(first, len(keys)):
+        if not opacity[i] >= MIN_OPACITY:
+            continue
+        key = keys[i] >> np.uint64(_BRICK_BITS)
+        if brick < 0 or brick_key[brick] != key:
+            brick = _find_brick(key, table, brick_key, count)
+            if brick < 0:
+                return i
+        cell = brick * _BRICK_CELLS + np.int64(keys[i] & np.uint64(_BRICK_CELLS - 1))
+        if brick_rows[cell] == 0:
+            if count[1] * _COLUMNS == len(rows):
+                return i
+            count[1] += 1
+            brick_rows[cell] = count[1]
+        row = (np.int64(brick_rows[cell]) - 1) * _COLUMNS
+        weight = max(np.rint(area[i] * opacity[i] * units), 1.0)
+        shine = np.float64(luminance[i])
+        shine = min(max(shine, -_MAX_LUMINANCE), _MAX_LUMINANCE) if shine == shine else 0.0
+        product = weight * shine
+        whole = np.rint(product / _WHOLE)
+        rows[row] += np.int64(weight)
+        rows[row + 1] += np.int64(whole)
+        rows[row + 2] += np.int64(np.rint((product - whole * _WHOLE) / _PART))
+        for axis in range(3):
+            rows[row + 3 + axis] += np.int64(np.rint(weight * normals[triangle[i], axis]))
+    return len(keys)
+
+
+@serial_kernel
+def _emit(order, brick_key, brick_rows, rows, area_unit, keys, sums):  # type: ignore[no-untyped-def]
+    """Leaves of the bricks in `order`, in Morton order, from fixed point to world units."""
+    leaf = 0
+    for brick in order:
+        for cell in range(_BRICK_CELLS):
+            number = np.int64(brick_rows[brick * _BRICK_CELLS + cell])
+            if number == 0:
+                continue
+            row = (number - 1) * _COLUMNS
+            keys[leaf] = (brick_key[brick] << np.uint64(_BRICK_BITS)) | np.uint64(cell)
+            sums[leaf, 0] = rows[row] * area_unit
+            sums[leaf, 1] = (rows[row + 1] * _WHOLE + rows[row + 2] * _PART) * area_unit
+            for axis in range(3):
+                sums[leaf, 2 + axis] = rows[row + 3 + axis] * area_unit
+            leaf += 1
