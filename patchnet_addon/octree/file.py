@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from .grid import Grid
 from .octree import POPCOUNT, Octree
 
 KIND = "octree"
+_INFINITY_BITS = 0x7F800000
+_PIECE = 1 << 16
 _DTYPES = {
     "level_start": np.int64,
     "child_mask": np.uint8,
@@ -62,7 +65,9 @@ def load_octree(path: str | Path) -> Octree:
         x, y, z = (float(value) for value in metadata["origin_world"])
         grid = Grid((x, y, z), float(metadata["side_world"]), int(metadata["depth"]))
         exposure, provenance = float(metadata["exposure"]), dict(metadata["provenance"])
-    except (KeyError, TypeError, ValueError, SettingError) as cause:
+        if not all(math.isfinite(value) for value in (x, y, z, exposure)):
+            raise ValueError("a number is not finite")
+    except (KeyError, TypeError, ValueError, OverflowError, SettingError) as cause:
         raise OctreeFileError(
             f"{path} is damaged: its metadata are incomplete ({cause}); create the file anew"
         ) from cause
@@ -79,23 +84,39 @@ def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
     Children must stand behind their parents, in order and without gaps, so that no walk can leave the arrays or turn
     in a circle.
     """
-    start, mask, first = arrays["level_start"], arrays["child_mask"], arrays["first_child"]
-    count = len(mask)
-    if any(len(arrays[name]) != count for name in ("first_child", "area_world", "luminance", "normal")):
-        return "its arrays differ in length"
-    if arrays["normal"].shape != (count, 3) or mask.ndim != 1:
-        return "its arrays have wrong shapes"
-    if len(start) != depth + 2 or start[0] != 0 or start[1] != 1 or start[-1] != count or (np.diff(start) < 0).any():
+    count = arrays["child_mask"].size
+    shapes = dict.fromkeys(("child_mask", "first_child", "area_world", "luminance"), (count,)) | {
+        "level_start": (depth + 2,), "normal": (count, 3)
+    }  # fmt: skip
+    if arrays["level_start"].shape != shapes["level_start"]:
         return "its levels do not add up to its nodes"
-    counts = POPCOUNT[mask].astype(np.int64)
-    if 1 + int(counts.sum()) != count or counts[start[depth] :].any():
-        return "its children do not add up to its nodes"
-    expected = 1 + np.cumsum(counts) - counts
-    if not np.array_equal(expected[mask != 0], first[mask != 0].astype(np.int64)):
-        return "a child index is out of order"
-    for level in range(depth):
-        if counts[start[level] : start[level + 1]].sum() != start[level + 2] - start[level + 1]:
-            return f"level {level + 1} does not hold the children of level {level}"
-    if not np.isfinite(arrays["area_world"]).all() or (arrays["area_world"] < 0).any():
+    if any(arrays[name].shape != shape for name, shape in shapes.items()):
+        return "its arrays differ in length"
+    start = arrays["level_start"]
+    if start[0] != 0 or start[1] != 1 or start[-1] != count or (start[1:] < start[:-1]).any():
+        return "its levels do not add up to its nodes"
+    # Positive numbers are in order of their bits, and infinity, NaN and negative numbers follow.
+    if arrays["area_world"].view(np.uint32).max() >= _INFINITY_BITS:
         return "an area is not a positive number"
+    return _children_problem(start.tolist(), arrays["child_mask"], arrays["first_child"])
+
+
+def _children_problem(start: list[int], mask: np.ndarray, first: np.ndarray) -> str:
+    """What contradicts that the children of all nodes follow each other, level by level, or an empty text.
+
+    In pieces that fit the cores' caches, because opening a large file should not wait for this.
+    """
+    count, child = len(mask), 1
+    for level in range(len(start) - 1):
+        for begin in range(start[level], start[level + 1], _PIECE):
+            piece = slice(begin, min(begin + _PIECE, start[level + 1]))
+            children = POPCOUNT[mask[piece]]
+            after = np.cumsum(children, dtype=np.uint32)
+            if child + int(after[-1]) > count:
+                return "its children do not add up to its nodes"
+            if (((after - children + np.uint32(child)) != first[piece]) & (children > 0)).any():
+                return "a child index is out of order"
+            child += int(after[-1])
+        if child != start[min(level + 2, len(start) - 1)]:
+            return f"the children of level {level} do not add up to level {level + 1}"
     return ""

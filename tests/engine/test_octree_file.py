@@ -46,7 +46,7 @@ def test_round_trip(octree, tmp_path):
     [
         (lambda o: {"first_child": np.where(o.child_mask > 0, o.first_child + 1, 0).astype(np.uint32)}, "child index"),
         (lambda o: {"first_child": np.zeros_like(o.first_child)}, "child index"),
-        (lambda o: {"child_mask": np.full_like(o.child_mask, 255)}, "children do not add up"),
+        (lambda o: {"child_mask": np.full_like(o.child_mask, 255)}, "child index"),
         (lambda o: {"area_world": np.full_like(o.area_world, np.nan)}, "area"),
         (lambda o: {"level_start": o.level_start[::-1].copy()}, "levels do not add up"),
         (lambda o: {"luminance": o.luminance[:-1]}, "differ in length"),
