@@ -12,9 +12,10 @@ import numpy as np
 
 from ..kernels import device, serial_kernel
 
-# A triangle cut by six planes has at most nine vertices.
-_MAX_VERTICES = 12
 _INITIAL_CAPACITY = 4096
+# All polygons live in one array of vertices (x, y, z, u, v) and are named by their first row: views of arrays cost the
+# compiled code more than the clipping itself. A triangle cut by six planes has at most nine vertices.
+_TRIANGLE, _REST_X, _SLAB, _REST_Y, _COLUMN, _REST_Z, _CELL, _ROWS = 0, 12, 24, 36, 48, 60, 72, 84
 
 
 @device
@@ -33,58 +34,58 @@ def cell_key(x, y, z):  # type: ignore[no-untyped-def]
     return _spread_bits(x) | (_spread_bits(y) << np.uint64(1)) | (_spread_bits(z) << np.uint64(2))
 
 
-@device
-def _copy(source, count, first, target):  # type: ignore[no-untyped-def]
-    """Copy the coordinates first.. of a polygon's vertices; element by element, because slices cost more than that."""
-    for i in range(count):
-        for k in range(first, 5):
-            target[i, k] = source[i, k]
+def _splitter(axis):  # type: ignore[no-untyped-def]
+    """Cut along one axis; compiled once for each, so that the loops over coordinates unroll."""
+
+    @device
+    def split(rows, source, count, plane, below, above):  # type: ignore[no-untyped-def]
+        """Cut the convex polygon at row `source` at coordinate[axis] = plane; returns the two vertex counts.
+
+        Coordinates before `axis` are left out: the axes are cut in order, so nothing looks at them again.
+        """
+        n_below = below
+        n_above = above
+        j = source + count - 1
+        b = rows[j, axis]
+        for i in range(source, source + count):
+            a = rows[i, axis]
+            if (a < plane and b > plane) or (a > plane and b < plane):
+                # From the vertex below to the one above, so that the cut does not depend on the direction of the edge.
+                low, high = (i, j) if a < b else (j, i)
+                t = (plane - rows[low, axis]) / (rows[high, axis] - rows[low, axis])
+                rows[n_below, axis] = plane
+                rows[n_above, axis] = plane
+                for k in range(axis + 1, 5):
+                    value = rows[low, k] + t * (rows[high, k] - rows[low, k])
+                    rows[n_below, k] = value
+                    rows[n_above, k] = value
+                n_below += 1
+                n_above += 1
+            if a <= plane:
+                for k in range(axis, 5):
+                    rows[n_below, k] = rows[i, k]
+                n_below += 1
+            if a >= plane:
+                for k in range(axis, 5):
+                    rows[n_above, k] = rows[i, k]
+                n_above += 1
+            j = i
+            b = a
+        return n_below - below, n_above - above
+
+    return split
+
+
+_split_x, _split_y, _split_z = (_splitter(axis) for axis in range(3))
 
 
 @device
-def _split(source, count, axis, plane, below, above):  # type: ignore[no-untyped-def]
-    """Cut a convex polygon (rows x, y, z, u, v) at coordinate[axis] = plane; returns the two vertex counts.
-
-    Coordinates before `axis` are left out: the axes are cut in order, so nothing looks at them again.
-    """
-    n_below = 0
-    n_above = 0
-    j = count - 1
-    b = source[j, axis]
-    for i in range(count):
-        a = source[i, axis]
-        if (a < plane and b > plane) or (a > plane and b < plane):
-            # From the vertex below to the one above, so that the cut does not depend on the direction of the edge.
-            low, high = (i, j) if a < b else (j, i)
-            t = (plane - source[low, axis]) / (source[high, axis] - source[low, axis])
-            below[n_below, axis] = plane
-            above[n_above, axis] = plane
-            for k in range(axis + 1, 5):
-                value = source[low, k] + t * (source[high, k] - source[low, k])
-                below[n_below, k] = value
-                above[n_above, k] = value
-            n_below += 1
-            n_above += 1
-        if a <= plane:
-            for k in range(axis, 5):
-                below[n_below, k] = source[i, k]
-            n_below += 1
-        if a >= plane:
-            for k in range(axis, 5):
-                above[n_above, k] = source[i, k]
-            n_above += 1
-        j = i
-        b = a
-    return n_below, n_above
-
-
-@device
-def _cell_range(polygon, count, axis, resolution):  # type: ignore[no-untyped-def]
+def _cell_range(rows, polygon, count, axis, resolution):  # type: ignore[no-untyped-def]
     """First and last cell that the polygon reaches along an axis, clamped to the grid."""
-    low = polygon[0, axis]
+    low = rows[polygon, axis]
     high = low
-    for i in range(1, count):
-        value = polygon[i, axis]
+    for i in range(polygon + 1, polygon + count):
+        value = rows[i, axis]
         low = min(low, value)
         high = max(high, value)
     first = min(max(int(np.floor(low)), 0), resolution - 1)
@@ -93,18 +94,18 @@ def _cell_range(polygon, count, axis, resolution):  # type: ignore[no-untyped-de
 
 
 @device
-def _moments(polygon, count):  # type: ignore[no-untyped-def]
+def _moments(rows, polygon, count):  # type: ignore[no-untyped-def]
     """Area in (u, v) and centroid (u, v) of a polygon; the fan starts at vertex 0."""
-    u0 = polygon[0, 3]
-    v0 = polygon[0, 4]
+    u0 = rows[polygon, 3]
+    v0 = rows[polygon, 4]
     area = 0.0
     u_sum = 0.0
     v_sum = 0.0
-    ua = polygon[1, 3] - u0
-    va = polygon[1, 4] - v0
-    for i in range(2, count):
-        ub = polygon[i, 3] - u0
-        vb = polygon[i, 4] - v0
+    ua = rows[polygon + 1, 3] - u0
+    va = rows[polygon + 1, 4] - v0
+    for i in range(polygon + 2, polygon + count):
+        ub = rows[i, 3] - u0
+        vb = rows[i, 4] - v0
         piece = 0.5 * (ua * vb - ub * va)
         area += piece
         u_sum += piece * (ua + ub)
@@ -117,87 +118,93 @@ def _moments(polygon, count):  # type: ignore[no-untyped-def]
 
 
 @device
-def _reserve(cells, measures, count):  # type: ignore[no-untyped-def]
-    """Room for one more fragment; the arrays double when they are full."""
-    if count < len(cells):
-        return cells, measures
-    more_cells = np.empty((2 * count, 2), np.uint64)
-    more_measures = np.empty((2 * count, 3), np.float64)
-    more_cells[:count] = cells
-    more_measures[:count] = measures
-    return more_cells, more_measures
-
-
-@device
 def _put(cells, measures, count, key, triangle, area, u, v):  # type: ignore[no-untyped-def]
-    """Append one fragment."""
-    cells, measures = _reserve(cells, measures, count)
-    cells[count, 0] = key
-    cells[count, 1] = triangle
-    measures[count, 0] = area
-    measures[count, 1] = u
-    measures[count, 2] = v
-    return cells, measures
+    """Write one fragment where there is room for it; it counts in any case."""
+    if count < len(cells):
+        cells[count, 0] = key
+        cells[count, 1] = triangle
+        measures[count, 0] = area
+        measures[count, 1] = u
+        measures[count, 2] = v
+    return count + 1
 
 
 @device
-def _peel(rest, now, count, axis, cell, last, slab):  # type: ignore[no-untyped-def]
-    """Take the part of the polygon rest[now] in slab `cell`; the remainder lands in the other half of `rest`.
-
-    Returns the slab's vertex count, which half holds the remainder, and the remainder's vertex count.
-    """
-    if cell == last:
-        _copy(rest[now], count, axis, slab)
-        return count, now, 0
-    n_slab, n_rest = _split(rest[now], count, axis, cell + 1.0, slab, rest[1 - now])
-    return n_slab, 1 - now, n_rest
-
-
-@device
-def _clip_column(column, n_column, key, triangle, resolution, wanted, shift, rest, piece, cells, measures, count):  # type: ignore[no-untyped-def]
-    """Append the cells of one column along z to the fragments; `key` is that of the column's cell z = 0."""
-    now = 0
-    n_rest = n_column
-    z, last = _cell_range(column, n_column, 2, resolution)
-    _copy(column, n_column, 2, rest[0])
+def _clip_column(rows, column, n_column, key, triangle, resolution, wanted, shift, cells, measures, count):  # type: ignore[no-untyped-def]
+    """Append the cells of one column along z; `key` is that of the cell z = 0. Returns the number of fragments."""
+    rest, free, n_rest = column, _REST_Z, n_column
+    z, last = _cell_range(rows, column, n_column, 2, resolution)
     while z <= last and n_rest >= 3:
-        n_piece, now, n_rest = _peel(rest, now, n_rest, 2, z, last, piece)
+        if z == last:
+            piece, n_piece, n_rest = rest, n_rest, 0
+        else:
+            piece = _CELL
+            n_piece, n_rest = _split_z(rows, rest, n_rest, z + 1.0, piece, free)
+            rest, free = free, rest
         cell = key | (_spread_bits(z) << np.uint64(2))
         if n_piece >= 3 and wanted[cell >> shift]:
-            area, u, v = _moments(piece, n_piece)
+            area, u, v = _moments(rows, piece, n_piece)
             if area > 0.0:
-                cells, measures = _put(cells, measures, count, cell, triangle, area, u, v)
-                count += 1
+                count = _put(cells, measures, count, cell, triangle, area, u, v)
         z += 1
-    return cells, measures, count
+    return count
 
 
 @device
-def _clip_slab(slab, n_slab, x, triangle, resolution, wanted, shift, rest, column, piece, cells, measures, count):  # type: ignore[no-untyped-def]
-    """Append the cells of one slab to the fragments, column by column along y. rest: (2, 2, vertices, 5)."""
-    now = 0
-    n_rest = n_slab
-    y, last = _cell_range(slab, n_slab, 1, resolution)
-    _copy(slab, n_slab, 1, rest[0, 0])
+def _clip_slab(rows, slab, n_slab, x, triangle, resolution, wanted, shift, cells, measures, count):  # type: ignore[no-untyped-def]
+    """Append the cells of one slab, column by column along y. Returns the number of fragments."""
+    rest, free, n_rest = slab, _REST_Y, n_slab
+    y, last = _cell_range(rows, slab, n_slab, 1, resolution)
     while y <= last and n_rest >= 3:
-        n_column, now, n_rest = _peel(rest[0], now, n_rest, 1, y, last, column)
+        if y == last:
+            column, n_column, n_rest = rest, n_rest, 0
+        else:
+            column = _COLUMN
+            n_column, n_rest = _split_y(rows, rest, n_rest, y + 1.0, column, free)
+            rest, free = free, rest
         if n_column >= 3:
-            cells, measures, count = _clip_column(
-                column, n_column, cell_key(x, y, 0), triangle, resolution, wanted, shift, rest[1], piece,
-                cells, measures, count,
-            )  # fmt: skip
+            key = cell_key(x, y, 0)
+            count = _clip_column(
+                rows, column, n_column, key, triangle, resolution, wanted, shift, cells, measures, count
+            )
         y += 1
-    return cells, measures, count
+    return count
 
 
 @device
-def _load(corners, polygon):  # type: ignore[no-untyped-def]
-    """The triangle (3, 3) as a polygon with coordinates (u, v) on the triangle."""
+def _clip_triangle(rows, triangle, x_first, x_last, resolution, wanted, shift, cells, measures, count):  # type: ignore[no-untyped-def]
+    """Append the fragments of the triangle in `rows`, slab by slab along x. Returns the number of fragments."""
+    x, x_end = _cell_range(rows, _TRIANGLE, 3, 0, resolution)
+    y, y_end = _cell_range(rows, _TRIANGLE, 3, 1, resolution)
+    z, z_end = _cell_range(rows, _TRIANGLE, 3, 2, resolution)
+    low = cell_key(x, y, z)
+    if low >> shift == cell_key(x_end, y_end, z_end) >> shift and not wanted[low >> shift]:
+        return count
+    if x == x_end and y == y_end and z == z_end:
+        third = 1.0 / 3.0
+        return _put(cells, measures, count, low, triangle, 0.5, third, third) if x_first <= x < x_last else count
+    rest, free, n_rest = _TRIANGLE, _REST_X, 3
+    while x <= x_end and n_rest >= 3:
+        if x == x_end:
+            slab, n_slab, n_rest = rest, n_rest, 0
+        else:
+            slab = _SLAB
+            n_slab, n_rest = _split_x(rows, rest, n_rest, x + 1.0, slab, free)
+            rest, free = free, rest
+        if n_slab >= 3 and x_first <= x < x_last:
+            count = _clip_slab(rows, slab, n_slab, x, triangle, resolution, wanted, shift, cells, measures, count)
+        x += 1
+    return count
+
+
+@device
+def _load(corners_voxel, triangle, rows):  # type: ignore[no-untyped-def]
+    """Write a triangle as a polygon with coordinates (u, v) on the triangle."""
     for corner in range(3):
         for axis in range(3):
-            polygon[corner, axis] = corners[corner, axis]
-        polygon[corner, 3] = 1.0 if corner == 1 else 0.0
-        polygon[corner, 4] = 1.0 if corner == 2 else 0.0
+            rows[_TRIANGLE + corner, axis] = corners_voxel[triangle, corner, axis]
+        rows[_TRIANGLE + corner, 3] = 1.0 if corner == 1 else 0.0
+        rows[_TRIANGLE + corner, 4] = 1.0 if corner == 2 else 0.0
 
 
 @serial_kernel
@@ -212,37 +219,23 @@ def clip_triangles(corners_voxel, areas_world, first, last, x_first, x_last, res
     """
     cells = np.empty((_INITIAL_CAPACITY, 2), np.uint64)  # key, triangle
     measures = np.empty((_INITIAL_CAPACITY, 3), np.float64)  # area in (u, v), u, v
+    rows = np.empty((_ROWS, 5), np.float64)
     count = 0
-    rest = np.empty((3, 2, _MAX_VERTICES, 5), np.float64)
-    slab = np.empty((_MAX_VERTICES, 5), np.float64)
-    column = np.empty((_MAX_VERTICES, 5), np.float64)
-    piece = np.empty((_MAX_VERTICES, 5), np.float64)
-    for triangle in range(first, last):
-        if not areas_world[triangle] > 0.0:
+    triangle = first
+    while triangle < last:
+        total = count
+        if areas_world[triangle] > 0.0:
+            _load(corners_voxel, triangle, rows)
+            total = _clip_triangle(rows, triangle, x_first, x_last, resolution, wanted, shift, cells, measures, count)
+        if total > len(cells):  # too many for the room there was: this triangle once more
+            more_cells = np.empty((2 * total, 2), np.uint64)
+            more_measures = np.empty((2 * total, 3), np.float64)
+            more_cells[:count] = cells[:count]
+            more_measures[:count] = measures[:count]
+            cells, measures = more_cells, more_measures
             continue
-        _load(corners_voxel[triangle], rest[0, 0])
-        x, x_end = _cell_range(rest[0, 0], 3, 0, resolution)
-        y, y_end = _cell_range(rest[0, 0], 3, 1, resolution)
-        z, z_end = _cell_range(rest[0, 0], 3, 2, resolution)
-        low = cell_key(x, y, z) >> shift
-        high = cell_key(x_end, y_end, z_end) >> shift
-        if low == high and not wanted[low]:
-            continue
-        if x == x_end and y == y_end and z == z_end:
-            if x_first <= x < x_last:
-                cells, measures = _put(cells, measures, count, cell_key(x, y, z), triangle, 0.5, 1.0 / 3.0, 1.0 / 3.0)
-                count += 1
-            continue
-        now = 0
-        n_rest = 3
-        while x <= x_end and n_rest >= 3:
-            n_slab, now, n_rest = _peel(rest[0], now, n_rest, 0, x, x_end, slab)
-            if n_slab >= 3 and x_first <= x < x_last:
-                cells, measures, count = _clip_slab(
-                    slab, n_slab, x, triangle, resolution, wanted, shift, rest[1:], column, piece,
-                    cells, measures, count,
-                )  # fmt: skip
-            x += 1
+        count = total
+        triangle += 1
     keys = np.empty(count, np.uint64)
     triangles = np.empty(count, np.int32)
     barycentric = np.empty((count, 2), np.float32)
