@@ -43,5 +43,6 @@ def _cosines(batch: TriangleBatch, fragments: Fragments, towards: np.ndarray) ->
     corners = batch.corners_world[first:last]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
-    cosine = np.abs(normals @ towards) / length
+    # Column by column: a product of matrices rounds differently with its size, and so with the order of triangles.
+    cosine = np.abs(sum(normals[:, axis] * towards[axis] for axis in range(3))) / length
     return cosine.astype(np.float32)[fragments.triangle - first]

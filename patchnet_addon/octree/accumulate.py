@@ -137,7 +137,7 @@ def _add(first, keys, triangle, area, luminance, opacity, normals, units, table,
             brick_rows[cell] = count[1]
         row = (np.int64(brick_rows[cell]) - 1) * _COLUMNS
         weight = max(np.rint(area[i] * opacity[i] * units), 1.0)
-        shine = np.float64(luminance[i])
+        shine = float(luminance[i])
         shine = min(max(shine, -_MAX_LUMINANCE), _MAX_LUMINANCE) if shine == shine else 0.0
         product = weight * shine
         whole = np.rint(product / _WHOLE)

@@ -25,7 +25,8 @@ def count_levels(keys, depth):  # type: ignore[no-untyped-def]
 
 @device
 def _mean_luminance(sums, i, exposure):  # type: ignore[no-untyped-def]
-    return min(max(np.float64(sums[i, 1]) / np.float64(sums[i, 0]) * exposure, 0.0), 1.0)
+    """Mean luminance of node i, times exposure, in [0, 1]."""
+    return min(max(float(sums[i, 1]) / float(sums[i, 0]) * exposure, 0.0), 1.0)
 
 
 @serial_kernel
@@ -35,7 +36,7 @@ def round_means(sums, exposure, area, luminance, normal):  # type: ignore[no-unt
         area[i] = sums[i, 0]
         luminance[i] = np.rint(_mean_luminance(sums, i, exposure) * LUMINANCE_SCALE)
         for axis in range(3):
-            mean = np.float64(sums[i, 2 + axis]) / np.float64(sums[i, 0])
+            mean = float(sums[i, 2 + axis]) / float(sums[i, 0])
             normal[i, axis] = np.rint(min(max(mean, -1.0), 1.0) * NORMAL_SCALE)
 
 
@@ -49,7 +50,7 @@ def add_to_parents(keys, sums, exposure, parent_keys, parent_sums, child_mask): 
             parent += 1
             parent_keys[parent] = key
         child_mask[parent] |= np.uint8(1) << np.uint8(keys[i] & np.uint64(7))
-        area = np.float64(sums[i, 0])
+        area = float(sums[i, 0])
         parent_sums[parent, 0] += area
         parent_sums[parent, 1] += area * _mean_luminance(sums, i, exposure)
         for axis in range(3):

@@ -55,7 +55,7 @@ def compare(name: str, ours: Callable[[], Any], peer: Callable[[], Any], repeats
             seconds["ours"].append(_processor_seconds(ours))
             seconds["peer"].append(_processor_seconds(peer))
     best = {who: min(values) for who, values in seconds.items()}
-    details = {"cores": cores, "repeats": len(seconds["ours"])}
+    details: dict[str, Any] = {"cores": cores, "repeats": len(seconds["ours"])}
     details |= {f"{who}_runs": [round(value, 4) for value in values] for who, values in seconds.items()}
     return Comparison(name, best["ours"], best["peer"], best["peer"] / max(best["ours"], 1e-9), details)
 
