@@ -28,7 +28,7 @@ def _score(frame: Frame) -> np.ndarray:
 
 STRATEGY = Strategy(
     name="patchnet-behind",
-    title="PatchNet with background",
+    title="PatchNet Behind",
     description="The luminance error that follows from the patch's coverage, its luminance and what lies behind it",
     needs=frozenset({PREDICTION, BEHIND}),
     score=_score,

@@ -15,7 +15,7 @@ def _score(frame: Frame) -> np.ndarray:
 
 STRATEGY = Strategy(
     name="patchnet-behind-exact",
-    title="PatchNet with background, exact oracle",
+    title="PatchNet Behind, exact oracle",
     description="The expected error with the true coverage and luminance of the patch: what a perfect network would do",
     needs=frozenset({EXACT, BEHIND}),
     score=_score,
