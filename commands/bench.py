@@ -31,7 +31,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     )
     voxelize.add_argument("--scene", type=Path, required=True, help="scene file, as for `patchnet run`")
     voxelize.add_argument("--depth", type=int, default=9, help="octree depth (9)")
-    voxelize.add_argument("--repeats", type=int, default=3, help="runs of each, the best counts (3)")
+    voxelize.add_argument("--repeats", type=int, default=3, help="runs of each, the median counts (3)")
     voxelize.add_argument("--json", action="store_true", help="print one line of JSON")
     return parser
 

@@ -74,8 +74,8 @@ def test_one_core_alone_and_all_of_them_afterwards():
     assert os.sched_getaffinity(0) == before
 
 
-def test_the_best_run_counts_and_both_take_turns():
+def test_the_median_run_counts_and_both_take_turns():
     order = []
     result = compare("turns", lambda: order.append("ours"), lambda: order.append("peer"), 3)
     assert order == ["ours", "peer"] * 3
-    assert result.ours == pytest.approx(min(result.details["ours_runs"]), abs=1e-4)
+    assert result.ours == pytest.approx(sorted(result.details["ours_runs"])[1], abs=1e-4)

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from statistics import median
 from typing import Any
 
 
@@ -46,7 +47,7 @@ def one_core() -> Iterator[int]:
 
 
 def compare(name: str, ours: Callable[[], Any], peer: Callable[[], Any], repeats: int) -> Comparison:
-    """Best of `repeats` runs of each, taking turns on one core, in processor seconds, which other programs' load on
+    """Median of `repeats` runs of each, taking turns on one core, in processor seconds, which other programs' load on
     the machine changes least. Both functions must have run before, so that nothing is compiled within the time.
     """
     seconds: dict[str, list[float]] = {"ours": [], "peer": []}
@@ -54,10 +55,10 @@ def compare(name: str, ours: Callable[[], Any], peer: Callable[[], Any], repeats
         for _ in range(max(repeats, 1)):
             seconds["ours"].append(_processor_seconds(ours))
             seconds["peer"].append(_processor_seconds(peer))
-    best = {who: min(values) for who, values in seconds.items()}
+    middle = {who: median(values) for who, values in seconds.items()}
     details: dict[str, Any] = {"cores": cores, "repeats": len(seconds["ours"])}
     details |= {f"{who}_runs": [round(value, 4) for value in values] for who, values in seconds.items()}
-    return Comparison(name, best["ours"], best["peer"], best["peer"] / max(best["ours"], 1e-9), details)
+    return Comparison(name, middle["ours"], middle["peer"], middle["peer"] / max(middle["ours"], 1e-9), details)
 
 
 def _processor_seconds(function: Callable[[], Any]) -> float:
