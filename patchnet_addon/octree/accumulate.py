@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels import device, serial_kernel
-from .grid import Grid
 from .mesh import Fragments
 
 MIN_OPACITY = 1.0 / 255.0
@@ -27,10 +26,10 @@ _COLUMNS = 6  # area, luminance in whole parts and the rest, normal (x, y, z); e
 
 
 class LeafAccumulator:
-    """Sums over fragments of leaves, until `take` hands them out in order of their key."""
+    """Sums over fragments of leaves of side `voxel_world`, until `take` hands them out in order of their key."""
 
-    def __init__(self, grid: Grid) -> None:
-        self._area_unit = grid.voxel_world**2 / _AREA_UNITS
+    def __init__(self, voxel_world: float) -> None:
+        self._area_unit = voxel_world**2 / _AREA_UNITS
         self._count = np.zeros(2, np.int64)  # bricks, leaves
         self._brick_key = np.zeros(1 << 10, np.uint64)
         self._brick_rows = np.zeros(_BRICK_CELLS << 10, np.int32)  # 1 + row of each cell, 0: none yet

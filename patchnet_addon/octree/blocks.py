@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Dividing the voxelizer's work: blocks of space, so that memory stays bounded, and tasks of similar size for cores.
+"""Dividing the voxelizer's work: passes over blocks of space, so that memory stays bounded, and tasks for cores.
 
 A convex piece K of surface meets 1 + widths along the axes + areas of its shadows on the coordinate planes cells of a
 grid of unit cells, on average over the grid's position: the volume of K thickened by a cell (Steiner's formula).
@@ -14,50 +14,88 @@ from itertools import pairwise
 import numpy as np
 
 from ..kernels import device, serial_kernel
-from .clip import cell_key
+from .clip import BRICK_LEVELS, cell_key
 from .grid import Grid
+from .leaf_levels import LeafLevels
 from .mesh import MeshSource
 
 FRAGMENTS_PER_TASK = 1 << 18
-_LEVEL = 5  # blocks are nodes of this level
+BLOCK_LEVEL = 5  # where all leaves are on one level, memory is divided by blocks of this level
 
 
 @dataclass(frozen=True, eq=False)
-class BlockSet:
-    """Blocks whose leaves are made in one pass over the triangles.
+class CellSet:
+    """Cells of one level that are asked for, for `clip_triangles`.
 
-    wanted: (8^level,) bool over the blocks' Morton keys. shift: uint64, from a leaf's key to its block's.
+    near, block: (wanted, shift) each, wanted (n,) bool by the Morton key of a brick or a cell, >> shift (uint64).
     """
 
-    wanted: np.ndarray
-    shift: np.uint64
+    near: tuple[np.ndarray, np.uint64]
+    block: tuple[np.ndarray, np.uint64]
+
+    @classmethod
+    def of_blocks(cls, wanted: np.ndarray, level: int) -> CellSet:
+        """The cells of `level` in the wanted ones (8^b,) bool of all blocks."""
+        block_level = (len(wanted).bit_length() - 1) // 3
+        brick_level = max(level - BRICK_LEVELS, 0)
+        near, coarser = wanted, brick_level - block_level
+        if coarser < 0:  # bricks hold several blocks
+            near, coarser = wanted.reshape(-1, 8**-coarser).any(axis=1), 0
+        return cls((near, np.uint64(3 * coarser)), (wanted, np.uint64(3 * (level - block_level))))
 
 
-def all_blocks(grid: Grid) -> BlockSet:
+def all_cells(level: int) -> CellSet:
     """The whole cube."""
-    return BlockSet(np.ones(1, np.bool_), np.uint64(3 * grid.depth))
+    return CellSet.of_blocks(np.ones(1, np.bool_), level)
 
 
-def plan_blocks(source: MeshSource, grid: Grid, most_fragments: int) -> list[BlockSet]:
-    """Sets of blocks with about `most_fragments` each, in Morton order; reads the triangles once."""
-    level = min(_LEVEL, grid.depth)
-    shift = np.uint64(3 * (grid.depth - level))
-    load = np.zeros(8**level, np.float64)
-    for batch in source.batches():
-        _add_load(to_voxels(batch.corners_world, grid), grid.resolution, shift, grid.depth - level, load)
+@dataclass(frozen=True)
+class Pass:
+    """Consecutive blocks whose leaves are made in one pass over the triangles: first..end-1 of `layout`'s."""
+
+    layout: LeafLevels
+    first: int
+    end: int
+
+    def cells(self) -> dict[int, CellSet]:
+        """The cells that become leaves, level by level."""
+        levels = self.layout.levels
+        sets = {}
+        for level in LeafLevels(levels[self.first : self.end]).used:
+            wanted = np.zeros(len(levels), np.bool_)
+            np.equal(levels[self.first : self.end], level, out=wanted[self.first : self.end])
+            sets[level] = CellSet.of_blocks(wanted, level)
+        return sets
+
+
+def plan_passes(source: MeshSource, grid: Grid, layout: LeafLevels, most_fragments: int) -> list[Pass]:
+    """Passes over blocks with about `most_fragments` each, in Morton order; reads the triangles once."""
+    blocks = layout.divided(BLOCK_LEVEL)
+    load = expected_fragments(source, grid, blocks)
     if load.sum() <= most_fragments:
-        return [all_blocks(grid)]
+        return [Pass(layout, 0, len(layout.levels))]
     number = ((np.cumsum(load) - load) // most_fragments).astype(np.int64)
-    return [BlockSet(number == value, shift) for value in np.unique(number)]
+    cuts = [0, *(np.flatnonzero(np.diff(number)) + 1), len(load)]
+    return [Pass(blocks, int(first), int(end)) for first, end in pairwise(cuts)]
 
 
-def to_voxels(corners_world: np.ndarray, grid: Grid) -> np.ndarray:
-    """Corners (T, 3, 3) float64 in units of leaf cells."""
-    return np.ascontiguousarray((corners_world - np.asarray(grid.origin_world)) / grid.voxel_world, np.float64)
+def expected_fragments(source: MeshSource, grid: Grid, layout: LeafLevels) -> np.ndarray:
+    """Expected fragments (blocks,) float64 of the leaves in each block."""
+    load = np.zeros(len(layout.levels), np.float64)
+    shift = np.uint64(3 * (grid.depth - layout.block_level))
+    for batch in source.batches():
+        _add_load(to_cells(batch.corners_world, grid, grid.depth), grid.depth, shift, layout.levels, load)
+    return load
 
 
-def tasks_of(corners_voxel: np.ndarray, resolution: int) -> Iterator[tuple[int, int, int, int]]:
-    """Ranges (first, last, x_first, x_last) of similar work; one huge triangle is divided along x."""
+def to_cells(corners_world: np.ndarray, grid: Grid, level: int) -> np.ndarray:
+    """Corners (T, 3, 3) float64 in units of the cells of a level."""
+    side = grid.side_world / (1 << level)
+    return np.ascontiguousarray((corners_world - np.asarray(grid.origin_world)) / side, np.float64)
+
+
+def tasks_of(corners_voxel: np.ndarray, resolution: int) -> Iterator[tuple[int, int, tuple[int, int]]]:
+    """Ranges first, last, (x_first, x_last) of similar work; one huge triangle is divided along x."""
     work = np.empty(len(corners_voxel), np.float64)
     _expected_fragments(corners_voxel, work)
     ends = np.cumsum(work)
@@ -70,58 +108,67 @@ def tasks_of(corners_voxel: np.ndarray, resolution: int) -> Iterator[tuple[int, 
             x = corners_voxel[first, :, 0]
             low, high = np.clip(np.floor([x.min(), x.max()]), 0, resolution - 1)
             for x_first, x_last in pairwise(np.unique(np.linspace(low, high + 1, pieces + 1).astype(int))):
-                yield first, last, int(x_first), int(x_last)
+                yield first, last, (int(x_first), int(x_last))
         else:
-            yield first, last, 0, resolution
+            yield first, last, (0, resolution)
         first = last
 
 
 @device
-def _fragments(corners):  # type: ignore[no-untyped-def]
-    """Expected number of fragments of one triangle (3, 3) in units of cells."""
-    total = 1.0
+def _extents(corners):  # type: ignore[no-untyped-def]
+    """Sum of the widths, sum of the shadows' areas, and the largest width of one triangle (3, 3)."""
+    widths = 0.0
+    shadows = 0.0
+    widest = 0.0
     for axis in range(3):
         a, b = (axis + 1) % 3, (axis + 2) % 3
         low = min(corners[0, axis], corners[1, axis], corners[2, axis])
         high = max(corners[0, axis], corners[1, axis], corners[2, axis])
         shadow = (corners[1, a] - corners[0, a]) * (corners[2, b] - corners[0, b])
         shadow -= (corners[1, b] - corners[0, b]) * (corners[2, a] - corners[0, a])
-        total += high - low + 0.5 * abs(shadow)
-    return total
+        widths += high - low
+        shadows += 0.5 * abs(shadow)
+        widest = max(widest, high - low)
+    return widths, shadows, widest
 
 
 @serial_kernel
 def _expected_fragments(corners_voxel, work):  # type: ignore[no-untyped-def]
     for triangle in range(len(corners_voxel)):
-        work[triangle] = _fragments(corners_voxel[triangle])
+        widths, shadows, _ = _extents(corners_voxel[triangle])
+        work[triangle] = 1.0 + widths + shadows
 
 
 @serial_kernel
-def _add_load(corners_voxel, resolution, shift, block_depth, load):  # type: ignore[no-untyped-def]
-    """Add each triangle's expected fragments to the blocks it lies in, by points spread over it."""
-    side = 2.0**block_depth
+def _add_load(corners_voxel, depth, shift, levels, load):  # type: ignore[no-untyped-def]
+    """Add each triangle's expected fragments to the blocks it lies in, by points spread over it.
+
+    corners_voxel: in cells of level `depth`; a block's leaves may be on a coarser level.
+    """
+    side = 2.0 ** (np.int64(shift) // 3)
     for triangle in range(len(corners_voxel)):
         corners = corners_voxel[triangle]
-        extent = 0.0
-        for axis in range(3):
-            low = min(corners[0, axis], corners[1, axis], corners[2, axis])
-            high = max(corners[0, axis], corners[1, axis], corners[2, axis])
-            extent = max(extent, high - low)
-        steps = 1 + int(2.0 * extent / side)
-        share = _fragments(corners) / (steps * (steps + 1) // 2)
+        widths, shadows, widest = _extents(corners)
+        steps = 1 + int(2.0 * widest / side)
+        points = steps * (steps + 1) // 2
         for i in range(steps):
             for j in range(steps - i):
-                u = (i + 1.0 / 3.0) / steps
-                v = (j + 1.0 / 3.0) / steps
-                x, y, z = _point(corners, u, v, resolution)
-                load[cell_key(x, y, z) >> shift] += share
+                x, y, z = _point(corners, (i + 1.0 / 3.0) / steps, (j + 1.0 / 3.0) / steps, np.int64(1) << depth)
+                block = cell_key(x, y, z) >> shift
+                if levels[block] > 0:
+                    scale = 1.0 / (np.int64(1) << (depth - levels[block]))
+                    load[block] += (1.0 + scale * (widths + scale * shadows)) / points
 
 
 @device
 def _point(corners, u, v, resolution):  # type: ignore[no-untyped-def]
-    """Cell of the point with weights u, v of corners 1 and 2, clamped to the grid."""
-    cell = np.empty(3, np.int64)
-    for axis in range(3):
-        value = corners[0, axis] + u * (corners[1, axis] - corners[0, axis]) + v * (corners[2, axis] - corners[0, axis])
-        cell[axis] = min(max(int(np.floor(value)), 0), resolution - 1)
-    return cell[0], cell[1], cell[2]
+    """Cell of the point with weights (1 - u - v, u, v)."""
+    x = corners[0, 0] + u * (corners[1, 0] - corners[0, 0]) + v * (corners[2, 0] - corners[0, 0])
+    y = corners[0, 1] + u * (corners[1, 1] - corners[0, 1]) + v * (corners[2, 1] - corners[0, 1])
+    z = corners[0, 2] + u * (corners[1, 2] - corners[0, 2]) + v * (corners[2, 2] - corners[0, 2])
+    top = resolution - 1
+    return (
+        min(max(int(x), 0), top),
+        min(max(int(y), 0), top),
+        min(max(int(z), 0), top),
+    )

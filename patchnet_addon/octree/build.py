@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,8 @@ import numpy as np
 from ..light.exposure import quantile_exposure
 from ..progress import Steps
 from .grid import Grid
-from .levels import add_to_parents, count_levels, number_children, round_means
+from .leaf_levels import LeafLevels
+from .levels import hierarchy, round_means, sums_of_level
 from .mesh import MeshSource, Shade
 from .octree import Octree
 from .voxelize import LeafSums, voxelize
@@ -21,53 +24,61 @@ def build_octree(
     grid: Grid,
     shade: Shade,
     *,
+    layout: LeafLevels | None = None,
     exposure: float | None = None,
     provenance: dict[str, Any] | None = None,
 ) -> Steps[Octree]:
     """Voxelize `source` on `grid` with the luminance and opacity of `shade`.
 
+    layout: levels of the leaves, at most the grid's depth; None puts all on that.
     exposure: factor on luminance before it is clamped to [0, 1] at the leaves; None chooses it so that the
     99.5 % quantile of leaf luminance becomes 1 (methods 7.1).
     Raises GeometryError when no opaque surface is left.
     """
-    leaves = yield from voxelize(source, grid, shade)
+    leaves = yield from voxelize(source, grid, shade, layout=layout)
     return octree_from_leaves(leaves, grid, exposure=exposure, provenance=provenance)
 
 
 def octree_from_leaves(
-    leaves: LeafSums, grid: Grid, *, exposure: float | None = None, provenance: dict[str, Any] | None = None
+    leaves: Sequence[LeafSums],
+    grid: Grid,
+    *,
+    exposure: float | None = None,
+    provenance: dict[str, Any] | None = None,
 ) -> Octree:
-    """Octree of uniform depth over leaf sums; parents integrate their children in float64, then all are rounded."""
+    """Octree over the leaf sums of one or several levels, no leaf within another one.
+
+    Parents integrate their children in float64, then all are rounded. Levels deeper than the finest leaf are left out.
+    """
+    grid = replace(grid, depth=max(part.level for part in leaves))
     if exposure is None:
-        exposure = quantile_exposure(leaves.sums[:, 1] / leaves.sums[:, 0])
-    level_start = np.concatenate([[0], np.cumsum(count_levels(leaves.keys, grid.depth))]).astype(np.int64)
-    count = int(level_start[-1])
+        exposure = quantile_exposure(np.concatenate([part.sums[:, 1] / part.sums[:, 0] for part in leaves]))
+    level_start, child_mask, first_child = hierarchy({part.level: part.keys for part in leaves}, grid.depth)
+    count = len(child_mask)
     octree = Octree(
         grid=grid,
         level_start=level_start,
-        child_mask=np.zeros(count, np.uint8),
-        first_child=np.empty(count, np.uint32),
+        child_mask=child_mask,
+        first_child=first_child,
         area_world=np.empty(count, np.float32),
         luminance=np.empty(count, np.uint16),
         normal=np.empty((count, 3), np.int8),
         exposure=float(exposure),
         provenance=provenance or {},
     )
-    _fill_levels(octree, leaves)
-    number_children(octree.child_mask, octree.first_child)
+    _fill_levels(octree, {part.level: part.sums for part in leaves})
     return octree
 
 
-def _fill_levels(octree: Octree, leaves: LeafSums) -> None:
-    """Means of all levels and the masks of inner nodes; only two levels' sums exist at a time."""
-    keys, sums, exposure = leaves.keys, leaves.sums, octree.exposure
+def _fill_levels(octree: Octree, leaf_sums: dict[int, np.ndarray]) -> None:
+    """Means of all levels, bottom-up; only two levels' sums exist at a time beside those of the leaves."""
+    none = np.empty((0, 5), np.float32)
+    sums, exposure = leaf_sums[octree.depth], octree.exposure
     for level in range(octree.depth, -1, -1):
         nodes = octree.level(level)
+        if level < octree.depth:
+            below, unexposed = sums, exposure
+            sums, exposure = np.zeros((nodes.stop - nodes.start, 5), np.float64), 1.0
+            leaves = leaf_sums.get(level, none)
+            sums_of_level(octree.child_mask[nodes], below, unexposed, leaves, octree.exposure, sums)
         round_means(sums, exposure, octree.area_world[nodes], octree.luminance[nodes], octree.normal[nodes])
-        if level == 0:
-            return
-        above = octree.level(level - 1)
-        parents = above.stop - above.start
-        parent_keys, parent_sums = np.empty(parents, np.uint64), np.zeros((parents, 5), np.float64)
-        add_to_parents(keys, sums, exposure, parent_keys, parent_sums, octree.child_mask[above])
-        keys, sums, exposure = parent_keys, parent_sums, 1.0

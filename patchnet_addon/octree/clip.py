@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Exact clip of triangles against the leaf grid (methods 7.2).
+"""Exact clip of triangles against a grid (methods 7.2).
 
 A triangle is peeled into slabs along x, each slab into columns along y, each column into cells along z. Pieces share
 their cut vertices and the cut coordinate is set to the plane exactly, so the pieces partition the triangle and the work
-is linear in their number.
+is linear in their number. A triangle that reaches over several bricks of cells is first peeled into bricks in the same
+way, always at the same planes, so that bricks that nobody wants cost next to nothing and the others come out the same.
 """
 
 from __future__ import annotations
@@ -11,11 +12,19 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels import device, serial_kernel
+from .polygon import POLYGON_ROWS, cell_range, moments, splitter
 
+BRICK_LEVELS = 5  # a brick has 32 cells along each axis
+_BRICK = 1 << BRICK_LEVELS
 _INITIAL_CAPACITY = 4096
-# All polygons live in one array of vertices (x, y, z, u, v) and are named by their first row: views of arrays cost the
-# compiled code more than the clipping itself. A triangle cut by six planes has at most nine vertices.
-_TRIANGLE, _REST_X, _SLAB, _REST_Y, _COLUMN, _REST_Z, _CELL, _ROWS = 0, 12, 24, 36, 48, 60, 72, 84
+# The first row of each polygon; "rest" is what peeling has left so far.
+(
+    _TRIANGLE, _BRICKS_REST_X, _BRICKS_SLAB, _BRICKS_REST_Y, _BRICKS_COLUMN, _BRICKS_REST_Z, _PIECE,
+    _REST_X, _SLAB, _REST_Y, _COLUMN, _REST_Z, _CELL, _ROWS,
+) = range(0, 14 * POLYGON_ROWS, POLYGON_ROWS)  # fmt: skip
+
+_split_x, _split_y, _split_z = (splitter(axis, axis) for axis in range(3))
+_split_bricks_x, _split_bricks_y, _split_bricks_z = (splitter(axis, 0) for axis in range(3))
 
 
 @device
@@ -34,92 +43,10 @@ def cell_key(x, y, z):  # type: ignore[no-untyped-def]
     return _spread_bits(x) | (_spread_bits(y) << np.uint64(1)) | (_spread_bits(z) << np.uint64(2))
 
 
-def _splitter(axis):  # type: ignore[no-untyped-def]
-    """Cut along one axis; compiled once for each, so that the loops over coordinates unroll."""
-
-    @device
-    def split(rows, source, count, plane, below, above):  # type: ignore[no-untyped-def]
-        """Cut the convex polygon at row `source` at coordinate[axis] = plane; returns the two vertex counts.
-
-        Coordinates before `axis` are left out: the axes are cut in order, so nothing looks at them again.
-        """
-        n_below = below
-        n_above = above
-        j = source + count - 1
-        b = rows[j, axis]
-        for i in range(source, source + count):
-            a = rows[i, axis]
-            if (a < plane and b > plane) or (a > plane and b < plane):
-                # From the vertex below to the one above, so that the cut does not depend on the direction of the edge.
-                low, high = (i, j) if a < b else (j, i)
-                t = (plane - rows[low, axis]) / (rows[high, axis] - rows[low, axis])
-                rows[n_below, axis] = plane
-                rows[n_above, axis] = plane
-                for k in range(axis + 1, 5):
-                    value = rows[low, k] + t * (rows[high, k] - rows[low, k])
-                    rows[n_below, k] = value
-                    rows[n_above, k] = value
-                n_below += 1
-                n_above += 1
-            if a <= plane:
-                for k in range(axis, 5):
-                    rows[n_below, k] = rows[i, k]
-                n_below += 1
-            if a >= plane:
-                for k in range(axis, 5):
-                    rows[n_above, k] = rows[i, k]
-                n_above += 1
-            j = i
-            b = a
-        return n_below - below, n_above - above
-
-    return split
-
-
-_split_x, _split_y, _split_z = (_splitter(axis) for axis in range(3))
-
-
 @device
-def _cell_range(rows, polygon, count, axis, resolution):  # type: ignore[no-untyped-def]
-    """First and last cell that the polygon reaches along an axis, clamped to the grid."""
-    low = rows[polygon, axis]
-    high = low
-    for i in range(polygon + 1, polygon + count):
-        value = rows[i, axis]
-        low = min(low, value)
-        high = max(high, value)
-    first = min(max(int(np.floor(low)), 0), resolution - 1)
-    last = min(max(int(np.floor(high)), 0), resolution - 1)
-    return first, last
-
-
-@device
-def _moments(rows, polygon, count):  # type: ignore[no-untyped-def]
-    """Area in (u, v) and centroid (u, v) of a polygon; the fan starts at vertex 0."""
-    u0 = rows[polygon, 3]
-    v0 = rows[polygon, 4]
-    area = 0.0
-    u_sum = 0.0
-    v_sum = 0.0
-    ua = rows[polygon + 1, 3] - u0
-    va = rows[polygon + 1, 4] - v0
-    for i in range(polygon + 2, polygon + count):
-        ub = rows[i, 3] - u0
-        vb = rows[i, 4] - v0
-        piece = 0.5 * (ua * vb - ub * va)
-        area += piece
-        u_sum += piece * (ua + ub)
-        v_sum += piece * (va + vb)
-        ua = ub
-        va = vb
-    if area <= 0.0:
-        return 0.0, 0.0, 0.0
-    return area, u0 + u_sum / (3.0 * area), v0 + v_sum / (3.0 * area)
-
-
-@device
-def _put(cells, measures, count, key, triangle, area, u, v):  # type: ignore[no-untyped-def]
+def _put(sink, count, key, triangle, area, u, v):  # type: ignore[no-untyped-def]
     """Write one fragment where there is room for it; it counts in any case."""
+    cells, measures = sink
     if count < len(cells):
         cells[count, 0] = key
         cells[count, 1] = triangle
@@ -129,11 +56,16 @@ def _put(cells, measures, count, key, triangle, area, u, v):  # type: ignore[no-
     return count + 1
 
 
+# In the peels, `low` is the first cell (x, y, z) of the brick of `side` cells along each axis that they stay in, and
+# `block` says which cells are wanted, by their key. They append to `sink` and return the number of fragments.
+
+
 @device
-def _clip_column(rows, column, n_column, key, triangle, resolution, wanted, shift, cells, measures, count):  # type: ignore[no-untyped-def]
-    """Append the cells of one column along z; `key` is that of the cell z = 0. Returns the number of fragments."""
+def _clip_column(rows, column, n_column, key, low, side, triangle, block, sink, count):  # type: ignore[no-untyped-def]
+    """Append the cells of one column along z; `key` is that of the cell z = 0."""
+    wanted, shift = block
     rest, free, n_rest = column, _REST_Z, n_column
-    z, last = _cell_range(rows, column, n_column, 2, resolution)
+    z, last = cell_range(rows, column, n_column, 2, low[2], low[2] + side - 1)
     while z <= last and n_rest >= 3:
         if z == last:
             piece, n_piece, n_rest = rest, n_rest, 0
@@ -143,18 +75,18 @@ def _clip_column(rows, column, n_column, key, triangle, resolution, wanted, shif
             rest, free = free, rest
         cell = key | (_spread_bits(z) << np.uint64(2))
         if n_piece >= 3 and wanted[cell >> shift]:
-            area, u, v = _moments(rows, piece, n_piece)
+            area, u, v = moments(rows, piece, n_piece)
             if area > 0.0:
-                count = _put(cells, measures, count, cell, triangle, area, u, v)
+                count = _put(sink, count, cell, triangle, area, u, v)
         z += 1
     return count
 
 
 @device
-def _clip_slab(rows, slab, n_slab, x, triangle, resolution, wanted, shift, cells, measures, count):  # type: ignore[no-untyped-def]
-    """Append the cells of one slab, column by column along y. Returns the number of fragments."""
+def _clip_slab(rows, slab, n_slab, x, low, side, triangle, block, sink, count):  # type: ignore[no-untyped-def]
+    """Append the cells of one slab, column by column along y."""
     rest, free, n_rest = slab, _REST_Y, n_slab
-    y, last = _cell_range(rows, slab, n_slab, 1, resolution)
+    y, last = cell_range(rows, slab, n_slab, 1, low[1], low[1] + side - 1)
     while y <= last and n_rest >= 3:
         if y == last:
             column, n_column, n_rest = rest, n_rest, 0
@@ -164,37 +96,113 @@ def _clip_slab(rows, slab, n_slab, x, triangle, resolution, wanted, shift, cells
             rest, free = free, rest
         if n_column >= 3:
             key = cell_key(x, y, 0)
-            count = _clip_column(
-                rows, column, n_column, key, triangle, resolution, wanted, shift, cells, measures, count
-            )
+            count = _clip_column(rows, column, n_column, key, low, side, triangle, block, sink, count)
         y += 1
     return count
 
 
 @device
-def _clip_triangle(rows, triangle, x_first, x_last, resolution, wanted, shift, cells, measures, count):  # type: ignore[no-untyped-def]
-    """Append the fragments of the triangle in `rows`, slab by slab along x. Returns the number of fragments."""
-    x, x_end = _cell_range(rows, _TRIANGLE, 3, 0, resolution)
-    y, y_end = _cell_range(rows, _TRIANGLE, 3, 1, resolution)
-    z, z_end = _cell_range(rows, _TRIANGLE, 3, 2, resolution)
-    low = cell_key(x, y, z)
-    if low >> shift == cell_key(x_end, y_end, z_end) >> shift and not wanted[low >> shift]:
-        return count
-    if x == x_end and y == y_end and z == z_end:
-        third = 1.0 / 3.0
-        return _put(cells, measures, count, low, triangle, 0.5, third, third) if x_first <= x < x_last else count
-    rest, free, n_rest = _TRIANGLE, _REST_X, 3
-    while x <= x_end and n_rest >= 3:
-        if x == x_end:
+def _clip_piece(rows, piece, n_piece, low, side, triangle, x_first, x_last, block, sink, count):  # type: ignore[no-untyped-def]
+    """Append the fragments of a polygon within a brick, slab by slab along x."""
+    rest, free, n_rest = piece, _REST_X, n_piece
+    x, last = cell_range(rows, piece, n_piece, 0, low[0], low[0] + side - 1)
+    while x <= last and n_rest >= 3:
+        if x == last:
             slab, n_slab, n_rest = rest, n_rest, 0
         else:
             slab = _SLAB
             n_slab, n_rest = _split_x(rows, rest, n_rest, x + 1.0, slab, free)
             rest, free = free, rest
         if n_slab >= 3 and x_first <= x < x_last:
-            count = _clip_slab(rows, slab, n_slab, x, triangle, resolution, wanted, shift, cells, measures, count)
+            count = _clip_slab(rows, slab, n_slab, x, low, side, triangle, block, sink, count)
         x += 1
     return count
+
+
+# The same peels, brick by brick; `near` says in which bricks any cell is wanted, by the brick's key.
+
+
+@device
+def _bricks_of_column(rows, column, n_column, x, y, z_end, triangle, slabs, near, block, sink, count):  # type: ignore[no-untyped-def]
+    """Append what lies in one column of bricks."""
+    wanted, shift = near
+    rest, free, n_rest = column, _BRICKS_REST_Z, n_column
+    z, last = cell_range(rows, column, n_column, 2, 0, z_end)
+    z, last = z >> BRICK_LEVELS, last >> BRICK_LEVELS
+    while z <= last and n_rest >= 3:
+        if z == last:
+            piece, n_piece, n_rest = rest, n_rest, 0
+        else:
+            piece = _PIECE
+            n_piece, n_rest = _split_bricks_z(rows, rest, n_rest, (z + 1.0) * _BRICK, piece, free)
+            rest, free = free, rest
+        if n_piece >= 3 and wanted[cell_key(x, y, z) >> shift]:
+            low = (x * _BRICK, y * _BRICK, z * _BRICK)
+            count = _clip_piece(rows, piece, n_piece, low, _BRICK, triangle, slabs[0], slabs[1], block, sink, count)
+        z += 1
+    return count
+
+
+@device
+def _bricks_of_slab(rows, slab, n_slab, x, end, triangle, slabs, near, block, sink, count):  # type: ignore[no-untyped-def]
+    """Append what lies in one slab of bricks, column by column."""
+    rest, free, n_rest = slab, _BRICKS_REST_Y, n_slab
+    y, last = cell_range(rows, slab, n_slab, 1, 0, end)
+    y, last = y >> BRICK_LEVELS, last >> BRICK_LEVELS
+    while y <= last and n_rest >= 3:
+        if y == last:
+            column, n_column, n_rest = rest, n_rest, 0
+        else:
+            column = _BRICKS_COLUMN
+            n_column, n_rest = _split_bricks_y(rows, rest, n_rest, (y + 1.0) * _BRICK, column, free)
+            rest, free = free, rest
+        if n_column >= 3:
+            count = _bricks_of_column(
+                rows, column, n_column, x, y, end, triangle, slabs, near, block, sink, count
+            )
+        y += 1
+    return count
+
+
+@device
+def _clip_bricks(rows, x, last, end, triangle, slabs, near, block, sink, count):  # type: ignore[no-untyped-def]
+    """Append the fragments of the triangle in `rows`, which reaches over the bricks x..last along x and others.
+
+    end: the grid's last cell along an axis. slabs: first and end of the cells along x that are asked for.
+    """
+    rest, free, n_rest = _TRIANGLE, _BRICKS_REST_X, 3
+    while x <= last and n_rest >= 3:
+        if x == last:
+            slab, n_slab, n_rest = rest, n_rest, 0
+        else:
+            slab = _BRICKS_SLAB
+            n_slab, n_rest = _split_bricks_x(rows, rest, n_rest, (x + 1.0) * _BRICK, slab, free)
+            rest, free = free, rest
+        if n_slab >= 3 and slabs[0] < (x + 1) * _BRICK and x * _BRICK < slabs[1]:
+            count = _bricks_of_slab(rows, slab, n_slab, x, end, triangle, slabs, near, block, sink, count)
+        x += 1
+    return count
+
+
+@device
+def _clip_triangle(rows, triangle, slabs, end, near, block, sink, count):  # type: ignore[no-untyped-def]
+    """Append the fragments of the triangle in `rows` in the cells slabs[0]..slabs[1] - 1 along x."""
+    x, x_last = cell_range(rows, _TRIANGLE, 3, 0, 0, end)
+    y, y_last = cell_range(rows, _TRIANGLE, 3, 1, 0, end)
+    z, z_last = cell_range(rows, _TRIANGLE, 3, 2, 0, end)
+    brick = x >> BRICK_LEVELS, y >> BRICK_LEVELS, z >> BRICK_LEVELS
+    if brick[0] != x_last >> BRICK_LEVELS or brick[1] != y_last >> BRICK_LEVELS or brick[2] != z_last >> BRICK_LEVELS:
+        return _clip_bricks(rows, brick[0], x_last >> BRICK_LEVELS, end, triangle, slabs, near, block, sink, count)
+    if not near[0][cell_key(brick[0], brick[1], brick[2]) >> near[1]]:
+        return count
+    if x == x_last and y == y_last and z == z_last:
+        key = cell_key(x, y, z)
+        third = 1.0 / 3.0
+        wanted = block[0][key >> block[1]] and slabs[0] <= x < slabs[1]
+        return _put(sink, count, key, triangle, 0.5, third, third) if wanted else count
+    low = brick[0] * _BRICK, brick[1] * _BRICK, brick[2] * _BRICK
+    side = min(_BRICK, end + 1)
+    return _clip_piece(rows, _TRIANGLE, 3, low, side, triangle, slabs[0], slabs[1], block, sink, count)
 
 
 @device
@@ -208,13 +216,14 @@ def _load(corners_voxel, triangle, rows):  # type: ignore[no-untyped-def]
 
 
 @serial_kernel
-def clip_triangles(corners_voxel, areas_world, first, last, x_first, x_last, resolution, wanted, shift):  # type: ignore[no-untyped-def]
-    """Fragments of triangles first..last-1 in the slabs x_first..x_last-1 of the grid.
+def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, near, block):  # type: ignore[no-untyped-def]
+    """Fragments of triangles first..last-1 in the slabs slabs[0]..slabs[1]-1 of cells along x.
 
-    corners_voxel: (T, 3, 3) float64, leaf cells as unit. areas_world: (T,) float64, the triangles' areas.
-    wanted: (blocks,) bool, and only fragments with wanted[key >> shift] are made; shift: uint64.
+    corners_voxel: (T, 3, 3) float64, cells as unit. areas_world: (T,) float64, the triangles' areas.
+    near, block: (wanted, shift) each, wanted (n,) bool by the key of a brick or cell >> shift (uint64): only fragments
+    in wanted bricks and cells are made.
     Returns keys (F,) uint64, triangle (F,) int32, barycentric (F, 2) float32, area_world (F,) float64. A fragment
-    depends on its triangle and cell alone, not on the ranges.
+    depends on its triangle and cell alone, not on what else is asked for.
     Runs on one core without the interpreter lock, so several may run in threads.
     """
     cells = np.empty((_INITIAL_CAPACITY, 2), np.uint64)  # key, triangle
@@ -226,7 +235,7 @@ def clip_triangles(corners_voxel, areas_world, first, last, x_first, x_last, res
         total = count
         if areas_world[triangle] > 0.0:
             _load(corners_voxel, triangle, rows)
-            total = _clip_triangle(rows, triangle, x_first, x_last, resolution, wanted, shift, cells, measures, count)
+            total = _clip_triangle(rows, triangle, slabs, resolution - 1, near, block, (cells, measures), count)
         if total > len(cells):  # too many for the room there was: this triangle once more
             more_cells = np.empty((2 * total, 2), np.uint64)
             more_measures = np.empty((2 * total, 3), np.float64)

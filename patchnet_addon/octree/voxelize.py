@@ -13,9 +13,10 @@ import numpy as np
 from ..errors import GeometryError
 from ..progress import Progress, Steps
 from .accumulate import LeafAccumulator
-from .blocks import BlockSet, all_blocks, plan_blocks, tasks_of, to_voxels
+from .blocks import CellSet, Pass, all_cells, plan_passes, tasks_of, to_cells
 from .clip import clip_triangles
 from .grid import Grid
+from .leaf_levels import LeafLevels
 from .mesh import Fragments, MeshSource, Shade, TriangleBatch
 
 # Fragments whose leaves are added up at a time. A leaf takes about 75 bytes while that lasts, and 28 afterwards.
@@ -24,12 +25,13 @@ BLOCK_FRAGMENTS = 24_000_000
 
 @dataclass(frozen=True, eq=False)
 class LeafSums:
-    """Surface integrals over leaf cells, in ascending order of their key.
+    """Surface integrals over the leaf cells of one level, in ascending order of their key.
 
     keys: (n,) uint64. sums: (n, 5) float32 or float64: area, area * luminance, area * normal (x, y, z), in world units
     and weighed by opacity.
     """
 
+    level: int
     keys: np.ndarray
     sums: np.ndarray
 
@@ -44,48 +46,65 @@ def triangle_areas_and_normals(corners_world: np.ndarray) -> tuple[np.ndarray, n
 
 
 def voxelize(
-    source: MeshSource, grid: Grid, shade: Shade, *, block_fragments: int = BLOCK_FRAGMENTS
-) -> Steps[LeafSums]:
-    """Clip every triangle of `source` against the leaf grid and integrate what `shade` says of the pieces.
+    source: MeshSource,
+    grid: Grid,
+    shade: Shade,
+    *,
+    layout: LeafLevels | None = None,
+    block_fragments: int = BLOCK_FRAGMENTS,
+) -> Steps[list[LeafSums]]:
+    """Clip every triangle of `source` against the leaf cells and integrate what `shade` says of the pieces.
 
+    layout: the leaves' levels, at most the grid's depth; None puts all on that. The result has one entry for each level
+    with leaves, coarse first.
     About `block_fragments` fragments are added up at a time; where there are more, the triangles are read again for
     each block of space. The result does not depend on that, nor on the order of triangles, as far as `shade` does not.
     Raises GeometryError when no opaque surface is left.
     """
-    blocks = plan_blocks(source, grid, block_fragments)
-    parts = []
-    for number, block in enumerate(blocks):
-        leaves = LeafAccumulator(grid)
-        done = number * source.triangle_count
-        for batch in source.batches():
-            areas, normals = triangle_areas_and_normals(batch.corners_world)
-            for fragments in clip_batch(batch, grid, areas, block):
-                luminance, opacity = shade(batch, fragments)
-                leaves.add(fragments, luminance, opacity, normals)
-            done += len(batch)
-            yield Progress(done, len(blocks) * source.triangle_count, "Voxelizing")
-        if len(leaves):
-            parts.append(leaves.take())
+    passes = plan_passes(source, grid, layout or LeafLevels.uniform(grid.depth), block_fragments)
+    parts: dict[int, list[LeafSums]] = {}
+    for number, chosen in enumerate(passes):
+        made = leaves_of_pass(chosen, source, grid, shade, number, len(passes))
+        for part in (yield from made):
+            parts.setdefault(part.level, []).append(part)
     if not parts:
         raise GeometryError(
             "No opaque surface is left to voxelize: all triangles have zero area or are fully transparent"
         )
-    return _joined(parts)
+    return [_joined(level, parts.pop(level)) for level in sorted(parts)]
 
 
-def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> LeafSums:
+def leaves_of_pass(
+    chosen: Pass, source: MeshSource, grid: Grid, shade: Shade, number: int, count: int
+) -> Steps[list[LeafSums]]:
+    """Leaves of the blocks of pass `number` of `count`, level by level; progress counts the triangles of all passes."""
+    cells = chosen.cells()
+    leaves = {level: LeafAccumulator(grid.side_world / (1 << level)) for level in cells}
+    done = number * source.triangle_count
+    for batch in source.batches():
+        areas, normals = triangle_areas_and_normals(batch.corners_world)
+        for level, wanted in cells.items():
+            for fragments in clip_batch(batch, grid, areas, level, wanted):
+                luminance, opacity = shade(batch, fragments)
+                leaves[level].add(fragments, luminance, opacity, normals)
+        done += len(batch)
+        yield Progress(done, count * source.triangle_count, "Voxelizing")
+    return [LeafSums(level, *leaves.pop(level).take()) for level in cells if len(leaves[level])]
+
+
+def _joined(level: int, parts: list[LeafSums]) -> LeafSums:
     """Sums of consecutive blocks; each block is let go as soon as it is copied."""
     if len(parts) == 1:
-        return LeafSums(*parts[0])
-    count = sum(len(keys) for keys, _ in parts)
-    keys, sums = np.empty(count, np.uint64), np.empty((count, 5), parts[0][1].dtype)
+        return parts[0]
+    count = sum(len(part.keys) for part in parts)
+    keys, sums = np.empty(count, np.uint64), np.empty((count, 5), parts[0].sums.dtype)
     start = 0
     while parts:
-        part_keys, part_sums = parts.pop(0)
-        keys[start : start + len(part_keys)] = part_keys
-        sums[start : start + len(part_keys)] = part_sums
-        start += len(part_keys)
-    return LeafSums(keys, sums)
+        part = parts.pop(0)
+        end = start + len(part.keys)
+        keys[start:end], sums[start:end] = part.keys, part.sums
+        start = end
+    return LeafSums(level, keys, sums)
 
 
 def usable_cores() -> int:
@@ -94,21 +113,20 @@ def usable_cores() -> int:
 
 
 def clip_batch(
-    batch: TriangleBatch, grid: Grid, areas_world: np.ndarray, block: BlockSet | None = None
+    batch: TriangleBatch, grid: Grid, areas_world: np.ndarray, level: int, wanted: CellSet | None = None
 ) -> Iterator[Fragments]:
-    """Fragments of a batch in groups of a few hundred thousand, in a fixed order, clipped on all cores."""
-    corners_voxel = to_voxels(batch.corners_world, grid)
-    chosen = block or all_blocks(grid)
-    workers = usable_cores()
+    """Fragments of a batch in the cells of a level, in groups of a few hundred thousand, in a fixed order, clipped on
+    all cores."""
+    corners_voxel = to_cells(batch.corners_world, grid, level)
+    chosen = wanted or all_cells(level)
+    workers, resolution = usable_cores(), 1 << level
 
-    def clip(task: tuple[int, int, int, int]) -> Fragments:
-        return Fragments(
-            *clip_triangles(corners_voxel, areas_world, *task, grid.resolution, chosen.wanted, chosen.shift)
-        )
+    def clip(task: tuple[int, int, tuple[int, int]]) -> Fragments:
+        return Fragments(*clip_triangles(corners_voxel, areas_world, *task, resolution, chosen.near, chosen.block))
 
     with ThreadPoolExecutor(workers) as pool:
         waiting = []
-        for task in tasks_of(corners_voxel, grid.resolution):
+        for task in tasks_of(corners_voxel, resolution):
             waiting.append(pool.submit(clip, task))
             if len(waiting) > 2 * workers:  # bounded memory
                 yield waiting.pop(0).result()

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from patchnet.patchnet_addon.errors import GeometryError
+from patchnet.patchnet_addon.octree.blocks import all_cells
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.clip_reference import clip_reference
@@ -37,10 +38,25 @@ triangle = st.lists(coordinate, min_size=9, max_size=9).map(lambda values: np.ar
 @given(triangle)
 def test_clip_equals_clipping_each_cell_alone(corners):
     area, _ = triangle_areas_and_normals(corners[None])
-    keys, _, barycentric, areas = clip_triangles(corners[None], area, 0, 1, 0, 8, 8, np.ones(1, bool), np.uint64(9))
+    compare_with_reference(corners, area, 8)
+
+
+@settings(max_examples=150, deadline=None)
+@given(triangle)
+def test_clip_over_bricks_equals_clipping_each_cell_alone(corners):
+    """Cells 28 to 35 of 64 lie in eight bricks of 32."""
+    area, _ = triangle_areas_and_normals(corners[None])
+    compare_with_reference(corners + 28, area, 64)
+
+
+def compare_with_reference(corners, area, resolution):
+    wanted = all_cells(resolution.bit_length() - 1)
+    keys, _, barycentric, areas = clip_triangles(
+        corners[None], area, 0, 1, (0, resolution), resolution, wanted.near, wanted.block
+    )
     if area[0] < 1e-9:
         return
-    expected = {key: piece for key, piece in clip_reference(corners, 8).items() if piece[0] > 1e-9}
+    expected = {key: piece for key, piece in clip_reference(corners, resolution).items() if piece[0] > 1e-9}
     shares = dict(zip(keys.tolist(), areas / area[0], strict=True))
     assert expected.keys() <= shares.keys()
     assert all(share < 1e-6 for key, share in shares.items() if key not in expected)
@@ -64,7 +80,7 @@ def test_leaf_means_equal_dense_point_sampling():
     corners = soup(12, seed=3, size=0.3)
     mesh = TriangleMesh.from_arrays(corners)
     grid = Grid.around(mesh.bounds_world, 3)
-    sums = drain(voxelize(mesh, grid, position_shade))
+    (sums,) = drain(voxelize(mesh, grid, position_shade))
     rng = np.random.default_rng(1)
     areas, normals = triangle_areas_and_normals(corners)
     count = 400_000
@@ -93,7 +109,7 @@ def test_means_of_all_levels_equal_direct_computation():
     mesh = TriangleMesh.from_arrays(soup(60, seed=5))
     depth = 6
     grid = Grid.around(mesh.bounds_world, depth)
-    leaves = drain(voxelize(mesh, grid, position_shade))
+    (leaves,) = drain(voxelize(mesh, grid, position_shade))
     octree = drain(build_octree(mesh, grid, position_shade, exposure=0.9))
     luminance = np.clip(leaves.sums[:, 1] / leaves.sums[:, 0] * 0.9, 0, 1)
     for level in range(depth + 1):

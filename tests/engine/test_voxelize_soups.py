@@ -14,6 +14,7 @@ from patchnet.patchnet_addon.octree.build import octree_from_leaves
 from patchnet.patchnet_addon.octree.clip_reference import clip_reference
 from patchnet.patchnet_addon.octree.file import octree_arrays
 from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.mesh import Fragments, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals, voxelize
 from patchnet.patchnet_addon.progress import drain
@@ -79,7 +80,7 @@ def batches(corners, cuts):
 def test_area_is_conserved_and_touched_voxels_are_there(corners):
     areas, _ = triangle_areas_and_normals(corners)
     assume(areas.sum() > 0)
-    leaves = drain(voxelize(TriangleMesh.from_arrays(corners), GRID, position_shade))
+    (leaves,) = drain(voxelize(TriangleMesh.from_arrays(corners), GRID, position_shade))
     assert leaves.sums[:, 0].sum(dtype=np.float64) == pytest.approx(areas.sum(), rel=1e-6, abs=1e-9)
     assert (np.diff(leaves.keys.astype(np.int64)) > 0).all() and (leaves.sums[:, 0] > 0).all()
     touched = {}
@@ -97,14 +98,14 @@ def test_area_is_conserved_and_touched_voxels_are_there(corners):
 @given(soups, st.randoms(use_true_random=False), st.integers(1, 200), st.integers(1, 50))
 def test_bits_do_not_depend_on_order_batches_blocks_and_tasks(corners, random, block_fragments, task_fragments):
     assume(triangle_areas_and_normals(corners)[0].sum() > 0)
-    reference = drain(voxelize(TriangleMesh.from_arrays(corners), GRID, position_shade))
+    (reference,) = drain(voxelize(TriangleMesh.from_arrays(corners), GRID, position_shade))
     order = random.sample(range(len(corners)), len(corners))
     cuts = sorted(random.sample(range(1, len(corners)), min(2, len(corners) - 1)))
     with mock.patch.object(blocks, "FRAGMENTS_PER_TASK", task_fragments):
-        other = drain(voxelize(batches(corners[order], cuts), GRID, position_shade, block_fragments=block_fragments))
+        (other,) = drain(voxelize(batches(corners[order], cuts), GRID, position_shade, block_fragments=block_fragments))
     np.testing.assert_array_equal(reference.keys, other.keys)
     np.testing.assert_array_equal(reference.sums, other.sums)
-    first, second = (octree_arrays(octree_from_leaves(leaves, GRID)) for leaves in (reference, other))
+    first, second = (octree_arrays(octree_from_leaves([leaves], GRID)) for leaves in (reference, other))
     for name, values in first.items():
         np.testing.assert_array_equal(values, second[name], err_msg=name)
 
@@ -113,9 +114,9 @@ def test_blocks_together_make_the_whole():
     rng = np.random.default_rng(4)
     mesh = TriangleMesh.from_arrays(rng.uniform(0, 1, (300, 1, 3)) + rng.normal(size=(300, 3, 3)) * 0.1)
     grid = Grid.around(mesh.bounds_world, 7)
-    assert len(blocks.plan_blocks(mesh, grid, 5000)) > 10
-    whole = drain(voxelize(mesh, grid, position_shade))
-    parts = drain(voxelize(mesh, grid, position_shade, block_fragments=5000))
+    assert len(blocks.plan_passes(mesh, grid, LeafLevels.uniform(7), 5000)) > 10
+    (whole,) = drain(voxelize(mesh, grid, position_shade))
+    (parts,) = drain(voxelize(mesh, grid, position_shade, block_fragments=5000))
     np.testing.assert_array_equal(whole.keys, parts.keys)
     np.testing.assert_array_equal(whole.sums, parts.sums)
 
@@ -134,7 +135,7 @@ def test_planned_load_is_near_the_number_of_fragments():
         return np.zeros(len(fragments), np.float32), np.ones(len(fragments), np.float32)
 
     drain(voxelize(mesh, grid, counting))
-    sets = blocks.plan_blocks(mesh, grid, count // 10)
+    sets = blocks.plan_passes(mesh, grid, LeafLevels.uniform(7), count // 10)
     assert 9 <= len(sets) <= 12
 
 
@@ -147,7 +148,7 @@ def test_many_bricks_and_extreme_luminance():
     fragments = Fragments(keys, np.zeros(50_000, np.int32), np.zeros((50_000, 2), np.float32), areas)
     luminance = rng.uniform(0, 1e9, 50_000).astype(np.float32)
     luminance[:3] = np.nan, np.inf, -np.inf
-    leaves = LeafAccumulator(grid)
+    leaves = LeafAccumulator(grid.voxel_world)
     leaves.add(fragments, luminance, np.ones(50_000), np.array([[0.0, 0.0, 1.0]]))
     found, sums = leaves.take()
     expected, place = np.unique(keys, return_inverse=True)

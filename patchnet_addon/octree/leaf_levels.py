@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How deep the leaves of an octree are, block by block of space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from .grid import MAX_DEPTH
+
+
+@dataclass(frozen=True, eq=False)
+class LeafLevels:
+    """The level of the leaves in each block; a block is a cell of level `block_level`.
+
+    levels: (8^block_level,) uint8 over the Morton keys of blocks, at least `block_level`; 0: no leaves are made there.
+    """
+
+    levels: np.ndarray
+
+    @classmethod
+    def uniform(cls, depth: int, block_level: int = 0) -> LeafLevels:
+        """All leaves on level `depth`."""
+        return cls(np.full(8**block_level, depth, np.uint8))
+
+    @cached_property
+    def block_level(self) -> int:
+        """Level whose cells are the blocks."""
+        return (len(self.levels).bit_length() - 1) // 3
+
+    @cached_property
+    def used(self) -> tuple[int, ...]:
+        """The different levels of leaves, ascending."""
+        counts = np.bincount(self.levels, minlength=MAX_DEPTH + 1)
+        return tuple(int(level) for level in np.flatnonzero(counts) if level > 0)
+
+    @property
+    def deepest(self) -> int:
+        """Level of the finest leaves."""
+        return max(self.used, default=0)
+
+    def divided(self, block_level: int) -> LeafLevels:
+        """The same leaves over blocks of a finer level, as far as the leaves are not coarser than these."""
+        more = min([block_level, *self.used]) - self.block_level
+        return self if more <= 0 else LeafLevels(np.repeat(self.levels, 8**more))
+
+    def at_most(self, level: int) -> LeafLevels:
+        """The same with no leaf deeper than `level`, which is at least the blocks' level."""
+        return replace(self, levels=np.minimum(self.levels, np.uint8(level)))
