@@ -33,8 +33,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     """The settings of a job, which `patchnet demo` shares."""
     parser.add_argument(
-        "--depth", default="auto", help="octree depth, or auto: 95 %% look-ahead for all cameras (auto)"
-    )
+        "--depth", default="auto",
+        help="octree depth; auto: 95 %% look-ahead for all cameras; fit: fine only where the cameras look (auto)",
+    )  # fmt: skip
+    parser.add_argument("--track", action="store_true", help="with --depth fit: the cameras at all frames of the scene")
+    parser.add_argument("--memory", type=float, metavar="GIB", help="what the octree may take while it is built (all)")
     parser.add_argument("--voxel-size", type=float, help="side of the finest voxels in world units, instead of a depth")
     parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="light (cycles)")
     parser.add_argument("--samples", type=int, default=8, help="Cycles samples per baked texel (8)")
@@ -84,6 +87,9 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         scope=SELECTED if getattr(args, "scope", "visible") == "selected" else VISIBLE,
         depth=_depth(args.depth),
         voxel_world=args.voxel_size,
+        fit=args.depth == "fit",
+        track=args.track,
+        memory_bytes=None if args.memory is None else int(args.memory * 2**30),
         light=args.light,
         samples=args.samples,
         texel_voxels=args.texel_voxels,
@@ -116,8 +122,9 @@ def print_result(result: JobResult, settings: JobSettings) -> None:
     for warning in result.warnings:
         print(f"Note: {warning}")
     octree = result.report["octree"]
+    depth = f"{'up to ' if octree['fitted'] else ''}{octree['depth']}"
     print(
-        f"Octree: depth {octree['depth']}, {octree['leaves']:,} voxels, {octree['nodes']:,} nodes, "
+        f"Octree: depth {depth}, {octree['leaves']:,} voxels, {octree['nodes']:,} nodes, "
         f"{(octree['bytes'] + octree['codes_bytes']) / 2**20:.1f} MiB with codes"
     )
     for frame in result.report["frames"]:
@@ -133,9 +140,9 @@ def print_result(result: JobResult, settings: JobSettings) -> None:
 
 
 def _depth(text: str) -> int | None:
-    if text == "auto":
+    if text in ("auto", "fit"):
         return None
     try:
         return int(text)
     except ValueError as cause:
-        raise SettingError(f"Depth {text!r} is neither a whole number nor 'auto'") from cause
+        raise SettingError(f"Depth {text!r} is neither a whole number nor 'auto' or 'fit'") from cause

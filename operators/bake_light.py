@@ -42,8 +42,9 @@ class PATCHNET_OT_bake_light(LightProperties, JobOperator, bpy.types.Operator):
         _check_bounds(source.bounds_world, before.octree.grid)
         settings, grid = replace(settings, scope=before.scope), before.octree.grid
         shade, assumed = yield from lit(context, source, grid, settings)
-        octree = yield from build(source, grid, shade, settings, settings.light)
-        results.keep(context.scene, results.SceneResult(octree=octree, scope=before.scope, light=settings.light))
+        octree = yield from build(source, grid, shade, settings, settings.light, before.layout)
+        made = results.SceneResult(octree=octree, scope=before.scope, layout=before.layout, light=settings.light)
+        results.keep(context.scene, made)
         for warning in assumed:
             self.report({"WARNING"}, warning)
         return f"{octree.leaf_count:,} voxels are lit ({settings.light})"

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -133,3 +134,33 @@ def choose_cameras(
             known = ", ".join(f"'{camera}'" for camera in sorted(cameras)) or "none"
             raise SceneError(f"There is no camera '{name}' in scene '{scene.name}': its cameras are {known}")
     return [tracing_camera(cameras[name].evaluated_get(depsgraph), scene, size) for name in chosen]
+
+
+def track_cameras(
+    context: bpy.types.Context, names: Sequence[str], size: tuple[int, int], bounds_world: np.ndarray
+) -> list[Camera]:
+    """The cameras of `choose_cameras` at every frame of the scene, by its first and last frame and its frame step.
+
+    The scene is at its own frame again afterwards. Raises SceneError as `choose_cameras` does.
+    """
+    scene = context.scene
+    frame, subframe = scene.frame_current, scene.frame_subframe
+    cameras = []
+    try:
+        for number in range(scene.frame_start, scene.frame_end + 1, scene.frame_step):
+            scene.frame_set(number)
+            for camera in choose_cameras(context.evaluated_depsgraph_get(), names, size, bounds_world):
+                cameras.append(replace(camera, name=f"{camera.name}, frame {number}"))
+    finally:
+        scene.frame_set(frame, subframe=subframe)
+    return _without_repeats(cameras)
+
+
+def _without_repeats(cameras: list[Camera]) -> list[Camera]:
+    """Each view once: cameras that stand still, or that stood there before, see nothing new."""
+    views: dict[tuple[object, ...], Camera] = {}
+    for camera in cameras:
+        axes = (camera.position_world, camera.right, camera.up, camera.forward)
+        values = (*np.concatenate(axes).round(9).tolist(), camera.half_x, camera.half_y, camera.shift_x, camera.shift_y)
+        views.setdefault((*values, camera.width_px, camera.height_px, camera.kind), camera)
+    return list(views.values())

@@ -76,8 +76,8 @@ class PATCHNET_PT_voxelize(_Step, bpy.types.Panel):
 
     def visible_settings(self, values: bpy.types.PropertyGroup) -> tuple[str, ...]:
         """Depth and voxel size exclude each other."""
-        chosen = {"DEPTH": ("depth",), "VOXEL_SIZE": ("voxel_size",), "AUTO": ()}[values.resolution]
-        return ("scope", "resolution", *chosen)
+        chosen = {"DEPTH": ("depth",), "VOXEL_SIZE": ("voxel_size",), "FIT": ("track",)}.get(values.resolution, ())
+        return ("scope", "resolution", *chosen, "memory")
 
 
 class PATCHNET_PT_light(_Step, bpy.types.Panel):

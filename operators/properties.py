@@ -7,7 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, IntProperty, IntVectorProperty, PointerProperty, StringProperty
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    IntVectorProperty,
+    PointerProperty,
+    StringProperty,
+)
 
 from ..patchnet_addon.errors import SettingError
 from ..patchnet_addon.octree.grid import MAX_DEPTH
@@ -37,6 +45,7 @@ class VoxelizeProperties:
         description="How the side of the finest voxels is found",
         items=[
             ("AUTO", "By Cameras", "The smallest depth at which the cameras see two levels ahead nearly everywhere"),
+            ("FIT", "Fit to Cameras", "Fine only where cameras see the surface, coarse elsewhere: for large pictures"),
             ("DEPTH", "Depth", "A number of levels: every level halves the voxels"),
             ("VOXEL_SIZE", "Voxel Size", "A length in the scene's units"),
         ],
@@ -45,6 +54,18 @@ class VoxelizeProperties:
     depth: IntProperty(name="Depth", description="Levels of the octree", default=9, min=1, max=MAX_DEPTH)
     voxel_size: FloatProperty(
         name="Voxel Size", description="Side of the finest voxels", default=0.01, min=1e-6, unit="LENGTH", precision=4
+    )
+    track: BoolProperty(
+        name="Whole Animation",
+        description="Fit the voxels to the cameras at all frames of the scene, not only at the present one",
+        default=False,
+    )
+    memory: FloatProperty(
+        name="Memory Limit",
+        description="GiB that the octree may take while it is built; 0 takes what is free",
+        default=0.0,
+        min=0.0,
+        soft_max=64.0,
     )
 
 
@@ -155,6 +176,9 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
         scope=scope,
         depth=value("depth") if resolution == "DEPTH" else None,
         voxel_world=value("voxel_size") if resolution == "VOXEL_SIZE" else None,
+        fit=resolution == "FIT",
+        track=resolution == "FIT" and value("track"),
+        memory_bytes=int(value("memory") * 2**30) or None,
         light=value("light"),
         samples=value("samples"),
         texel_voxels=value("texel_voxels"),

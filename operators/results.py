@@ -15,6 +15,7 @@ from ..patchnet_addon.errors import SettingError
 
 if TYPE_CHECKING:
     from ..patchnet_addon.codes.coded_octree import CodedOctree
+    from ..patchnet_addon.octree.leaf_levels import LeafLevels
     from ..patchnet_addon.octree.octree import Octree
 
 NO_VOXELS = "There are no voxels yet: run Voxelize first"
@@ -30,6 +31,7 @@ class SceneResult:
     """The steps that are done for a scene; codes are None until they were computed.
 
     scope: which objects were voxelized, "SELECTED" or "VISIBLE".
+    layout: levels of the leaves, None where all are on the deepest.
     light: "none" while the octree shows the surface's own colour, else the light that was baked.
     stale: the steps whose input changed since: "surface", "light".
     summary: lines for the panel, written when a step ends, so that drawing computes nothing.
@@ -37,6 +39,7 @@ class SceneResult:
 
     octree: Octree
     scope: str
+    layout: LeafLevels | None = None
     light: str = "none"
     coded: CodedOctree | None = None
     lookahead_share: float | None = None
@@ -95,7 +98,7 @@ def quiet() -> Iterator[None]:
 def _summary(result: SceneResult) -> list[str]:
     octree = result.octree
     lines = [
-        f"Depth {octree.depth}, voxel side {octree.grid.voxel_world:.4g}",
+        f"Depth {'up to ' if result.layout else ''}{octree.depth}, voxel side {octree.grid.voxel_world:.4g}",
         f"{octree.leaf_count:,} voxels, {octree.node_count:,} nodes",
         f"{(octree.nbytes + (result.coded.nbytes if result.coded else 0)) / 2**20:.1f} MiB",
         f"Light: {_LIGHTS.get(result.light, result.light)}",

@@ -46,6 +46,7 @@ class PATCHNET_OT_run_all(
             results.SceneResult(
                 octree=result.coded.octree,
                 scope=settings.scope,
+                layout=result.layout,
                 light=settings.light,
                 coded=result.coded,
                 lookahead_share=first.frame.lookahead_share,

@@ -7,7 +7,7 @@ import bpy
 
 from ..patchnet_addon.progress import Progress, Steps
 from . import results
-from .cameras import choose_cameras
+from .cameras import choose_cameras, track_cameras
 from .job.settings import JobSettings
 from .job.stages import build, choose_grid, unlit
 from .job_operator import JobOperator
@@ -28,13 +28,19 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         source = read_scene(context.evaluated_depsgraph_get(), settings.scope)
         depsgraph = context.evaluated_depsgraph_get()
         fixed = settings.depth or settings.voxel_world
-        cameras = [] if fixed else choose_cameras(depsgraph, settings.cameras, settings.size, source.bounds_world)
+        names, size, bounds = settings.cameras, settings.size, source.bounds_world
+        if settings.track:
+            cameras = track_cameras(context, names, size, bounds)
+        else:
+            cameras = [] if fixed else choose_cameras(depsgraph, names, size, bounds)
         choice = yield from choose_grid(source, cameras, settings)
-        octree = yield from build(source, choice.grid, unlit(source), settings, "none")
-        results.keep(context.scene, results.SceneResult(octree=octree, scope=settings.scope))
+        octree = yield from build(source, choice.grid, unlit(source), settings, "none", choice.layout)
+        made = results.SceneResult(octree=octree, scope=settings.scope, layout=choice.layout)
+        results.keep(context.scene, made)
         for warning in (*source.warnings, *choice.warnings):
             self.report({"WARNING"}, warning)
-        return f"{octree.leaf_count:,} voxels of side {octree.grid.voxel_world:.4g} at depth {octree.depth}"
+        side = f"side {octree.grid.voxel_world:.4g}" + (" and more" if choice.layout else "")
+        return f"{octree.leaf_count:,} voxels of {side}, depth {octree.depth}"
 
 
 CLASSES = (PATCHNET_OT_voxelize,)

@@ -16,8 +16,9 @@ from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.file import save_codes
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import save_octree
+from ...patchnet_addon.octree.leaf_levels import LeafLevels
 from ...patchnet_addon.progress import Progress, Steps
-from ..cameras import choose_cameras
+from ..cameras import choose_cameras, track_cameras
 from ..images import save_png
 from ..scene import read_scene
 from .output_folder import output_folder
@@ -33,12 +34,16 @@ OVERVIEW_NAME = "overview.png"
 
 @dataclass(frozen=True, eq=False)
 class JobResult:
-    """What a job made. warnings: sentences about what had to be assumed or left out."""
+    """What a job made.
+
+    warnings: sentences about what had to be assumed or left out. layout: levels of the leaves, if not all on one.
+    """
 
     coded: CodedOctree
     views: tuple[View, ...]
     report: dict[str, Any]
     warnings: tuple[str, ...]
+    layout: LeafLevels | None = None
 
 
 def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResult]:
@@ -61,13 +66,15 @@ def _compute(context: bpy.types.Context, settings: JobSettings, weights: Weights
         yield Progress(0, 1, "Reading the scene")
         source = read_scene(context.evaluated_depsgraph_get(), settings.scope)
         depsgraph = context.evaluated_depsgraph_get()
-        cameras = choose_cameras(depsgraph, settings.cameras, settings.size, source.bounds_world)
+        wanted = settings.cameras, settings.size, source.bounds_world
+        cameras = choose_cameras(depsgraph, *wanted)
+        fitted_to = track_cameras(context, *wanted) if settings.track else cameras
     with watch.stage("depth"):
-        choice = yield from choose_grid(source, cameras, settings)
+        choice = yield from choose_grid(source, fitted_to, settings)
     with watch.stage("light"):
         shade, assumed = yield from lit(context, source, choice.grid, settings)
     with watch.stage("voxelize"):
-        octree = yield from build(source, choice.grid, shade, settings, settings.light)
+        octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout)
     with watch.stage("codes"):
         coded = yield from encode(octree, weights)
     views = []
@@ -76,7 +83,7 @@ def _compute(context: bpy.types.Context, settings: JobSettings, weights: Weights
             views.append((yield from view(coded, camera, settings, compare=True)))
     warnings = (*source.warnings, *choice.warnings, *assumed)
     report = job_report(coded, views, settings, watch.seconds, warnings)
-    return JobResult(coded, tuple(views), report, warnings)
+    return JobResult(coded, tuple(views), report, warnings, choice.layout)
 
 
 def job_report(
@@ -93,6 +100,7 @@ def job_report(
             "depth": octree.depth,
             "nodes": octree.node_count,
             "leaves": octree.leaf_count,
+            "fitted": bool(octree.provenance.get("fitted", False)),
             "bytes": octree.nbytes,
             "voxel_world": octree.grid.voxel_world,
             "codes": len(coded.codes),

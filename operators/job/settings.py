@@ -25,6 +25,9 @@ class JobSettings:
 
     scope: SELECTED objects or all VISIBLE renderable ones.
     depth: of the octree; None chooses it by the cameras (methods 4.1b). voxel_world: leaf side instead of a depth.
+    fit: leaves only as deep as the cameras need them, coarse elsewhere, instead of one depth. track: the cameras are
+    looked through at all frames of the scene for that, not only at the present one.
+    memory_bytes: what the octree may take while it is built; None for all that is free.
     light: "cycles" bakes global illumination with `samples` per texel, "two-lights" is methods 7.3.
     texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
     cameras: names, or ("all",), or ("auto",); empty for the scene's active camera.
@@ -36,6 +39,9 @@ class JobSettings:
     scope: str = VISIBLE
     depth: int | None = None
     voxel_world: float | None = None
+    fit: bool = False
+    track: bool = False
+    memory_bytes: int | None = None
     light: str = CYCLES
     samples: int = 8
     texel_voxels: float = 2.0
@@ -52,6 +58,12 @@ class JobSettings:
         strategy(self.strategy)
         if self.depth is not None and self.voxel_world is not None:
             raise SettingError("Depth and voxel size are both given: choose one of them")
+        if self.fit and (self.depth is not None or self.voxel_world is not None):
+            raise SettingError("Leaves that fit the cameras have no one depth or voxel size: choose one of them")
+        if self.track and not self.fit:
+            raise SettingError("Only leaves that fit the cameras can follow a track: choose fit, or no track")
+        if self.memory_bytes is not None and self.memory_bytes <= 0:
+            raise SettingError("A memory limit must be a positive number")
         if self.depth is not None and not 1 <= self.depth <= MAX_DEPTH:
             raise SettingError(f"Depth {self.depth} is outside 1 to {MAX_DEPTH}: choose a depth in this range")
         if self.voxel_world is not None and not (np.isfinite(self.voxel_world) and self.voxel_world > 0):

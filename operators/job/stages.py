@@ -4,15 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.network.weights import Weights
-from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.octree.grid import MAX_DEPTH, Grid
 from ...patchnet_addon.octree.mesh import MeshSource, Shade
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.progress import Progress, Steps, labelled
@@ -22,14 +22,18 @@ from ..scene import SceneMesh
 from .settings import CYCLES, JobSettings
 from .versions import versions
 
+if TYPE_CHECKING:  # it brings nothing but NumPy, yet nothing needs it before something is built
+    from ...patchnet_addon.octree.leaf_levels import LeafLevels
+
 NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GridChoice:
-    """The grid of the octree, and a sentence if it is not what the cameras need."""
+    """The grid of the octree, the levels of its leaves (None: all on the deepest), and what they lack in sentences."""
 
     grid: Grid
+    layout: LeafLevels | None = None
     warnings: tuple[str, ...] = ()
 
 
@@ -40,19 +44,38 @@ def choose_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSett
     """
     from ...patchnet_addon.octree.depth import choose_depth, coarse_octree
 
+    if settings.fit:
+        return (yield from _fitted_grid(source, cameras, settings))
     coarse = yield from labelled(coarse_octree(source), "Finding the depth")
     if settings.voxel_world is not None:
         grid = Grid.with_voxel_size(source.bounds_world, settings.voxel_world)
-        choose_depth(coarse, cameras, grid.depth)
+        choose_depth(coarse, cameras, grid.depth, settings.memory_bytes)
         return GridChoice(grid)
-    choice = choose_depth(coarse, cameras, settings.depth)
+    choice = choose_depth(coarse, cameras, settings.depth, settings.memory_bytes)
     warnings: tuple[str, ...] = ()
     if choice.bounded_by_memory:
         warnings = (
-            f"The cameras need depth {choice.wanted}, but memory allows {choice.depth}: "
-            "near surfaces will have no look-ahead; choose smaller pictures or fewer objects",
+            f"The cameras need depth {choice.wanted}, but memory allows {choice.depth}: near surfaces will have no "
+            "look-ahead; fit the octree to the cameras, or choose smaller pictures or fewer objects",
         )
-    return GridChoice(Grid.around(source.bounds_world, choice.depth), warnings)
+    return GridChoice(Grid.around(source.bounds_world, choice.depth), None, warnings)
+
+
+def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
+    """Leaves as deep as the cameras need them, as far as memory allows."""
+    from ...patchnet_addon.octree.depth import LOOK_AHEAD_SHARE, available_memory, most_leaves
+    from ...patchnet_addon.octree.fit import fit_leaf_levels
+
+    grid = Grid.around(source.bounds_world, MAX_DEPTH)
+    memory = settings.memory_bytes or available_memory()
+    fitted = yield from fit_leaf_levels(source, grid, cameras, unlit(source), most_leaves=most_leaves(memory))
+    warnings: tuple[str, ...] = ()
+    if fitted.lookahead_share < LOOK_AHEAD_SHARE:
+        warnings = (
+            f"The cameras need leaves down to level {fitted.wanted}, more than memory or depth allow: about "
+            f"{fitted.lookahead_share:.0%} of pixels will have look-ahead; choose smaller pictures or fewer cameras",
+        )
+    return GridChoice(replace(grid, depth=fitted.layout.deepest), fitted.layout, warnings)
 
 
 def unlit(source: MeshSource) -> Shade:
@@ -79,11 +102,19 @@ def lit(
     return atlas_shade(atlas, source), (*atlas.warnings, *(() if bright else (NO_LIGHT,)))
 
 
-def build(source: MeshSource, grid: Grid, shade: Shade, settings: JobSettings, light: str) -> Steps[Octree]:
-    """The octree of a surface; `light` says in its file what `shade` is."""
+def build(
+    source: MeshSource,
+    grid: Grid,
+    shade: Shade,
+    settings: JobSettings,
+    light: str,
+    layout: LeafLevels | None = None,
+) -> Steps[Octree]:
+    """The octree of a surface; `light` says in its file what `shade` is, `layout` how deep its leaves are."""
     from ...patchnet_addon.octree.build import build_octree
 
-    return (yield from build_octree(source, grid, shade, provenance=_provenance(source, settings, light)))
+    provenance = _provenance(source, settings, light) | {"fitted": layout is not None}
+    return (yield from build_octree(source, grid, shade, layout=layout, provenance=provenance))
 
 
 def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -40,7 +39,7 @@ def build_octree(
 
 
 def octree_from_leaves(
-    leaves: Sequence[LeafSums],
+    leaves: list[LeafSums],
     grid: Grid,
     *,
     exposure: float | None = None,
@@ -48,12 +47,15 @@ def octree_from_leaves(
 ) -> Octree:
     """Octree over the leaf sums of one or several levels, no leaf within another one.
 
+    leaves: emptied, so that their keys are let go as soon as the nodes are known.
     Parents integrate their children in float64, then all are rounded. Levels deeper than the finest leaf are left out.
     """
     grid = replace(grid, depth=max(part.level for part in leaves))
     if exposure is None:
         exposure = quantile_exposure(np.concatenate([part.sums[:, 1] / part.sums[:, 0] for part in leaves]))
     level_start, child_mask, first_child = hierarchy({part.level: part.keys for part in leaves}, grid.depth)
+    sums = {part.level: part.sums for part in leaves}
+    leaves.clear()
     count = len(child_mask)
     octree = Octree(
         grid=grid,
@@ -66,7 +68,7 @@ def octree_from_leaves(
         exposure=float(exposure),
         provenance=provenance or {},
     )
-    _fill_levels(octree, {part.level: part.sums for part in leaves})
+    _fill_levels(octree, sums)
     return octree
 
 

@@ -157,9 +157,7 @@ def _bricks_of_slab(rows, slab, n_slab, x, end, triangle, slabs, near, block, si
             n_column, n_rest = _split_bricks_y(rows, rest, n_rest, (y + 1.0) * _BRICK, column, free)
             rest, free = free, rest
         if n_column >= 3:
-            count = _bricks_of_column(
-                rows, column, n_column, x, y, end, triangle, slabs, near, block, sink, count
-            )
+            count = _bricks_of_column(rows, column, n_column, x, y, end, triangle, slabs, near, block, sink, count)
         y += 1
     return count
 

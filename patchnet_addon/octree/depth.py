@@ -17,14 +17,18 @@ from .build import build_octree
 from .grid import MAX_DEPTH, Grid
 from .mesh import Fragments, MeshSource, TriangleBatch
 from .octree import LOOK_AHEAD, Octree
+from .voxelize import BLOCK_FRAGMENTS
 
 COARSE_DEPTH = 7
 MIN_DEPTH = 5
 LOOK_AHEAD_SHARE = 0.95
 BYTES_PER_NODE = 14
-# While an octree is built, a leaf is summed in fixed point (48 bytes and its share of a brick, about 20) and handed out
-# as key and sums (28 bytes); a large scene does that block by block, so that this is then more than it takes.
-_PEAK_BYTES_PER_LEAF = 100
+# While an octree is built, a leaf of the present pass is summed in fixed point (48 bytes and its share of a brick,
+# about 20) and handed out as key and sums (28 bytes). Later sums (20), the nodes and the sums of the level above stand
+# side by side.
+_BYTES_PER_LEAF = 52
+_MORE_BYTES_IN_A_PASS = 48
+_NODES_PER_LEAF = 1.36
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,20 @@ def estimate(coarse: Octree, depth: int) -> tuple[int, int, int]:
     estimated = area * 4.0**depth + edges * 2.0**depth
     if depth <= coarse.depth:
         estimated = len(coarse.keys(depth))
-    return int(estimated), int(estimated * 1.36 * BYTES_PER_NODE), int(estimated * _PEAK_BYTES_PER_LEAF)
+    return int(estimated), int(estimated * _NODES_PER_LEAF * BYTES_PER_NODE), peak_bytes(estimated)
+
+
+def peak_bytes(leaves: float) -> int:
+    """Bytes that building an octree takes at most, beside the scene."""
+    return int(_BYTES_PER_LEAF * leaves + _MORE_BYTES_IN_A_PASS * min(leaves, BLOCK_FRAGMENTS))
+
+
+def most_leaves(memory_bytes: float) -> int:
+    """How many leaves an octree may have to be built within `memory_bytes`; inverse of `peak_bytes`."""
+    in_one_pass = memory_bytes / (_BYTES_PER_LEAF + _MORE_BYTES_IN_A_PASS)
+    if in_one_pass <= BLOCK_FRAGMENTS:
+        return int(max(in_one_pass, 0))
+    return int((memory_bytes - _MORE_BYTES_IN_A_PASS * BLOCK_FRAGMENTS) / _BYTES_PER_LEAF)
 
 
 def available_memory() -> int:
