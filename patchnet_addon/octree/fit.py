@@ -79,12 +79,12 @@ def fit_leaf_levels(
         if last:
             break
         last = needed.max(initial=0) <= cap or cap == deepest
-    served = pixels[surface][layout.levels[surface] >= needed].sum(dtype=np.float64)
+    missed = pixels[surface][layout.levels[surface] < needed].sum(dtype=np.float64)
     return FittedLevels(
         layout,
         wanted=int(needed.max(initial=block_level)),
         leaves=sum(len(keys) for keys in leaves.values()),
-        lookahead_share=float(served / max(pixels.sum(dtype=np.float64), 1.0)),
+        lookahead_share=1.0 - float(missed / max(pixels.sum(dtype=np.float64), 1.0)),
     )
 
 

@@ -43,7 +43,7 @@ class LeafLevels:
 
     def divided(self, block_level: int) -> LeafLevels:
         """The same leaves over blocks of a finer level, as far as the leaves are not coarser than these."""
-        more = min([block_level, *self.used]) - self.block_level
+        more = min(block_level, *self.used) - self.block_level if self.used else 0
         return self if more <= 0 else LeafLevels(np.repeat(self.levels, 8**more))
 
     def at_most(self, level: int) -> LeafLevels:

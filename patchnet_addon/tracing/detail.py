@@ -16,7 +16,7 @@ from .traverse import MAX_LEVELS, first_hit, pixel_ray
 
 _ROWS_PER_STEP = 64
 # Beside its centre, four rays with the footprint of a patch's voxels look through the gaps of each pixel.
-_FINE_OFFSETS = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
+FINE_OFFSETS = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
 
 
 def needed_levels(
@@ -34,7 +34,7 @@ def needed_levels(
     block_level = (len(needed).bit_length() - 1) // 3
     for first in range(0, camera.height_px, _ROWS_PER_STEP):
         last = min(first + _ROWS_PER_STEP, camera.height_px)
-        for offset, levels, margin in [((0.0, 0.0), 0, 1), *((offset, LOOK_AHEAD, 0) for offset in _FINE_OFFSETS)]:
+        for offset, levels, margin in [((0.0, 0.0), 0, 1), *((offset, LOOK_AHEAD, 0) for offset in FINE_OFFSETS)]:
             cell, level, wanted = _hits(child_mask, first_child, unit, (first, last), offset, levels)
             _request(cell, level, wanted, margin, block_level, needed)
             if margin:

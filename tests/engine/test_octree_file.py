@@ -95,5 +95,5 @@ def test_voxel_size_sets_side_and_depth(mesh):
     assert grid.side_world / 2 < np.ptp(mesh.bounds_world, axis=0).max() <= grid.side_world
     with pytest.raises(SettingError, match="positive"):
         Grid.with_voxel_size(mesh.bounds_world, 0.0)
-    with pytest.raises(SettingError, match="1 to 14"):
-        Grid.around(mesh.bounds_world, 15)
+    with pytest.raises(SettingError, match="1 to 18"):
+        Grid.around(mesh.bounds_world, 19)

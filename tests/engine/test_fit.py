@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Camera-fitted octrees: look-ahead wherever the cameras see the surface, few leaves elsewhere."""
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.errors import GeometryError
+from patchnet.patchnet_addon.octree import fit
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.fit import fit_leaf_levels
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.mesh import TriangleMesh
+from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from patchnet.patchnet_addon.tracing.detail import FINE_OFFSETS, needed_levels
+from patchnet.patchnet_addon.tracing.reference import needed_levels_reference
+from patchnet.patchnet_addon.tracing.render import first_hits
+
+from .octree_samples import random_octree
+
+
+
+def shade(batch, fragments):
+    return np.full(len(fragments), 0.5, np.float32), np.ones(len(fragments), np.float32)
+
+
+def quad(origin, a, b):
+    origin, a, b = (np.array(value, float) for value in (origin, a, b))
+    return [[origin, origin + a, origin + a + b], [origin, origin + a + b, origin + b]]
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    """A long floor, a grating of laths across it, and a wall behind that."""
+    parts = [*quad((-1, -1, 0), (2, 0, 0), (0, 2, 0)), *quad((-1, 0.9, 0), (2, 0, 0), (0, 0, 1))]
+    for x in np.linspace(-0.9, 0.9, 30):
+        parts += quad((x, 0.2, 0), (0.02, 0, 0), (0, 0, 0.6))
+    return TriangleMesh.from_arrays(np.array(parts))
+
+
+@pytest.fixture(scope="module")
+def camera():
+    return Camera.look_at(np.array([0.1, -0.9, 0.25]), np.array([0.0, 0.5, 0.2]), size_px=(288, 192))
+
+
+def share_of(octree, camera):
+    hits = first_hits(octree, camera)
+    return octree.look_ahead()[hits.node[hits.hit]].mean()
+
+
+def cameras():
+    inside = Camera.look_at(np.array([0.5, 0.4, 0.45]), np.array([0.9, 0.2, 0.3]), size_px=(14, 10), name="inside")
+    far = Camera.look_at(np.array([2.0, -1.0, 1.0]), np.full(3, 0.5), size_px=(40, 30), name="far")
+    ortho = Camera(
+        np.array([0.5131, 0.4873, 2.0]), np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, 0, -1.0]),
+        0.6, 0.5, 24, 20, kind=ORTHOGRAPHIC, name="orthographic",
+    )  # fmt: skip
+    return [inside, far, ortho]
+
+
+@pytest.mark.parametrize("camera", cameras(), ids=lambda camera: camera.name)
+@pytest.mark.parametrize("block_level", [2, 4])
+def test_needed_levels_equal_the_reference(camera, block_level):
+    octree = random_octree(seed=3, depth=6, count=500, adaptive=True)
+    needed, pixels = np.zeros(8**block_level, np.uint8), np.zeros(8**block_level, np.uint32)
+    drain(needed_levels(octree.child_mask, octree.first_child, octree.grid, camera, needed, pixels))
+    expected = needed_levels_reference(octree, camera, block_level, np.array(FINE_OFFSETS))
+    assert expected.max() > block_level
+    np.testing.assert_array_equal(needed, expected)
+    assert pixels.sum() == first_hits(octree, camera).hit.sum()
+
+
+def test_all_pixels_have_look_ahead_with_far_fewer_leaves(mesh, camera):
+    grid = Grid.around(mesh.bounds_world, 9)
+    fitted = drain(fit_leaf_levels(mesh, grid, [camera], shade))
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=fitted.layout))
+    assert share_of(octree, camera) > 0.99 and fitted.lookahead_share > 0.99
+    assert octree.depth == fitted.layout.deepest == fitted.wanted and octree.leaf_count == fitted.leaves
+    uniform = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 10), shade))
+    assert share_of(uniform, camera) < 0.9 and octree.leaf_count < uniform.leaf_count
+
+
+def test_the_wall_is_fine_where_it_shows_through_the_laths(mesh, camera):
+    fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], shade))
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=fitted.layout))
+    hits = first_hits(octree, camera)
+    wall = hits.hit & (hits.z_world > 1.6)
+    assert 0.05 < wall.mean() < 0.5
+    assert octree.look_ahead()[hits.node[wall]].mean() > 0.99
+
+
+def test_fewer_leaves_where_memory_is_short(mesh, camera):
+    grid = Grid.around(mesh.bounds_world, 9)
+    full = drain(fit_leaf_levels(mesh, grid, [camera], shade))
+    less = drain(fit_leaf_levels(mesh, grid, [camera], shade, most_leaves=0.6 * full.leaves))
+    assert less.leaves < 0.7 * full.leaves
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=less.layout))
+    assert 0.3 < share_of(octree, camera) < 0.99
+    assert less.lookahead_share == pytest.approx(share_of(octree, camera), abs=0.2)
+    bounded = drain(fit_leaf_levels(mesh, grid, [camera], shade, deepest=9))
+    assert bounded.layout.deepest == 9 < bounded.wanted and bounded.lookahead_share < 0.9
+
+
+def test_a_track_serves_all_its_cameras(mesh, camera):
+    other = Camera.look_at(np.array([-0.8, 0.5, 0.5]), np.array([0.8, 0.8, 0.0]), size_px=(96, 64))
+    fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera, other], shade))
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=fitted.layout))
+    assert min(share_of(octree, view) for view in (camera, other)) > 0.99
+
+
+def test_the_result_is_the_same_on_every_run_and_in_any_order(mesh, camera):
+    grid = Grid.around(mesh.bounds_world, 9)
+    one, two = (drain(fit_leaf_levels(source, grid, [camera], shade)) for source in (mesh, _reversed(mesh)))
+    np.testing.assert_array_equal(one.layout.levels, two.layout.levels)
+
+
+def _reversed(mesh):
+    return TriangleMesh.from_arrays(mesh.parts[0].corners_world[::-1])
+
+
+def test_a_camera_that_looks_away_asks_for_nothing(mesh):
+    away = Camera.look_at(np.array([0.0, -3.0, 0.5]), np.array([0.0, -9.0, 0.5]), size_px=(16, 16))
+    fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [away], shade))
+    assert fitted.layout.used == (fit.BLOCK_LEVEL,)
+
+
+def test_transparent_surfaces_are_refused(mesh, camera):
+    def nothing(batch, fragments):
+        return np.zeros(len(fragments), np.float32), np.zeros(len(fragments), np.float32)
+
+    with pytest.raises(GeometryError, match="transparent"):
+        drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], nothing))

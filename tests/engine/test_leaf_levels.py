@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Octrees with leaves on several levels: the same leaves as on each level alone, the same means above them."""
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.errors import GeometryError
+from patchnet.patchnet_addon.octree.build import build_octree, octree_from_leaves
+from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, save_octree
+from patchnet.patchnet_addon.octree.grid import Grid, morton_decode
+from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
+from patchnet.patchnet_addon.octree.mesh import TriangleMesh
+from patchnet.patchnet_addon.octree.voxelize import voxelize
+from patchnet.patchnet_addon.progress import drain
+
+from .octree_samples import octree_from_leaves as octree_of_samples
+
+BLOCK_LEVEL = 2
+
+
+def shade(batch, fragments):
+    tone = (np.arange(batch.first_triangle, batch.first_triangle + len(batch)) * 0.37 % 1.0).astype(np.float32)
+    return tone[fragments.triangle], np.ones(len(fragments), np.float32)
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    rng = np.random.default_rng(1)
+    small = rng.uniform(-1, 1, (150, 1, 3)) + rng.normal(size=(150, 3, 3)) * 0.05
+    return TriangleMesh.from_arrays(np.concatenate([small, rng.uniform(-1, 1, (4, 3, 3))]))
+
+
+@pytest.fixture(scope="module")
+def layout():
+    levels = np.random.default_rng(2).integers(BLOCK_LEVEL, 9, 8**BLOCK_LEVEL).astype(np.uint8)
+    levels[[5, 40]] = 0, 8
+    return LeafLevels(levels)
+
+
+def test_leaves_of_each_level_are_those_of_that_level_alone(mesh, layout):
+    grid = Grid.around(mesh.bounds_world, 8)
+    parts = drain(voxelize(mesh, grid, shade, layout=layout))
+    assert [part.level for part in parts] == sorted(part.level for part in parts) and len(parts) > 5
+    for part in parts:
+        (alone,) = drain(voxelize(mesh, Grid.around(mesh.bounds_world, part.level), shade))
+        block = (alone.keys >> np.uint64(3 * (part.level - BLOCK_LEVEL))).astype(int)
+        inside = layout.levels[block] == part.level
+        np.testing.assert_array_equal(part.keys, alone.keys[inside])
+        np.testing.assert_array_equal(part.sums, alone.sums[inside])
+
+
+def test_bits_do_not_depend_on_passes(mesh, layout):
+    grid = Grid.around(mesh.bounds_world, 8)
+    whole = drain(voxelize(mesh, grid, shade, layout=layout))
+    divided = drain(voxelize(mesh, grid, shade, layout=layout, block_fragments=3000))
+    for one, other in zip(whole, divided, strict=True):
+        np.testing.assert_array_equal(one.keys, other.keys)
+        np.testing.assert_array_equal(one.sums, other.sums)
+
+
+def test_octree_equals_one_that_is_built_node_by_node(mesh, layout):
+    grid = Grid.around(mesh.bounds_world, 8)
+    leaves = {}
+    parts = drain(voxelize(mesh, grid, shade, layout=layout))
+    for part in parts:
+        for cell, (area, *moments) in zip(morton_decode(part.keys).tolist(), part.sums.tolist(), strict=True):
+            luminance, *normal = (value / area for value in moments)
+            leaves[part.level, tuple(cell)] = (area, luminance, tuple(normal))
+    octree = octree_from_leaves(parts, grid, exposure=1.0)
+    assert parts == []
+    expected = octree_of_samples(leaves, 8)
+    for name in ("level_start", "child_mask"):
+        np.testing.assert_array_equal(getattr(octree, name), getattr(expected, name), err_msg=name)
+    inner = octree.child_mask > 0
+    np.testing.assert_array_equal(octree.first_child[inner], expected.first_child[inner])
+    np.testing.assert_allclose(octree.area_world, expected.area_world, rtol=1e-5)
+    np.testing.assert_allclose(octree.luminance / 65535, expected.luminance / 65535, atol=2e-5)
+    np.testing.assert_allclose(octree.normal, expected.normal, atol=1)
+
+
+def test_coarse_levels_equal_those_of_a_uniform_octree(mesh, layout):
+    full = LeafLevels(np.maximum(layout.levels, BLOCK_LEVEL))
+    grid = Grid.around(mesh.bounds_world, 8)
+    mixed = drain(build_octree(mesh, grid, shade, layout=full, exposure=1.0))
+    uniform = drain(build_octree(mesh, grid, shade, exposure=1.0))
+    for level in range(BLOCK_LEVEL + 1):
+        np.testing.assert_array_equal(mixed.keys(level), uniform.keys(level))
+        one, other = mixed.level(level), uniform.level(level)
+        np.testing.assert_allclose(mixed.area_world[one], uniform.area_world[other], rtol=1e-5)
+        np.testing.assert_allclose(mixed.luminance[one] / 65535, uniform.luminance[other] / 65535, atol=3e-5)
+
+
+def test_levels_below_the_deepest_leaf_are_left_out_and_the_file_is_consistent(mesh, layout, tmp_path):
+    shallow = layout.at_most(6)
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=shallow))
+    assert octree.depth == 6 and octree.grid.side_world == Grid.around(mesh.bounds_world, 6).side_world
+    save_octree(octree, tmp_path / "o.safetensors")
+    loaded = load_octree(tmp_path / "o.safetensors")
+    for name, array in octree_arrays(octree).items():
+        np.testing.assert_array_equal(array, octree_arrays(loaded)[name])
+
+
+def test_nothing_is_left_where_no_leaves_are_wanted(mesh):
+    with pytest.raises(GeometryError, match="No opaque surface"):
+        drain(voxelize(mesh, Grid.around(mesh.bounds_world, 4), shade, layout=LeafLevels(np.zeros(8, np.uint8))))
+
+
+def test_divided_blocks_keep_their_levels():
+    layout = LeafLevels(np.array([0, 3, 4, 3, 3, 3, 3, 5], np.uint8))
+    finer = layout.divided(5)
+    assert finer.block_level == 3  # the coarsest leaf
+    np.testing.assert_array_equal(finer.levels, np.repeat(layout.levels, 64))
+    assert layout.used == (3, 4, 5) and layout.deepest == 5 and layout.at_most(4).used == (3, 4)
