@@ -76,7 +76,7 @@ def _splitter(axis):  # type: ignore[no-untyped-def]
     return split
 
 
-_split_x, _split_y, _split_z = (_splitter(axis) for axis in range(3))
+split_x, split_y, split_z = (_splitter(axis) for axis in range(3))
 
 
 @device
@@ -94,7 +94,7 @@ def _cell_range(rows, polygon, count, axis, resolution):  # type: ignore[no-unty
 
 
 @device
-def _moments(rows, polygon, count):  # type: ignore[no-untyped-def]
+def moments(rows, polygon, count):  # type: ignore[no-untyped-def]
     """Area in (u, v) and centroid (u, v) of a polygon; the fan starts at vertex 0."""
     u0 = rows[polygon, 3]
     v0 = rows[polygon, 4]
@@ -139,11 +139,11 @@ def _clip_column(rows, column, n_column, key, triangle, resolution, wanted, shif
             piece, n_piece, n_rest = rest, n_rest, 0
         else:
             piece = _CELL
-            n_piece, n_rest = _split_z(rows, rest, n_rest, z + 1.0, piece, free)
+            n_piece, n_rest = split_z(rows, rest, n_rest, z + 1.0, piece, free)
             rest, free = free, rest
         cell = key | (_spread_bits(z) << np.uint64(2))
         if n_piece >= 3 and wanted[cell >> shift]:
-            area, u, v = _moments(rows, piece, n_piece)
+            area, u, v = moments(rows, piece, n_piece)
             if area > 0.0:
                 count = _put(cells, measures, count, cell, triangle, area, u, v)
         z += 1
@@ -160,7 +160,7 @@ def _clip_slab(rows, slab, n_slab, x, triangle, resolution, wanted, shift, cells
             column, n_column, n_rest = rest, n_rest, 0
         else:
             column = _COLUMN
-            n_column, n_rest = _split_y(rows, rest, n_rest, y + 1.0, column, free)
+            n_column, n_rest = split_y(rows, rest, n_rest, y + 1.0, column, free)
             rest, free = free, rest
         if n_column >= 3:
             key = cell_key(x, y, 0)
@@ -189,7 +189,7 @@ def _clip_triangle(rows, triangle, x_first, x_last, resolution, wanted, shift, c
             slab, n_slab, n_rest = rest, n_rest, 0
         else:
             slab = _SLAB
-            n_slab, n_rest = _split_x(rows, rest, n_rest, x + 1.0, slab, free)
+            n_slab, n_rest = split_x(rows, rest, n_rest, x + 1.0, slab, free)
             rest, free = free, rest
         if n_slab >= 3 and x_first <= x < x_last:
             count = _clip_slab(rows, slab, n_slab, x, triangle, resolution, wanted, shift, cells, measures, count)
@@ -198,8 +198,8 @@ def _clip_triangle(rows, triangle, x_first, x_last, resolution, wanted, shift, c
 
 
 @device
-def _load(corners_voxel, triangle, rows):  # type: ignore[no-untyped-def]
-    """Write a triangle as a polygon with coordinates (u, v) on the triangle."""
+def load_triangle(corners_voxel, triangle, rows):  # type: ignore[no-untyped-def]
+    """Write a triangle as the polygon at row 0, with its weights of corners 1 and 2 as (u, v)."""
     for corner in range(3):
         for axis in range(3):
             rows[_TRIANGLE + corner, axis] = corners_voxel[triangle, corner, axis]
@@ -213,8 +213,9 @@ def clip_triangles(corners_voxel, areas_world, first, last, x_first, x_last, res
 
     corners_voxel: (T, 3, 3) float64, leaf cells as unit. areas_world: (T,) float64, the triangles' areas.
     wanted: (blocks,) bool, and only fragments with wanted[key >> shift] are made; shift: uint64.
-    Returns keys (F,) uint64, triangle (F,) int32, barycentric (F, 2) float32, area_world (F,) float64. A fragment
-    depends on its triangle and cell alone, not on the ranges.
+    Returns the fields of `Fragments`: keys (F,) uint64, triangle (F,) int32, barycentric (F, 2) float32,
+    area_world (F,) float64, and what they were cut from: the keys again and `corners_voxel`. A fragment depends on its
+    triangle and cell alone, not on the ranges.
     Runs on one core without the interpreter lock, so several may run in threads.
     """
     cells = np.empty((_INITIAL_CAPACITY, 2), np.uint64)  # key, triangle
@@ -225,7 +226,7 @@ def clip_triangles(corners_voxel, areas_world, first, last, x_first, x_last, res
     while triangle < last:
         total = count
         if areas_world[triangle] > 0.0:
-            _load(corners_voxel, triangle, rows)
+            load_triangle(corners_voxel, triangle, rows)
             total = _clip_triangle(rows, triangle, x_first, x_last, resolution, wanted, shift, cells, measures, count)
         if total > len(cells):  # too many for the room there was: this triangle once more
             more_cells = np.empty((2 * total, 2), np.uint64)
@@ -246,4 +247,4 @@ def clip_triangles(corners_voxel, areas_world, first, last, x_first, x_last, res
         barycentric[i, 0] = measures[i, 1]
         barycentric[i, 1] = measures[i, 2]
         area_world[i] = 2.0 * measures[i, 0] * areas_world[triangles[i]]
-    return keys, triangles, barycentric, area_world
+    return keys, triangles, barycentric, area_world, keys, corners_voxel
