@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from types import ModuleType
 
 # In the order of the help.
-NAMES: tuple[str, ...] = ("run", "demo", "info", "octree", "dataset", "train", "bench")
+NAMES: tuple[str, ...] = ("run", "demo", "info", "octree", "export", "dataset", "train", "bench")
 
 EXIT_ERROR = 2
 EXIT_INTERRUPTED = 130

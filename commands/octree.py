@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ import numpy as np
 from ..patchnet_addon.errors import SettingError
 from .quiet import quiet_stdout
 from .run import require_blender
+from .stage_clock import StageClock
 
 if TYPE_CHECKING:
     from ..patchnet_addon.octree.mesh import MeshSource, Shade
@@ -40,12 +42,17 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         "--without", default="", metavar="TEXT,TEXT", help="leave out objects below a name with one of these texts"
     )
     parser.add_argument("--out", type=Path, required=True, help="octree file to write")
+    parser.add_argument(
+        "--timings", action="store_true", help="end with a line of JSON: seconds and peak memory of each stage"
+    )
     return parser
 
 
 def run(args: argparse.Namespace) -> int:
     """Build the octree and write it; returns 0. Raises PatchNetError."""
-    require_blender()
+    clock = StageClock()
+    with clock.stage("start"):
+        require_blender()
     from ..operators.scene import open_scene
     from ..patchnet_addon.octree.file import save_octree
     from ..patchnet_addon.progress import drain
@@ -53,14 +60,17 @@ def run(args: argparse.Namespace) -> int:
 
     if not args.texel_voxels > 0:
         raise SettingError(f"Texels of {args.texel_voxels} voxels are impossible: give a positive number")
-    with quiet_stdout():
+    with quiet_stdout(), clock.stage("open"):
         open_scene(args.scene)
     hide_from_renders([text.strip().lower() for text in args.without.split(",") if text.strip()])
     args.out.parent.mkdir(parents=True, exist_ok=True)
     with quiet_stdout(), ProgressBars() as bars:
-        octree = drain(_build(args), bars.show)
-    save_octree(octree, args.out)
+        octree = drain(_build(args, clock), bars.show)
+    with clock.stage("save"):
+        save_octree(octree, args.out)
     print(f"{args.out}: depth {octree.depth}, {octree.leaf_count:,} voxels, {octree.nbytes / 2**20:.1f} MiB")
+    if args.timings:
+        print(json.dumps(clock.as_json()))
     return 0
 
 
@@ -75,7 +85,7 @@ def hide_from_renders(texts: list[str]) -> None:
         item.hide_render = item.hide_render or ancestor is not None
 
 
-def _build(args: argparse.Namespace) -> Steps[Octree]:
+def _build(args: argparse.Namespace, clock: StageClock) -> Steps[Octree]:
     import bpy
 
     from ..operators.job.versions import versions
@@ -84,8 +94,10 @@ def _build(args: argparse.Namespace) -> Steps[Octree]:
     from ..patchnet_addon.octree.grid import Grid
     from ..patchnet_addon.octree.rotated import RotatedSource, random_rotation
 
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    shade = yield from _shade(args, source)
+    with clock.stage("read"):
+        source = read_scene(bpy.context.evaluated_depsgraph_get())
+    with clock.stage("light"):
+        shade = yield from _shade(args, source)
     turned: MeshSource = RotatedSource(source, random_rotation(args.rotate)) if args.rotate else source
     provenance: dict[str, Any] = {
         "file": args.scene.name,
@@ -97,7 +109,9 @@ def _build(args: argparse.Namespace) -> Steps[Octree]:
     }
     if args.light == "cycles":
         provenance |= {"samples": args.samples, "texel_voxels": args.texel_voxels}
-    return (yield from build_octree(turned, Grid.around(turned.bounds_world, args.depth), shade, provenance=provenance))
+    with clock.stage("build"):
+        grid = Grid.around(turned.bounds_world, args.depth)
+        return (yield from build_octree(turned, grid, shade, provenance=provenance))
 
 
 def _shade(args: argparse.Namespace, source: Any) -> Steps[Shade]:

@@ -62,7 +62,7 @@ def write_arrays(path: str | Path, arrays: Mapping[str, np.ndarray], metadata: d
     names = sorted(arrays, key=lambda name: (-arrays[name].dtype.itemsize, name))
     contiguous = {name: np.asarray(arrays[name], arrays[name].dtype.newbyteorder("<"), order="C") for name in names}
     header = _header_bytes(contiguous, metadata, kind)
-    with _replacing(path) as file:
+    with replaced_file(path) as file:
         file.write(len(header).to_bytes(8, "little"))
         file.write(header)
         for array in contiguous.values():
@@ -209,13 +209,22 @@ def _parse_header(
 
 
 @contextlib.contextmanager
-def _replacing(path: Path) -> Iterator[BinaryIO]:
-    """File beside `path` that takes its place when the block ends without an error."""
+def replaced_file(path: Path) -> Iterator[BinaryIO]:
+    """File beside `path` that takes its place, once it is on disk, when the block ends without an error.
+
+    Raises PatchNetError if it cannot be written; what stood at `path` is then unchanged.
+    """
+    with replaced_path(path) as temporary, temporary.open("xb") as file:
+        yield file
+
+
+@contextlib.contextmanager
+def replaced_path(path: Path) -> Iterator[Path]:
+    """As `replaced_file`, for writers that open the file on their own: the path that they shall write."""
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
-        with temporary.open("xb") as file:
-            yield file
-            file.flush()
+        yield temporary
+        with temporary.open("rb+") as file:
             os.fsync(file.fileno())
         os.replace(temporary, path)
     except OSError as cause:
@@ -223,4 +232,5 @@ def _replacing(path: Path) -> Iterator[BinaryIO]:
             f"{path} cannot be written: {cause.strerror or cause}; choose another folder or make room"
         ) from cause
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from ..errors import SettingError
 from ..octree.mesh import Fragments, MeshSource, Shade, TriangleBatch
 from .chart_lookup import lookup, triangle_means
 from .charts import Charts
+from .irradiance import irradiance_of_materials
 from .texture_lookup import surface_of_fragments
 from .textures import TextureTable
 
@@ -34,6 +36,8 @@ class Atlas:
 def atlas_shade(atlas: Atlas, source: MeshSource) -> Shade:
     """Shade that reads baked luminance at the centroid of each fragment; opacity is the material's own.
 
+    Where the bake met only gaps of a cut-out, the triangle's other texels count, and where it has none, the base colour
+    under the light that falls on its material elsewhere.
     Raises SettingError if the atlas was laid out for another surface.
     """
     if len(atlas.charts.page) != source.triangle_count:
@@ -42,6 +46,10 @@ def atlas_shade(atlas: Atlas, source: MeshSource) -> Shade:
             "bake the light again"
         )
     table = TextureTable.from_materials(source.materials)
+
+    @functools.cache
+    def irradiance() -> np.ndarray:
+        return irradiance_of_materials(atlas.charts, atlas.texels, table, source, _LEAST_OPACITY)
 
     def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
         albedo, opacity = surface_of_fragments(table, batch, fragments)
@@ -53,8 +61,7 @@ def atlas_shade(atlas: Atlas, source: MeshSource) -> Shade:
         luminance = np.where(seen, values[:, 0] / np.where(seen, values[:, 1], 1.0), 0.0).astype(np.float32)
         lost = ~seen & (opacity > 0.0)
         if lost.any():
-            materials = batch.materials[fragments.triangle]
-            luminance[lost] = albedo[lost] * _irradiance(luminance, albedo, materials, seen)[materials[lost]]
+            luminance[lost] = albedo[lost] * irradiance()[batch.materials[fragments.triangle[lost]]]
         return luminance, opacity
 
     return shade
@@ -64,11 +71,3 @@ def _triangle_values(atlas: Atlas, triangles: np.ndarray) -> np.ndarray:
     """Means (n, 2) over all texels of triangles (n,): at the edge of a cut-out, a texel may have met the gap only."""
     distinct, place = np.unique(triangles, return_inverse=True)
     return triangle_means(atlas.charts, atlas.texels, distinct)[place.reshape(-1)].astype(np.float32)
-
-
-def _irradiance(luminance: np.ndarray, albedo: np.ndarray, materials: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Light per albedo (materials,) on what was seen of each material, for triangles whose only texel met a gap."""
-    count = int(materials.max()) + 1
-    light = np.bincount(materials[seen], luminance[seen], count)
-    color = np.bincount(materials[seen], albedo[seen], count)
-    return np.where(color > 0.0, light / np.where(color > 0.0, color, 1.0), 0.0)

@@ -18,6 +18,7 @@ from ..octree.mesh import Material, Texture
 REC709 = np.array([0.2126, 0.7152, 0.0722], np.float32)
 REPEAT, EXTEND, MIRROR, CLIP = range(4)
 _EXTENSIONS = {"REPEAT": REPEAT, "EXTEND": EXTEND, "MIRROR": MIRROR, "CLIP": CLIP}
+CUT_SAMPLES = 4  # along a texel that a threshold cuts
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
@@ -33,7 +34,7 @@ class TextureTable:
     texels: (N, 2) float32, opacity times luminance, and opacity. On level 0 opacity is not cut yet.
     level_offset, level_height, level_width: (V,) int64.
     pyramid_first: (K,) int64 first of its levels. pyramid_levels: (K,) int64.
-    pyramid_extension: (K,) int64. pyramid_transform: (K, 2, 3) float64.
+    pyramid_extension: (K,) int64. pyramid_transform: (K, 2, 3) float64. pyramid_solid: (K,) bool, opaque everywhere.
     material_pyramid: (M,) int64, -1 for no texture. material_luminance: (M,) float32, without texture.
     material_opacity: (M,) float32, a factor on the texture's. material_threshold: (M,) float32, NaN for none.
     material_emission: (M,) float32.
@@ -47,6 +48,7 @@ class TextureTable:
     pyramid_levels: np.ndarray
     pyramid_extension: np.ndarray
     pyramid_transform: np.ndarray
+    pyramid_solid: np.ndarray
     material_pyramid: np.ndarray
     material_luminance: np.ndarray
     material_opacity: np.ndarray
@@ -84,6 +86,13 @@ class TextureTable:
             pyramid_transform=np.array([style.transform or _IDENTITY for style in styles], np.float64).reshape(
                 -1, 2, 3
             ),
+            pyramid_solid=np.array(
+                [
+                    style.extension != "CLIP" and bool(pyramid[0][..., 1].min() >= 1.0)
+                    for style, pyramid in zip(styles, levels, strict=True)
+                ],
+                np.bool_,
+            ),
             material_pyramid=index,
             material_luminance=luminance(np.array([m.base_color for m in materials])),
             material_opacity=np.array([m.alpha for m in materials], np.float32),
@@ -107,7 +116,8 @@ def _pyramid(material: Material) -> list[np.ndarray]:
     shine, opacity = _finest(material)
     levels = [np.stack([shine * opacity, opacity], axis=-1)]
     if material.alpha_threshold is not None and material.alpha_texture is not None:
-        opacity = cut_coverage(opacity, material.alpha_threshold / max(material.alpha, 1e-6))
+        extension = (material.base_texture or material.alpha_texture).extension
+        opacity = cut_coverage(opacity, material.alpha_threshold / max(material.alpha, 1e-6), extension)
     below = np.stack([shine * opacity, opacity], axis=-1)
     while max(below.shape[:2]) > 1:
         below = _halved(_halved(below, 0), 1)
@@ -140,14 +150,19 @@ def _resized(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     return values.astype(np.float32)
 
 
-def cut_coverage(opacity: np.ndarray, threshold: float) -> np.ndarray:
-    """Share of each texel (h, w) on which bilinear opacity reaches the threshold, from 2 x 2 samples in it."""
+def cut_coverage(opacity: np.ndarray, threshold: float, extension: str = "REPEAT") -> np.ndarray:
+    """Share of each texel (h, w) on which bilinear opacity reaches the threshold, from CUT_SAMPLES^2 samples in it."""
+    around = {"REPEAT": "wrap", "CLIP": "constant"}.get(extension, "edge")
+    padded = np.pad(opacity, 1, mode=around)  # type: ignore[call-overload]
     total = np.zeros_like(opacity)
-    for dy in (-1, 1):
-        rows = 0.75 * opacity + 0.25 * np.roll(opacity, dy, axis=0)
-        for dx in (-1, 1):
-            total += 0.75 * rows + 0.25 * np.roll(rows, dx, axis=1) >= threshold
-    return total / np.float32(4)
+    offsets = (np.arange(CUT_SAMPLES, dtype=np.float32) + 0.5) / CUT_SAMPLES - 0.5
+    for dy in offsets:
+        near = slice(0, -2) if dy < 0 else slice(2, None)
+        rows = (1 - abs(dy)) * padded[1:-1] + abs(dy) * padded[near]
+        for dx in offsets:
+            near = slice(0, -2) if dx < 0 else slice(2, None)
+            total += (1 - abs(dx)) * rows[:, 1:-1] + abs(dx) * rows[:, near] >= threshold
+    return total / np.float32(CUT_SAMPLES**2)
 
 
 def _halved(values: np.ndarray, axis: int) -> np.ndarray:

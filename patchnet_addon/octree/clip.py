@@ -12,18 +12,17 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels import device, serial_kernel
-from .polygon import POLYGON_ROWS, cell_range, moments, splitter
+from .polygon import POLYGON_ROWS, cell_range, load_triangle, moments, split_x, split_y, split_z, splitter
 
 BRICK_LEVELS = 5  # a brick has 32 cells along each axis
 _BRICK = 1 << BRICK_LEVELS
 _INITIAL_CAPACITY = 4096
-# The first row of each polygon; "rest" is what peeling has left so far.
+# The first row of each polygon, the triangle's first; "rest" is what peeling has left so far.
 (
     _TRIANGLE, _BRICKS_REST_X, _BRICKS_SLAB, _BRICKS_REST_Y, _BRICKS_COLUMN, _BRICKS_REST_Z, _PIECE,
     _REST_X, _SLAB, _REST_Y, _COLUMN, _REST_Z, _CELL, _ROWS,
 ) = range(0, 14 * POLYGON_ROWS, POLYGON_ROWS)  # fmt: skip
 
-_split_x, _split_y, _split_z = (splitter(axis, axis) for axis in range(3))
 _split_bricks_x, _split_bricks_y, _split_bricks_z = (splitter(axis, 0) for axis in range(3))
 
 
@@ -71,7 +70,7 @@ def _clip_column(rows, column, n_column, key, low, side, triangle, block, sink, 
             piece, n_piece, n_rest = rest, n_rest, 0
         else:
             piece = _CELL
-            n_piece, n_rest = _split_z(rows, rest, n_rest, z + 1.0, piece, free)
+            n_piece, n_rest = split_z(rows, rest, n_rest, z + 1.0, piece, free)
             rest, free = free, rest
         cell = key | (_spread_bits(z) << np.uint64(2))
         if n_piece >= 3 and wanted[cell >> shift]:
@@ -92,7 +91,7 @@ def _clip_slab(rows, slab, n_slab, x, low, side, triangle, block, sink, count): 
             column, n_column, n_rest = rest, n_rest, 0
         else:
             column = _COLUMN
-            n_column, n_rest = _split_y(rows, rest, n_rest, y + 1.0, column, free)
+            n_column, n_rest = split_y(rows, rest, n_rest, y + 1.0, column, free)
             rest, free = free, rest
         if n_column >= 3:
             key = cell_key(x, y, 0)
@@ -111,7 +110,7 @@ def _clip_piece(rows, piece, n_piece, low, side, triangle, x_first, x_last, bloc
             slab, n_slab, n_rest = rest, n_rest, 0
         else:
             slab = _SLAB
-            n_slab, n_rest = _split_x(rows, rest, n_rest, x + 1.0, slab, free)
+            n_slab, n_rest = split_x(rows, rest, n_rest, x + 1.0, slab, free)
             rest, free = free, rest
         if n_slab >= 3 and x_first <= x < x_last:
             count = _clip_slab(rows, slab, n_slab, x, low, side, triangle, block, sink, count)
@@ -203,16 +202,6 @@ def _clip_triangle(rows, triangle, slabs, end, near, block, sink, count):  # typ
     return _clip_piece(rows, _TRIANGLE, 3, low, side, triangle, slabs[0], slabs[1], block, sink, count)
 
 
-@device
-def _load(corners_voxel, triangle, rows):  # type: ignore[no-untyped-def]
-    """Write a triangle as a polygon with coordinates (u, v) on the triangle."""
-    for corner in range(3):
-        for axis in range(3):
-            rows[_TRIANGLE + corner, axis] = corners_voxel[triangle, corner, axis]
-        rows[_TRIANGLE + corner, 3] = 1.0 if corner == 1 else 0.0
-        rows[_TRIANGLE + corner, 4] = 1.0 if corner == 2 else 0.0
-
-
 @serial_kernel
 def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, near, block):  # type: ignore[no-untyped-def]
     """Fragments of triangles first..last-1 in the slabs slabs[0]..slabs[1]-1 of cells along x.
@@ -220,8 +209,9 @@ def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, n
     corners_voxel: (T, 3, 3) float64, cells as unit. areas_world: (T,) float64, the triangles' areas.
     near, block: (wanted, shift) each, wanted (n,) bool by the key of a brick or cell >> shift (uint64): only fragments
     in wanted bricks and cells are made.
-    Returns keys (F,) uint64, triangle (F,) int32, barycentric (F, 2) float32, area_world (F,) float64. A fragment
-    depends on its triangle and cell alone, not on what else is asked for.
+    Returns the fields of `Fragments`: keys (F,) uint64, triangle (F,) int32, barycentric (F, 2) float32,
+    area_world (F,) float64, and what they were cut from: the keys again and `corners_voxel`. A fragment depends on its
+    triangle and cell alone, not on what else is asked for.
     Runs on one core without the interpreter lock, so several may run in threads.
     """
     cells = np.empty((_INITIAL_CAPACITY, 2), np.uint64)  # key, triangle
@@ -232,7 +222,7 @@ def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, n
     while triangle < last:
         total = count
         if areas_world[triangle] > 0.0:
-            _load(corners_voxel, triangle, rows)
+            load_triangle(corners_voxel, triangle, rows)
             total = _clip_triangle(rows, triangle, slabs, resolution - 1, near, block, (cells, measures), count)
         if total > len(cells):  # too many for the room there was: this triangle once more
             more_cells = np.empty((2 * total, 2), np.uint64)
@@ -253,4 +243,4 @@ def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, n
         barycentric[i, 0] = measures[i, 1]
         barycentric[i, 1] = measures[i, 2]
         area_world[i] = 2.0 * measures[i, 0] * areas_world[triangles[i]]
-    return keys, triangles, barycentric, area_world
+    return keys, triangles, barycentric, area_world, keys, corners_voxel

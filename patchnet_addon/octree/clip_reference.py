@@ -20,10 +20,7 @@ def clip_reference(corners_voxel: np.ndarray, resolution: int) -> dict[int, tupl
     high = np.clip(np.floor(corners_voxel.max(axis=0)).astype(int), 0, resolution - 1)
     pieces = {}
     for cell in itertools.product(*(range(a, b + 1) for a, b in zip(low, high, strict=True))):
-        polygon = [(corner, weights) for corner, weights in zip(corners_voxel, np.eye(3), strict=True)]
-        for axis in range(3):
-            polygon = _half_space(polygon, axis, cell[axis], +1.0)
-            polygon = _half_space(polygon, axis, cell[axis] + 1, -1.0)
+        polygon = piece_reference(corners_voxel, cell)
         share, centroid = _share_and_centroid(polygon)
         upper_face = any(
             polygon and cell[axis] < high[axis] and all(point[axis] == cell[axis] + 1 for point, _ in polygon)
@@ -34,7 +31,16 @@ def clip_reference(corners_voxel: np.ndarray, resolution: int) -> dict[int, tupl
     return pieces
 
 
-def _half_space(polygon: list, axis: int, plane: float, sign: float) -> list:
+def piece_reference(corners_voxel: np.ndarray, cell: tuple[int, ...]) -> list:
+    """Part of a triangle (3, 3) in one cell: vertices as pairs of position (3,) and barycentric weights (3,)."""
+    polygon = list(zip(corners_voxel, np.eye(3), strict=True))
+    for axis in range(3):
+        polygon = half_space(polygon, axis, cell[axis], +1.0)
+        polygon = half_space(polygon, axis, cell[axis] + 1, -1.0)
+    return polygon
+
+
+def half_space(polygon: list, axis: int, plane: float, sign: float) -> list:
     """Part of the polygon with sign * (coordinate - plane) >= 0 (Sutherland and Hodgman)."""
     kept = []
     for (a, wa), (b, wb) in zip(polygon, polygon[1:] + polygon[:1], strict=True):

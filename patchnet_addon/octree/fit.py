@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import GeometryError
 from ..progress import Steps, labelled
 from ..tracing.camera import Camera
-from ..tracing.detail import needed_levels
+from ..tracing.detail import lookahead_share, needed_levels
 from .blocks import plan_passes
 from .grid import MAX_DEPTH, Grid
 from .leaf_levels import LeafLevels
@@ -34,8 +34,7 @@ class FittedLevels:
     """The leaves' levels, and what bounded them.
 
     wanted: the deepest level that the cameras ask for. leaves: how many there are.
-    lookahead_share: share of the cameras' hit pixels whose leaves are as deep as they ask for; below 1 where the number
-    of leaves or the depth was bounded.
+    lookahead_share: share of hit pixels with look-ahead in the camera that has least of it.
     """
 
     layout: LeafLevels
@@ -79,12 +78,12 @@ def fit_leaf_levels(
         if last:
             break
         last = needed.max(initial=0) <= cap or cap == deepest
-    missed = pixels[surface][layout.levels[surface] < needed].sum(dtype=np.float64)
+    _, child_mask, first_child = hierarchy(leaves, max(leaves))
     return FittedLevels(
         layout,
         wanted=int(needed.max(initial=block_level)),
         leaves=sum(len(keys) for keys in leaves.values()),
-        lookahead_share=1.0 - float(missed / max(pixels.sum(dtype=np.float64), 1.0)),
+        lookahead_share=min((lookahead_share(child_mask, first_child, grid, camera) for camera in cameras), default=1),
     )
 
 

@@ -86,12 +86,16 @@ class Fragments:
     keys: (F,) uint64 Morton keys of the cells. triangle: (F,) int32 in the batch.
     barycentric: (F, 2) float32, weights of corners 1 and 2 at the piece's centroid.
     area_world: (F,) float64.
+    cut_keys: (F,) uint64 cells that the pieces were cut out of, and corners_voxel: (T, 3, 3) float64, the batch's
+    triangles in units of these cells: together the outline of each piece. None where only the centroids are known.
     """
 
     keys: np.ndarray
     triangle: np.ndarray
     barycentric: np.ndarray
     area_world: np.ndarray
+    cut_keys: np.ndarray | None = None
+    corners_voxel: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.keys)

@@ -57,6 +57,19 @@ def splitter(axis: int, kept: int):  # type: ignore[no-untyped-def]
     return split
 
 
+split_x, split_y, split_z = (splitter(axis, axis) for axis in range(3))
+
+
+@device
+def load_triangle(corners_voxel, triangle, rows):  # type: ignore[no-untyped-def]
+    """Write a triangle as the polygon at row 0, with its weights of corners 1 and 2 as (u, v)."""
+    for corner in range(3):
+        for axis in range(3):
+            rows[corner, axis] = corners_voxel[triangle, corner, axis]
+        rows[corner, 3] = 1.0 if corner == 1 else 0.0
+        rows[corner, 4] = 1.0 if corner == 2 else 0.0
+
+
 @device
 def cell_range(rows, polygon, count, axis, first, last):  # type: ignore[no-untyped-def]
     """First and last cell that the polygon reaches along an axis, clamped to cells first..last."""

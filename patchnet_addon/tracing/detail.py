@@ -35,11 +35,18 @@ def needed_levels(
     for first in range(0, camera.height_px, _ROWS_PER_STEP):
         last = min(first + _ROWS_PER_STEP, camera.height_px)
         for offset, levels, margin in [((0.0, 0.0), 0, 1), *((offset, LOOK_AHEAD, 0) for offset in FINE_OFFSETS)]:
-            cell, level, wanted = _hits(child_mask, first_child, unit, (first, last), offset, levels)
+            cell, level, wanted, _ = _hits(child_mask, first_child, unit, (first, last), offset, levels)
             _request(cell, level, wanted, margin, block_level, needed)
             if margin:
                 _count(cell, level, wanted, block_level, pixels)
         yield Progress(last, camera.height_px, "Finding detail")
+
+
+def lookahead_share(child_mask: np.ndarray, first_child: np.ndarray, grid: Grid, camera: Camera) -> float:
+    """Share of the pixels that hit the octree whose voxel has descendants LOOK_AHEAD levels down; 1 without hits."""
+    unit = camera_in_unit_cube(camera, grid)
+    _, _, wanted, ahead = _hits(child_mask, first_child, unit, (0, camera.height_px), (0.0, 0.0), 0)
+    return float(ahead[wanted > 0].mean()) if (wanted > 0).any() else 1.0
 
 
 def _hits(
@@ -49,18 +56,20 @@ def _hits(
     rows: tuple[int, int],
     offset: tuple[float, float],
     finer: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cells (R, 3) int32, their levels (R,) uint8, and the levels (R,) uint8 of leaves that look-ahead takes there.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Cells (R, 3) int32, their levels (R,) uint8, the levels (R,) uint8 of leaves that look-ahead takes there (0 for a
+    miss), and whether there is look-ahead (R,) bool.
 
     offset: from the pixels' centres, in pixels. finer: levels that the rays' footprint is finer than the pixel.
     """
     count = (rows[1] - rows[0]) * unit.width_px
     cell, level, wanted = np.zeros((count, 3), np.int32), np.zeros(count, np.uint8), np.zeros(count, np.uint8)
+    ahead = np.zeros(count, np.bool_)
     _trace(
         child_mask, first_child, unit.frame, unit.lens, unit.perspective, unit.width_px, unit.height_px, rows[0],
-        offset, finer, cell, level, wanted,
+        offset, finer, cell, level, wanted, ahead,
     )  # fmt: skip
-    return cell, level, wanted
+    return cell, level, wanted, ahead
 
 
 @device
@@ -74,9 +83,35 @@ def fitting_level(limit):  # type: ignore[no-untyped-def]
     return level
 
 
+@device
+def _has_look_ahead(child_mask, first_child, node):  # type: ignore[no-untyped-def]
+    """Whether any child of `node` has children: LOOK_AHEAD is two levels."""
+    child = np.int64(first_child[node])
+    mask = child_mask[node]
+    while mask:
+        if child_mask[child] != 0:
+            return True
+        child += 1
+        mask &= mask - np.uint8(1)
+    return False
+
+
 @kernel
 def _trace(
-    child_mask, first_child, frame, lens, perspective, width, height, first_row, offset, finer, cell, level, wanted
+    child_mask,
+    first_child,
+    frame,
+    lens,
+    perspective,
+    width,
+    height,
+    first_row,
+    offset,
+    finer,
+    cell,
+    level,
+    wanted,
+    ahead,
 ):  # type: ignore[no-untyped-def]
     for row in numba.prange(len(wanted) // width):
         stack = np.empty(MAX_LEVELS, np.int64)
@@ -96,6 +131,7 @@ def _trace(
                 pixel = lens[2] + lens[3] * t * speed
                 level[ray] = depth
                 wanted[ray] = fitting_level(2.0 * pixel) + LOOK_AHEAD
+                ahead[ray] = _has_look_ahead(child_mask, first_child, hit)
                 for axis in range(3):
                     cell[ray, axis] = found[axis]
 

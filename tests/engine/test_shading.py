@@ -32,8 +32,10 @@ def pieces(mesh: TriangleMesh, depth: int) -> tuple[TriangleBatch, Fragments]:
     (batch,) = mesh.batches()
     grid = Grid((-1e-9, -1e-9, -0.5), 1.0 + 2e-9, depth)
     areas, _ = triangle_areas_and_normals(batch.corners_world)
-    parts = list(clip_batch(batch, grid, areas))
-    return batch, Fragments(*(np.concatenate([getattr(p, key) for p in parts]) for key in Fragments.__annotations__))
+    parts = list(clip_batch(batch, grid, areas, grid.depth))
+    names = ("keys", "triangle", "barycentric", "area_world", "cut_keys")
+    joined = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    return batch, Fragments(*joined, corners_voxel=parts[0].corners_voxel)
 
 
 def points(batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
@@ -126,7 +128,7 @@ def test_alpha_fractions_and_cut_alpha() -> None:
         values, opacity = albedo_shade(hard)(batch, fragments)
         assert np.average(opacity, weights=weight) == pytest.approx(area, abs=0.02), "coverage is right at every size"
         assert np.average(values, weights=weight * opacity) == pytest.approx(0.9, abs=0.03), "what is cut has no colour"
-    assert set(np.unique(opacity)) <= {0.0, 1.0}, "fine fragments are there or not"
+    assert (np.minimum(opacity, 1 - opacity) < 1e-6).mean() > 0.8, "most fine fragments are there or not"
 
 
 def test_constant_alpha_scales_a_texture_and_thresholds_are_of_the_product() -> None:
@@ -143,8 +145,12 @@ def test_constant_alpha_scales_a_texture_and_thresholds_are_of_the_product() -> 
 
 def test_coverage_of_a_texel() -> None:
     ramp = np.array([[0.0, 0.4, 0.8, 0.8]], np.float32).repeat(3, axis=0)
-    # From 0.4 to 0.8 bilinear opacity passes 0.5 at a quarter of the way: one of two samples reaches it.
-    np.testing.assert_allclose(cut_coverage(ramp, 0.5)[1], [0.0, 0.5, 1.0, 1.0])
+    # From 0.4 to 0.8 bilinear opacity passes 0.5 at a quarter of the way: a quarter of the texel reaches it.
+    np.testing.assert_allclose(cut_coverage(ramp, 0.5, "EXTEND")[1], [0.0, 0.25, 1.0, 1.0])
+    opaque = np.ones((3, 3), np.float32)
+    clipped = cut_coverage(opaque, 0.7, "CLIP")
+    np.testing.assert_allclose(clipped[1], [0.75, 1.0, 0.75], err_msg="nothing is outside")
+    np.testing.assert_allclose(cut_coverage(opaque, 0.7, "MIRROR"), 1.0)
 
 
 def test_two_lights() -> None:

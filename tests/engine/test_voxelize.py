@@ -51,7 +51,7 @@ def test_clip_over_bricks_equals_clipping_each_cell_alone(corners):
 
 def compare_with_reference(corners, area, resolution):
     wanted = all_cells(resolution.bit_length() - 1)
-    keys, _, barycentric, areas = clip_triangles(
+    keys, _, barycentric, areas, *_ = clip_triangles(
         corners[None], area, 0, 1, (0, resolution), resolution, wanted.near, wanted.block
     )
     if area[0] < 1e-9:

@@ -4,63 +4,69 @@
 import json
 import os
 import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from patchnet.commands import bench, main
+from patchnet.commands.benches import voxelize as command
 from patchnet.patchnet_addon.errors import PatchNetError
-from patchnet.training.benchmarks.timing import compare, one_core
-from patchnet.training.benchmarks.voxelize import benchmark_voxelize, import_open3d
+from patchnet.training.benchmarks.open3d_peer import Open3DVoxels, import_open3d
+from patchnet.training.benchmarks.timing import compare, one_core, take_turns
+from patchnet.training.benchmarks.voxelize import benchmark_voxelize
 
 CORNERS = np.random.default_rng(0).uniform(0, 1, (50, 3, 3))
 
 
-@pytest.fixture
-def peer(monkeypatch):
-    """A stand-in for Open3D that keeps what it was given."""
-    calls = SimpleNamespace(meshes=[], sides=[])
-
-    def create(mesh, side):
-        calls.meshes.append(mesh)
-        calls.sides.append(side)
-        return SimpleNamespace(get_voxels=lambda: [0] * 7)
-
-    module = SimpleNamespace(
-        __version__="0.0",
-        utility=SimpleNamespace(Vector3dVector=np.asarray, Vector3iVector=np.asarray),
-        geometry=SimpleNamespace(
-            TriangleMesh=lambda vertices, triangles: vertices[triangles],
-            VoxelGrid=SimpleNamespace(create_from_triangle_mesh=create),
-        ),
-    )
-    monkeypatch.setitem(sys.modules, "open3d", module)
-    return calls
-
-
 def test_both_get_the_same_triangles_and_voxel_size(peer):
     result = benchmark_voxelize(CORNERS, depth=5, repeats=2)
-    assert len(peer.meshes) == 2
-    np.testing.assert_array_equal(peer.meshes[0], CORNERS)
-    assert peer.sides[0] == pytest.approx(np.ptp(CORNERS.reshape(-1, 3), axis=0).max() / 32, rel=1e-4)
+    assert len(peer.meshes) == 3  # the first is a rehearsal
+    np.testing.assert_array_equal(peer.meshes[1], CORNERS)
+    assert peer.sides[1] == pytest.approx(np.ptp(CORNERS.reshape(-1, 3), axis=0).max() / 32, rel=1e-4)
     assert result.details["peer_voxels"] == 7 and result.details["ours_voxels"] > 1000
+    assert result.details["ours_fragments"] > result.details["ours_voxels"]
     assert result.ratio == pytest.approx(result.peer / result.ours)
 
 
-def test_last_line_is_json(peer, monkeypatch, capsys):
-    monkeypatch.setattr(bench, "read_triangles", lambda scene: CORNERS)
-    assert main(["bench", "voxelize", "--scene", "a/soup.glb", "--depth", "4", "--repeats", "1", "--json"]) == 0
+def test_open3d_itself():
+    try:
+        import_open3d()
+    except PatchNetError as reason:
+        pytest.skip(str(reason))
+    square = np.array([[[0.0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]])
+    voxels = Open3DVoxels(square, 0.5)
+    voxels.voxelize(0.1)
+    assert voxels.voxel_count == len(voxels._voxels.get_voxels()) >= 100
+    assert voxels.name.startswith("Open3D 0.")
+
+
+@pytest.mark.parametrize("cores", ["one", "all"])
+def test_last_line_is_json(cores, peer, monkeypatch, capsys):
+    monkeypatch.setattr(command, "read_triangles", lambda scene: CORNERS)
+    words = ["bench", "voxelize", "--scene", "a/soup.glb", "--depth", "4", "--repeats", "1", "--cores", cores]
+    assert main([*words, "--json"]) == 0
     values = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert {"name", "ours", "peer", "unit", "ratio"} <= values.keys()
     assert (values["name"], values["unit"], values["scene"], values["depth"]) == ("voxelize", "s", "soup.glb", 4)
-    assert main(["bench", "voxelize", "--scene", "soup.glb", "--depth", "4", "--repeats", "1"]) == 0
+    assert values["clock"] == {"one": "processor", "all": "wall"}[cores]
+    if hasattr(os, "sched_getaffinity"):
+        assert values["cores"] == {"one": 1, "all": len(os.sched_getaffinity(0))}[cores]
+    assert main(words) == 0
     assert "soup.glb at depth 4: octree of" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("name", bench.BENCHES)
+def test_help_of_every_bench(name, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["bench", name, "--help"])
+    assert stop.value.code == 0
+    assert f"usage: patchnet bench {name}" in (shown := capsys.readouterr().out) and "--json" in shown
+
+
 def test_missing_peer_and_no_repeats_are_explained(peer, monkeypatch, capsys):
-    assert main(["bench", "voxelize", "--scene", "soup.glb", "--repeats", "0"]) == 2
-    assert "at least 1" in capsys.readouterr().err
+    for name in ("voxelize", "depths"):
+        assert main(["bench", name, "--scene", "soup.glb", "--repeats", "0"]) == 2
+        assert "at least 1 for --repeats" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "open3d", None)
     with pytest.raises(PatchNetError, match=r"Open3D cannot be imported .* install patchnet-blender\[peers\]"):
         import_open3d()
@@ -79,3 +85,17 @@ def test_the_median_run_counts_and_both_take_turns():
     result = compare("turns", lambda: order.append("ours"), lambda: order.append("peer"), 3)
     assert order == ["ours", "peer"] * 3
     assert result.ours == pytest.approx(sorted(result.details["ours_runs"])[1], abs=1e-4)
+
+
+@pytest.mark.parametrize("all_cores", [False, True])
+def test_preparation_comes_before_each_run_and_no_run_follows_when_time_is_up(all_cores):
+    order = []
+    seconds = take_turns(
+        {"ours": lambda: order.append("run")},
+        5,
+        all_cores=all_cores,
+        most_seconds=0.0,
+        prepare=lambda: order.append("prepare"),
+    )
+    assert order == ["prepare", "run"]
+    assert len(seconds["ours"]) == 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Comparing two functions on one core."""
+"""Comparing two functions, on one core or on all."""
 
 from __future__ import annotations
 
@@ -11,15 +11,21 @@ from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
 
+from ...patchnet_addon.octree.voxelize import usable_cores
+
 
 @dataclass(frozen=True)
 class Comparison:
-    """Seconds of ours and of a peer. ratio: peer / ours, above 1 where ours is faster. details: what was measured."""
+    """What was measured of ours and of a peer, in `unit`.
+
+    ratio: peer / ours, above 1 where ours is better. peer and ratio are None where the peer could not run.
+    details: what else was measured, plain JSON values.
+    """
 
     name: str
     ours: float
-    peer: float
-    ratio: float
+    peer: float | None
+    ratio: float | None
     details: dict[str, Any]
     unit: str = "s"
 
@@ -46,22 +52,63 @@ def one_core() -> Iterator[int]:
         os.sched_setaffinity(0, before)
 
 
-def compare(name: str, ours: Callable[[], Any], peer: Callable[[], Any], repeats: int) -> Comparison:
-    """Median of `repeats` runs of each, taking turns on one core, in processor seconds, which other programs' load on
-    the machine changes least. Both functions must have run before, so that nothing is compiled within the time.
+@contextmanager
+def every_core() -> Iterator[int]:
+    """Change nothing; yields how many cores may be used."""
+    yield usable_cores()
+
+
+def compare(
+    name: str,
+    ours: Callable[[], Any],
+    peer: Callable[[], Any],
+    repeats: int,
+    *,
+    all_cores: bool = False,
+    most_seconds: float = float("inf"),
+    prepare: Callable[[], Any] | None = None,
+) -> Comparison:
+    """Median of `repeats` runs of each, taking turns; fewer, but at least one, once they took `most_seconds`.
+
+    On one core in processor seconds, which other programs' load on the machine changes least; on all cores in wall
+    seconds. Both functions must have run before, so that nothing is compiled within the time. `prepare` runs before
+    each run, outside the time.
     """
-    seconds: dict[str, list[float]] = {"ours": [], "peer": []}
-    with one_core() as cores:
-        for _ in range(max(repeats, 1)):
-            seconds["ours"].append(_processor_seconds(ours))
-            seconds["peer"].append(_processor_seconds(peer))
+    seconds = take_turns(
+        {"ours": ours, "peer": peer}, repeats, all_cores=all_cores, most_seconds=most_seconds, prepare=prepare
+    )
     middle = {who: median(values) for who, values in seconds.items()}
-    details: dict[str, Any] = {"cores": cores, "repeats": len(seconds["ours"])}
+    details: dict[str, Any] = how_measured(all_cores) | {"repeats": len(seconds["ours"])}
     details |= {f"{who}_runs": [round(value, 4) for value in values] for who, values in seconds.items()}
     return Comparison(name, middle["ours"], middle["peer"], middle["peer"] / max(middle["ours"], 1e-9), details)
 
 
-def _processor_seconds(function: Callable[[], Any]) -> float:
-    start = time.process_time()
-    function()
-    return time.process_time() - start
+def take_turns(
+    functions: dict[str, Callable[[], Any]],
+    repeats: int,
+    *,
+    all_cores: bool = False,
+    most_seconds: float = float("inf"),
+    prepare: Callable[[], Any] | None = None,
+) -> dict[str, list[float]]:
+    """Seconds of each run of each function, as `compare` measures them."""
+    clock = time.perf_counter if all_cores else time.process_time
+    seconds: dict[str, list[float]] = {who: [] for who in functions}
+    begin = time.perf_counter()
+    with every_core() if all_cores else one_core():
+        for turn in range(max(repeats, 1)):
+            if turn and time.perf_counter() - begin > most_seconds:
+                break
+            for who, function in functions.items():
+                if prepare is not None:
+                    prepare()
+                start = clock()
+                function()
+                seconds[who].append(clock() - start)
+    return seconds
+
+
+def how_measured(all_cores: bool) -> dict[str, Any]:
+    """Cores and clock of `take_turns`, for the JSON."""
+    with every_core() if all_cores else one_core() as cores:
+        return {"cores": cores, "clock": "wall" if all_cores else "processor"}

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Arguments that benches share, and the triangles that `--scene` stands for."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...patchnet_addon.errors import SettingError
+from ..quiet import quiet_stdout
+from ..run import require_blender
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+def add_scene(parser: argparse.ArgumentParser, required: bool = True) -> None:
+    """`--scene FILE`."""
+    parser.add_argument("--scene", type=Path, required=required, help="scene file, as for `patchnet run`")
+
+
+def add_depth(parser: argparse.ArgumentParser) -> None:
+    """`--depth D`."""
+    parser.add_argument("--depth", type=int, default=9, help="octree depth (9)")
+
+
+def add_repeats(parser: argparse.ArgumentParser, repeats: int) -> None:
+    """`--repeats N`."""
+    parser.add_argument("--repeats", type=int, default=repeats, help=f"runs of each, the median counts ({repeats})")
+
+
+def add_cores(parser: argparse.ArgumentParser) -> None:
+    """`--cores one|all`."""
+    parser.add_argument(
+        "--cores",
+        choices=("one", "all"),
+        default="one",
+        help="one: both are bound to one core, processor seconds; all: both may use every core, wall seconds (one)",
+    )
+
+
+def check_repeats(args: argparse.Namespace) -> None:
+    """Raises SettingError if nothing would run."""
+    if args.repeats < 1:
+        raise SettingError(f"{args.repeats} repeats measure nothing: give at least 1 for --repeats")
+
+
+def read_triangles(scene: Path) -> np.ndarray:
+    """All placed triangles (T, 3, 3) of a scene file, in world units."""
+    require_blender()
+    import bpy
+    import numpy as np
+
+    from ...operators.scene import open_scene, read_scene
+
+    with quiet_stdout():
+        open_scene(scene)
+        source = read_scene(bpy.context.evaluated_depsgraph_get())
+        return np.concatenate([batch.corners_world for batch in source.batches()])

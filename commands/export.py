@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet export OCTREE`: the voxels of one level for other programs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ..patchnet_addon.errors import PatchNetError
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
+    """Arguments of `patchnet export`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "export",
+        help="write the voxels of an octree as .ply, .npz or .vdb",
+        description="Write the voxels of one level of an octree file for other programs. The ending of --out chooses: "
+        ".ply is a point cloud, .npz holds arrays for NumPy, .safetensors is the octree down to the level, and .vdb "
+        "holds the OpenVDB grids luminance and density, where Python has the module openvdb.",
+    )
+    parser.add_argument("octree", type=Path, help="an octree file, such as octree.safetensors of `patchnet run`")
+    parser.add_argument("--level", type=int, help="level of the voxels; the root is 0 (the finest)")
+    parser.add_argument("--out", type=Path, required=True, help="file to write")
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the file; returns 0. Raises PatchNetError."""
+    from ..patchnet_addon.octree.export.formats import export_octree
+    from ..patchnet_addon.octree.file import load_octree
+    from ..patchnet_addon.progress import drain
+    from .progress_bars import ProgressBars
+
+    octree = load_octree(args.octree)
+    level = octree.depth if args.level is None else args.level
+    steps = export_octree(octree, args.out, level)
+    try:
+        args.out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as cause:
+        raise PatchNetError(f"{args.out.parent} cannot be made ({cause.strerror}): choose another folder") from cause
+    with ProgressBars() as bars:
+        count = drain(steps, bars.show)
+    print(f"{args.out}: {count:,} voxels of level {level}, {args.out.stat().st_size / 2**20:.1f} MiB")
+    return 0

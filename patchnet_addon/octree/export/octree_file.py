@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The octree down to one level, as an octree file of ours."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from ...errors import SettingError
+from ...progress import Progress, Steps
+from ..file import save_octree
+from ..octree import Octree
+from ..voxel_cloud import voxel_counts
+
+
+def truncated(octree: Octree, level: int) -> Octree:
+    """The octree without what lies below `level`, whose nodes become leaves; values of nodes stay as they are.
+
+    Raises SettingError for level 0: a single node is no octree.
+    """
+    if level == octree.depth:
+        return octree
+    if level < 1:
+        raise SettingError("An octree file needs at least level 1: choose a level from 1")
+    count = int(octree.level_start[level + 1])
+    child_mask = octree.child_mask[:count].copy()
+    child_mask[octree.level(level)] = 0
+    return replace(
+        octree,
+        grid=replace(octree.grid, depth=level),
+        level_start=octree.level_start[: level + 2],
+        child_mask=child_mask,
+        first_child=octree.first_child[:count],
+        area_world=octree.area_world[:count],
+        luminance=octree.luminance[:count],
+        normal=octree.normal[:count],
+        _keys={},
+    )
+
+
+def write_octree(octree: Octree, level: int, path: Path) -> Steps[int]:
+    """Write the octree down to `level`; returns the voxels of that level. Raises PatchNetError."""
+    coarse = truncated(octree, level)
+    yield Progress(0, 1, "Writing the octree")
+    save_octree(coarse, path)
+    return int(voxel_counts(octree)[level])

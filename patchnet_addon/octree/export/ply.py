@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Voxels as a point cloud in a binary PLY file, which Blender, MeshLab, CloudCompare and Open3D read.
+
+x, y, z          centre in world units
+nx, ny, nz       mean normal; shorter than 1 where the surface in the voxel is curved or has two sides
+red, green, blue luminance for the eye: sRGB, 0 to 255
+scalar_luminance linear, 0 to 1; the prefix is how CloudCompare marks values that belong to points
+scalar_side      side of the voxel in world units
+scalar_area      surface in the voxel in square world units
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ...files import replaced_file
+from ...image.tone import srgb_encode, to_bytes
+from ...progress import Progress, Steps
+from ..octree import Octree
+from ..voxel_cloud import VoxelRun, voxel_counts, voxel_runs
+
+_FLOATS = ["x", "y", "z", "nx", "ny", "nz"]
+_COLOURS = ["red", "green", "blue"]
+_SCALARS = ["scalar_luminance", "scalar_side", "scalar_area"]
+_ROW = np.dtype([(n, "<f4") for n in _FLOATS] + [(n, "u1") for n in _COLOURS] + [(n, "<f4") for n in _SCALARS])
+
+
+def write_ply(octree: Octree, level: int, path: Path) -> Steps[int]:
+    """Write the voxels of `level` to `path`; returns their number. Raises PatchNetError if it cannot be written."""
+    total, done = int(voxel_counts(octree)[level]), 0
+    with replaced_file(path) as file:
+        file.write(_header(level, total))
+        for run in voxel_runs(octree, level):
+            file.write(_rows(run).tobytes())
+            done += len(run)
+            yield Progress(done, total, "Writing voxels")
+    return total
+
+
+def _header(level: int, count: int) -> bytes:
+    types = {"<f4": "float", "|u1": "uchar"}
+    lines = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"comment PatchNet voxels, level {level}",
+        f"element vertex {count}",
+        *(f"property {types[_ROW[name].str]} {name}" for name in _ROW.names or ()),
+        "end_header\n",
+    ]
+    return "\n".join(lines).encode("ascii")
+
+
+def _rows(run: VoxelRun) -> np.ndarray:
+    """Vertices (n,) of the file."""
+    rows = np.empty(len(run), _ROW)
+    for axes, values in (("x y z", run.centres_world), ("nx ny nz", run.normal)):
+        for axis, name in enumerate(axes.split()):
+            rows[name] = values[:, axis]
+    for name in _COLOURS:
+        rows[name] = to_bytes(srgb_encode(run.luminance))
+    rows["scalar_luminance"], rows["scalar_side"], rows["scalar_area"] = run.luminance, run.side_world, run.area_world
+    return rows

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Voxels as two OpenVDB grids of floats, through the `openvdb` module that Blender's own Python has.
+
+luminance  linear, 0 to 1
+density    surface / (2 * volume) of the voxel, in 1 / world unit: the extinction of a medium that hides, averaged over
+           directions, as much as the surface in the voxel would (half of a surface's area is its mean projection).
+           It does not depend on the level, and is what a Principled Volume reads by default.
+
+OpenVDB's cell (i, j, k) has its centre at index (i, j, k), so index 0 lies half a voxel inside the octree's cube.
+Coarser leaves fill all the cells that they cover, as tiles where OpenVDB has tiles of that size.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import PatchNetError, SettingError
+from ...files import replaced_path
+from ...progress import Progress, Steps
+from ..octree import Octree
+from ..voxel_cloud import VoxelRun, voxel_counts, voxel_runs
+
+_MODULES = ("openvdb", "pyopenvdb")  # the name since OpenVDB 12, and the one before
+NO_VDB = "This Python has no openvdb module, so it cannot write .vdb files: use Blender's own, or choose .ply or .npz"
+_BLOCK_LEVELS = 5  # cells are handed over in dense blocks of 2^5 along an axis
+_GRIDS = ("luminance", "density")
+# Cells with exactly the background's value do not exist; black surfaces do.
+_BLACK = np.float32(np.finfo(np.float32).tiny)
+
+
+@functools.cache
+def vdb_module_name() -> str:
+    """Name of the module that writes .vdb files, "" where there is none; looked for once, without importing it."""
+    return next((name for name in _MODULES if importlib.util.find_spec(name)), "")
+
+
+def write_vdb(octree: Octree, level: int, path: Path) -> Steps[int]:
+    """Write the voxels of `level` to `path`; returns their number.
+
+    OpenVDB holds both grids in memory until they are written: 2 KiB for each block of 8^3 cells that has voxels.
+    Raises SettingError without the module, PatchNetError if the file cannot be written.
+    """
+    if not vdb_module_name():
+        raise SettingError(NO_VDB)
+    vdb: Any = importlib.import_module(vdb_module_name())
+    grids = {name: _empty_grid(vdb, octree, level, name) for name in _GRIDS}
+    total, done, top = int(voxel_counts(octree)[level]), 0, max(level - _BLOCK_LEVELS, 0)
+    for run in voxel_runs(octree, top):
+        for index in range(len(run)):
+            node = run.only(slice(index, index + 1))
+            done += _fill(grids, node, level) if run.level < top else _copy_block(grids, node, level)
+            yield Progress(done, total, "Filling the grids")
+    yield Progress(0, 1, "Writing the grids")
+    with replaced_path(path) as temporary:
+        try:
+            vdb.write(str(temporary), grids=list(grids.values()), metadata={"creator": "PatchNet", "level": level})
+        except RuntimeError as cause:
+            raise PatchNetError(f"{path} cannot be written: {cause}; choose another folder or make room") from cause
+    return total
+
+
+def _empty_grid(vdb: Any, octree: Octree, level: int, name: str) -> Any:
+    side = octree.grid.side_world / (1 << level)
+    transform = vdb.createLinearTransform(voxelSize=side)
+    x, y, z = (axis + side / 2 for axis in octree.grid.origin_world)
+    transform.translate((x, y, z))
+    grid = vdb.FloatGrid()  # background 0
+    grid.name, grid.transform, grid.gridClass = name, transform, vdb.GridClass.FOG_VOLUME
+    return grid
+
+
+def _values(run: VoxelRun) -> np.ndarray:
+    """Values (2, n) float32 in the order of the grids."""
+    density = run.area_world / (2.0 * run.side_world**3)
+    return np.maximum(np.stack([run.luminance, density]).astype(np.float32), _BLACK)
+
+
+def _fill(grids: dict[str, Any], leaf: VoxelRun, level: int) -> int:
+    """One coarse leaf as tiles; 1, the number of voxels."""
+    width = 1 << (level - leaf.level)
+    low = leaf.cells[0] * width
+    corners = tuple(low.tolist()), tuple((low + width - 1).tolist())
+    for grid, value in zip(grids.values(), _values(leaf)[:, 0].tolist(), strict=True):
+        grid.fill(*corners, value, True)
+    return 1
+
+
+def _copy_block(grids: dict[str, Any], node: VoxelRun, level: int) -> int:
+    """All voxels below one node, through dense arrays; their number."""
+    side, count = 1 << (level - node.level), 0
+    low = node.cells[0] * side
+    dense = np.zeros((len(grids), side, side, side), np.float32)
+    for run in voxel_runs(node.octree, level, node):
+        width = 1 << (level - run.level)
+        parts = side // width
+        x, y, z = (run.cells - low // width).T
+        tiled = dense.reshape(len(grids), parts, width, parts, width, parts, width)
+        tiled[:, x, :, y, :, z, :] = _values(run).T[:, :, None, None, None]  # (n, 2, width, width, width)
+        count += len(run)
+    for grid, values in zip(grids.values(), dense, strict=True):
+        grid.copyFromArray(values, ijk=tuple(low.tolist()))
+    return count

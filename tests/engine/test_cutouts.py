@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cut-out surfaces: leaves of the octree against alpha rasterised point by point, and against the plain twin."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.light.albedo import albedo_shade
+from patchnet.patchnet_addon.light.footprint_reference import bilinear_reference, footprint_reference
+from patchnet.patchnet_addon.light.textures import TextureTable
+from patchnet.patchnet_addon.octree.clip_reference import piece_reference
+from patchnet.patchnet_addon.octree.grid import Grid, morton_decode, morton_encode
+from patchnet.patchnet_addon.octree.mesh import Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.octree.voxelize import LeafSums, clip_batch, triangle_areas_and_normals, voxelize
+from patchnet.patchnet_addon.progress import drain
+
+UPRIGHT = np.array([(0.03, 0.05, 0.11), (0.9, 0.0, 0.0), (0.0, 0.87, 0.0)])  # origin and two edges
+TILTED = np.array([(0.15, 0.08, 0.07), (0.7, 0.2, 0.3), (-0.1, 0.6, 0.55)])
+
+
+def foliage(size: int, seed: int = 0) -> np.ndarray:
+    """Opacity (size, size) of seven leaves, a disc and a thin stem, with soft edges of two texels; it tiles."""
+    rng = np.random.default_rng(seed)
+    y, x = (np.mgrid[0:size, 0:size] + 0.5) / size
+    shapes = [(*rng.random(2), rng.uniform(0.06, 0.16), rng.uniform(0, np.pi), 3.0) for _ in range(7)]
+    opacity = np.clip((0.012 - abs(x - 0.4)) * size / 2 + 0.5, 0, 1)
+    for centre_x, centre_y, radius, angle, flatness in [*shapes, (0.7, 0.3, 0.1, 0.0, 1.0)]:
+        dx, dy = x - centre_x, y - centre_y
+        dx, dy = dx - np.rint(dx), dy - np.rint(dy)
+        along, across = np.cos(angle) * dx + np.sin(angle) * dy, np.cos(angle) * dy - np.sin(angle) * dx
+        opacity = np.maximum(opacity, np.clip((radius - np.hypot(along, flatness * across)) * size / 2 + 0.5, 0, 1))
+    return opacity.astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Quad:
+    """A quad under a tiled texture. place: (3, 3) origin and edges. split: pairs of triangles along a side."""
+
+    place: np.ndarray
+    texels: int
+    depth: int
+    threshold: float | None = 0.5
+    tiles: float = 1.0
+    split: int = 1
+    extension: str = "REPEAT"
+    transform: tuple | None = None
+
+    @property
+    def alpha(self) -> np.ndarray:
+        return foliage(self.texels)
+
+    def mesh(self) -> TriangleMesh:
+        texture = Texture("leaves", self.alpha[..., None], self.extension, self.transform)
+        material = Material("leaves", (1.0, 1.0, 1.0), alpha_texture=texture, alpha_threshold=self.threshold)
+        lines = np.linspace(0, 1, self.split + 1)
+        low, high = lines[:-1], lines[1:]
+        triangles = [
+            triangle
+            for i, j in np.ndindex(self.split, self.split)
+            for triangle in (
+                [(low[i], low[j]), (high[i], low[j]), (high[i], high[j])],
+                [(low[i], low[j]), (high[i], high[j]), (low[i], high[j])],
+            )
+        ]
+        st = np.array(triangles)
+        corners = self.place[0] + st @ self.place[1:]
+        uvs = (st * self.tiles).astype(np.float32)
+        return TriangleMesh((TriangleBatch(corners, uvs, np.zeros(len(st), np.int32), 0),), (material,))
+
+    @property
+    def grid(self) -> Grid:
+        return Grid((0.0, 0.0, 0.0), 1.0, self.depth)
+
+    def voxelized(self) -> LeafSums:
+        mesh = self.mesh()
+        (leaves,) = drain(voxelize(mesh, self.grid, albedo_shade(mesh)))
+        return leaves
+
+    def opacity(self, st: np.ndarray) -> np.ndarray:
+        """Opacity (n,) at points (n, 2) of the quad, as a renderer finds it."""
+        uv = st * self.tiles
+        if self.transform is not None:
+            uv = np.column_stack([uv, np.ones(len(uv))]) @ np.array(self.transform).T
+        values = bilinear_reference(self.alpha[..., None], uv, self.extension)[:, 0]
+        return values if self.threshold is None else (values >= self.threshold).astype(float)
+
+    def points(self, samples: int) -> tuple[np.ndarray, float]:
+        """Points (n, 2) of the quad on a lattice of `samples` along a voxel, seen along z, and the area of each."""
+        side = samples << self.depth
+        x, y = np.meshgrid(*[(np.arange(side) + 0.5) / side] * 2)
+        st = (np.column_stack([x.ravel(), y.ravel()]) - self.place[0, :2]) @ np.linalg.inv(self.place[1:, :2])
+        normal = np.cross(*self.place[1:])
+        inside = ((st >= 0) & (st <= 1)).all(axis=1)
+        return st[inside], float(np.linalg.norm(normal) / abs(normal[2])) / side**2
+
+    def keys(self, st: np.ndarray) -> np.ndarray:
+        """Voxels (n,) of points."""
+        return morton_encode(np.floor((self.place[0] + st @ self.place[1:]) * 2.0**self.depth).astype(int))
+
+    def rasterised(self, samples: int = 32) -> tuple[np.ndarray, np.ndarray]:
+        """Voxels that the quad meets and the opaque area in each, by dense points."""
+        st, area = self.points(samples)
+        keys, place = np.unique(self.keys(st), return_inverse=True)
+        return keys, np.bincount(place.reshape(-1), self.opacity(st), len(keys)) * area
+
+    def near_coverage(self, reach_world: float, samples: int) -> np.ndarray:
+        """Voxels within `reach_world` of something opaque, along the axes."""
+        st, _ = self.points(samples)
+        points = self.place[0] + st[self.opacity(st) > 0] @ self.place[1:]
+        steps = (np.array(list(np.ndindex(3, 3, 3))) - 1) * reach_world
+        found = [np.unique(morton_encode(np.floor((points + step) * 2.0**self.depth).astype(int))) for step in steps]
+        return np.unique(np.concatenate(found))
+
+
+TURNED = ((0.0, -1.5, 0.25), (2.0, 0.0, -0.5))
+# Voxels of 0.3 to 70 texels; leaves, stems and discs of a few voxels, and far below a voxel.
+QUADS = {
+    "voxels of 4 texels": Quad(UPRIGHT, 64, 4),
+    "voxels of 2 texels": Quad(UPRIGHT, 64, 5),
+    "voxels of half a texel": Quad(UPRIGHT, 32, 6),
+    "voxels of a quarter texel": Quad(UPRIGHT, 12, 6),
+    "tilted": Quad(TILTED, 64, 5),
+    "tilted, 338 triangles": Quad(TILTED, 64, 5, split=13),
+    "tilted, 800 triangles, small voxels": Quad(TILTED, 32, 6, split=20),
+    "repeated": Quad(TILTED, 128, 4, tiles=4.0),
+    "mirrored": Quad(TILTED, 100, 4, tiles=3.0, split=2, extension="MIRROR"),
+    "extended": Quad(TILTED, 37, 5, tiles=2.5, extension="EXTEND"),
+    "clipped": Quad(TILTED, 128, 5, tiles=1.3, split=3, extension="CLIP"),
+    "turned on the quad": Quad(TILTED, 48, 5, transform=TURNED),
+    "voxels of 70 texels": Quad(UPRIGHT, 256, 2, extension="CLIP"),
+}
+
+
+def on_reference(quad: Quad, samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, LeafSums]:
+    """Voxels, rasterised area and the octree's area, in voxel faces."""
+    keys, expected = quad.rasterised(samples)
+    leaves = quad.voxelized()
+    every = np.union1d(keys, leaves.keys)
+    areas = np.zeros((2, len(every)))
+    areas[0, np.searchsorted(every, keys)] = expected
+    areas[1, np.searchsorted(every, leaves.keys)] = leaves.sums[:, 0]
+    return every, *(areas * 4.0**quad.depth), leaves
+
+
+@pytest.mark.parametrize("threshold", [0.5, None], ids=["cut", "soft"])
+@pytest.mark.parametrize("name", QUADS)
+def test_leaves_are_where_rasterised_alpha_is(name: str, threshold: float | None) -> None:
+    """A lattice of n points along a voxel knows the area left of an edge to 1/2n faces, and four edges meet here
+    (two of the leaf, two of the quad). The engine's raster has squares of at most a quarter of a voxel, of which an
+    edge cuts about four and is wrong by a fraction of each."""
+    quad = replace(QUADS[name], threshold=threshold)
+    samples = max(24, int(2.5 * quad.texels * quad.tiles / 2**quad.depth))
+    every, expected, found, leaves = on_reference(quad, samples)
+    error = abs(found - expected)
+    assert error.max() < 2.0 / samples + 0.05
+    assert error.mean() < 0.007
+    assert found.sum() == pytest.approx(expected.sum(), rel=0.015), "area is conserved"
+    assert (found[expected > 0.05] > 0).all(), "no leaf is missing where there is coverage"
+    assert found[expected == 0].max(initial=0) < 0.08
+    near = quad.near_coverage(0.3 * 2.0**-quad.depth, samples)
+    assert np.isin(leaves.keys, near).all(), "gaps stay empty"
+    assert quad.depth < 4 or np.isin(every, leaves.keys).mean() < 0.9, "there are gaps"
+
+
+def test_coverage_adds_up_in_all_sizes_of_voxels() -> None:
+    """The stem is one and a half texels wide and parallel to them, the threshold cuts to a quarter of a texel."""
+    expected = Quad(TILTED, 64, 5).rasterised(48)[1].sum()
+    for depth in range(1, 9):
+        assert Quad(TILTED, 64, depth).voxelized().sums[:, 0].sum() == pytest.approx(expected, rel=0.03)
+
+
+def test_neighbouring_voxels_share_what_lies_between_them() -> None:
+    """The areas of eight children and of their parent agree, though they were integrated on rasters of their own."""
+    fine, coarse = Quad(TILTED, 128, 6).voxelized(), Quad(TILTED, 128, 5).voxelized()
+    keys, place = np.unique(fine.keys >> np.uint64(3), return_inverse=True)
+    both, in_fine, in_coarse = np.intersect1d(keys, coarse.keys, return_indices=True)
+    assert len(both) > 0.9 * len(coarse.keys)
+    joined = np.bincount(place.reshape(-1), fine.sums[:, 0])[in_fine]
+    assert abs(joined - coarse.sums[in_coarse, 0]).max() * 4.0**5 < 0.1
+
+
+def test_colour_under_the_threshold_leaves_no_trace() -> None:
+    alpha = foliage(64)
+    color = np.where(alpha >= 0.5, 0.8, 0.0).astype(np.float32)[..., None].repeat(3, axis=2)
+    quad = Quad(TILTED, 64, 4)
+    mesh = quad.mesh()
+    leaf = replace(mesh.materials[0], base_texture=Texture("color", color))
+    mesh = TriangleMesh(mesh.parts, (leaf,))
+    (leaves,) = drain(voxelize(mesh, quad.grid, albedo_shade(mesh)))
+    solid = leaves.sums[:, 0] > 0.2 * 4.0**-4
+    assert (leaves.sums[solid, 1] / leaves.sums[solid, 0]).min() > 0.6, "black gaps do not darken the leaves"
+    assert leaves.sums[:, 1].sum() / leaves.sums[:, 0].sum() == pytest.approx(0.78, abs=0.03)
+
+
+@pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "MIRROR", "CLIP"])
+@pytest.mark.parametrize("threshold", [0.4, None])
+@pytest.mark.parametrize("depth", [2, 4])
+def test_kernel_equals_the_plain_twin(extension: str, threshold: float | None, depth: int) -> None:
+    rng = np.random.default_rng(depth)
+    count = 24
+    alpha = np.clip(np.kron(rng.random((11, 9)), np.ones((2, 3))) * 1.6 - 0.3, 0, 1).astype(np.float32)[..., None]
+    base = Texture("base", rng.random((22, 27, 3)).astype(np.float32), extension, TURNED)
+    material = Material("M", (1.0, 1.0, 1.0), base, alpha_texture=Texture("A", alpha), alpha_threshold=threshold)
+    uvs = rng.uniform(-0.5, 1.5, (count, 3, 2)) * rng.choice([0.02, 0.3, 1.0, 9.0], (count, 1, 1))
+    batch = TriangleBatch(rng.random((count, 3, 3)), uvs.astype(np.float32), np.zeros(count, np.int32), 0)
+    mesh = TriangleMesh((batch,), (material,))
+    grid = Grid((0.0, 0.0, 0.0), 1.0, depth)
+    table = TextureTable.from_materials(mesh.materials)
+    sizes = zip(table.level_offset, table.level_height, table.level_width, strict=True)
+    levels = [table.texels[start : start + h * w].reshape(h, w, 2).astype(float) for start, h, w in sizes]
+    areas, _ = triangle_areas_and_normals(batch.corners_world)
+    (fragments,) = clip_batch(batch, grid, areas, grid.depth)
+    shine, opacity = albedo_shade(mesh)(batch, fragments)
+    chosen = rng.permutation(np.flatnonzero(fragments.area_world > 1e-9))[:250]
+    cells = morton_decode(fragments.keys)
+    for index in chosen:
+        triangle = fragments.triangle[index]
+        piece = piece_reference(batch.corners_world[triangle] * 2.0**depth, tuple(cells[index]))
+        weights = np.array([weights for _, weights in piece])
+        uv = np.column_stack([weights @ batch.uvs[triangle].astype(float), np.ones(len(weights))])
+        expected, coverage = footprint_reference(levels, uv @ np.array(TURNED).T, extension, threshold)
+        assert opacity[index] == pytest.approx(coverage, abs=2e-5)
+        if expected is not None and coverage > 0.01:
+            assert shine[index] == pytest.approx(expected / coverage, abs=2e-3)

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Exported voxels, read back by other code than what wrote them.
+
+The .vdb tests need a module `openvdb` or `pyopenvdb`: Debian's package python3-openvdb has one for its own Python.
+"""
+
+import contextlib
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patchnet import commands
+from patchnet.patchnet_addon.errors import PatchNetError, SettingError
+from patchnet.patchnet_addon.octree.export import vdb
+from patchnet.patchnet_addon.octree.export.formats import FORMATS, export_octree
+from patchnet.patchnet_addon.octree.file import load_octree, save_octree
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.voxel_cloud import voxel_cloud
+from patchnet.patchnet_addon.progress import drain
+from patchnet.tests.engine.octree_samples import dense_cells, octree_from_leaves, random_octree
+
+needs_vdb = pytest.mark.skipif(not vdb.vdb_module_name(), reason="this Python has no openvdb module")
+without_vdb = [name for name in FORMATS if name != ".vdb" or vdb.vdb_module_name()]
+
+
+@pytest.fixture(scope="module")
+def octree():
+    """Leaves on several levels, in a cube away from the world's origin."""
+    octree = random_octree(seed=5, depth=7, count=900, adaptive=True)
+    return replace(octree, grid=Grid((-3.0, 10.0, 2.5), 4.0, 7), exposure=0.5, provenance={"scene": "Höhle"})
+
+
+def read_ply(path):
+    """Vertices of a binary little-endian PLY without faces, by its header alone."""
+    types = {"float": "<f4", "uchar": "u1"}
+    header, data = path.read_bytes().split(b"end_header\n", 1)
+    lines = header.decode("ascii").splitlines()
+    assert lines[:2] == ["ply", "format binary_little_endian 1.0"]
+    count = next(int(line.split()[2]) for line in lines if line.startswith("element vertex"))
+    row = np.dtype([(line.split()[2], types[line.split()[1]]) for line in lines if line.startswith("property")])
+    assert len(data) == count * row.itemsize
+    return np.frombuffer(data, row)
+
+
+@pytest.mark.parametrize("level", [0, 3, 7])
+def test_ply(octree, level, tmp_path):
+    path = tmp_path / "voxels.ply"
+    cloud = voxel_cloud(octree, level)
+    assert drain(export_octree(octree, path, level)) == len(cloud)
+    rows = read_ply(path)
+    np.testing.assert_allclose(np.stack([rows[axis] for axis in "xyz"], -1), cloud.centres_world, atol=1e-6)
+    np.testing.assert_array_equal(np.stack([rows["n" + axis] for axis in "xyz"], -1), cloud.normal)
+    for name, values in (("luminance", cloud.luminance), ("side", cloud.side_world), ("area", cloud.area_world)):
+        np.testing.assert_array_equal(rows[f"scalar_{name}"], values)
+    linear = np.where(rows["red"] <= 10, rows["red"] / 255 / 12.92, ((rows["red"] / 255 + 0.055) / 1.055) ** 2.4)
+    np.testing.assert_allclose(linear, cloud.luminance, atol=0.005)
+    assert (rows["red"] == rows["green"]).all() and (rows["red"] == rows["blue"]).all()
+
+
+def test_ply_in_open3d(octree, tmp_path):
+    open3d = pytest.importorskip("open3d")
+    path = tmp_path / "voxels.ply"
+    drain(export_octree(octree, path, 5))
+    points, cloud = open3d.io.read_point_cloud(str(path)), voxel_cloud(octree, 5)
+    np.testing.assert_allclose(np.asarray(points.points), cloud.centres_world, atol=1e-6)
+    np.testing.assert_allclose(np.asarray(points.normals), cloud.normal, atol=1e-6)
+    assert np.asarray(points.colors).shape == (len(cloud), 3)
+
+
+@pytest.mark.parametrize("level", [0, 4, 7])
+def test_npz(octree, level, tmp_path):
+    path = tmp_path / "voxels.npz"
+    drain(export_octree(octree, path, level))
+    cloud = voxel_cloud(octree, level)
+    with np.load(path, allow_pickle=False) as read:
+        for name in ("centres_world", "side_world", "luminance", "normal", "area_world"):
+            np.testing.assert_allclose(read[name], getattr(cloud, name), rtol=1e-6, err_msg=name)
+        side = read["grid_side_world"] / 2.0 ** read["level"]
+        low = read["grid_origin_world"] + read["cells"] * side[:, None]
+        np.testing.assert_allclose(low + side[:, None] / 2, cloud.centres_world, atol=1e-9)
+        assert read["cells"].dtype == np.int32 and read["level"].dtype == np.uint8
+        assert (read["export_level"], read["grid_depth"], read["exposure"]) == (level, 7, 0.5)
+        assert json.loads(str(read["provenance"])) == {"scene": "Höhle"}
+
+
+def test_octree_file(octree, tmp_path):
+    path = tmp_path / "octree.safetensors"
+    drain(export_octree(octree, path))
+    np.testing.assert_array_equal(load_octree(path).luminance, octree.luminance)
+    drain(export_octree(octree, path, 4))
+    np.testing.assert_array_equal(dense_cells(load_octree(path), 4), dense_cells(octree, 4))
+    with pytest.raises(SettingError, match="at least level 1"):
+        drain(export_octree(octree, path, 0))
+
+
+def dense_grid(grid, side):
+    """Values (side, side, side) of an OpenVDB grid, order x, y, z."""
+    values = np.full((side, side, side), np.nan, np.float32)
+    grid.copyToArray(values, ijk=(0, 0, 0))
+    return values
+
+
+@needs_vdb
+@pytest.mark.parametrize("level", [0, 2, 5, 6, 7])
+def test_vdb(octree, level, tmp_path):
+    path = tmp_path / "voxels.vdb"
+    assert drain(export_octree(octree, path, level)) == len(voxel_cloud(octree, level))
+    module = pytest.importorskip(vdb.vdb_module_name())
+    grids = {grid.name: grid for grid in module.readAll(str(path))[0]}
+    assert set(grids) == {"luminance", "density"}
+    expected, side = dense_cells(octree, level).transpose(2, 1, 0, 3), 1 << level
+    np.testing.assert_allclose(dense_grid(grids["luminance"], side), expected[..., 1], atol=1e-6)
+    for grid in grids.values():
+        assert grid.activeVoxelCount() == expected[..., 0].sum()
+        centre = grid.transform.indexToWorld((0, 0, 0))
+        np.testing.assert_allclose(centre, np.array([-3.0, 10.0, 2.5]) + 4.0 / side / 2, atol=1e-12)
+    # Extinction times volume, times 2, is the surface again.
+    density = dense_grid(grids["density"], side).sum(dtype=np.float64)
+    assert density * (4.0 / side) ** 3 * 2 == pytest.approx(octree.area_world[0], rel=1e-4)
+
+
+@needs_vdb
+def test_black_voxels_exist_in_vdb_and_large_leaves_are_tiles(tmp_path):
+    normal = (0.0, 0.0, 1.0)
+    octree = octree_from_leaves({(8, (255, 0, 0)): (1.0, 0.0, normal), (1, (0, 1, 0)): (1.0, 0.5, normal)}, 8)
+    drain(export_octree(octree, tmp_path / "voxels.vdb"))
+    module = pytest.importorskip(vdb.vdb_module_name())
+    grid = module.read(str(tmp_path / "voxels.vdb"), "luminance")
+    assert grid.activeVoxelCount() == 1 + 128**3
+    assert grid.getConstAccessor().isValueOn((255, 0, 0))
+    assert grid.getConstAccessor().getValue((0, 200, 100)) == pytest.approx(0.5, abs=1e-4)
+    assert grid.memUsage() < 1 << 20
+
+
+@pytest.mark.skipif(bool(vdb.vdb_module_name()), reason="this Python has an openvdb module")
+def test_vdb_is_refused_without_its_module(octree, tmp_path):
+    with pytest.raises(SettingError, match="no openvdb module"):
+        drain(export_octree(octree, tmp_path / "voxels.vdb"))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("ending", without_vdb)
+def test_files_are_replaced_whole_or_not_at_all(octree, ending, tmp_path):
+    path = tmp_path / f"voxels{ending}"
+    path.write_text("what was there")
+    steps = export_octree(octree, path, 4)
+    for _ in range(2):
+        with contextlib.suppress(StopIteration):  # the octree file has a single step
+            next(steps)
+            assert path.read_text() == "what was there"
+    steps.close()
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+    drain(export_octree(octree, path, 4))
+    assert path.stat().st_size > 100
+    for folder in (tmp_path / "nowhere", path):
+        with pytest.raises(PatchNetError, match="cannot be written"):
+            drain(export_octree(octree, folder / f"voxels{ending}", 4))
+
+
+@pytest.mark.parametrize("name", ["voxels.xyz", "voxels"])
+def test_unknown_ending(octree, name, tmp_path):
+    with pytest.raises(SettingError, match=r"choose one of \.ply, \.vdb, \.npz, \.safetensors"):
+        drain(export_octree(octree, tmp_path / name))
+
+
+def test_command(octree, tmp_path, capsys):
+    source, out = tmp_path / "octree.safetensors", tmp_path / "new" / "voxels.ply"
+    save_octree(octree, source)
+    assert commands.main(["export", str(source), "--level", "4", "--out", str(out)]) == 0
+    assert len(read_ply(out)) == len(voxel_cloud(octree, 4))
+    assert f"{len(voxel_cloud(octree, 4)):,} voxels of level 4" in capsys.readouterr().out
+    assert commands.main(["export", str(source), "--level", "9", "--out", str(out)]) == 2
+    assert "Level 9 is outside 0 to 7" in capsys.readouterr().err

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A command in a process of its own: how long it took, what it printed, the most memory it held."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ...patchnet_addon.errors import PatchNetError
+
+
+@dataclass(frozen=True)
+class Finished:
+    """code: exit code. seconds: wall time. peak_bytes: most resident memory, by wait4(2). stdout: what it printed."""
+
+    code: int
+    seconds: float
+    peak_bytes: int
+    stdout: str
+
+
+def run_child(command: Sequence[str]) -> Finished:
+    """Run `command`; its stderr is ours. Raises PatchNetError on systems without wait4 (Windows)."""
+    if not hasattr(os, "wait4"):
+        raise PatchNetError("The memory of another process cannot be measured on this system: use Linux or macOS")
+    start = time.perf_counter()
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        stdout = child.stdout.read() if child.stdout is not None else ""
+        _, status, usage = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+    finally:
+        if child.returncode is None:
+            child.kill()
+            child.wait()
+        if child.stdout is not None:
+            child.stdout.close()
+    peak = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return Finished(child.returncode, time.perf_counter() - start, peak, stdout)
