@@ -1,21 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Leaf sums -> Octree: exact means of all levels, bottom-up (methods 7.2)."""
+"""Triangles -> Octree: leaves pass by pass, then exact means of all levels, bottom-up (methods 7.2)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from ..errors import GeometryError
 from ..light.exposure import quantile_exposure
 from ..progress import Steps
 from .grid import Grid
 from .leaf_levels import LeafLevels
-from .levels import hierarchy, round_means, sums_of_level
+from .levels import luminance_of_level, number_children, stored_luminance
 from .mesh import MeshSource, Shade
 from .octree import Octree
-from .voxelize import LeafSums, voxelize
+from .subtrees import Subtrees, subtrees
+from .voxelize import BLOCK_FRAGMENTS, LeafSums, voxelize
 
 
 def build_octree(
@@ -26,61 +29,110 @@ def build_octree(
     layout: LeafLevels | None = None,
     exposure: float | None = None,
     provenance: dict[str, Any] | None = None,
+    block_fragments: int = BLOCK_FRAGMENTS,
 ) -> Steps[Octree]:
     """Voxelize `source` on `grid` with the luminance and opacity of `shade`.
 
-    layout: levels of the leaves, at most the grid's depth; None puts all on that.
+    layout: levels of the leaves, at most the grid's depth; None puts all on that. Levels without leaves below the
+    finest leaf are left out.
     exposure: factor on luminance before it is clamped to [0, 1] at the leaves; None chooses it so that the
     99.5 % quantile of leaf luminance becomes 1 (methods 7.1).
+    block_fragments: about how many fragments are added up at a time; this bounds memory and changes nothing else.
     Raises GeometryError when no opaque surface is left.
     """
-    leaves = yield from voxelize(source, grid, shade, layout=layout)
-    return octree_from_leaves(leaves, grid, exposure=exposure, provenance=provenance)
+    parts = yield from voxelize(source, grid, shade, subtrees, layout=layout, block_fragments=block_fragments)
+    parts = [part for part in parts if len(part.root_keys)]
+    if not parts:
+        raise GeometryError(
+            "No opaque surface is left to voxelize: all triangles have zero area or are fully transparent"
+        )
+    return _joined(parts, grid, exposure, provenance or {})
 
 
 def octree_from_leaves(
-    leaves: list[LeafSums],
+    leaves: Sequence[LeafSums],
     grid: Grid,
     *,
     exposure: float | None = None,
     provenance: dict[str, Any] | None = None,
 ) -> Octree:
-    """Octree over the leaf sums of one or several levels, no leaf within another one.
+    """Octree over the leaf sums of one or several levels, no leaf within another one; settings as in `build_octree`."""
+    return _joined([subtrees(leaves, 0)], grid, exposure, provenance or {})
 
-    leaves: emptied, so that their keys are let go as soon as the nodes are known.
-    Parents integrate their children in float64, then all are rounded. Levels deeper than the finest leaf are left out.
-    """
-    grid = replace(grid, depth=max(part.level for part in leaves))
-    if exposure is None:
-        exposure = quantile_exposure(np.concatenate([part.sums[:, 1] / part.sums[:, 0] for part in leaves]))
-    level_start, child_mask, first_child = hierarchy({part.level: part.keys for part in leaves}, grid.depth)
-    sums = {part.level: part.sums for part in leaves}
-    leaves.clear()
-    count = len(child_mask)
-    octree = Octree(
-        grid=grid,
-        level_start=level_start,
+
+def _joined(parts: list[Subtrees], grid: Grid, exposure: float | None, provenance: dict[str, Any]) -> Octree:
+    """Octree of blocks in Morton order; `parts` is emptied, so that nothing is held twice for long."""
+    parts[:0] = [_above(parts)]
+    depth = max(part.root_level + len(part.child_mask) for part in parts) - 1
+    light = [_of_level(parts, level, lambda part: part.leaf_luminance, np.float32) for level in range(depth + 1)]
+    exposure = quantile_exposure(np.concatenate(light)) if exposure is None else float(exposure)
+    masks = [_of_level(parts, level, lambda part: part.child_mask, np.uint8) for level in range(depth + 1)]
+    areas = [_of_level(parts, level, lambda part: part.area_world, np.float32) for level in range(depth + 1)]
+    normals = [_of_level(parts, level, lambda part: part.normal, np.int8) for level in range(depth + 1)]
+    parts.clear()
+    luminance = _luminance(masks, areas, light, exposure)
+    child_mask = np.concatenate(masks)
+    return Octree(
+        grid=replace(grid, depth=depth),
+        level_start=np.concatenate([[0], np.cumsum([len(mask) for mask in masks])]).astype(np.int64),
         child_mask=child_mask,
-        first_child=first_child,
-        area_world=np.empty(count, np.float32),
-        luminance=np.empty(count, np.uint16),
-        normal=np.empty((count, 3), np.int8),
-        exposure=float(exposure),
-        provenance=provenance or {},
+        first_child=number_children(child_mask),
+        area_world=_emptied(areas),
+        luminance=_emptied(luminance),
+        normal=_emptied(normals).reshape(-1, 3),
+        exposure=exposure,
+        provenance=provenance,
     )
-    _fill_levels(octree, sums)
-    return octree
 
 
-def _fill_levels(octree: Octree, leaf_sums: dict[int, np.ndarray]) -> None:
-    """Means of all levels, bottom-up; only two levels' sums exist at a time beside those of the leaves."""
-    none = np.empty((0, 5), np.float32)
-    sums, exposure = leaf_sums[octree.depth], octree.exposure
-    for level in range(octree.depth, -1, -1):
-        nodes = octree.level(level)
-        if level < octree.depth:
-            below, unexposed = sums, exposure
-            sums, exposure = np.zeros((nodes.stop - nodes.start, 5), np.float64), 1.0
-            leaves = leaf_sums.get(level, none)
-            sums_of_level(octree.child_mask[nodes], below, unexposed, leaves, octree.exposure, sums)
-        round_means(sums, exposure, octree.area_world[nodes], octree.luminance[nodes], octree.normal[nodes])
+def _above(parts: Sequence[Subtrees]) -> Subtrees:
+    """The levels above the blocks of all parts, which are of one level."""
+    level = parts[0].root_level
+    keys = np.concatenate([part.root_keys for part in parts])
+    sums = np.concatenate([part.root_sums for part in parts])
+    columns = np.zeros((len(keys), 5), np.float64)
+    columns[:, 0], columns[:, 2:] = sums[:, 0], sums[:, 1:]
+    whole = subtrees([LeafSums(level, keys, columns)], 0)
+    # The blocks themselves, the last level here, are the parts' roots.
+    return replace(
+        whole,
+        child_mask=whole.child_mask[:-1],
+        area_world=whole.area_world[:-1],
+        normal=whole.normal[:-1],
+        leaf_luminance=whole.leaf_luminance[:-1],
+    )
+
+
+def _of_level(
+    parts: Sequence[Subtrees], level: int, column: Callable[[Subtrees], Sequence[np.ndarray]], dtype: type
+) -> np.ndarray:
+    """One column of one level of all parts, in order."""
+    arrays = [
+        column(part)[level - part.root_level] for part in parts if 0 <= level - part.root_level < len(part.child_mask)
+    ]
+    return np.concatenate(arrays) if arrays else np.empty(0, dtype)
+
+
+def _luminance(
+    masks: Sequence[np.ndarray], areas: Sequence[np.ndarray], light: list[np.ndarray], exposure: float
+) -> list[np.ndarray]:
+    """Stored luminance of each level, bottom-up; the leaves' `light` is exposed and clamped, and emptied."""
+    stored: list[np.ndarray] = []
+    area, luminance = np.empty(0, np.float32), np.empty(0, np.float32)
+    while light:
+        level = len(light) - 1
+        exposed = np.clip(light.pop() * np.float64(exposure), 0.0, 1.0).astype(np.float32)
+        area, luminance = areas[level], luminance_of_level(masks[level], area, luminance, exposed)
+        stored.append(stored_luminance(luminance))
+    return stored[::-1]
+
+
+def _emptied(arrays: list[np.ndarray]) -> np.ndarray:
+    """All arrays in one; the list is emptied, each array let go as soon as it is copied."""
+    joined = np.empty((sum(len(array) for array in arrays), *arrays[0].shape[1:]), arrays[0].dtype)
+    start = 0
+    while arrays:
+        array = arrays.pop(0)
+        joined[start : start + len(array)] = array
+        start += len(array)
+    return joined

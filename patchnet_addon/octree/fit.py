@@ -17,12 +17,11 @@ from ..errors import GeometryError
 from ..progress import Steps, labelled
 from ..tracing.camera import Camera
 from ..tracing.detail import lookahead_share, needed_levels
-from .blocks import plan_passes
 from .grid import MAX_DEPTH, Grid
 from .leaf_levels import LeafLevels
 from .levels import hierarchy
 from .mesh import MeshSource, Shade
-from .voxelize import BLOCK_FRAGMENTS, leaves_of_pass
+from .voxelize import voxelize
 
 BLOCK_LEVEL = 8  # also the level of the leaves that no camera sees
 LEVELS_PER_ROUND = 2
@@ -78,7 +77,7 @@ def fit_leaf_levels(
         if last:
             break
         last = needed.max(initial=0) <= cap or cap == deepest
-    _, child_mask, first_child = hierarchy(leaves, max(leaves))
+    child_mask, first_child = hierarchy(leaves, max(leaves))
     return FittedLevels(
         layout,
         wanted=int(needed.max(initial=block_level)),
@@ -115,7 +114,7 @@ def _look(
     """Levels (blocks,) uint8 that all cameras ask for where they see the leaves so far, and how many pixels (blocks,)
     uint32 show each block."""
     needed, pixels = np.zeros(len(layout.levels), np.uint8), np.zeros(len(layout.levels), np.uint32)
-    _, child_mask, first_child = hierarchy(leaves, max(leaves))
+    child_mask, first_child = hierarchy(leaves, max(leaves))
     for camera in cameras:
         steps = needed_levels(child_mask, first_child, grid, camera, needed, pixels)
         yield from labelled(steps, f"{LABEL}: {camera.name}")
@@ -146,13 +145,10 @@ def _within(layout: LeafLevels, pixels: np.ndarray, leaves: dict[int, np.ndarray
 
 def _leaf_keys(source: MeshSource, grid: Grid, layout: LeafLevels, shade: Shade) -> Steps[dict[int, np.ndarray]]:
     """Ascending keys of the leaves on each level."""
-    parts: dict[int, list[np.ndarray]] = {}
-    passes = plan_passes(source, grid, layout, BLOCK_FRAGMENTS)
-    for number, chosen in enumerate(passes):
-        steps = leaves_of_pass(chosen, source, grid, shade, number, len(passes))
-        for part in (yield from labelled(steps, LABEL)):
-            parts.setdefault(part.level, []).append(part.keys)
-    return {level: np.concatenate(keys) for level, keys in parts.items()}
+    steps = voxelize(source, grid, shade, lambda leaves, _: {part.level: part.keys for part in leaves}, layout=layout)
+    passes = yield from labelled(steps, LABEL)
+    levels = sorted({level for keys in passes for level in keys})
+    return {level: np.concatenate([keys[level] for keys in passes if level in keys]) for level in levels}
 
 
 def _merged(first: np.ndarray | None, second: np.ndarray | None) -> np.ndarray:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The levels of an octree from its leaves: first which nodes there are, then what they hold, one pass over each level.
+"""From one level of an octree to the next coarser one: which nodes there are, and what they hold.
 
 Leaves may lie on several levels, as long as no leaf lies in another one.
 """
@@ -10,37 +10,85 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..kernels import device, serial_kernel
+from ..kernels import serial_kernel
 from .octree import LUMINANCE_SCALE, NORMAL_SCALE
 
 
-def hierarchy(leaf_keys: Mapping[int, np.ndarray], depth: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes over leaves with ascending keys (n,) uint64 on each level up to `depth`.
-
-    Returns level_start (depth + 2,) int64, child_mask (nodes,) uint8 and first_child (nodes,) uint32, as `Octree`
-    holds them.
-    """
+def hierarchy(leaf_keys: Mapping[int, np.ndarray], depth: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes over leaves with ascending keys (n,) uint64 on each level up to `depth`: child_mask (nodes,) uint8 and
+    first_child (nodes,) uint32, as `Octree` holds them."""
     masks: list[np.ndarray] = []
     none = np.empty(0, np.uint64)
-    keys, mask = none, np.empty(0, np.uint8)  # of the level below
+    keys = none
     for level in range(depth, -1, -1):
-        parents = np.empty(len(keys), np.uint64)
-        parent_mask = np.empty(len(keys), np.uint8)
-        count = _parents(keys, parents, parent_mask)
-        leaves = leaf_keys.get(level, none)
-        keys, mask = np.empty(count + len(leaves), np.uint64), np.empty(count + len(leaves), np.uint8)
-        _merge(leaves, parents[:count], parent_mask[:count], keys, mask)
+        keys, mask = merge_nodes(leaf_keys.get(level, none), *parents_of(keys))
         masks.append(mask)
-    level_start = np.concatenate([[0], np.cumsum([len(mask) for mask in reversed(masks)])]).astype(np.int64)
     child_mask = np.concatenate(masks[::-1])
+    return child_mask, number_children(child_mask)
+
+
+def parents_of(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Keys (p,) uint64 and child masks (p,) uint8 of the parents of nodes with ascending keys (n,)."""
+    parents, mask = np.empty(len(keys), np.uint64), np.empty(len(keys), np.uint8)
+    count = _parents(keys, parents, mask)
+    return parents[:count].copy(), mask[:count].copy()
+
+
+def merge_nodes(leaves: np.ndarray, inner: np.ndarray, inner_mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ascending keys and child masks of all nodes of a level: its leaves (l,) and its inner nodes (i,)."""
+    if len(inner) == 0:
+        return leaves, np.zeros(len(leaves), np.uint8)
+    if len(leaves) == 0:
+        return inner, inner_mask
+    count = len(leaves) + len(inner)
+    keys, mask = np.empty(count, np.uint64), np.empty(count, np.uint8)
+    _merge(leaves, inner, inner_mask, keys, mask)
+    return keys, mask
+
+
+def number_children(child_mask: np.ndarray) -> np.ndarray:
+    """Index (n,) uint32 of each node's first child: children of all nodes stand in the order of their parents."""
     first_child = np.empty(len(child_mask), np.uint32)
     _number_children(child_mask, first_child)
-    return level_start, child_mask, first_child
+    return first_child
+
+
+def sums_of_level(child_mask: np.ndarray, child_sums: np.ndarray, leaf_sums: np.ndarray) -> np.ndarray:
+    """Area and area * normal (n, 4) float64 of a level's nodes in order: their children's, or their own for leaves.
+
+    child_sums: (c, 4) of the level below. leaf_sums: (l, 5) of the level's leaves, as `LeafSums` holds them.
+    """
+    sums = np.zeros((len(child_mask), 4), np.float64)
+    _sums(child_mask, child_sums, leaf_sums, sums)
+    return sums
+
+
+def area_and_normal(sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Area (n,) float32 and mean normal (n, 3) int8, as the octree stores them, of sums (n, 4)."""
+    normal = np.empty((len(sums), 3), np.int8)
+    _round_normals(sums, normal)
+    return sums[:, 0].astype(np.float32), normal
+
+
+def luminance_of_level(
+    child_mask: np.ndarray, child_area: np.ndarray, child_luminance: np.ndarray, leaf_luminance: np.ndarray
+) -> np.ndarray:
+    """Luminance (n,) float32 of a level's nodes in order: the area-weighted mean of their children, or a leaf's own."""
+    luminance = np.empty(len(child_mask), np.float32)
+    _mean_luminance(child_mask, child_area, child_luminance, leaf_luminance, luminance)
+    return luminance
+
+
+def stored_luminance(luminance: np.ndarray) -> np.ndarray:
+    """Luminance (n,) uint16, as the octree stores it, of values in [0, 1]."""
+    stored = np.empty(len(luminance), np.uint16)
+    _store_luminance(luminance, stored)
+    return stored
 
 
 @serial_kernel
 def _parents(keys, parents, mask):  # type: ignore[no-untyped-def]
-    """Keys and child masks of the parents of nodes with ascending keys; returns how many there are."""
+    """Fill `parents` and `mask`; returns how many parents there are."""
     parent = -1
     for i in range(len(keys)):
         key = keys[i] >> np.uint64(3)
@@ -54,7 +102,6 @@ def _parents(keys, parents, mask):  # type: ignore[no-untyped-def]
 
 @serial_kernel
 def _merge(leaves, inner, inner_mask, keys, mask):  # type: ignore[no-untyped-def]
-    """Fill keys and masks of a level, in order, with its leaves and its inner nodes."""
     i = 0
     j = 0
     for node in range(len(keys)):
@@ -70,7 +117,6 @@ def _merge(leaves, inner, inner_mask, keys, mask):  # type: ignore[no-untyped-de
 
 @serial_kernel
 def _number_children(child_mask, first_child):  # type: ignore[no-untyped-def]
-    """Index of each node's first child: children of all nodes stand in the order of their parents."""
     child = 1
     for node in range(len(child_mask)):
         first_child[node] = child
@@ -80,45 +126,53 @@ def _number_children(child_mask, first_child):  # type: ignore[no-untyped-def]
             mask &= mask - np.uint8(1)
 
 
-@device
-def _mean_luminance(sums, i, exposure):  # type: ignore[no-untyped-def]
-    """Mean luminance of node i, times exposure, in [0, 1]."""
-    return min(max(float(sums[i, 1]) / float(sums[i, 0]) * exposure, 0.0), 1.0)
-
-
 @serial_kernel
-def round_means(sums, exposure, area, luminance, normal):  # type: ignore[no-untyped-def]
-    """Sums (n, 5) of one level -> area (n,), luminance (n,) and normal (n, 3) as the octree stores them."""
-    for i in range(len(sums)):
-        area[i] = sums[i, 0]
-        luminance[i] = np.rint(_mean_luminance(sums, i, exposure) * LUMINANCE_SCALE)
-        for axis in range(3):
-            mean = float(sums[i, 2 + axis]) / float(sums[i, 0])
-            normal[i, axis] = np.rint(min(max(mean, -1.0), 1.0) * NORMAL_SCALE)
-
-
-@serial_kernel
-def sums_of_level(child_mask, child_sums, child_exposure, leaf_sums, exposure, sums):  # type: ignore[no-untyped-def]
-    """Fill sums (n, 5) float64, zero before, of a level's nodes in order: of children for inner nodes, else a leaf's.
-
-    child_sums, leaf_sums: (c, 5) and (l, 5), all in the order of nodes. The exposures are what luminance was not yet
-    multiplied with; it is then in [0, 1].
-    """
+def _sums(child_mask, child_sums, leaf_sums, sums):  # type: ignore[no-untyped-def]
     leaf = 0
     child = 0
     for node in range(len(child_mask)):
         mask = child_mask[node]
         if mask == 0:
             sums[node, 0] = leaf_sums[leaf, 0]
-            sums[node, 1] = float(leaf_sums[leaf, 0]) * _mean_luminance(leaf_sums, leaf, exposure)
             for axis in range(3):
-                sums[node, 2 + axis] = leaf_sums[leaf, 2 + axis]
+                sums[node, 1 + axis] = leaf_sums[leaf, 2 + axis]
             leaf += 1
         while mask:
-            area = float(child_sums[child, 0])
-            sums[node, 0] += area
-            sums[node, 1] += area * _mean_luminance(child_sums, child, child_exposure)
-            for axis in range(3):
-                sums[node, 2 + axis] += child_sums[child, 2 + axis]
+            for column in range(4):
+                sums[node, column] += child_sums[child, column]
             child += 1
             mask &= mask - np.uint8(1)
+
+
+@serial_kernel
+def _round_normals(sums, normal):  # type: ignore[no-untyped-def]
+    for i in range(len(sums)):
+        for axis in range(3):
+            mean = sums[i, 1 + axis] / sums[i, 0]
+            normal[i, axis] = np.rint(min(max(mean, -1.0), 1.0) * NORMAL_SCALE)
+
+
+@serial_kernel
+def _mean_luminance(child_mask, child_area, child_luminance, leaf_luminance, luminance):  # type: ignore[no-untyped-def]
+    leaf = 0
+    child = 0
+    for node in range(len(child_mask)):
+        mask = child_mask[node]
+        if mask == 0:
+            luminance[node] = leaf_luminance[leaf]
+            leaf += 1
+            continue
+        total = 0.0
+        area = 0.0
+        while mask:
+            total += float(child_area[child]) * float(child_luminance[child])
+            area += float(child_area[child])
+            child += 1
+            mask &= mask - np.uint8(1)
+        luminance[node] = total / area
+
+
+@serial_kernel
+def _store_luminance(luminance, stored):  # type: ignore[no-untyped-def]
+    for i in range(len(luminance)):
+        stored[i] = np.rint(float(luminance[i]) * LUMINANCE_SCALE)

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from ..errors import GeometryError
 from ..progress import Progress, Steps
 from .accumulate import LeafAccumulator
 from .blocks import CellSet, Pass, all_cells, plan_passes, tasks_of, to_cells
@@ -18,6 +18,8 @@ from .clip import clip_triangles
 from .grid import Grid
 from .leaf_levels import LeafLevels
 from .mesh import Fragments, MeshSource, Shade, TriangleBatch
+
+Kept = TypeVar("Kept")
 
 # Fragments whose leaves are added up at a time. A leaf takes about 75 bytes while that lasts, and 28 afterwards.
 BLOCK_FRAGMENTS = 24_000_000
@@ -49,32 +51,33 @@ def voxelize(
     source: MeshSource,
     grid: Grid,
     shade: Shade,
+    keep: Callable[[list[LeafSums], int], Kept],
     *,
     layout: LeafLevels | None = None,
     block_fragments: int = BLOCK_FRAGMENTS,
-) -> Steps[list[LeafSums]]:
+) -> Steps[list[Kept]]:
     """Clip every triangle of `source` against the leaf cells and integrate what `shade` says of the pieces.
 
-    layout: the leaves' levels, at most the grid's depth; None puts all on that. The result has one entry for each level
-    with leaves, coarse first.
+    layout: the leaves' levels, at most the grid's depth; None puts all on that.
     About `block_fragments` fragments are added up at a time; where there are more, the triangles are read again for
-    each block of space. The result does not depend on that, nor on the order of triangles, as far as `shade` does not.
-    Raises GeometryError when no opaque surface is left.
+    each set of blocks of space, in Morton order. `keep` gets the leaves of each pass, level by level, coarse first, and
+    the level of the blocks, and says what is kept of them. The leaves do not depend on the passes, nor on the order of
+    triangles, as far as `shade` does not.
     """
     passes = plan_passes(source, grid, layout or LeafLevels.uniform(grid.depth), block_fragments)
-    parts: dict[int, list[LeafSums]] = {}
+    kept = []
     for number, chosen in enumerate(passes):
-        made = leaves_of_pass(chosen, source, grid, shade, number, len(passes))
-        for part in (yield from made):
-            parts.setdefault(part.level, []).append(part)
-    if not parts:
-        raise GeometryError(
-            "No opaque surface is left to voxelize: all triangles have zero area or are fully transparent"
-        )
-    return [_joined(level, parts.pop(level)) for level in sorted(parts)]
+        leaves = yield from _leaves_of_pass(chosen, source, grid, shade, number, len(passes))
+        kept.append(keep(leaves, chosen.layout.block_level))
+    return kept
 
 
-def leaves_of_pass(
+def all_leaves(leaves: list[LeafSums], _block_level: int) -> list[LeafSums]:
+    """Keep everything, for `voxelize`."""
+    return leaves
+
+
+def _leaves_of_pass(
     chosen: Pass, source: MeshSource, grid: Grid, shade: Shade, number: int, count: int
 ) -> Steps[list[LeafSums]]:
     """Leaves of the blocks of pass `number` of `count`, level by level; progress counts the triangles of all passes."""
@@ -90,21 +93,6 @@ def leaves_of_pass(
         done += len(batch)
         yield Progress(done, count * source.triangle_count, "Voxelizing")
     return [LeafSums(level, *leaves.pop(level).take()) for level in cells if len(leaves[level])]
-
-
-def _joined(level: int, parts: list[LeafSums]) -> LeafSums:
-    """Sums of consecutive blocks; each block is let go as soon as it is copied."""
-    if len(parts) == 1:
-        return parts[0]
-    count = sum(len(part.keys) for part in parts)
-    keys, sums = np.empty(count, np.uint64), np.empty((count, 5), parts[0].sums.dtype)
-    start = 0
-    while parts:
-        part = parts.pop(0)
-        end = start + len(part.keys)
-        keys[start:end], sums[start:end] = part.keys, part.sums
-        start = end
-    return LeafSums(level, keys, sums)
 
 
 def usable_cores() -> int:

@@ -14,8 +14,10 @@ from patchnet.patchnet_addon.light.irradiance import ExactSums, irradiance_of_ma
 from patchnet.patchnet_addon.light.textures import TextureTable
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.mesh import Material, Texture, TriangleBatch, TriangleMesh
-from patchnet.patchnet_addon.octree.voxelize import LeafSums, voxelize
+from patchnet.patchnet_addon.octree.voxelize import LeafSums
 from patchnet.patchnet_addon.progress import drain
+
+from .leaf_samples import leaves_of
 
 COUNT = 600
 
@@ -61,7 +63,7 @@ def baked(mesh: TriangleMesh, seen: np.ndarray) -> Atlas:
 def leaves(order: np.ndarray, parts: int, block_fragments: int) -> LeafSums:
     mesh, seen = shuffled(order, parts)
     shade = atlas_shade(baked(mesh, seen), mesh)
-    (leaves,) = drain(voxelize(mesh, Grid.around(mesh.bounds_world, 6), shade, block_fragments=block_fragments))
+    (leaves,) = leaves_of(mesh, Grid.around(mesh.bounds_world, 6), shade, block_fragments=block_fragments)
     return leaves
 
 

@@ -12,8 +12,9 @@ from patchnet.patchnet_addon.light.textures import TextureTable
 from patchnet.patchnet_addon.octree.clip_reference import piece_reference
 from patchnet.patchnet_addon.octree.grid import Grid, morton_decode, morton_encode
 from patchnet.patchnet_addon.octree.mesh import Material, Texture, TriangleBatch, TriangleMesh
-from patchnet.patchnet_addon.octree.voxelize import LeafSums, clip_batch, triangle_areas_and_normals, voxelize
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.octree.voxelize import LeafSums, clip_batch, triangle_areas_and_normals
+
+from .leaf_samples import leaves_of
 
 UPRIGHT = np.array([(0.03, 0.05, 0.11), (0.9, 0.0, 0.0), (0.0, 0.87, 0.0)])  # origin and two edges
 TILTED = np.array([(0.15, 0.08, 0.07), (0.7, 0.2, 0.3), (-0.1, 0.6, 0.55)])
@@ -74,7 +75,7 @@ class Quad:
 
     def voxelized(self) -> LeafSums:
         mesh = self.mesh()
-        (leaves,) = drain(voxelize(mesh, self.grid, albedo_shade(mesh)))
+        (leaves,) = leaves_of(mesh, self.grid, albedo_shade(mesh))
         return leaves
 
     def opacity(self, st: np.ndarray) -> np.ndarray:
@@ -187,7 +188,7 @@ def test_colour_under_the_threshold_leaves_no_trace() -> None:
     mesh = quad.mesh()
     leaf = replace(mesh.materials[0], base_texture=Texture("color", color))
     mesh = TriangleMesh(mesh.parts, (leaf,))
-    (leaves,) = drain(voxelize(mesh, quad.grid, albedo_shade(mesh)))
+    (leaves,) = leaves_of(mesh, quad.grid, albedo_shade(mesh))
     solid = leaves.sums[:, 0] > 0.2 * 4.0**-4
     assert (leaves.sums[solid, 1] / leaves.sums[solid, 0]).min() > 0.6, "black gaps do not darken the leaves"
     assert leaves.sums[:, 1].sum() / leaves.sums[:, 0].sum() == pytest.approx(0.78, abs=0.03)

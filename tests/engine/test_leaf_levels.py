@@ -10,9 +10,9 @@ from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, save
 from patchnet.patchnet_addon.octree.grid import Grid, morton_decode
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.mesh import TriangleMesh
-from patchnet.patchnet_addon.octree.voxelize import voxelize
 from patchnet.patchnet_addon.progress import drain
 
+from .leaf_samples import leaves_of
 from .octree_samples import octree_from_leaves as octree_of_samples
 
 BLOCK_LEVEL = 2
@@ -39,10 +39,10 @@ def layout():
 
 def test_leaves_of_each_level_are_those_of_that_level_alone(mesh, layout):
     grid = Grid.around(mesh.bounds_world, 8)
-    parts = drain(voxelize(mesh, grid, shade, layout=layout))
+    parts = leaves_of(mesh, grid, shade, layout=layout)
     assert [part.level for part in parts] == sorted(part.level for part in parts) and len(parts) > 5
     for part in parts:
-        (alone,) = drain(voxelize(mesh, Grid.around(mesh.bounds_world, part.level), shade))
+        (alone,) = leaves_of(mesh, Grid.around(mesh.bounds_world, part.level), shade)
         block = (alone.keys >> np.uint64(3 * (part.level - BLOCK_LEVEL))).astype(int)
         inside = layout.levels[block] == part.level
         np.testing.assert_array_equal(part.keys, alone.keys[inside])
@@ -51,23 +51,33 @@ def test_leaves_of_each_level_are_those_of_that_level_alone(mesh, layout):
 
 def test_bits_do_not_depend_on_passes(mesh, layout):
     grid = Grid.around(mesh.bounds_world, 8)
-    whole = drain(voxelize(mesh, grid, shade, layout=layout))
-    divided = drain(voxelize(mesh, grid, shade, layout=layout, block_fragments=3000))
+    whole = leaves_of(mesh, grid, shade, layout=layout)
+    divided = leaves_of(mesh, grid, shade, layout=layout, block_fragments=3000)
     for one, other in zip(whole, divided, strict=True):
         np.testing.assert_array_equal(one.keys, other.keys)
         np.testing.assert_array_equal(one.sums, other.sums)
 
 
+@pytest.mark.parametrize("depth_only", [False, True])
+def test_octrees_of_one_and_of_many_passes_have_the_same_bits(mesh, layout, depth_only):
+    settings = {} if depth_only else {"layout": layout}
+    grid = Grid.around(mesh.bounds_world, 8)
+    one = drain(build_octree(mesh, grid, shade, **settings))
+    other = drain(build_octree(mesh, grid, shade, block_fragments=2000, **settings))
+    assert one.exposure == other.exposure
+    for name, array in octree_arrays(one).items():
+        np.testing.assert_array_equal(array, octree_arrays(other)[name], err_msg=name)
+
+
 def test_octree_equals_one_that_is_built_node_by_node(mesh, layout):
     grid = Grid.around(mesh.bounds_world, 8)
     leaves = {}
-    parts = drain(voxelize(mesh, grid, shade, layout=layout))
+    parts = leaves_of(mesh, grid, shade, layout=layout)
     for part in parts:
         for cell, (area, *moments) in zip(morton_decode(part.keys).tolist(), part.sums.tolist(), strict=True):
             luminance, *normal = (value / area for value in moments)
             leaves[part.level, tuple(cell)] = (area, luminance, tuple(normal))
     octree = octree_from_leaves(parts, grid, exposure=1.0)
-    assert parts == []
     expected = octree_of_samples(leaves, 8)
     for name in ("level_start", "child_mask"):
         np.testing.assert_array_equal(getattr(octree, name), getattr(expected, name), err_msg=name)
@@ -102,7 +112,7 @@ def test_levels_below_the_deepest_leaf_are_left_out_and_the_file_is_consistent(m
 
 def test_nothing_is_left_where_no_leaves_are_wanted(mesh):
     with pytest.raises(GeometryError, match="No opaque surface"):
-        drain(voxelize(mesh, Grid.around(mesh.bounds_world, 4), shade, layout=LeafLevels(np.zeros(8, np.uint8))))
+        drain(build_octree(mesh, Grid.around(mesh.bounds_world, 4), shade, layout=LeafLevels(np.zeros(8, np.uint8))))
 
 
 def test_divided_blocks_keep_their_levels():

@@ -13,8 +13,10 @@ from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.clip_reference import clip_reference
 from patchnet.patchnet_addon.octree.grid import Grid, morton_decode, morton_encode
 from patchnet.patchnet_addon.octree.mesh import TriangleBatch, TriangleMesh
-from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals, voxelize
+from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.progress import drain
+
+from .leaf_samples import leaves_of
 
 
 def position_shade(batch, fragments):
@@ -80,7 +82,7 @@ def test_leaf_means_equal_dense_point_sampling():
     corners = soup(12, seed=3, size=0.3)
     mesh = TriangleMesh.from_arrays(corners)
     grid = Grid.around(mesh.bounds_world, 3)
-    (sums,) = drain(voxelize(mesh, grid, position_shade))
+    (sums,) = leaves_of(mesh, grid, position_shade)
     rng = np.random.default_rng(1)
     areas, normals = triangle_areas_and_normals(corners)
     count = 400_000
@@ -109,7 +111,7 @@ def test_means_of_all_levels_equal_direct_computation():
     mesh = TriangleMesh.from_arrays(soup(60, seed=5))
     depth = 6
     grid = Grid.around(mesh.bounds_world, depth)
-    (leaves,) = drain(voxelize(mesh, grid, position_shade))
+    (leaves,) = leaves_of(mesh, grid, position_shade)
     octree = drain(build_octree(mesh, grid, position_shade, exposure=0.9))
     luminance = np.clip(leaves.sums[:, 1] / leaves.sums[:, 0] * 0.9, 0, 1)
     for level in range(depth + 1):

@@ -16,8 +16,9 @@ from patchnet.patchnet_addon.octree.file import octree_arrays
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.mesh import Fragments, TriangleBatch, TriangleMesh
-from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals, voxelize
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
+
+from .leaf_samples import leaves_of
 
 SIDE = 8  # cells along an axis, each of side 1
 GRID = Grid((0.0, 0.0, 0.0), float(SIDE), 3)
@@ -80,7 +81,7 @@ def batches(corners, cuts):
 def test_area_is_conserved_and_touched_voxels_are_there(corners):
     areas, _ = triangle_areas_and_normals(corners)
     assume(areas.sum() > 0)
-    (leaves,) = drain(voxelize(TriangleMesh.from_arrays(corners), GRID, position_shade))
+    (leaves,) = leaves_of(TriangleMesh.from_arrays(corners), GRID, position_shade)
     assert leaves.sums[:, 0].sum(dtype=np.float64) == pytest.approx(areas.sum(), rel=1e-6, abs=1e-9)
     assert (np.diff(leaves.keys.astype(np.int64)) > 0).all() and (leaves.sums[:, 0] > 0).all()
     touched = {}
@@ -98,11 +99,11 @@ def test_area_is_conserved_and_touched_voxels_are_there(corners):
 @given(soups, st.randoms(use_true_random=False), st.integers(1, 200), st.integers(1, 50))
 def test_bits_do_not_depend_on_order_batches_blocks_and_tasks(corners, random, block_fragments, task_fragments):
     assume(triangle_areas_and_normals(corners)[0].sum() > 0)
-    (reference,) = drain(voxelize(TriangleMesh.from_arrays(corners), GRID, position_shade))
+    (reference,) = leaves_of(TriangleMesh.from_arrays(corners), GRID, position_shade)
     order = random.sample(range(len(corners)), len(corners))
     cuts = sorted(random.sample(range(1, len(corners)), min(2, len(corners) - 1)))
     with mock.patch.object(blocks, "FRAGMENTS_PER_TASK", task_fragments):
-        (other,) = drain(voxelize(batches(corners[order], cuts), GRID, position_shade, block_fragments=block_fragments))
+        (other,) = leaves_of(batches(corners[order], cuts), GRID, position_shade, block_fragments=block_fragments)
     np.testing.assert_array_equal(reference.keys, other.keys)
     np.testing.assert_array_equal(reference.sums, other.sums)
     first, second = (octree_arrays(octree_from_leaves([leaves], GRID)) for leaves in (reference, other))
@@ -115,8 +116,8 @@ def test_blocks_together_make_the_whole():
     mesh = TriangleMesh.from_arrays(rng.uniform(0, 1, (300, 1, 3)) + rng.normal(size=(300, 3, 3)) * 0.1)
     grid = Grid.around(mesh.bounds_world, 7)
     assert len(blocks.plan_passes(mesh, grid, LeafLevels.uniform(7), 5000)) > 10
-    (whole,) = drain(voxelize(mesh, grid, position_shade))
-    (parts,) = drain(voxelize(mesh, grid, position_shade, block_fragments=5000))
+    (whole,) = leaves_of(mesh, grid, position_shade)
+    (parts,) = leaves_of(mesh, grid, position_shade, block_fragments=5000)
     np.testing.assert_array_equal(whole.keys, parts.keys)
     np.testing.assert_array_equal(whole.sums, parts.sums)
 
@@ -134,7 +135,7 @@ def test_planned_load_is_near_the_number_of_fragments():
         count += len(fragments)
         return np.zeros(len(fragments), np.float32), np.ones(len(fragments), np.float32)
 
-    drain(voxelize(mesh, grid, counting))
+    leaves_of(mesh, grid, counting)
     sets = blocks.plan_passes(mesh, grid, LeafLevels.uniform(7), count // 10)
     assert 9 <= len(sets) <= 12
 

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Leaves of some blocks of space -> their nodes from the blocks down, as compact as the octree will hold them.
+
+So that of a large scene only the leaves of one pass are ever held as sums; luminance waits for the exposure, which
+takes all leaves to choose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .levels import area_and_normal, merge_nodes, parents_of, sums_of_level
+from .voxelize import LeafSums
+
+
+@dataclass(frozen=True, eq=False)
+class Subtrees:
+    """Nodes of consecutive blocks, level by level from `root_level` on; within a level in Morton order.
+
+    root_keys: (r,) uint64 of the blocks that hold anything. root_sums: (r, 4) float64, area and area * normal (x, y, z)
+    in world units. Of each level: child_mask (n,) uint8, area_world (n,) float32, normal (n, 3) int8 as `Octree` holds
+    them, and leaf_luminance (l,) float32, means over its leaves before exposure.
+    """
+
+    root_level: int
+    root_keys: np.ndarray
+    root_sums: np.ndarray
+    child_mask: tuple[np.ndarray, ...]
+    area_world: tuple[np.ndarray, ...]
+    normal: tuple[np.ndarray, ...]
+    leaf_luminance: tuple[np.ndarray, ...]
+
+
+def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
+    """Nodes over leaves that lie on one or several levels from `root_level` on, no leaf within another one."""
+    by_level = {part.level: part for part in leaves}
+    none = LeafSums(0, np.empty(0, np.uint64), np.empty((0, 5), np.float32))
+    keys, sums = none.keys, np.empty((0, 4), np.float64)
+    levels = []
+    for level in range(max(by_level, default=root_level), root_level - 1, -1):
+        own = by_level.get(level, none)
+        parents, mask = parents_of(keys)
+        keys, mask = merge_nodes(own.keys, parents, mask)
+        sums = sums_of_level(mask, sums, own.sums)
+        levels.append((mask, *area_and_normal(sums), own.sums[:, 1] / own.sums[:, 0]))
+    columns = (tuple(column) for column in zip(*reversed(levels), strict=True))
+    return Subtrees(root_level, keys, sums, *columns)

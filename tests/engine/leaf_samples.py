@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the voxelizer makes of a surface, before it becomes an octree."""
+
+import numpy as np
+
+from patchnet.patchnet_addon.octree.voxelize import LeafSums, all_leaves, voxelize
+from patchnet.patchnet_addon.progress import drain
+
+
+def leaves_of(source, grid, shade, **settings):
+    """Leaf sums of each level with leaves, coarse first, all passes together."""
+    passes = drain(voxelize(source, grid, shade, all_leaves, **settings))
+    parts = [part for leaves in passes for part in leaves]
+    return [_joined(level, parts) for level in sorted({part.level for part in parts})]
+
+
+def _joined(level, parts):
+    chosen = [part for part in parts if part.level == level]
+    return LeafSums(
+        level, np.concatenate([part.keys for part in chosen]), np.concatenate([part.sums for part in chosen])
+    )
