@@ -10,7 +10,7 @@ from .job_operator import JobOperator
 
 
 class PATCHNET_OT_clear_results(bpy.types.Operator):
-    """Free the memory that the octree and the codes of this scene take; pictures and files stay"""
+    """Free the memory that the octree and the codes of this scene take; what was shown and written stays"""
 
     bl_idname = "patchnet.clear_results"
     bl_label = "Free Memory"

@@ -10,6 +10,7 @@ import bpy
 from mathutils import Euler
 
 from ..patchnet_addon.progress import Result, Steps
+from .own import is_own
 
 SUN_STRENGTH = 4.0  # W/m2
 SUN_ANGLE = 0.009  # radians, as from the earth
@@ -28,7 +29,7 @@ def has_light(depsgraph: bpy.types.Depsgraph) -> bool:
         if item.type == "LIGHT" and item.data.energy > 0 and max(item.data.color) > 0:
             return True
         materials.update(slot.material for slot in item.material_slots if slot.material)
-    return any(_emits(material) for material in materials)
+    return any(_emits(material) for material in materials if not is_own(material))
 
 
 def _world_shines(world: bpy.types.World | None) -> bool:

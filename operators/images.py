@@ -14,8 +14,7 @@ import bpy
 import numpy as np
 
 from ..patchnet_addon.errors import PatchNetError
-
-_OWNER = "patchnet_result"  # custom property that marks an image as ours to overwrite
+from .own import OWNER
 
 
 def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.types.Image:
@@ -25,13 +24,13 @@ def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.type
     with the file and closing Blender does not ask about them.
     """
     height, width = picture.shape[:2]
-    image = next((item for item in bpy.data.images if item.get(_OWNER) == name), None)
+    image = next((item for item in bpy.data.images if item.get(OWNER) == name), None)
     if image is not None and image.is_float != raw:
         bpy.data.images.remove(image)
         image = None
     if image is None:
         image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=raw, is_data=raw)
-        image[_OWNER] = name
+        image[OWNER] = name
     elif tuple(image.size) != (width, height):
         image.scale(width, height)
     image.pixels.foreach_set(_rgba(picture))

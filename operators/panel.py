@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
+from ..patchnet_addon.octree.export.vdb import vdb_module_name
 from . import results
 from .job_operator import JobOperator
 
@@ -135,6 +136,26 @@ class PATCHNET_PT_result(_Tab, bpy.types.Panel):
         layout.operator("patchnet.clear_results", icon="TRASH")
 
 
+class PATCHNET_PT_voxels(_Tab, bpy.types.Panel):
+    """The voxels as an object, and as files."""
+
+    bl_label = "Show and Export"
+    bl_parent_id = "PATCHNET_PT_main"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Settings, the two buttons, and what this Blender cannot write."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        for name in ("level", "display", "limit"):
+            layout.prop(context.scene.patchnet, name)
+        layout.operator("patchnet.show_voxels", icon="MESH_CUBE")
+        layout.operator("patchnet.export_octree", icon="EXPORT")
+        if not vdb_module_name():  # looked for once
+            layout.label(text="This Blender cannot write .vdb", icon="INFO")
+
+
 CLASSES = (
     PATCHNET_PT_main,
     PATCHNET_PT_voxelize,
@@ -142,4 +163,5 @@ CLASSES = (
     PATCHNET_PT_codes,
     PATCHNET_PT_view,
     PATCHNET_PT_result,
+    PATCHNET_PT_voxels,
 )

@@ -23,6 +23,7 @@ from ..patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from .job.settings import CYCLES, TWO_LIGHTS, JobSettings
 from .preferences import preferences
 from .scene.placements import SELECTED, VISIBLE
+from .voxel_object import CUBES, POINTS
 
 _STRATEGY_ITEMS = [(item.name, item.title, item.description) for item in STRATEGIES.values()]
 
@@ -147,6 +148,42 @@ class OutputProperties:
     )
 
 
+class LevelProperties:
+    """Which level is shown or exported."""
+
+    level: IntProperty(
+        name="Level",
+        description="Level of the voxels, each half as large as on the one before; 0 takes the finest",
+        default=0,
+        min=0,
+        max=MAX_DEPTH,
+        options={"SKIP_SAVE"},
+    )
+
+
+class DisplayProperties(LevelProperties):
+    """How voxels are shown in the scene. Operators forget them, so that the panel's values count for each call."""
+
+    display: EnumProperty(
+        name="Display",
+        description="What stands for a voxel",
+        items=[
+            (CUBES, "Cubes", "A cube of the voxel's size"),
+            (POINTS, "Points", "A sphere that fits into the voxel: lighter to draw"),
+        ],
+        default=CUBES,
+        options={"SKIP_SAVE"},
+    )
+    limit: IntProperty(
+        name="Limit",
+        description="Voxels at most: where a level has more, a coarser one is shown",
+        default=200_000,
+        min=1,
+        soft_max=5_000_000,
+        options={"SKIP_SAVE"},
+    )
+
+
 class PatchNetSettings(
     VoxelizeProperties,
     CameraProperties,
@@ -154,6 +191,7 @@ class PatchNetSettings(
     CodesProperties,
     ViewProperties,
     OutputProperties,
+    DisplayProperties,
     bpy.types.PropertyGroup,
 ):
     """Settings that a scene remembers; operators use them for whatever is not given to themselves."""
@@ -166,7 +204,7 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
     """
 
     def value(name: str) -> Any:
-        return getattr(operator if _is_given(operator, name) else context.scene.patchnet, name)
+        return setting(context, operator, name)
 
     resolution = _resolution(operator, value("resolution"))
     scope = value("scope")
@@ -188,9 +226,14 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
         strategy=value("strategy"),
         heatmap_maximum=value("heatmap_maximum") or None,
         colormap=preferences(context).colormap,
-        weights=_path(value("weights")),
-        out=_path(value("out")),
+        weights=absolute_path(value("weights")),
+        out=absolute_path(value("out")),
     )
+
+
+def setting(context: bpy.types.Context, operator: bpy.types.Operator, name: str) -> Any:
+    """One setting: the operator's property if its caller set it, else the scene's."""
+    return getattr(operator if _is_given(operator, name) else context.scene.patchnet, name)
 
 
 def _is_given(operator: bpy.types.Operator, name: str) -> bool:
@@ -209,7 +252,7 @@ def _resolution(operator: bpy.types.Operator, resolution: str) -> str:
     return given[0].upper()
 
 
-def _path(text: str) -> Path | None:
+def absolute_path(text: str) -> Path | None:
     """Absolute path of a text that may begin with // for the folder of the .blend file; None for an empty one."""
     if not text:
         return None

@@ -10,6 +10,7 @@ import bpy
 from . import (
     bake_light,
     clear_results,
+    export_octree,
     panel,
     precompute_codes,
     preferences,
@@ -17,15 +18,22 @@ from . import (
     render_preview,
     results,
     run_all,
+    show_voxels,
     voxelize,
 )
 
 _BEFORE = (preferences, properties, results)  # have register() and unregister() of their own
-_CLASSES = tuple(
-    item
-    for module in (voxelize, bake_light, precompute_codes, render_preview, run_all, clear_results, panel)
-    for item in module.CLASSES
+_OPERATORS = (
+    voxelize,
+    bake_light,
+    precompute_codes,
+    render_preview,
+    run_all,
+    show_voxels,
+    export_octree,
+    clear_results,
 )
+_CLASSES = tuple(item for module in (*_OPERATORS, panel) for item in module.CLASSES)
 
 
 def register() -> None:

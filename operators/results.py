@@ -3,15 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import bpy
 from bpy.app.handlers import persistent
 
 from ..patchnet_addon.errors import SettingError
+from .own import is_own
 
 if TYPE_CHECKING:
     from ..patchnet_addon.codes.coded_octree import CodedOctree
@@ -49,6 +50,8 @@ class SceneResult:
 
 _results: dict[int, SceneResult] = {}
 _quiet = 0
+_before_undo: tuple[frozenset[object], frozenset[object]] = (frozenset(), frozenset())
+_own_step = False  # the next update comes from undoing or redoing a step of ours
 
 
 def result_of(scene: bpy.types.Scene) -> SceneResult | None:
@@ -113,11 +116,17 @@ def _summary(result: SceneResult) -> list[str]:
 @persistent
 def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Mark results stale whose surface or light was changed by the person."""
+    global _own_step
+    if _own_step:
+        _own_step = False
+        return
     result = _results.get(scene.session_uid)
     if result is None or _quiet:
         return
     for update in depsgraph.updates:
         item = update.id
+        if is_own(item):
+            continue
         if isinstance(item, bpy.types.Object):
             moved = update.is_updated_geometry or update.is_updated_transform
             if moved and item.type in _SURFACE_TYPES:
@@ -128,19 +137,56 @@ def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
             result.stale.add("light")
 
 
+def _placed(scene: bpy.types.Scene) -> tuple[frozenset[object], frozenset[object]]:
+    """What stands where in a scene: objects that show our results, and all others."""
+    places: dict[bool, set[object]] = {True: set(), False: set()}
+    for item in scene.objects:
+        data = item.data.session_uid if item.data else 0
+        matrix = tuple(value for row in item.matrix_basis for value in row)  # the world's is not known right after undo
+        places[is_own(item)].add((item.session_uid, data, matrix))
+    return frozenset(places[True]), frozenset(places[False])
+
+
+@persistent
+def _on_undo_pre(scene: bpy.types.Scene, _depsgraph: object = None) -> None:
+    global _before_undo
+    _before_undo = _placed(scene)
+
+
+@persistent
+def _on_undo_post(scene: bpy.types.Scene, _depsgraph: object = None) -> None:
+    """After undo Blender reports every object as changed. Where only ours came, went or moved, nothing is stale."""
+    global _own_step
+    own, others = _placed(scene)
+    _own_step = own != _before_undo[0] and others == _before_undo[1]
+
+
 @persistent
 def _on_load(_path: str) -> None:
     _results.clear()
 
 
+def _handlers() -> list[tuple[list[Any], Callable[..., None]]]:
+    """Blender's lists of handlers, and what we add to them."""
+    lists = bpy.app.handlers
+    return [
+        (lists.depsgraph_update_post, _on_change),
+        (lists.undo_pre, _on_undo_pre),
+        (lists.redo_pre, _on_undo_pre),
+        (lists.undo_post, _on_undo_post),
+        (lists.redo_post, _on_undo_post),
+        (lists.load_post, _on_load),
+    ]
+
+
 def register() -> None:
     """Listen to changes of scenes."""
-    bpy.app.handlers.depsgraph_update_post.append(_on_change)
-    bpy.app.handlers.load_post.append(_on_load)
+    for handlers, function in _handlers():
+        handlers.append(function)
 
 
 def unregister() -> None:
     """Stop listening and free all results."""
-    bpy.app.handlers.load_post.remove(_on_load)
-    bpy.app.handlers.depsgraph_update_post.remove(_on_change)
+    for handlers, function in reversed(_handlers()):
+        handlers.remove(function)
     _results.clear()

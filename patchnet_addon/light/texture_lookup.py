@@ -36,8 +36,8 @@ def surface_of_fragments(
         fragments.area_world, fragments.cut_keys if outlined else _NO_KEYS,
         fragments.corners_voxel if outlined else _NO_CORNERS, table.texels, table.level_offset, table.level_height,
         table.level_width, table.pyramid_first, table.pyramid_levels, table.pyramid_extension,
-        table.pyramid_transform, table.pyramid_solid, table.material_pyramid, table.material_luminance,
-        table.material_opacity, table.material_threshold, shine, opacity,
+        table.pyramid_transform, table.pyramid_solid, table.material_pyramid, table.material_color,
+        table.material_luminance, table.material_opacity, table.material_threshold, shine, opacity,
     )  # fmt: skip
     return shine, opacity
 
@@ -95,7 +95,8 @@ def _surface(  # type: ignore[no-untyped-def]
     corners, uvs, materials, triangle, barycentric, area, cut_keys, corners_voxel,
     texels, level_offset, level_height, level_width,
     pyramid_first, pyramid_levels, pyramid_extension, pyramid_transform, pyramid_solid,
-    material_pyramid, material_luminance, material_opacity, material_threshold, shine_out, opacity_out,
+    material_pyramid, material_color, material_luminance, material_opacity, material_threshold,
+    shine_out, opacity_out,
 ):  # fmt: skip
     for chunk in numba.prange((len(triangle) + _CHUNK - 1) // _CHUNK):
         rows = np.empty((ROWS, 5), np.float64)
@@ -107,12 +108,12 @@ def _surface(  # type: ignore[no-untyped-def]
                 shine_out[index] = material_luminance[material]
                 opacity_out[index] = material_opacity[material]
                 continue
-            m = pyramid_transform[pyramid]
             b1 = barycentric[index, 0]
             b2 = barycentric[index, 1]
             b0 = 1.0 - b1 - b2
             s = b0 * uvs[t, 0, 0] + b1 * uvs[t, 1, 0] + b2 * uvs[t, 2, 0]
             r = b0 * uvs[t, 0, 1] + b1 * uvs[t, 1, 1] + b2 * uvs[t, 2, 1]
+            m = pyramid_transform[pyramid]
             u = m[0, 0] * s + m[0, 1] * r + m[0, 2]
             v = m[1, 0] * s + m[1, 1] * r + m[1, 2]
             first = pyramid_first[pyramid]
@@ -137,6 +138,19 @@ def _surface(  # type: ignore[no-untyped-def]
                 cover = other if cover < 0.0 else cover
             else:
                 shine = shine / cover if cover > 1e-6 else 0.0
+            color = material_color[material]
+            if color >= 0:  # laid out in its own way
+                m = pyramid_transform[color]
+                u = m[0, 0] * s + m[0, 1] * r + m[0, 2]
+                v = m[1, 0] * s + m[1, 1] * r + m[1, 2]
+                first = pyramid_first[color]
+                size = level_height[first] * level_width[first]
+                level = _level(corners[t], uvs[t], m, area[index], size, pyramid_levels[color])
+                shine, other = _trilinear(
+                    texels, level_offset, level_height, level_width, first, level, pyramid_extension[color], math.nan,
+                    u, v,
+                )  # fmt: skip
+                shine = shine / other if other > 1e-6 else 0.0
             shine_out[index] = shine
             if math.isnan(threshold):
                 cover *= material_opacity[material]

@@ -9,7 +9,7 @@ opacity as its weight, so that what is cut away does not colour what stays.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,7 @@ class TextureTable:
     pyramid_first: (K,) int64 first of its levels. pyramid_levels: (K,) int64.
     pyramid_extension: (K,) int64. pyramid_transform: (K, 2, 3) float64. pyramid_solid: (K,) bool, opaque everywhere.
     material_pyramid: (M,) int64, -1 for no texture. material_luminance: (M,) float32, without texture.
+    material_color: (M,) int64, pyramid of the base colour where that is laid out unlike the opacity, otherwise -1.
     material_opacity: (M,) float32, a factor on the texture's. material_threshold: (M,) float32, NaN for none.
     material_emission: (M,) float32.
     """
@@ -50,6 +51,7 @@ class TextureTable:
     pyramid_transform: np.ndarray
     pyramid_solid: np.ndarray
     material_pyramid: np.ndarray
+    material_color: np.ndarray
     material_luminance: np.ndarray
     material_opacity: np.ndarray
     material_threshold: np.ndarray
@@ -61,17 +63,21 @@ class TextureTable:
         pyramids: dict[tuple[object, ...], int] = {}
         levels: list[list[np.ndarray]] = []
         styles: list[Texture] = []
-        index = np.full(len(materials), -1, np.int64)
-        for number, material in enumerate(materials):
+
+        def pyramid_of(material: Material) -> int:
             main = material.base_texture or material.alpha_texture
             if main is None:
-                continue
+                return -1
             key = _pyramid_key(material)
             if key not in pyramids:
                 pyramids[key] = len(levels)
                 levels.append(_pyramid(material))
                 styles.append(main)
-            index[number] = pyramids[key]
+            return pyramids[key]
+
+        parts = [_parts(material) for material in materials]
+        index = np.array([pyramid_of(surface) for surface, _ in parts], np.int64)
+        color = np.array([-1 if other is None else pyramid_of(other) for _, other in parts], np.int64)
         flat = [level for pyramid in levels for level in pyramid]
         counts = np.array([len(pyramid) for pyramid in levels], np.int64)
         sizes = np.array([level.shape[0] * level.shape[1] for level in flat], np.int64)
@@ -94,6 +100,7 @@ class TextureTable:
                 np.bool_,
             ),
             material_pyramid=index,
+            material_color=color,
             material_luminance=luminance(np.array([m.base_color for m in materials])),
             material_opacity=np.array([m.alpha for m in materials], np.float32),
             material_threshold=np.array(
@@ -103,9 +110,21 @@ class TextureTable:
         )
 
 
+def _style(texture: Texture) -> tuple[object, ...]:
+    return texture.extension, texture.transform or _IDENTITY
+
+
+def _parts(material: Material) -> tuple[Material, Material | None]:
+    """What gives opacity, and what gives base colour if its texture lies otherwise on the surface."""
+    base, alpha = material.base_texture, material.alpha_texture
+    if base is None or alpha is None or _style(base) == _style(alpha):
+        return material, None
+    return replace(material, base_texture=None), replace(material, alpha_texture=None, alpha_threshold=None)
+
+
 def _pyramid_key(material: Material) -> tuple[object, ...]:
     base, alpha = material.base_texture, material.alpha_texture
-    style = (base or alpha).extension, (base or alpha).transform  # type: ignore[union-attr]
+    style = _style(base or alpha)  # type: ignore[arg-type]
     factor = material.base_color
     threshold = None if material.alpha_threshold is None or alpha is None else material.alpha_threshold / material.alpha
     return base and id(base.pixels), alpha and id(alpha.pixels), style, factor, threshold

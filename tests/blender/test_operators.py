@@ -23,6 +23,10 @@ from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.blender.job_scene import SMALL, build, drop_result_images, random_weights
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
+OPERATORS = (
+    "run_all", "voxelize", "bake_light", "precompute_codes", "render_preview", "show_voxels", "export_octree",
+    "clear_results",
+)  # fmt: skip
 FILES = {"preview.png", "heatmap.png", "overlay.png", "priority.exr", "refined.png", "reference.png", "error.png"}
 
 
@@ -302,6 +306,6 @@ def test_panels_draw_without_computing(scene: bpy.types.Scene) -> None:
             item.draw(drawn, bpy.context)
         texts += layout.texts
     text = " ".join(texts)
-    for operator in ("run_all", "voxelize", "bake_light", "precompute_codes", "render_preview", "clear_results"):
+    for operator in OPERATORS:
         assert f"patchnet.{operator}" in text
     assert "Depth 4" in text and "voxels" in text

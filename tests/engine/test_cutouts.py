@@ -202,7 +202,8 @@ def test_kernel_equals_the_plain_twin(extension: str, threshold: float | None, d
     count = 24
     alpha = np.clip(np.kron(rng.random((11, 9)), np.ones((2, 3))) * 1.6 - 0.3, 0, 1).astype(np.float32)[..., None]
     base = Texture("base", rng.random((22, 27, 3)).astype(np.float32), extension, TURNED)
-    material = Material("M", (1.0, 1.0, 1.0), base, alpha_texture=Texture("A", alpha), alpha_threshold=threshold)
+    leaf = Texture("A", alpha, extension, TURNED)
+    material = Material("M", (1.0, 1.0, 1.0), base, alpha_texture=leaf, alpha_threshold=threshold)
     uvs = rng.uniform(-0.5, 1.5, (count, 3, 2)) * rng.choice([0.02, 0.3, 1.0, 9.0], (count, 1, 1))
     batch = TriangleBatch(rng.random((count, 3, 3)), uvs.astype(np.float32), np.zeros(count, np.int32), 0)
     mesh = TriangleMesh((batch,), (material,))

@@ -153,6 +153,21 @@ def test_coverage_of_a_texel() -> None:
     np.testing.assert_allclose(cut_coverage(opaque, 0.7, "MIRROR"), 1.0)
 
 
+def test_colour_and_opacity_laid_out_differently() -> None:
+    rng = np.random.default_rng(5)
+    base = Texture("C", rng.random((16, 24, 3)).astype(np.float32), "REPEAT", ((4.0, 0.0, 0.1), (0.0, 4.0, 0.0)))
+    alpha = Texture("A", rng.random((8, 8, 1)).astype(np.float32), "EXTEND")
+    for threshold in (None, 0.5):
+        both = square(Material("Both", WHITE, base, alpha_texture=alpha, alpha_threshold=threshold))
+        batch, fragments = pieces(both, 4)
+        values, opacity = albedo_shade(both)(batch, fragments)
+        color, _ = albedo_shade(square(Material("Colour", WHITE, base)))(batch, fragments)
+        cut = square(Material("Opacity", alpha_texture=alpha, alpha_threshold=threshold))
+        np.testing.assert_array_equal(values, color)
+        np.testing.assert_array_equal(opacity, albedo_shade(cut)(batch, fragments)[1])
+        assert 0.3 < opacity.mean() < 0.7
+
+
 def test_two_lights() -> None:
     rng = np.random.default_rng(3)
     corners = rng.normal(size=(50, 3, 3))

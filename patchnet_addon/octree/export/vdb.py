@@ -7,6 +7,7 @@ density    surface / (2 * volume) of the voxel, in 1 / world unit: the extinctio
            It does not depend on the level, and is what a Principled Volume reads by default.
 
 OpenVDB's cell (i, j, k) has its centre at index (i, j, k), so index 0 lies half a voxel inside the octree's cube.
+Blender follows this from 5.0 on; older ones show every OpenVDB file half a voxel too far along each axis.
 Coarser leaves fill all the cells that they cover, as tiles where OpenVDB has tiles of that size.
 """
 

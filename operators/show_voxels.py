@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One level of the octree as an object of the scene."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..patchnet_addon.errors import PatchNetError
+from . import results
+from .job_operator import JobOperator
+from .properties import DisplayProperties, setting
+from .voxel_object import show
+
+
+class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
+    """Show the voxels of one level in the scene, coloured by luminance; they stay out of renders and of Voxelize"""
+
+    bl_idname = "patchnet.show_voxels"
+    bl_label = "Show Voxels"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """There must be voxels, nobody at work on them, and a mode in which objects can be added."""
+        if results.result_of(context.scene) is None:
+            cls.poll_message_set(results.NO_VOXELS)
+            return False
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Voxels can be shown in Object Mode only: leave the present mode")
+            return False
+        if JobOperator.running:
+            cls.poll_message_set(f"{JobOperator.running} is running: wait for it, or press Esc over the window")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Choose the level, make or fill the object, say what it shows."""
+        from ..patchnet_addon.octree.voxel_cloud import level_within, voxel_cloud, voxel_counts
+
+        octree = results.voxels_of(context.scene).octree
+        wanted = setting(context, self, "level") or octree.depth
+        limit = setting(context, self, "limit")
+        try:
+            level = level_within(octree, limit, wanted)
+            with results.quiet():
+                item = show(context.scene, voxel_cloud(octree, level), setting(context, self, "display"))
+        except PatchNetError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        counts = voxel_counts(octree)
+        shown = f"{counts[level]:,} voxels of level {level} in '{item.name}'"
+        if level < wanted:
+            given = setting(context, self, "level") > 0
+            self.report(
+                {"WARNING" if given else "INFO"},
+                f"{shown}: level {wanted} has {counts[wanted]:,}, more than the limit of {limit:,}",
+            )
+        else:
+            self.report({"INFO"}, shown)
+        return {"FINISHED"}
+
+
+CLASSES = (PATCHNET_OT_show_voxels,)

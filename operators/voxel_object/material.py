@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The material of shown voxels: their luminance as it is, without any light of the scene."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..own import OWNER
+
+_NAME = "PatchNet Voxels"
+LUMINANCE = "luminance"
+
+
+def voxel_material() -> bpy.types.Material:
+    """The material, made once a file; what a person changes in it stays."""
+    material = next((item for item in bpy.data.materials if item.get(OWNER) == _NAME), None)
+    return material or _new_material()
+
+
+def _new_material() -> bpy.types.Material:
+    """Emission of the attribute `luminance`: on points and real cubes it is the geometry's, on instances theirs.
+
+    An attribute that is not there reads 0, so the sum is whichever there is.
+    """
+    material = bpy.data.materials.new(_NAME)
+    material[OWNER] = _NAME
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
+    material.cycles.emission_sampling = "NONE"  # nothing else in the scene is lit by it
+    tree = material.node_tree
+    tree.nodes.clear()
+    total = tree.nodes.new("ShaderNodeMath")
+    for index, kind in enumerate(("GEOMETRY", "INSTANCER")):
+        attribute = tree.nodes.new("ShaderNodeAttribute")
+        attribute.attribute_name, attribute.attribute_type = LUMINANCE, kind
+        attribute.location = (-400, -200 * index)
+        tree.links.new(attribute.outputs["Fac"], total.inputs[index])
+    emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
+    total.location, emission.location, output.location = (-200, 0), (0, 0), (200, 0)
+    tree.links.new(total.outputs[0], emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    return material

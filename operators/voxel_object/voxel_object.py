@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The object "PatchNet Voxels": one vertex a voxel, and a modifier that gives it its shape."""
+
+from __future__ import annotations
+
+import re
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...patchnet_addon.errors import SceneError
+from ...patchnet_addon.image.tone import srgb_encode
+from ...patchnet_addon.octree.voxel_cloud import VoxelCloud
+from ..own import OWNER
+from .material import LUMINANCE, voxel_material
+from .node_groups import SIDE, cubes_group, points_group
+
+NAME = "PatchNet Voxels"
+CUBES = "CUBES"
+POINTS = "POINTS"
+_COLOR = "luminance_color"  # what the viewport's solid mode shows for Color: Attribute
+_LIGHT_RAYS = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
+
+
+def show(scene: bpy.types.Scene, cloud: VoxelCloud, display: str) -> bpy.types.Object:
+    """The object that shows `cloud` in `scene`, as CUBES or POINTS.
+
+    The one of an earlier call is filled anew and stays in its collection, with its visibility; a renamed one is kept as
+    it is. A new one is hidden from renders. Selection and active object stay. Raises SceneError if it is being edited.
+    """
+    item = next((each for each in scene.objects if _is_ours(each)), None)
+    if item is not None and item.mode != "OBJECT":
+        raise SceneError(f"'{item.name}' is being edited: leave Edit Mode, or rename it to keep it")
+    before = item.data if item is not None else None
+    mesh = _mesh(cloud)
+    if item is None:
+        item = _new_object(scene, mesh)
+    item.data = mesh
+    item.matrix_world = Matrix.Identity(4)
+    if before is not None and before.users == 0:
+        bpy.data.meshes.remove(before)
+    material = voxel_material()
+    mesh.materials.append(material)
+    _modifier(item).node_group = (cubes_group if display == CUBES else points_group)(material)
+    return item
+
+
+def _is_ours(item: bpy.types.Object) -> bool:
+    """Our object under its own name; Blender appends a number where another scene has one of the same name."""
+    return item.get(OWNER) == NAME and re.fullmatch(rf"{NAME}(\.\d+)?", item.name) is not None
+
+
+def _new_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> bpy.types.Object:
+    """In the scene's own collection. Where a person enables it for renders, it is seen and changes no light."""
+    item = bpy.data.objects.new(NAME, mesh)
+    item[OWNER] = NAME
+    item.hide_render = True
+    for ray in _LIGHT_RAYS:
+        setattr(item, f"visible_{ray}", False)
+    scene.collection.objects.link(item)
+    return item
+
+
+def _mesh(cloud: VoxelCloud) -> bpy.types.Mesh:
+    """Vertices at the centres with their attributes."""
+    mesh = bpy.data.meshes.new(NAME)
+    mesh.vertices.add(len(cloud))
+    mesh.vertices.foreach_set("co", cloud.centres_world.astype(np.float32).ravel())
+    for name, values in ((LUMINANCE, cloud.luminance), (SIDE, cloud.side_world)):
+        mesh.attributes.new(name, "FLOAT", "POINT").data.foreach_set("value", values)
+    colors = np.ones((len(cloud), 4), np.float32)
+    colors[:, :3] = srgb_encode(cloud.luminance)[:, None]
+    mesh.attributes.new(_COLOR, "BYTE_COLOR", "POINT").data.foreach_set("color_srgb", colors.ravel())
+    mesh.attributes.active_color_name = _COLOR
+    return mesh
+
+
+def _modifier(item: bpy.types.Object) -> bpy.types.Modifier:
+    """The geometry nodes modifier that is ours; others stay."""
+    found = next((each for each in item.modifiers if each.type == "NODES" and each.name == NAME), None)
+    return found or item.modifiers.new(NAME, "NODES")

@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Voxels in the scene: where they are, what shows them, that they are no part of what is read, lit and watched."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+import patchnet
+from patchnet.operators import results
+from patchnet.operators.voxel_object import NAME
+from patchnet.patchnet_addon.octree.voxel_cloud import voxel_cloud, voxel_counts
+from patchnet.tests.blender.job_scene import build
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    patchnet.register()
+    yield
+    patchnet.unregister()
+
+
+@pytest.fixture(autouse=True)
+def scene() -> bpy.types.Scene:
+    build()
+    bpy.ops.patchnet.voxelize(depth=6)
+    bpy.ops.patchnet.bake_light(light="two-lights")
+    return bpy.context.scene
+
+
+def shown() -> bpy.types.Object:
+    (item,) = (each for each in bpy.context.scene.objects if each.name.startswith(NAME))
+    return item
+
+
+def attribute(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
+    values = np.empty(len(mesh.vertices), np.float32)
+    mesh.attributes[name].data.foreach_get("value", values)
+    return values
+
+
+def evaluated(item: bpy.types.Object) -> bpy.types.Object:
+    return item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+
+
+def positions(mesh: bpy.types.Mesh) -> np.ndarray:
+    values = np.empty(len(mesh.vertices) * 3, np.float32)
+    mesh.vertices.foreach_get("co", values)
+    return values.reshape(-1, 3)
+
+
+def set_input(item: bpy.types.Object, name: str, value: object) -> None:
+    """Set an input of the modifier as its panel does."""
+    modifier = item.modifiers[NAME]
+    items = modifier.node_group.interface.items_tree
+    key = next(each.identifier for each in items if each.name == name and each.in_out == "INPUT")
+    if bpy.app.version < (5, 2, 0):
+        modifier[key] = value
+    else:
+        getattr(modifier.properties.inputs, key).value = value
+    item.update_tag()
+    bpy.context.view_layer.update()
+
+
+def test_one_vertex_a_voxel(scene: bpy.types.Scene) -> None:
+    assert bpy.ops.patchnet.show_voxels(level=4) == {"FINISHED"}
+    cloud, mesh = voxel_cloud(results.voxels_of(scene).octree, 4), shown().data
+    np.testing.assert_allclose(positions(mesh), cloud.centres_world, atol=1e-6)
+    np.testing.assert_array_equal(attribute(mesh, "luminance"), cloud.luminance)
+    np.testing.assert_array_equal(attribute(mesh, "side"), cloud.side_world)
+
+
+def test_cubes_fill_the_voxels(scene: bpy.types.Scene) -> None:
+    bpy.ops.patchnet.show_voxels(level=4)
+    cloud, item = voxel_cloud(results.voxels_of(scene).octree, 4), shown()
+    mesh = evaluated(item).data
+    assert len(mesh.polygons) == 6 * len(cloud)
+    assert mesh.attributes.active_color_name == "luminance_color"
+    corners = np.concatenate([cloud.centres_world + sign * cloud.side_world[:, None] / 2 for sign in (-1, 1)])
+    assert positions(mesh).min(axis=0) == pytest.approx(corners.min(axis=0), abs=1e-5)
+    assert positions(mesh).max(axis=0) == pytest.approx(corners.max(axis=0), abs=1e-5)
+    volume = sum(polygon.area for polygon in mesh.polygons) / 6
+    assert volume == pytest.approx((cloud.side_world.astype(float) ** 2).sum(), rel=1e-4)
+    set_input(item, "Size", 0.5)
+    assert sum(polygon.area for polygon in evaluated(item).data.polygons) / 6 == pytest.approx(volume / 4, rel=1e-4)
+
+
+def test_instances_on_request(scene: bpy.types.Scene) -> None:
+    bpy.ops.patchnet.show_voxels(level=4)
+    item, cloud = shown(), voxel_cloud(results.voxels_of(scene).octree, 4)
+    set_input(item, "Keep Instances", True)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    matrices = np.array([np.array(each.matrix_world) for each in depsgraph.object_instances if each.is_instance])
+    assert len(matrices) == len(cloud)
+    order, expected = np.lexsort(matrices[:, :3, 3].round(3).T), np.lexsort(cloud.centres_world.round(3).T)
+    np.testing.assert_allclose(matrices[order, :3, 3], cloud.centres_world[expected], atol=1e-6)
+    np.testing.assert_allclose(matrices[:, (0, 1, 2), (0, 1, 2)], cloud.side_world[0], rtol=1e-6)
+
+
+def test_points_fit_into_the_voxels(scene: bpy.types.Scene) -> None:
+    bpy.ops.patchnet.show_voxels(level=3, display="POINTS")
+    cloud = voxel_cloud(results.voxels_of(scene).octree, 3)
+    geometry = evaluated(shown()).evaluated_geometry()
+    points = geometry.pointcloud
+    assert len(points.points) == len(cloud) and len(geometry.mesh.vertices) == 0
+    radii = np.empty(len(points.points), np.float32)
+    points.attributes["radius"].data.foreach_get("value", radii)
+    np.testing.assert_allclose(radii, cloud.side_world / 2, rtol=1e-6)
+
+
+def picture(path: Path) -> np.ndarray:
+    """A small Cycles picture (H, W, 4), linear, of the voxels alone."""
+    scene, item = bpy.context.scene, shown()
+    for other in scene.objects:
+        other.hide_render = other.type == "MESH" and other != item
+    render = scene.render
+    render.engine, render.film_transparent, render.filepath = "CYCLES", True, str(path)
+    render.resolution_x, render.resolution_y, render.resolution_percentage = 32, 24, 100
+    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.pixel_filter_type = 1, False, "BOX"
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(str(path))
+    pixels = np.empty(32 * 24 * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    bpy.data.images.remove(image)
+    return pixels.reshape(24, 32, 4)
+
+
+def luminance_along_rays(octree_level: int) -> np.ndarray:
+    """Luminance (H, W) of the voxel that each pixel's ray meets first, NaN for none, by Blender's ray casts."""
+    scene, item = bpy.context.scene, shown()
+    octree = results.voxels_of(scene).octree
+    cloud = voxel_cloud(octree, octree_level)
+    camera, target = scene.camera, evaluated(item)
+    frame = [camera.matrix_world @ corner for corner in camera.data.view_frame(scene=scene)]
+    origin, (right_top, right_low, left_low, left_top) = camera.matrix_world.translation, frame
+    values = np.full((24, 32), np.nan)
+    for row in range(24):
+        for column in range(32):
+            low = left_low.lerp(right_low, (column + 0.5) / 32)
+            point = low.lerp(left_top.lerp(right_top, (column + 0.5) / 32), (row + 0.5) / 24)
+            hit, where, normal, _ = target.ray_cast(origin, point - origin)
+            if hit:
+                inside = np.array(where - normal * float(cloud.side_world[0]) / 4)
+                values[row, column] = cloud.luminance[np.abs(cloud.centres_world - inside).max(axis=1).argmin()]
+    return values
+
+
+@pytest.mark.parametrize("display", ["CUBES", "INSTANCES", "POINTS"])
+def test_pictures_show_the_luminance(display: str, tmp_path: Path) -> None:
+    bpy.ops.patchnet.show_voxels(level=4, display="POINTS" if display == "POINTS" else "CUBES")
+    if display != "POINTS":
+        expected = luminance_along_rays(4)
+    if display == "INSTANCES":
+        set_input(shown(), "Keep Instances", True)
+    pixels = picture(tmp_path / "picture.exr")
+    seen, luminance = pixels[..., 3] > 0.999, attribute(shown().data, "luminance")
+    assert seen.sum() > 150
+    values = pixels[seen][:, 0]
+    assert (pixels[seen][:, 1] == values).all() and (pixels[seen][:, 2] == values).all()
+    # Every pixel of one sample shows exactly one voxel, whatever light there is in the scene.
+    assert np.abs(values[:, None] - luminance).min(axis=1).max() < 1e-5
+    assert len(np.unique(values)) > 10
+    if display != "POINTS":
+        both = seen & ~np.isnan(expected)
+        assert both.sum() > 0.9 * seen.sum()
+        assert pixels[both][:, 0].mean() == pytest.approx(expected[both].mean(), rel=0.03)
+        assert (np.abs(pixels[both][:, 0] - expected[both]) < 1e-4).mean() > 0.8  # rays through other places of a pixel
+
+
+def test_it_is_replaced_and_a_renamed_one_is_kept(scene: bpy.types.Scene) -> None:
+    selected, active = bpy.context.selected_objects, bpy.context.object
+    bpy.ops.patchnet.show_voxels(level=5)
+    first, counts = shown(), voxel_counts(results.voxels_of(scene).octree)
+    assert bpy.context.selected_objects == selected and bpy.context.object == active
+    assert first.hide_render and not first.hide_select and first.visible_get()
+    before = {name: len(getattr(bpy.data, name)) for name in ("objects", "meshes", "materials", "node_groups")}
+    first.hide_render, first.location.x = False, 1.0
+    bpy.ops.patchnet.show_voxels(level=3)
+    assert shown() == first and len(first.data.vertices) == counts[3]
+    assert first.location.x == 0.0 and not first.hide_render
+    assert before == {name: len(getattr(bpy.data, name)) for name in before}
+    first.name = "Kept"
+    bpy.ops.patchnet.show_voxels(level=4)
+    assert shown() != first and len(first.data.vertices) == counts[3]
+    bpy.ops.patchnet.clear_results()
+    assert len(shown().data.vertices) == counts[4]
+
+
+def test_finest_level_within_the_limit(scene: bpy.types.Scene, capfd: pytest.CaptureFixture[str]) -> None:
+    counts = voxel_counts(results.voxels_of(scene).octree)
+    bpy.ops.patchnet.show_voxels()
+    assert len(shown().data.vertices) == counts[6]
+    bpy.ops.patchnet.show_voxels(limit=int(counts[5]) - 1)
+    assert len(shown().data.vertices) == counts[4]
+    bpy.ops.patchnet.show_voxels(level=6, limit=int(counts[5]))
+    assert len(shown().data.vertices) == counts[5]
+    text = capfd.readouterr().out
+    assert f"Warning: {counts[5]:,} voxels of level 5" in text
+    assert f"level 6 has {counts[6]:,}, more than the limit of {counts[5]:,}" in text
+    scene.patchnet.level, scene.patchnet.display = 2, "POINTS"
+    bpy.ops.patchnet.show_voxels()
+    assert len(evaluated(shown()).evaluated_geometry().pointcloud.points) == counts[2]
+    with pytest.raises(RuntimeError, match="Level 9 is outside 0 to 6"):
+        bpy.ops.patchnet.show_voxels(level=9)
+
+
+def test_shown_voxels_are_no_part_of_the_scene(scene: bpy.types.Scene) -> None:
+    before = results.voxels_of(scene).octree
+    bpy.ops.patchnet.show_voxels()
+    item = shown()
+    bpy.context.view_layer.update()
+    assert results.voxels_of(scene).stale == set()
+    item.location.z = 5.0
+    item.active_material.node_tree.nodes["Emission"].inputs["Strength"].default_value = 9.0
+    bpy.context.view_layer.update()
+    assert results.voxels_of(scene).stale == set()
+    item.hide_render = False  # worst case: rendered and selected
+    item.select_set(True)
+    bpy.ops.patchnet.voxelize(depth=6, scope="SELECTED")  # the slab is selected too
+    assert results.voxels_of(scene).octree.area_world[0] == pytest.approx(2 * 2 * 2 + 4 * 2 * 0.1, rel=1e-4)
+    bpy.ops.patchnet.voxelize(depth=6)
+    bpy.ops.patchnet.bake_light(light="two-lights")
+    np.testing.assert_array_equal(results.voxels_of(scene).octree.luminance, before.luminance)
+
+
+def test_shown_voxels_change_no_baked_light(scene: bpy.types.Scene) -> None:
+    bpy.ops.patchnet.voxelize(depth=4)
+    bpy.ops.patchnet.bake_light(light="cycles", samples=1)
+    before = results.voxels_of(scene).octree
+    bpy.ops.patchnet.show_voxels()
+    shown().hide_render = False
+    bpy.ops.patchnet.bake_light(light="cycles", samples=1)
+    np.testing.assert_array_equal(results.voxels_of(scene).octree.luminance, before.luminance)
+
+
+def test_shown_voxels_are_no_light_of_a_dark_scene() -> None:
+    from patchnet.operators.daylight import has_light
+
+    build(light=False)
+    bpy.ops.patchnet.voxelize(depth=4)
+    bpy.ops.patchnet.show_voxels()
+    shown().hide_render = False
+    assert not has_light(bpy.context.evaluated_depsgraph_get())
+
+
+def test_undo(scene: bpy.types.Scene) -> None:
+    bpy.ops.ed.undo_push(message="before")
+    names = sorted(item.name for item in scene.objects)
+    bpy.ops.patchnet.show_voxels(level=3)
+    bpy.ops.ed.undo_push(message="shown")
+    bpy.ops.ed.undo()
+    scene = bpy.context.scene
+    assert sorted(item.name for item in scene.objects) == names
+    assert results.voxels_of(scene).stale == set()
+    bpy.ops.ed.redo()
+    result = results.voxels_of(bpy.context.scene)
+    assert len(shown().data.vertices) == voxel_counts(result.octree)[3]
+    assert result.stale == set()
+    bpy.data.objects["Slab"].location.x += 1.0
+    bpy.context.view_layer.update()
+    assert result.stale == {"surface"}
+
+
+def test_undoing_other_changes_makes_results_stale(scene: bpy.types.Scene) -> None:
+    bpy.ops.ed.undo_push(message="before")
+    bpy.data.objects["Slab"].location.x += 1.0
+    bpy.ops.ed.undo_push(message="moved")
+    bpy.ops.patchnet.voxelize(depth=6)
+    bpy.ops.ed.undo()
+    assert "surface" in results.voxels_of(bpy.context.scene).stale
+
+
+def test_refusals_change_nothing(scene: bpy.types.Scene) -> None:
+    bpy.ops.patchnet.show_voxels(level=3)
+    bpy.context.view_layer.objects.active = shown()
+    bpy.ops.object.mode_set(mode="EDIT")
+    before = scene_snapshot()
+    with pytest.raises(RuntimeError, match="Object Mode only"):
+        bpy.ops.patchnet.show_voxels(level=2)
+    assert_unchanged(before)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    build()
+    with pytest.raises(RuntimeError, match="no voxels yet"):
+        bpy.ops.patchnet.show_voxels()
