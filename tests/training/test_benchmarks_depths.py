@@ -90,7 +90,7 @@ def test_command_prints_json_table_and_figure(peer, monkeypatch, capsys, tmp_pat
     [
         (["--depths", "9", "7"], "--depths"),
         (["--depths", "0", "7"], "--depths"),
-        (["--depths", "9", "15"], "--depths"),
+        (["--depths", "9", "19"], "--depths"),
         (["--plot", "cost.gif"], "cost.gif"),
         (["--plot", "none/cost.png"], "cost.png"),
     ],
