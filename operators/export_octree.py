@@ -52,6 +52,7 @@ class PATCHNET_OT_export_octree(LevelProperties, JobOperator, bpy.types.Operator
         if not self.filepath:
             self.filepath = f"{Path(bpy.data.filepath).stem or 'voxels'}{self.format}"
         self.format = self._ending() or self.format
+        self.level = setting(context, self, "level")
         self._shown, self._asked = self.format, True
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}

@@ -37,23 +37,23 @@ class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
         """Choose the level, make or fill the object, say what it shows."""
         from ..patchnet_addon.octree.voxel_cloud import level_within, voxel_cloud, voxel_counts
 
+        for name in ("level", "display", "limit"):  # so that the panel for redoing begins with what was done
+            setattr(self, name, setting(context, self, name))
         octree = results.voxels_of(context.scene).octree
-        wanted = setting(context, self, "level") or octree.depth
-        limit = setting(context, self, "limit")
+        wanted = self.level or octree.depth
         try:
-            level = level_within(octree, limit, wanted)
+            level = level_within(octree, self.limit, wanted)
             with results.quiet():
-                item = show(context.scene, voxel_cloud(octree, level), setting(context, self, "display"))
+                item = show(context.scene, voxel_cloud(octree, level), self.display)
         except PatchNetError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         counts = voxel_counts(octree)
         shown = f"{counts[level]:,} voxels of level {level} in '{item.name}'"
         if level < wanted:
-            given = setting(context, self, "level") > 0
             self.report(
-                {"WARNING" if given else "INFO"},
-                f"{shown}: level {wanted} has {counts[wanted]:,}, more than the limit of {limit:,}",
+                {"WARNING" if self.level else "INFO"},
+                f"{shown}: level {wanted} has {counts[wanted]:,}, more than the limit of {self.limit:,}",
             )
         else:
             self.report({"INFO"}, shown)

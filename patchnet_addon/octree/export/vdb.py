@@ -28,7 +28,9 @@ from ..octree import Octree
 from ..voxel_cloud import VoxelRun, voxel_counts, voxel_runs
 
 _MODULES = ("openvdb", "pyopenvdb")  # the name since OpenVDB 12, and the one before
-NO_VDB = "This Python has no openvdb module, so it cannot write .vdb files: use Blender's own, or choose .ply or .npz"
+NO_VDB = (
+    "This Python has no openvdb module, which .vdb needs: use Blender as blender.org ships it, or choose .ply or .npz"
+)
 _BLOCK_LEVELS = 5  # cells are handed over in dense blocks of 2^5 along an axis
 _GRIDS = ("luminance", "density")
 # Cells with exactly the background's value do not exist; black surfaces do.
