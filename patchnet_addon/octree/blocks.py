@@ -20,6 +20,7 @@ from .leaf_levels import LeafLevels
 from .mesh import MeshSource
 
 FRAGMENTS_PER_TASK = 1 << 18
+_LEAST_SHARE = 50_000  # fragments for which a core of its own is worth while
 BLOCK_LEVEL = 5  # where all leaves are on one level, memory is divided by blocks of this level
 
 
@@ -50,15 +51,15 @@ def all_cells(level: int) -> CellSet:
 
 
 @dataclass(frozen=True)
-class Pass:
-    """Consecutive blocks whose leaves are made in one pass over the triangles: first..end-1 of `layout`'s."""
+class BlockRange:
+    """Consecutive blocks first..end-1 of `layout`'s, whose leaves one core makes."""
 
     layout: LeafLevels
     first: int
     end: int
 
     def cells(self) -> dict[int, CellSet]:
-        """The cells that become leaves, level by level."""
+        """The cells that become leaves, level by level, coarse first."""
         levels = self.layout.levels
         sets = {}
         for level in LeafLevels(levels[self.first : self.end]).used:
@@ -68,15 +69,21 @@ class Pass:
         return sets
 
 
-def plan_passes(source: MeshSource, grid: Grid, layout: LeafLevels, most_fragments: int) -> list[Pass]:
-    """Passes over blocks with about `most_fragments` each, in Morton order; reads the triangles once."""
+def plan_passes(
+    source: MeshSource, grid: Grid, layout: LeafLevels, most_fragments: int, cores: int = 1
+) -> list[list[BlockRange]]:
+    """Passes over the triangles, each over blocks with about `most_fragments`, in Morton order, and each divided into
+    as many ranges of similar load as there are cores; reads the triangles once."""
     blocks = layout.divided(BLOCK_LEVEL)
     load = expected_fragments(source, grid, blocks)
-    if load.sum() <= most_fragments:
-        return [Pass(layout, 0, len(layout.levels))]
-    number = ((np.cumsum(load) - load) // most_fragments).astype(np.int64)
-    cuts = [0, *(np.flatnonzero(np.diff(number)) + 1), len(load)]
-    return [Pass(blocks, int(first), int(end)) for first, end in pairwise(cuts)]
+    total = float(load.sum())
+    passes = max(int(np.ceil(total / most_fragments)), 1)
+    shares = max(min(cores, int(total / passes / _LEAST_SHARE)), 1)
+    # A block belongs where its middle fragment lies, so that rounding leaves no range behind.
+    number = np.minimum((np.cumsum(load) - load / 2) * (passes * shares / max(total, 1.0)), passes * shares - 1)
+    cuts = np.searchsorted(number.astype(np.int64), np.arange(passes * shares + 1))
+    ranges = [BlockRange(blocks, int(first), int(end)) for first, end in pairwise(cuts)]
+    return [ranges[first : first + shares] for first in range(0, len(ranges), shares)]
 
 
 def expected_fragments(source: MeshSource, grid: Grid, layout: LeafLevels) -> np.ndarray:

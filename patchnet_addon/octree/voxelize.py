@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from ..progress import Progress, Steps
 from .accumulate import LeafAccumulator
-from .blocks import CellSet, Pass, all_cells, plan_passes, tasks_of, to_cells
+from .blocks import BlockRange, CellSet, all_cells, plan_passes, tasks_of, to_cells
 from .clip import clip_triangles
 from .grid import Grid
 from .leaf_levels import LeafLevels
@@ -21,8 +22,9 @@ from .mesh import Fragments, MeshSource, Shade, TriangleBatch
 
 Kept = TypeVar("Kept")
 
-# Fragments whose leaves are added up at a time. A leaf takes about 75 bytes while that lasts, and 28 afterwards.
+# Fragments whose leaves are added up at a time; a leaf takes about 75 bytes while that lasts.
 BLOCK_FRAGMENTS = 24_000_000
+_BATCHES_AHEAD = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,15 +62,19 @@ def voxelize(
 
     layout: the leaves' levels, at most the grid's depth; None puts all on that.
     About `block_fragments` fragments are added up at a time; where there are more, the triangles are read again for
-    each set of blocks of space, in Morton order. `keep` gets the leaves of each pass, level by level, coarse first, and
-    the level of the blocks, and says what is kept of them. The leaves do not depend on the passes, nor on the order of
-    triangles, as far as `shade` does not.
+    each pass over blocks of space, in Morton order. Each core has its own blocks of a pass. `keep` gets the leaves of
+    these, level by level, coarse first, and the level of the blocks, and says what is kept of them; it and `shade` are
+    called in threads. The leaves do not depend on this division, nor on the order of triangles, as far as `shade`
+    does not.
     """
-    passes = plan_passes(source, grid, layout or LeafLevels.uniform(grid.depth), block_fragments)
+    passes = plan_passes(source, grid, layout or LeafLevels.uniform(grid.depth), block_fragments, usable_cores())
     kept = []
-    for number, chosen in enumerate(passes):
-        leaves = yield from _leaves_of_pass(chosen, source, grid, shade, number, len(passes))
-        kept.append(keep(leaves, chosen.layout.block_level))
+    for number, ranges in enumerate(passes):
+        shares = [_Share(blocks, grid, shade) for blocks in ranges]
+        done, total = number * source.triangle_count, len(passes) * source.triangle_count
+        for report in _on_all_cores(shares, source):
+            yield Progress(done + report, total, "Voxelizing")
+        kept += _kept(shares, keep)
     return kept
 
 
@@ -77,22 +83,62 @@ def all_leaves(leaves: list[LeafSums], _block_level: int) -> list[LeafSums]:
     return leaves
 
 
-def _leaves_of_pass(
-    chosen: Pass, source: MeshSource, grid: Grid, shade: Shade, number: int, count: int
-) -> Steps[list[LeafSums]]:
-    """Leaves of the blocks of pass `number` of `count`, level by level; progress counts the triangles of all passes."""
-    cells = chosen.cells()
-    leaves = {level: LeafAccumulator(grid.side_world / (1 << level)) for level in cells}
-    done = number * source.triangle_count
-    for batch in source.batches():
-        areas, normals = triangle_areas_and_normals(batch.corners_world)
-        for level, wanted in cells.items():
-            for fragments in clip_batch(batch, grid, areas, level, wanted):
-                luminance, opacity = shade(batch, fragments)
-                leaves[level].add(fragments, luminance, opacity, normals)
-        done += len(batch)
-        yield Progress(done, count * source.triangle_count, "Voxelizing")
-    return [LeafSums(level, *leaves.pop(level).take()) for level in cells if len(leaves[level])]
+class _Share:
+    """What one core does in a pass: the leaves of some blocks."""
+
+    def __init__(self, blocks: BlockRange, grid: Grid, shade: Shade) -> None:
+        self.block_level = blocks.layout.block_level
+        self._grid = grid
+        self._shade = shade
+        self._cells = blocks.cells()
+        self._leaves = {level: LeafAccumulator(grid.side_world / (1 << level)) for level in self._cells}
+
+    def add(self, batch: TriangleBatch, areas_world: np.ndarray, normals: np.ndarray) -> None:
+        """Clip, shade and add up the batch's triangles, with areas (T,) and unit normals (T, 3)."""
+        for level, wanted in self._cells.items():
+            for fragments in clip_batch(batch, self._grid, areas_world, level, wanted):
+                luminance, opacity = self._shade(batch, fragments)
+                self._leaves[level].add(fragments, luminance, opacity, normals)
+
+    def take(self) -> list[LeafSums]:
+        """The leaves, level by level; they are let go here."""
+        return [LeafSums(level, *self._leaves.pop(level).take()) for level in self._cells if len(self._leaves[level])]
+
+
+def _on_all_cores(shares: Sequence[_Share], source: MeshSource) -> Iterator[int]:
+    """Give all triangles to all shares, each in a thread of its own; yields how many triangles were handed out.
+
+    Kernels run without the interpreter lock. A few batches may wait for a slow share, so that nobody waits for each.
+    """
+    pools = [ThreadPoolExecutor(1) for _ in shares]
+    waiting: deque[list[Future[None]]] = deque()
+    done = 0
+    try:
+        for batch in source.batches():
+            areas, normals = triangle_areas_and_normals(batch.corners_world)
+            waiting.append(
+                [pool.submit(share.add, batch, areas, normals) for pool, share in zip(pools, shares, strict=True)]
+            )
+            while len(waiting) > _BATCHES_AHEAD:
+                _finish(waiting.popleft())
+            done += len(batch)
+            yield done
+        while waiting:
+            _finish(waiting.popleft())
+    finally:
+        for pool in pools:
+            pool.shutdown(cancel_futures=True)
+
+
+def _finish(tasks: Sequence[Future[None]]) -> None:
+    for task in tasks:
+        task.result()
+
+
+def _kept(shares: list[_Share], keep: Callable[[list[LeafSums], int], Kept]) -> list[Kept]:
+    """What is kept of each share, in order, made on all cores; the shares are let go."""
+    with ThreadPoolExecutor(len(shares)) as pool:
+        return list(pool.map(lambda share: keep(share.take(), share.block_level), shares))
 
 
 def usable_cores() -> int:
@@ -103,20 +149,8 @@ def usable_cores() -> int:
 def clip_batch(
     batch: TriangleBatch, grid: Grid, areas_world: np.ndarray, level: int, wanted: CellSet | None = None
 ) -> Iterator[Fragments]:
-    """Fragments of a batch in the cells of a level, in groups of a few hundred thousand, in a fixed order, clipped on
-    all cores."""
+    """Fragments of a batch in the wanted cells of a level, in groups of a few hundred thousand, in a fixed order."""
     corners_voxel = to_cells(batch.corners_world, grid, level)
-    chosen = wanted or all_cells(level)
-    workers, resolution = usable_cores(), 1 << level
-
-    def clip(task: tuple[int, int, tuple[int, int]]) -> Fragments:
-        return Fragments(*clip_triangles(corners_voxel, areas_world, *task, resolution, chosen.near, chosen.block))
-
-    with ThreadPoolExecutor(workers) as pool:
-        waiting = []
-        for task in tasks_of(corners_voxel, resolution):
-            waiting.append(pool.submit(clip, task))
-            if len(waiting) > 2 * workers:  # bounded memory
-                yield waiting.pop(0).result()
-        for future in waiting:
-            yield future.result()
+    near, block = (chosen := wanted or all_cells(level)).near, chosen.block
+    for task in tasks_of(corners_voxel, 1 << level):
+        yield Fragments(*clip_triangles(corners_voxel, areas_world, *task, 1 << level, near, block))

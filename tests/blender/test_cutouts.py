@@ -12,8 +12,8 @@ import pytest
 from patchnet.operators.scene import open_scene, read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.patchnet_addon.light.albedo import albedo_shade
-from patchnet.patchnet_addon.octree.grid import Grid, morton_decode
-from patchnet.patchnet_addon.octree.voxelize import voxelize
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.progress import drain
 
 SIZE = 32
@@ -108,10 +108,10 @@ def coverage(source: SceneMesh) -> np.ndarray:
     flat = int(np.argmin(high - low))  # z, or y of an imported glTF, which is turned from y up to z up
     origin = [float(value) for value in np.where(np.arange(3) == flat, low - 0.501, low - 1e-7)]
     grid = Grid((origin[0], origin[1], origin[2]), 1.0 + 2e-7, DEPTH)
-    leaves = drain(voxelize(source, grid, albedo_shade(source)))
-    cells = morton_decode(leaves.keys)
+    octree = drain(build_octree(source, grid, albedo_shade(source)))
+    cells = octree.cells(DEPTH)
     areas = np.zeros((32, 32))
-    np.add.at(areas, (cells[:, 3 - flat], cells[:, 0]), leaves.sums[:, 0] * 4.0**DEPTH)
+    np.add.at(areas, (cells[:, 3 - flat], cells[:, 0]), octree.area_world[octree.level(DEPTH)] * 4.0**DEPTH)
     return areas
 
 

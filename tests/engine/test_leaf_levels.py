@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Octrees with leaves on several levels: the same leaves as on each level alone, the same means above them."""
 
+import threading
+
 import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.errors import GeometryError
+from patchnet.patchnet_addon.octree import blocks
+from patchnet.patchnet_addon.octree import voxelize as voxelizer
 from patchnet.patchnet_addon.octree.build import build_octree, octree_from_leaves
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid, morton_decode
@@ -121,3 +125,34 @@ def test_divided_blocks_keep_their_levels():
     assert finer.block_level == 3  # the coarsest leaf
     np.testing.assert_array_equal(finer.levels, np.repeat(layout.levels, 64))
     assert layout.used == (3, 4, 5) and layout.deepest == 5 and layout.at_most(4).used == (3, 4)
+
+
+@pytest.mark.parametrize("cores", [1, 2, 5])
+def test_bits_do_not_depend_on_the_number_of_cores(mesh, layout, cores, monkeypatch):
+    grid = Grid.around(mesh.bounds_world, 8)
+    expected = leaves_of(mesh, grid, shade, layout=layout)
+    monkeypatch.setattr(voxelizer, "usable_cores", lambda: cores)
+    monkeypatch.setattr(blocks, "_LEAST_SHARE", 10)
+    ranges = blocks.plan_passes(mesh, grid, layout, 1 << 20, cores)
+    assert [len(shares) for shares in ranges] == [cores]
+    for one, other in zip(expected, leaves_of(mesh, grid, shade, layout=layout), strict=True):
+        np.testing.assert_array_equal(one.keys, other.keys)
+        np.testing.assert_array_equal(one.sums, other.sums)
+
+
+def test_loads_of_cores_are_similar(mesh, monkeypatch):
+    monkeypatch.setattr(blocks, "_LEAST_SHARE", 1000)
+    grid = Grid.around(mesh.bounds_world, 8)
+    uniform = LeafLevels.uniform(8)
+    (shares,) = blocks.plan_passes(mesh, grid, uniform, 1 << 24, 2)
+    load = blocks.expected_fragments(mesh, grid, shares[0].layout)
+    first, second = (load[share.first : share.end].sum() for share in shares)
+    assert first == pytest.approx(second, rel=0.1)
+
+
+def test_stopping_half_way_leaves_no_thread_behind(mesh):
+    before = threading.active_count()
+    steps = voxelizer.voxelize(mesh, Grid.around(mesh.bounds_world, 9), shade, voxelizer.all_leaves)
+    next(steps)
+    steps.close()
+    assert threading.active_count() == before

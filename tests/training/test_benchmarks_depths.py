@@ -35,7 +35,7 @@ def test_fragments_are_counted_once_where_space_is_divided_into_blocks(peer, mon
 
     passes = []
     plan = voxelize.plan_passes
-    monkeypatch.setattr(voxelize, "plan_passes", lambda *given: passes.extend(made := plan(*given[:3], 100)) or made)
+    monkeypatch.setattr(voxelize, "plan_passes", lambda *given: passes.extend(made := plan(*given[:3], 100, 1)) or made)
     (row,) = measure_depths(SQUARE, [5], repeats=1)
     assert len(passes) > 2
     assert row.fragments == 32**2 + 32
