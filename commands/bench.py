@@ -14,9 +14,9 @@ from __future__ import annotations
 import argparse
 import json
 
-from .benches import depths, nodes, opening, scene, voxelize
+from .benches import depths, fit, nodes, opening, scene, voxelize
 
-BENCHES = {"voxelize": voxelize, "depths": depths, "open": opening, "nodes": nodes, "scene": scene}
+BENCHES = {"voxelize": voxelize, "depths": depths, "open": opening, "nodes": nodes, "scene": scene, "fit": fit}
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]

@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,9 +18,14 @@ from .run import require_blender
 from .stage_clock import StageClock
 
 if TYPE_CHECKING:
+    from ..patchnet_addon.octree.grid import Grid
+    from ..patchnet_addon.octree.leaf_levels import LeafLevels
     from ..patchnet_addon.octree.mesh import MeshSource, Shade
     from ..patchnet_addon.octree.octree import Octree
     from ..patchnet_addon.progress import Steps
+    from ..patchnet_addon.tracing.camera import Camera
+
+FIT = "fit"
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
@@ -30,7 +36,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         description="Write the lit octree of a scene, upright or turned, for training and experiments.",
     )
     parser.add_argument("scene", type=Path, help="scene file, as for `patchnet run`")
-    parser.add_argument("--depth", type=int, required=True, help="octree depth")
+    parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
+    add_views(parser)
     parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="light (cycles)")
     parser.add_argument("--samples", type=int, default=8, help="Cycles samples per baked texel (8)")
     parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in leaf voxels (2)")
@@ -48,8 +55,30 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     return parser
 
 
+def add_views(parser: argparse.ArgumentParser) -> None:
+    """What `--depth fit` fits to."""
+    parser.add_argument(
+        "--view", type=float, nargs=6, action="append", default=[], metavar=("X", "Y", "Z", "TX", "TY", "TZ"),
+        help="with --depth fit: position and target of a camera of 50 degrees, in world units; may be repeated",
+    )  # fmt: skip
+    parser.add_argument("--size", type=int, nargs=2, default=(1920, 1080), help="pixels of the views (1920 1080)")
+    parser.add_argument("--memory", type=float, metavar="GIB", help="what building may take, with --depth fit (all)")
+
+
+def view_cameras(args: argparse.Namespace) -> list[Camera]:
+    """The cameras of `add_views`."""
+    from ..patchnet_addon.tracing.camera import Camera
+
+    width, height = args.size
+    return [
+        Camera.look_at(np.array(values[:3]), np.array(values[3:]), size_px=(width, height), name=f"View {number}")
+        for number, values in enumerate(args.view, 1)
+    ]
+
+
 def run(args: argparse.Namespace) -> int:
     """Build the octree and write it; returns 0. Raises PatchNetError."""
+    _check(args)
     clock = StageClock()
     with clock.stage("start"):
         require_blender()
@@ -58,8 +87,6 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.progress import drain
     from .progress_bars import ProgressBars
 
-    if not args.texel_voxels > 0:
-        raise SettingError(f"Texels of {args.texel_voxels} voxels are impossible: give a positive number")
     with quiet_stdout(), clock.stage("open"):
         open_scene(args.scene)
     hide_from_renders([text.strip().lower() for text in args.without.split(",") if text.strip()])
@@ -72,6 +99,23 @@ def run(args: argparse.Namespace) -> int:
     if args.timings:
         print(json.dumps(clock.as_json()))
     return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Raises SettingError for settings that are impossible or contradict each other."""
+    if not args.texel_voxels > 0:
+        raise SettingError(f"Texels of {args.texel_voxels} voxels are impossible: give a positive number")
+    if args.memory is not None and not args.memory > 0:
+        raise SettingError(f"A memory limit of {args.memory} GiB is impossible: give a positive number for --memory")
+    if args.depth != FIT:
+        if not args.depth.isdecimal():
+            raise SettingError(f"Depth {args.depth!r} is neither a whole number nor '{FIT}'")
+        if args.view:
+            raise SettingError(f"--view is what --depth {FIT} fits to: leave it out with a depth")
+    elif not args.view:
+        raise SettingError(f"--depth {FIT} needs at least one --view to fit to")
+    elif args.rotate:
+        raise SettingError(f"--depth {FIT} and --rotate contradict each other: leave one of them out")
 
 
 def hide_from_renders(texts: list[str]) -> None:
@@ -96,8 +140,10 @@ def _build(args: argparse.Namespace, clock: StageClock) -> Steps[Octree]:
 
     with clock.stage("read"):
         source = read_scene(bpy.context.evaluated_depsgraph_get())
+    with clock.stage("fit" if args.depth == FIT else "grid"):
+        grid, layout = yield from _grid(args, source)
     with clock.stage("light"):
-        shade = yield from _shade(args, source)
+        shade = yield from _shade(args, source, grid.voxel_world * args.texel_voxels)
     turned: MeshSource = RotatedSource(source, random_rotation(args.rotate)) if args.rotate else source
     provenance: dict[str, Any] = {
         "file": args.scene.name,
@@ -105,16 +151,33 @@ def _build(args: argparse.Namespace, clock: StageClock) -> Steps[Octree]:
         "light": args.light,
         "rotation": args.rotate,
         "without": args.without,
+        "fitted": layout is not None,
         "versions": versions(),
     }
     if args.light == "cycles":
         provenance |= {"samples": args.samples, "texel_voxels": args.texel_voxels}
     with clock.stage("build"):
-        grid = Grid.around(turned.bounds_world, args.depth)
-        return (yield from build_octree(turned, grid, shade, provenance=provenance))
+        if args.rotate:
+            grid = Grid.around(turned.bounds_world, grid.depth)
+        return (yield from build_octree(turned, grid, shade, layout=layout, provenance=provenance))
 
 
-def _shade(args: argparse.Namespace, source: Any) -> Steps[Shade]:
+def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, LeafLevels | None]]:
+    """Cube and depth of the upright surface, and the levels of the leaves where they are fitted."""
+    from ..patchnet_addon.light.albedo import albedo_shade
+    from ..patchnet_addon.octree.depth import available_memory, most_leaves
+    from ..patchnet_addon.octree.fit import fit_leaf_levels
+    from ..patchnet_addon.octree.grid import MAX_DEPTH, Grid
+
+    if args.depth != FIT:
+        return Grid.around(source.bounds_world, int(args.depth)), None
+    grid = Grid.around(source.bounds_world, MAX_DEPTH)
+    most = most_leaves(available_memory() if args.memory is None else args.memory * 2**30)
+    fitted = yield from fit_leaf_levels(source, grid, view_cameras(args), albedo_shade(source), most_leaves=most)
+    return replace(grid, depth=fitted.layout.deepest), fitted.layout
+
+
+def _shade(args: argparse.Namespace, source: Any, texel_world: float) -> Steps[Shade]:
     """Shade of the upright surface with baked light, or of the turned one with two lights."""
     import bpy
 
@@ -123,16 +186,14 @@ def _shade(args: argparse.Namespace, source: Any) -> Steps[Shade]:
     from ..operators.job.stages import NO_LIGHT
     from ..patchnet_addon.light.atlas import atlas_shade
     from ..patchnet_addon.light.two_lights import DIRECTION, two_lights_shade
-    from ..patchnet_addon.octree.grid import Grid
 
     if args.light == "two-lights":
         direction = np.random.default_rng(args.rotate).normal(size=3) if args.rotate else np.array(DIRECTION)
         x, y, z = (float(value) for value in direction)
         return two_lights_shade(source, (x, y, z))
-    texel = Grid.around(source.bounds_world, args.depth).voxel_world * args.texel_voxels
     lit = has_light(bpy.context.evaluated_depsgraph_get())
     if not lit:
         print(f"Note: {NO_LIGHT}", file=sys.stderr)
-    baking = bake_luminance(bpy.context, source, texel, args.samples)
+    baking = bake_luminance(bpy.context, source, texel_world, args.samples)
     atlas = yield from baking if lit else in_daylight(bpy.context.scene, baking)
     return atlas_shade(atlas, source)

@@ -64,19 +64,55 @@ def test_estimate_is_that_of_the_coarse_octree():
     assert cut(ours.octree, 9).node_count == ours.octree.node_count
 
 
-@linux
-@blender
-def test_whole_job_of_a_small_scene(tmp_path, capfd):
-    scene = tmp_path / "ball.obj"
+def ball(folder):
     corners = shell_triangles(1.0, rows=16)
     vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in corners.reshape(-1, 3))
     faces = "".join(f"f {3 * i + 1} {3 * i + 2} {3 * i + 3}\n" for i in range(len(corners)))
+    scene = folder / "ball.obj"
     scene.write_text(vertices + faces)
+    return scene
+
+
+@linux
+@blender
+def test_fitted_octree_of_a_small_scene(tmp_path, capfd):
+    words = ["--view", "1.6", "0", "0", "0", "0", "0", "--size", "160", "120", "--memory", "3"]
+    assert main(["bench", "fit", "--scene", str(ball(tmp_path)), *words, "--json"]) == 0
+    values = json.loads(capfd.readouterr().out.splitlines()[-1])
+    assert {"name", "ours", "peer", "unit", "ratio"} <= values.keys()
+    fitted, uniform, estimated = values["octrees"]
+    assert values["ours"] == fitted["lookahead_share"] > 0.99
+    assert fitted["depth"] >= uniform["depth"] and fitted["leaves"] < uniform["leaves"] <= estimated["leaves"] * 1.3
+    assert "fit" in fitted["stage_s"] and fitted["peak_bytes"] > 50 * MEGABYTE
+    assert main(["bench", "fit", "--scene", str(tmp_path / "ball.obj")]) == 2
+    assert "--view" in capfd.readouterr().err
+
+
+@blender
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--depth", "fit"], "--view"),
+        (["--depth", "7", "--view", "1", "0", "0", "0", "0", "0"], "--view"),
+        (["--depth", "deep"], "'deep'"),
+        (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--rotate", "3"], "--rotate"),
+        (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--memory", "0"], "--memory"),
+    ],
+)
+def test_octree_settings_that_contradict_each_other(words, said, capfd):
+    assert main(["octree", "none.obj", "--out", "none.safetensors", *words]) == 2
+    assert said in capfd.readouterr().err
+
+
+@linux
+@blender
+def test_whole_job_of_a_small_scene(tmp_path, capfd):
+    scene = ball(tmp_path)
     assert main(["bench", "scene", "--scene", str(scene), "--depth", "6", "--json"]) == 0
     values = json.loads(capfd.readouterr().out.splitlines()[-1])
     assert {"name", "ours", "peer", "unit", "ratio"} <= values.keys()
     assert (values["name"], values["unit"], values["scene"], values["depth"]) == ("scene", "B", "ball.obj", 6)
-    assert list(values["stage_s"]) == ["start", "open", "read", "light", "build", "save"]
+    assert list(values["stage_s"]) == ["start", "open", "read", "grid", "light", "build", "save"]
     assert sum(values["stage_s"].values()) + values["other_s"] == pytest.approx(values["wall_s"])
     assert values["ours"] >= max(values["stage_peak_bytes"].values()) > 50 * MEGABYTE
     assert values["nodes"] > values["leaves"] > 4**6

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from ...patchnet_addon.octree.depth import COARSE_DEPTH, estimate
 from ...patchnet_addon.octree.file import load_octree
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
-from .child import Finished, run_child
+from .child import run_child
 from .timing import Comparison
 
 BUILD = "build"
@@ -35,33 +36,51 @@ def benchmark_scene(scene: Path, depth: int, light: str) -> Comparison:
         folder = Path(name)
         warm, out = folder / "warm.obj", folder / "octree.safetensors"
         warm.write_text(_QUAD, encoding="ascii")
-        _run_octree(warm, 3, light, folder / "warm.safetensors")
-        child = _run_octree(scene, depth, light, out)
-        octree, file_bytes = load_octree(out), out.stat().st_size
-        timings = json.loads(child.stdout.splitlines()[-1])
-        return _compared(child, timings, octree, file_bytes, light)
+        octree_of(warm, 3, light, folder / "warm.safetensors")
+        built = octree_of(scene, depth, light, out)
+        return _compared(built, load_octree(out), out.stat().st_size, light)
 
 
-def _run_octree(scene: Path, depth: int, light: str, out: Path) -> Finished:
+@dataclass(frozen=True)
+class Built:
+    """What `patchnet octree` took: wall seconds, the whole process's peak of memory, and the same of each stage."""
+
+    seconds: float
+    peak_bytes: int
+    stages: dict[str, dict[str, Any]]
+
+    @property
+    def before_bytes(self) -> int:
+        """Resident memory when building began: Blender, the scene, and its light."""
+        return int(self.stages[BUILD]["before_bytes"])
+
+
+def octree_of(scene: Path, depth: int | str, light: str, out: Path, *more: str) -> Built:
+    """Run `patchnet octree` in a process of its own, with `more` arguments.
+
+    Raises PatchNetError if it fails or the system does not tell the memory of stages.
+    """
     package = __name__.partition(".training")[0]
-    arguments = [str(scene), "--depth", str(depth), "--light", light, "--out", str(out), "--timings"]
+    arguments = [str(scene), "--depth", str(depth), "--light", light, "--out", str(out), "--timings", *more]
     child = run_child([sys.executable, "-m", package, "octree", *arguments])
     if child.code:
         how = f"ended with code {child.code}, see above" if child.code > 0 else "was killed, perhaps for want of memory"
         raise PatchNetError(f"{scene} did not become an octree: `patchnet octree` {how}")
-    return child
-
-
-def _compared(child: Finished, timings: dict[str, Any], octree: Octree, file_bytes: int, light: str) -> Comparison:
-    stages = timings["stages"]
+    timings = json.loads(child.stdout.splitlines()[-1])
     if timings["peak_bytes"] is None:
         raise PatchNetError("This system does not tell the memory of a process in /proc: use Linux")
+    # Counting per stage makes wait4 forget earlier peaks.
+    return Built(child.seconds, max(child.peak_bytes, timings["peak_bytes"]), timings["stages"])
+
+
+def _compared(built: Built, octree: Octree, file_bytes: int, light: str) -> Comparison:
+    stages = built.stages
     names = list(stages)
-    before = stages[BUILD]["before_bytes"]
+    before = built.before_bytes
     estimated = estimate(cut(octree, COARSE_DEPTH), octree.depth)[2]
     earlier = [stages[name]["peak_bytes"] for name in names[: names.index(BUILD)]]
     predicted = max(*earlier, before + estimated)
-    peak = max(child.peak_bytes, timings["peak_bytes"])  # counting per stage makes wait4 forget earlier peaks
+    peak = built.peak_bytes
     details = {
         "depth": octree.depth,
         "light": light,
@@ -69,9 +88,9 @@ def _compared(child: Finished, timings: dict[str, Any], octree: Octree, file_byt
         "leaves": octree.leaf_count,
         "nodes": octree.node_count,
         "file_bytes": file_bytes,
-        "wall_s": child.seconds,
+        "wall_s": built.seconds,
         "stage_s": {name: stage["seconds"] for name, stage in stages.items()},
-        "other_s": child.seconds - sum(stage["seconds"] for stage in stages.values()),
+        "other_s": built.seconds - sum(stage["seconds"] for stage in stages.values()),
         "stage_peak_bytes": {name: stage["peak_bytes"] for name, stage in stages.items()},
         "peak_stage": max(names, key=lambda name: stages[name]["peak_bytes"]),
         "before_build_bytes": before,
