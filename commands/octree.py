@@ -164,7 +164,7 @@ def _build(args: argparse.Namespace, clock: StageClock) -> Steps[Octree]:
 
 def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, LeafLevels | None]]:
     """Cube and depth of the upright surface, and the levels of the leaves where they are fitted."""
-    from ..patchnet_addon.light.albedo import albedo_shade
+    from ..patchnet_addon.light.opacity import opacity_shade
     from ..patchnet_addon.octree.depth import available_memory, most_leaves
     from ..patchnet_addon.octree.fit import fit_leaf_levels
     from ..patchnet_addon.octree.grid import MAX_DEPTH, Grid
@@ -173,7 +173,7 @@ def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, Lea
         return Grid.around(source.bounds_world, int(args.depth)), None
     grid = Grid.around(source.bounds_world, MAX_DEPTH)
     most = most_leaves(available_memory() if args.memory is None else args.memory * 2**30)
-    fitted = yield from fit_leaf_levels(source, grid, view_cameras(args), albedo_shade(source), most_leaves=most)
+    fitted = yield from fit_leaf_levels(source, grid, view_cameras(args), opacity_shade(source), most_leaves=most)
     return replace(grid, depth=fitted.layout.deepest), fitted.layout
 
 

@@ -24,10 +24,10 @@ MIN_DEPTH = 5
 LOOK_AHEAD_SHARE = 0.95
 BYTES_PER_NODE = 14
 # While an octree is built, a leaf of the present pass is summed in fixed point (48 bytes and its share of a brick,
-# about 20) and handed out as key and sums (28 bytes). Later sums (20), the nodes and the sums of the level above stand
-# side by side.
-_BYTES_PER_LEAF = 52
-_MORE_BYTES_IN_A_PASS = 48
+# about 20) and handed out as key and sums (28 bytes); what is kept of it then, its share of the coarser nodes included,
+# is 15 bytes, and twice that while the passes are joined.
+_BYTES_PER_LEAF = 40
+_MORE_BYTES_IN_A_PASS = 60
 _NODES_PER_LEAF = 1.36
 
 

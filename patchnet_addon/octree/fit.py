@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import GeometryError
+from ..kernels import serial_kernel
 from ..progress import Steps, labelled
 from ..tracing.camera import Camera
 from ..tracing.detail import lookahead_share, needed_levels
@@ -128,8 +129,7 @@ def _within(layout: LeafLevels, pixels: np.ndarray, leaves: dict[int, np.ndarray
     """
     expected = np.zeros(len(layout.levels), np.float32)
     for level, keys in leaves.items():
-        blocks, counts = np.unique(keys >> np.uint64(3 * (level - layout.block_level)), return_counts=True)
-        expected[blocks] = counts * 4.0 ** (layout.levels[blocks].astype(np.float64) - level)
+        _add_expected(keys, level, np.uint64(3 * (level - layout.block_level)), layout.levels, expected)
     levels = layout.levels.copy()
     while (excess := expected.sum(dtype=np.float64) - most_leaves) > 0:
         deep = np.flatnonzero((expected > 0) & (levels > layout.block_level))
@@ -149,6 +149,14 @@ def _leaf_keys(source: MeshSource, grid: Grid, layout: LeafLevels, shade: Shade)
     passes = yield from labelled(steps, LABEL)
     levels = sorted({level for keys in passes for level in keys})
     return {level: np.concatenate([keys[level] for keys in passes if level in keys]) for level in levels}
+
+
+@serial_kernel
+def _add_expected(keys, level, shift, levels, expected):  # type: ignore[no-untyped-def]
+    """Add to `expected` (blocks,) what each leaf of `level` becomes on the level that its block is to have."""
+    for key in keys:
+        block = key >> shift
+        expected[block] += 4.0 ** (np.int64(levels[block]) - level)
 
 
 def _merged(first: np.ndarray | None, second: np.ndarray | None) -> np.ndarray:

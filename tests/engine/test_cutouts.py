@@ -8,6 +8,7 @@ import pytest
 
 from patchnet.patchnet_addon.light.albedo import albedo_shade
 from patchnet.patchnet_addon.light.footprint_reference import bilinear_reference, footprint_reference
+from patchnet.patchnet_addon.light.opacity import opacity_shade
 from patchnet.patchnet_addon.light.textures import TextureTable
 from patchnet.patchnet_addon.octree.clip_reference import piece_reference
 from patchnet.patchnet_addon.octree.grid import Grid, morton_decode, morton_encode
@@ -192,6 +193,21 @@ def test_colour_under_the_threshold_leaves_no_trace() -> None:
     solid = leaves.sums[:, 0] > 0.2 * 4.0**-4
     assert (leaves.sums[solid, 1] / leaves.sums[solid, 0]).min() > 0.6, "black gaps do not darken the leaves"
     assert leaves.sums[:, 1].sum() / leaves.sums[:, 0].sum() == pytest.approx(0.78, abs=0.03)
+
+
+def test_opacity_alone_finds_the_same_leaves_and_leaves_opaque_surfaces_whole() -> None:
+    quad = Quad(TILTED, 64, 7)
+    mesh = quad.mesh()
+    opaque = TriangleMesh.from_arrays(mesh.parts[0].corners_world + [0.0, 0.0, 0.2], (Material("M", alpha=0.5),))
+    both = TriangleMesh(
+        (*mesh.parts, replace(opaque.parts[0], materials=np.ones(len(opaque.parts[0]), np.int32))),
+        (*mesh.materials, *opaque.materials),
+    )
+    (exact,) = leaves_of(both, quad.grid, albedo_shade(both))
+    (found,) = leaves_of(both, quad.grid, opacity_shade(both))
+    assert len(np.intersect1d(exact.keys, found.keys)) > 0.95 * max(len(exact.keys), len(found.keys))
+    assert found.sums[:, 0].sum() == pytest.approx(exact.sums[:, 0].sum(), rel=0.02)
+    assert (found.sums[:, 1] == 0).all()
 
 
 @pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "MIRROR", "CLIP"])
