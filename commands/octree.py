@@ -141,9 +141,9 @@ def _build(args: argparse.Namespace, clock: StageClock) -> Steps[Octree]:
     with clock.stage("read"):
         source = read_scene(bpy.context.evaluated_depsgraph_get())
     with clock.stage("fit" if args.depth == FIT else "grid"):
-        grid, layout = yield from _grid(args, source)
+        grid, layout, leaf_world = yield from _grid(args, source)
     with clock.stage("light"):
-        shade = yield from _shade(args, source, grid.voxel_world * args.texel_voxels)
+        shade = yield from _shade(args, source, leaf_world * args.texel_voxels)
     turned: MeshSource = RotatedSource(source, random_rotation(args.rotate)) if args.rotate else source
     provenance: dict[str, Any] = {
         "file": args.scene.name,
@@ -162,19 +162,23 @@ def _build(args: argparse.Namespace, clock: StageClock) -> Steps[Octree]:
         return (yield from build_octree(turned, grid, shade, layout=layout, provenance=provenance))
 
 
-def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, LeafLevels | None]]:
-    """Cube and depth of the upright surface, and the levels of the leaves where they are fitted."""
+def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, LeafLevels | None, float]]:
+    """Cube and depth of the upright surface, the levels of the leaves where they are fitted, and their usual side."""
     from ..patchnet_addon.light.opacity import opacity_shade
     from ..patchnet_addon.octree.depth import available_memory, most_leaves
-    from ..patchnet_addon.octree.fit import fit_leaf_levels
+    from ..patchnet_addon.octree.fit import fit_leaf_levels, usual_leaf_side
     from ..patchnet_addon.octree.grid import MAX_DEPTH, Grid
+    from ..patchnet_addon.octree.voxelize import triangle_areas_and_normals
 
     if args.depth != FIT:
-        return Grid.around(source.bounds_world, int(args.depth)), None
+        grid = Grid.around(source.bounds_world, int(args.depth))
+        return grid, None, grid.voxel_world
     grid = Grid.around(source.bounds_world, MAX_DEPTH)
     most = most_leaves(available_memory() if args.memory is None else args.memory * 2**30)
     fitted = yield from fit_leaf_levels(source, grid, view_cameras(args), opacity_shade(source), most_leaves=most)
-    return replace(grid, depth=fitted.layout.deepest), fitted.layout
+    area = sum(float(triangle_areas_and_normals(batch.corners_world)[0].sum()) for batch in source.batches())
+    side = usual_leaf_side(area, fitted.leaves)
+    return replace(grid, depth=fitted.layout.deepest), fitted.layout, side
 
 
 def _shade(args: argparse.Namespace, source: Any, texel_world: float) -> Steps[Shade]:

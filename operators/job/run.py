@@ -72,7 +72,7 @@ def _compute(context: bpy.types.Context, settings: JobSettings, weights: Weights
     with watch.stage("depth"):
         choice = yield from choose_grid(source, fitted_to, settings)
     with watch.stage("light"):
-        shade, assumed = yield from lit(context, source, choice.grid, settings)
+        shade, assumed = yield from lit(context, source, choice.leaf_world, settings)
     with watch.stage("voxelize"):
         octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout)
     with watch.stage("codes"):

@@ -30,9 +30,13 @@ NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 
 @dataclass(frozen=True, eq=False)
 class GridChoice:
-    """The grid of the octree, the levels of its leaves (None: all on the deepest), and what they lack in sentences."""
+    """The grid of the octree, the levels of its leaves (None: all on the deepest), and what they lack in sentences.
+
+    leaf_world: side of the leaves, the usual one where they differ; texels of baked light follow it.
+    """
 
     grid: Grid
+    leaf_world: float
     layout: LeafLevels | None = None
     warnings: tuple[str, ...] = ()
 
@@ -50,7 +54,7 @@ def choose_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSett
     if settings.voxel_world is not None:
         grid = Grid.with_voxel_size(source.bounds_world, settings.voxel_world)
         choose_depth(coarse, cameras, grid.depth, settings.memory_bytes)
-        return GridChoice(grid)
+        return GridChoice(grid, grid.voxel_world)
     choice = choose_depth(coarse, cameras, settings.depth, settings.memory_bytes)
     warnings: tuple[str, ...] = ()
     if choice.bounded_by_memory:
@@ -58,14 +62,16 @@ def choose_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSett
             f"The cameras need depth {choice.wanted}, but memory allows {choice.depth}: near surfaces will have no "
             "look-ahead; fit the octree to the cameras, or choose smaller pictures or fewer objects",
         )
-    return GridChoice(Grid.around(source.bounds_world, choice.depth), None, warnings)
+    grid = Grid.around(source.bounds_world, choice.depth)
+    return GridChoice(grid, grid.voxel_world, None, warnings)
 
 
 def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
     """Leaves as deep as the cameras need them, as far as memory allows."""
     from ...patchnet_addon.light.opacity import opacity_shade
     from ...patchnet_addon.octree.depth import LOOK_AHEAD_SHARE, available_memory, most_leaves
-    from ...patchnet_addon.octree.fit import fit_leaf_levels
+    from ...patchnet_addon.octree.fit import fit_leaf_levels, usual_leaf_side
+    from ...patchnet_addon.octree.voxelize import triangle_areas_and_normals
 
     grid = Grid.around(source.bounds_world, MAX_DEPTH)
     memory = settings.memory_bytes or available_memory()
@@ -76,7 +82,9 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
             f"The cameras need leaves down to level {fitted.wanted}, more than memory or depth allow: about "
             f"{fitted.lookahead_share:.0%} of pixels will have look-ahead; choose smaller pictures or fewer cameras",
         )
-    return GridChoice(replace(grid, depth=fitted.layout.deepest), fitted.layout, warnings)
+    area = sum(float(triangle_areas_and_normals(batch.corners_world)[0].sum()) for batch in source.batches())
+    leaf_world = usual_leaf_side(area, fitted.leaves)
+    return GridChoice(replace(grid, depth=fitted.layout.deepest), leaf_world, fitted.layout, warnings)
 
 
 def unlit(source: MeshSource) -> Shade:
@@ -87,9 +95,12 @@ def unlit(source: MeshSource) -> Shade:
 
 
 def lit(
-    context: bpy.types.Context, source: SceneMesh, grid: Grid, settings: JobSettings
+    context: bpy.types.Context, source: SceneMesh, leaf_world: float, settings: JobSettings
 ) -> Steps[tuple[Shade, tuple[str, ...]]]:
-    """The surface in the light of the settings, and sentences about what had to be assumed."""
+    """The surface in the light of the settings, and sentences about what had to be assumed.
+
+    leaf_world: side of the leaves that the light is for.
+    """
     if settings.light != CYCLES:
         from ...patchnet_addon.light.two_lights import two_lights_shade
 
@@ -98,7 +109,7 @@ def lit(
     from ..bake import bake_luminance
 
     bright = has_light(context.evaluated_depsgraph_get())
-    baking = bake_luminance(context, source, grid.voxel_world * settings.texel_voxels, settings.samples)
+    baking = bake_luminance(context, source, leaf_world * settings.texel_voxels, settings.samples)
     atlas = yield from baking if bright else in_daylight(context.scene, baking)
     return atlas_shade(atlas, source), (*atlas.warnings, *(() if bright else (NO_LIGHT,)))
 

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Camera-fitted octrees through the operators and the command: look-ahead everywhere, light and codes of any leaf."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+import patchnet
+from patchnet import commands
+from patchnet.operators import results
+from patchnet.operators.cameras import track_cameras
+from patchnet.operators.job.run import run_job
+from patchnet.operators.job.settings import JobSettings
+from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.octree.file import load_octree
+from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.tracing.render import first_hits
+from patchnet.tests.blender.job_scene import build, drop_result_images, random_weights
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+SIZE = (100, 60)
+LENS_MM = 240.0  # a long lens, so that few pixels need leaves on levels 8 to 10 of the small scene
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    patchnet.register()
+    yield
+    patchnet.unregister()
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return random_weights(tmp_path_factory.mktemp("weights"))
+
+
+@pytest.fixture(autouse=True)
+def scene(weights: Path) -> bpy.types.Scene:
+    build()
+    bpy.context.scene.patchnet.weights = str(weights)
+    bpy.context.scene.camera.data.lens = LENS_MM
+    return bpy.context.scene
+
+
+def move_camera(scene: bpy.types.Scene) -> None:
+    """A track of three frames, the last one from nearer."""
+    eye = scene.camera
+    scene.frame_start, scene.frame_end, scene.frame_step = 3, 5, 1
+    for frame, place, turn in [(3, (0.3, -5.0, 0.4), (1.5, 0.0, 0.05)), (5, (-0.9, -2.5, 0.2), (1.5, 0.0, -0.2))]:
+        eye.location, eye.rotation_euler = place, turn
+        eye.keyframe_insert("location", frame=frame)
+        eye.keyframe_insert("rotation_euler", frame=frame)
+    scene.frame_set(3)
+
+
+def test_steps_one_by_one(scene: bpy.types.Scene) -> None:
+    before = scene_snapshot()
+    assert bpy.ops.patchnet.voxelize(resolution="FIT", size=SIZE, scope="VISIBLE") == {"FINISHED"}
+    unlit = results.voxels_of(scene)
+    assert unlit.layout is not None and "up to" in unlit.summary[0]
+    leaf_levels = np.unique(unlit.octree.level_of(np.flatnonzero(unlit.octree.child_mask == 0)))
+    assert leaf_levels.min() == 8 and leaf_levels.max() == unlit.octree.depth > 8
+    assert bpy.ops.patchnet.bake_light(light="two-lights") == {"FINISHED"}
+    lit = results.voxels_of(scene)
+    np.testing.assert_array_equal(lit.octree.child_mask, unlit.octree.child_mask)
+    assert (lit.octree.luminance != unlit.octree.luminance).any() and lit.layout is unlit.layout
+    assert bpy.ops.patchnet.precompute_codes() == {"FINISHED"}
+    assert_unchanged(before)
+    assert bpy.ops.patchnet.render_preview(size=SIZE) == {"FINISHED"}
+    assert results.voxels_of(scene).lookahead_share > 0.98
+    drop_result_images()
+
+
+def test_cycles_bakes_texels_of_the_usual_leaf(scene: bpy.types.Scene) -> None:
+    assert bpy.ops.patchnet.voxelize(resolution="FIT", size=SIZE) == {"FINISHED"}
+    assert bpy.ops.patchnet.bake_light(samples=1, texel_voxels=8.0) == {"FINISHED"}
+    lit = results.voxels_of(scene).octree
+    assert lit.provenance["fitted"] and lit.provenance["light"] == "cycles" and lit.luminance.max() > 0
+
+
+def test_a_track_serves_all_frames_and_leaves_the_scene_at_its_own(scene: bpy.types.Scene, weights: Path) -> None:
+    move_camera(scene)
+    scene.frame_set(4)
+    before = scene_snapshot()
+    settings = JobSettings(fit=True, track=True, light="two-lights", size=SIZE, weights=weights)
+    result = drain(run_job(bpy.context, settings))
+    assert scene.frame_current == 4
+    assert_unchanged(before)
+    octree = result.coded.octree
+    bounds = octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
+    cameras = track_cameras(bpy.context, (), SIZE, bounds)
+    assert [camera.name for camera in cameras] == ["Eye, frame 3", "Eye, frame 4", "Eye, frame 5"]
+    for camera in cameras:
+        hits = first_hits(octree, camera)
+        assert hits.hit.mean() > 0.1 and octree.look_ahead()[hits.node[hits.hit]].mean() > 0.98
+    alone = drain(run_job(bpy.context, JobSettings(fit=True, light="two-lights", size=SIZE, weights=weights)))
+    assert alone.coded.octree.leaf_count < octree.leaf_count
+
+
+def test_a_camera_that_stands_still_is_one_view(scene: bpy.types.Scene) -> None:
+    scene.frame_start, scene.frame_end = 1, 20
+    assert len(track_cameras(bpy.context, (), SIZE, np.zeros((2, 3)))) == 1
+
+
+def test_command(tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "small.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    out = tmp_path / "out"
+    words = ["--light", "two-lights", "--size", *map(str, SIZE), "--weights", str(weights), "--out", str(out)]
+    assert commands.main(["run", str(path), "--depth", "fit", "--memory", "4", *words]) == 0
+    report = json.loads((out / "report.json").read_text())
+    assert report["octree"]["fitted"] and report["frames"][0]["lookahead_share"] > 0.98
+    assert "depth up to" in capsys.readouterr().out
+    octree = load_octree(out / "octree.safetensors")
+    assert octree.depth == report["octree"]["depth"] > 8
+    assert commands.main(["run", str(path), "--depth", "7", "--track", *words]) == 2
+    assert "track" in capsys.readouterr().err
+
+
+def test_a_small_memory_limit_is_said(scene: bpy.types.Scene, weights: Path) -> None:
+    settings = JobSettings(fit=True, light="two-lights", size=SIZE, weights=weights, memory_bytes=3_000_000)
+    result = drain(run_job(bpy.context, settings))
+    assert any("will have look-ahead" in warning for warning in result.warnings)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"fit": True, "depth": 7}, "choose one"),
+        ({"fit": True, "voxel_world": 0.1}, "choose one"),
+        ({"track": True}, "track"),
+        ({"memory_bytes": 0}, "memory"),
+    ],
+)
+def test_settings_that_contradict_each_other(values: dict[str, object], said: str) -> None:
+    with pytest.raises(SettingError, match=said):
+        JobSettings(**values)
