@@ -101,10 +101,10 @@ def to_cells(corners_world: np.ndarray, grid: Grid, level: int) -> np.ndarray:
     return np.ascontiguousarray((corners_world - np.asarray(grid.origin_world)) / side, np.float64)
 
 
-def tasks_of(corners_voxel: np.ndarray, resolution: int) -> Iterator[tuple[int, int, tuple[int, int]]]:
-    """Ranges first, last, (x_first, x_last) of similar work; one huge triangle is divided along x."""
-    work = np.empty(len(corners_voxel), np.float64)
-    _expected_fragments(corners_voxel, work)
+def tasks_of(corners_voxel: np.ndarray, resolution: int, cells: CellSet) -> Iterator[tuple[int, int, tuple[int, int]]]:
+    """Ranges first, last, (x_first, x_last) of similar work in wanted cells; one huge triangle is divided along x."""
+    work = np.ones(len(corners_voxel), np.float64)
+    _expected_work(corners_voxel, resolution, *cells.block, work)
     ends = np.cumsum(work)
     first = 0
     while first < len(work):
@@ -140,10 +140,19 @@ def _extents(corners):  # type: ignore[no-untyped-def]
 
 
 @serial_kernel
-def _expected_fragments(corners_voxel, work):  # type: ignore[no-untyped-def]
+def _expected_work(corners_voxel, resolution, wanted, shift, work):  # type: ignore[no-untyped-def]
+    """Add the expected fragments of each triangle in wanted blocks, by points spread over it."""
+    side = 2.0 ** (np.int64(shift) // 3)
     for triangle in range(len(corners_voxel)):
-        widths, shadows, _ = _extents(corners_voxel[triangle])
-        work[triangle] = 1.0 + widths + shadows
+        corners = corners_voxel[triangle]
+        widths, shadows, widest = _extents(corners)
+        steps = 1 + int(2.0 * widest / side)
+        points = steps * (steps + 1) // 2
+        for i in range(steps):
+            for j in range(steps - i):
+                x, y, z = _point(corners, (i + 1.0 / 3.0) / steps, (j + 1.0 / 3.0) / steps, resolution)
+                if wanted[cell_key(x, y, z) >> shift]:
+                    work[triangle] += (widths + shadows) / points
 
 
 @serial_kernel

@@ -97,6 +97,8 @@ class _Share:
         """Clip, shade and add up the batch's triangles, with areas (T,) and unit normals (T, 3)."""
         for level, wanted in self._cells.items():
             for fragments in clip_batch(batch, self._grid, areas_world, level, wanted):
+                if not len(fragments):
+                    continue
                 luminance, opacity = self._shade(batch, fragments)
                 self._leaves[level].add(fragments, luminance, opacity, normals)
 
@@ -151,6 +153,6 @@ def clip_batch(
 ) -> Iterator[Fragments]:
     """Fragments of a batch in the wanted cells of a level, in groups of a few hundred thousand, in a fixed order."""
     corners_voxel = to_cells(batch.corners_world, grid, level)
-    near, block = (chosen := wanted or all_cells(level)).near, chosen.block
-    for task in tasks_of(corners_voxel, 1 << level):
-        yield Fragments(*clip_triangles(corners_voxel, areas_world, *task, 1 << level, near, block))
+    chosen = wanted or all_cells(level)
+    for task in tasks_of(corners_voxel, 1 << level, chosen):
+        yield Fragments(*clip_triangles(corners_voxel, areas_world, *task, 1 << level, chosen.near, chosen.block))

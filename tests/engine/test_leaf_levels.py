@@ -156,3 +156,14 @@ def test_stopping_half_way_leaves_no_thread_behind(mesh):
     next(steps)
     steps.close()
     assert threading.active_count() == before
+
+
+def test_a_huge_triangle_of_which_little_is_wanted_is_little_work():
+    corners = np.array([[[0.1, 0.2, 0.3], [131071.0, 0.5, 90000.0], [5.0, 131070.0, 40000.0]]])  # cells of level 17
+    wanted = np.zeros(8**4, np.bool_)
+    assert len(list(blocks.tasks_of(corners, 1 << 17, blocks.CellSet.of_blocks(wanted, 17)))) == 1
+    some = wanted.copy()
+    some[0] = True
+    few = len(list(blocks.tasks_of(corners, 1 << 17, blocks.CellSet.of_blocks(some, 17))))
+    every = len(list(blocks.tasks_of(corners, 1 << 17, blocks.CellSet.of_blocks(~wanted, 17))))
+    assert 10 < few < every / 50
