@@ -13,7 +13,7 @@ import numpy as np
 
 from ..patchnet_addon.errors import SettingError
 from .quiet import quiet_stdout
-from .run import require_blender
+from .run import add_exposure, require_blender
 from .stage_clock import StageClock
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="light (cycles)")
     parser.add_argument("--samples", type=int, default=8, help="Cycles samples per baked texel (8)")
     parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in leaf voxels (2)")
+    add_exposure(parser)
     parser.add_argument(
         "--rotate", type=int, default=0, metavar="SEED",
         help="turn the lit surface by a random rotation; two-lights then shines from a random direction (0: upright)",
@@ -60,6 +61,8 @@ def run(args: argparse.Namespace) -> int:
 
     if not args.texel_voxels > 0:
         raise SettingError(f"Texels of {args.texel_voxels} voxels are impossible: give a positive number")
+    if args.exposure is not None and not 0.0 < args.exposure < np.inf:
+        raise SettingError(f"Exposure {args.exposure} must be a positive number, or left out to be automatic")
     with quiet_stdout(), clock.stage("open"):
         open_scene(args.scene)
     hide_from_renders([text.strip().lower() for text in args.without.split(",") if text.strip()])
@@ -105,13 +108,14 @@ def _build(args: argparse.Namespace, clock: StageClock) -> Steps[Octree]:
         "light": args.light,
         "rotation": args.rotate,
         "without": args.without,
+        "exposure": "automatic" if args.exposure is None else "given",
         "versions": versions(),
     }
     if args.light == "cycles":
         provenance |= {"samples": args.samples, "texel_voxels": args.texel_voxels}
     with clock.stage("build"):
         grid = Grid.around(turned.bounds_world, args.depth)
-        return (yield from build_octree(turned, grid, shade, provenance=provenance))
+        return (yield from build_octree(turned, grid, shade, exposure=args.exposure, provenance=provenance))
 
 
 def _shade(args: argparse.Namespace, source: Any) -> Steps[Shade]:
