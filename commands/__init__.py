@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command line: `patchnet SUB-COMMAND`, one sub-command a file.
 
-A sub-command NAME is the module `commands/NAME.py` with two functions:
+A sub-command NAME is the module `commands/NAME.py`, a hyphen in its name an underscore, with two functions:
 
     add_parser(subparsers) -> argparse.ArgumentParser    its arguments and help
     run(args) -> int                                     the work; the exit code
@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from types import ModuleType
 
 # In the order of the help.
-NAMES: tuple[str, ...] = ("run", "demo", "info", "octree", "export", "dataset", "train", "bench")
+NAMES: tuple[str, ...] = ("run", "demo", "info", "octree", "export", "verify-light", "dataset", "train", "bench")
 
 EXIT_ERROR = 2
 EXIT_INTERRUPTED = 130
@@ -30,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     from ..patchnet_addon.errors import PatchNetError
 
-    modules = {name: importlib.import_module(f".{name}", __name__) for name in NAMES}
+    modules = {name: importlib.import_module(f".{name.replace('-', '_')}", __name__) for name in NAMES}
     args = _parser(modules).parse_args(argv)
     try:
         return int(modules[args.command].run(args))

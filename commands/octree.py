@@ -14,7 +14,7 @@ import numpy as np
 
 from ..patchnet_addon.errors import SettingError
 from .quiet import quiet_stdout
-from .run import require_blender
+from .run import add_exposure, require_blender
 from .stage_clock import StageClock
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="light (cycles)")
     parser.add_argument("--samples", type=int, default=8, help="Cycles samples per baked texel (8)")
     parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in leaf voxels (2)")
+    add_exposure(parser)
     parser.add_argument(
         "--rotate", type=int, default=0, metavar="SEED",
         help="turn the lit surface by a random rotation; two-lights then shines from a random direction (0: upright)",
@@ -105,6 +106,8 @@ def _check(args: argparse.Namespace) -> None:
     """Raises SettingError for settings that are impossible or contradict each other."""
     if not args.texel_voxels > 0:
         raise SettingError(f"Texels of {args.texel_voxels} voxels are impossible: give a positive number")
+    if args.exposure is not None and not 0.0 < args.exposure < np.inf:
+        raise SettingError(f"Exposure {args.exposure} must be a positive number, or left out to be automatic")
     if args.memory is not None and not args.memory > 0:
         raise SettingError(f"A memory limit of {args.memory} GiB is impossible: give a positive number for --memory")
     if args.depth != FIT:
@@ -152,6 +155,7 @@ def _build(args: argparse.Namespace, clock: StageClock) -> Steps[Octree]:
         "rotation": args.rotate,
         "without": args.without,
         "fitted": layout is not None,
+        "exposure": "automatic" if args.exposure is None else "given",
         "versions": versions(),
     }
     if args.light == "cycles":
@@ -159,7 +163,8 @@ def _build(args: argparse.Namespace, clock: StageClock) -> Steps[Octree]:
     with clock.stage("build"):
         if args.rotate:
             grid = Grid.around(turned.bounds_world, grid.depth)
-        return (yield from build_octree(turned, grid, shade, layout=layout, provenance=provenance))
+        steps = build_octree(turned, grid, shade, layout=layout, exposure=args.exposure, provenance=provenance)
+        return (yield from steps)
 
 
 def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, LeafLevels | None, float]]:

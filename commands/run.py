@@ -42,6 +42,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="light (cycles)")
     parser.add_argument("--samples", type=int, default=8, help="Cycles samples per baked texel (8)")
     parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in finest voxels (2)")
+    add_exposure(parser)
     parser.add_argument("--cameras", default="", help="names with commas between, all, or auto (the active camera)")
     parser.add_argument(
         "--size", type=int, nargs=2, default=(192, 192), metavar=("W", "H"),
@@ -52,6 +53,14 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--heatmap-max", type=float, help="priority at the end of the heatmap's legend")
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
     parser.add_argument("--weights", type=Path, help="weights file instead of the one that is shipped")
+
+
+def add_exposure(parser: argparse.ArgumentParser) -> None:
+    """The argument that all commands share which write lit octrees."""
+    parser.add_argument(
+        "--exposure", type=float, metavar="FACTOR",
+        help="factor on luminance (the one that brings its 99.5 %% quantile to 1)",
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
@@ -92,6 +101,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         memory_bytes=None if args.memory is None else int(args.memory * 2**30),
         light=args.light,
         samples=args.samples,
+        exposure=args.exposure,
         texel_voxels=args.texel_voxels,
         cameras=tuple(name.strip() for name in args.cameras.split(",") if name.strip()),
         size=tuple(args.size),

@@ -109,6 +109,13 @@ class LightProperties:
         min=0.25,
         max=16.0,
     )
+    exposure: FloatProperty(
+        name="Exposure",
+        description="Factor on the luminance of the voxels; 0 chooses it by the brightest of the surface",
+        default=0.0,
+        min=0.0,
+        precision=4,
+    )
 
 
 class CodesProperties:
@@ -219,6 +226,7 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
         memory_bytes=int(value("memory") * 2**30) or None,
         light=value("light"),
         samples=value("samples"),
+        exposure=value("exposure") or None,
         texel_voxels=value("texel_voxels"),
         cameras=tuple(name.strip() for name in value("cameras").split(",") if name.strip()),
         size=(value("size")[0], value("size")[1]),

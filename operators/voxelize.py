@@ -9,7 +9,7 @@ from ..patchnet_addon.progress import Progress, Steps
 from . import results
 from .cameras import choose_cameras, track_cameras
 from .job.settings import JobSettings
-from .job.stages import build, choose_grid, unlit
+from .job.stages import UNLIT, build, choose_grid, unlit
 from .job_operator import JobOperator
 from .properties import CameraProperties, VoxelizeProperties
 
@@ -34,7 +34,7 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         else:
             cameras = [] if fixed else choose_cameras(depsgraph, names, size, bounds)
         choice = yield from choose_grid(source, cameras, settings)
-        octree = yield from build(source, choice.grid, unlit(source), settings, "none", choice.layout)
+        octree = yield from build(source, choice.grid, unlit(source), settings, UNLIT, choice.layout)
         made = results.SceneResult(octree=octree, scope=settings.scope, layout=choice.layout)
         results.keep(context.scene, made)
         for warning in (*source.warnings, *choice.warnings):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The demo scene: a small courtyard full of things that a coarse view gets wrong, built by script."""
+"""Scenes built by script: a courtyard full of things that a coarse view gets wrong, and a closed room."""
 
 from .courtyard import build_courtyard, save_demo_scene
+from .room import build_room
 
-__all__ = ["build_courtyard", "save_demo_scene"]
+__all__ = ["build_courtyard", "build_room", "save_demo_scene"]

@@ -29,6 +29,7 @@ class JobSettings:
     looked through at all frames of the scene for that, not only at the present one.
     memory_bytes: what the octree may take while it is built; None for all that is free.
     light: "cycles" bakes global illumination with `samples` per texel, "two-lights" is methods 7.3.
+    exposure: factor on luminance; None chooses it by the surface (methods 7.1).
     texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
     cameras: names, or ("all",), or ("auto",); empty for the scene's active camera.
     size: pictures in pixels; a height of 0 follows the render aspect, (0, 0) is the render resolution.
@@ -44,6 +45,7 @@ class JobSettings:
     memory_bytes: int | None = None
     light: str = CYCLES
     samples: int = 8
+    exposure: float | None = None
     texel_voxels: float = 2.0
     cameras: tuple[str, ...] = ()
     size: tuple[int, int] = (192, 0)
@@ -72,6 +74,8 @@ class JobSettings:
             raise SettingError(f"There is no light {self.light!r}: choose {CYCLES} or {TWO_LIGHTS}")
         if self.samples < 1:
             raise SettingError(f"{self.samples} samples per texel are too few: choose at least 1")
+        if self.exposure is not None and not (np.isfinite(self.exposure) and self.exposure > 0):
+            raise SettingError(f"Exposure {self.exposure} must be a positive number, or left out to be automatic")
         if not (np.isfinite(self.texel_voxels) and self.texel_voxels > 0):
             raise SettingError(f"Texels of {self.texel_voxels} voxels are impossible: give a positive number")
         if not 0.0 <= self.budget <= 1.0:

@@ -25,6 +25,7 @@ from .versions import versions
 if TYPE_CHECKING:  # it brings nothing but NumPy, yet nothing needs it before something is built
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
 
+UNLIT = "none"  # light of an octree that shows the surface's own colour
 NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 
 
@@ -126,7 +127,10 @@ def build(
     from ...patchnet_addon.octree.build import build_octree
 
     provenance = _provenance(source, settings, light) | {"fitted": layout is not None}
-    return (yield from build_octree(source, grid, shade, layout=layout, provenance=provenance))
+    exposure = settings.exposure if light != UNLIT else None  # a colour without light is not exposed
+    if light != UNLIT:
+        provenance["exposure"] = "automatic" if exposure is None else "given"
+    return (yield from build_octree(source, grid, shade, layout=layout, exposure=exposure, provenance=provenance))
 
 
 def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[str, Any]:

@@ -40,3 +40,17 @@ def red_ramp(amount: np.ndarray) -> np.ndarray:
     pale, deep = np.array([1.0, 0.82, 0.55], np.float32), np.array([0.85, 0.0, 0.0], np.float32)
     weight = np.clip(amount, 0.0, 1.0)[..., None].astype(np.float32)
     return pale * (1 - weight) + deep * weight
+
+
+def diverging(values: np.ndarray) -> np.ndarray:
+    """sRGB colours (..., 3) float32 of `values` (...) in [-1, 1]: deep blue, pale grey for 0, deep red; clamped."""
+    amount = np.clip(np.nan_to_num(values), -1.0, 1.0)[..., None].astype(np.float32)
+    pale, blue, red = (
+        np.array(color, np.float32) for color in ((0.95, 0.95, 0.95), (0.02, 0.19, 0.60), (0.60, 0.0, 0.1))
+    )
+    middle_blue, middle_red = np.array([0.35, 0.60, 0.85], np.float32), np.array([0.93, 0.45, 0.35], np.float32)
+    size = np.abs(amount)
+    half = np.where(amount < 0, middle_blue, middle_red)
+    end = np.where(amount < 0, blue, red)
+    inner = pale + (half - pale) * np.minimum(2.0 * size, 1.0)
+    return (inner + (end - inner) * np.maximum(2.0 * size - 1.0, 0.0)).astype(np.float32)

@@ -37,7 +37,7 @@ def heatmap(
         raise SettingError(f"The heatmap's maximum {maximum} must be a positive number")
     view = magnify(colormap(priority / np.float32(maximum), map_name))
     ticks = [f"{maximum * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    return _with_legend([view], [title or "priority"], lambda place: colormap(place, map_name), ticks, quantity)
+    return with_legend([view], [title or "priority"], lambda place: colormap(place, map_name), ticks, quantity)
 
 
 def overlay(luminance: np.ndarray, urgency: np.ndarray, budget: float, *, title: str = "") -> np.ndarray:
@@ -47,7 +47,7 @@ def overlay(luminance: np.ndarray, urgency: np.ndarray, budget: float, *, title:
     """
     ticks = ["last", "", "", "", "first"]
     label = f"refined with a budget of {budget:.0%}"
-    return _with_legend([magnify(tint(luminance, urgency))], [title or "refinement order"], red_ramp, ticks, label)
+    return with_legend([magnify(tint(luminance, urgency))], [title or "refinement order"], red_ramp, ticks, label)
 
 
 def tint(luminance: np.ndarray, urgency: np.ndarray) -> np.ndarray:
@@ -63,10 +63,10 @@ def error_picture(
     views = [magnify(colormap(error / np.float32(maximum), map_name)) for error in (before, after)]
     titles = [f"{name}: mse {value:.5f}" for name, value in zip(("preview", "refined"), mse, strict=True)]
     ticks = [f"{maximum * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    return _with_legend(views, titles, lambda place: colormap(place, map_name), ticks, "luminance error")
+    return with_legend(views, titles, lambda place: colormap(place, map_name), ticks, "luminance error")
 
 
-def _with_legend(
+def with_legend(
     views: list[np.ndarray],
     titles: list[str],
     ramp: Callable[[np.ndarray], np.ndarray],

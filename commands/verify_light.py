@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet verify-light SCENE`: the octree's light against a Cycles render from the same cameras."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .run import require_blender
+
+if TYPE_CHECKING:
+    from ..operators.verify_light import CheckSettings, LightCheck
+
+DEMO, ROOM = "demo", "room"
+_COLUMNS = ("silhouettes", "creases", "shadows", "textures", "smooth")
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
+    """Arguments of `patchnet verify-light`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "verify-light",
+        help="compare the light in the voxels with Cycles",
+        description="Render a scene with Cycles (diffuse and emission) and its octree from the same cameras, compare.",
+    )
+    parser.add_argument("scene", help="scene file, as for `patchnet run`; demo: the courtyard; room: a closed room")
+    parser.add_argument("--depth", type=int, required=True, help="octree depth")
+    parser.add_argument(
+        "--cameras", default="", help="names with commas between, all, auto, or a number of cameras to place (active)"
+    )
+    parser.add_argument(
+        "--size", type=int, nargs=2, default=(256, 256), metavar=("W", "H"), help="pixels; 0 follows the render aspect"
+    )
+    parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="of the octree (cycles)")
+    parser.add_argument("--samples", type=int, default=64, help="Cycles samples per baked texel (64)")
+    parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in finest voxels (2)")
+    parser.add_argument("--render-samples", type=int, default=256, help="Cycles samples per pixel of the render (256)")
+    parser.add_argument("--rays", type=int, default=32, help="rays per pixel side through the octree (32)")
+    parser.add_argument("--difference", type=float, default=0.2, help="end of the pictures' legend (0.2)")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the report and the pictures")
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compare and print a table; returns 0. Raises PatchNetError."""
+    require_blender()
+    import bpy
+
+    from ..operators.job.output_folder import output_folder
+    from ..operators.verify_light import verify_light
+    from ..operators.verify_light.pictures import save_check
+    from ..patchnet_addon.progress import drain
+    from .progress_bars import ProgressBars
+    from .quiet import quiet_stdout
+
+    settings = check_settings(args)
+    with output_folder(args.out) as folder:
+        with quiet_stdout():
+            open_or_build(args.scene)
+        with quiet_stdout(), ProgressBars() as bars:
+            check = drain(verify_light(bpy.context, settings), bars.show)
+        save_check(check, folder, settings.difference)
+    print_check(check)
+    print(f"Pictures and report are in {args.out}")
+    return 0
+
+
+def check_settings(args: argparse.Namespace) -> CheckSettings:
+    """Settings from parsed arguments; raises SettingError for values outside their range."""
+    from ..operators.job.settings import JobSettings
+    from ..operators.verify_light import CheckSettings
+
+    number = int(args.cameras) if args.cameras.isdigit() else 0
+    names = () if number else tuple(name.strip() for name in args.cameras.split(",") if name.strip())
+    job = JobSettings(
+        depth=args.depth,
+        light=args.light,
+        samples=args.samples,
+        texel_voxels=args.texel_voxels,
+        cameras=names,
+        size=tuple(args.size),
+        out=args.out,
+    )
+    return CheckSettings(job, number, args.render_samples, args.rays, args.difference)
+
+
+def open_or_build(scene: str) -> None:
+    """Open a scene file, or build one of the project's own scenes in an empty file."""
+    import bpy
+
+    from ..operators.demo_scene import build_courtyard, build_room
+    from ..operators.scene import open_scene
+
+    builder = {DEMO: build_courtyard, ROOM: build_room}.get(scene)
+    if builder is None:
+        open_scene(scene)
+        return
+    bpy.ops.wm.read_homefile(use_empty=True)
+    builder(bpy.context.scene)
+    bpy.context.scene.name = scene.capitalize()
+
+
+def print_check(check: LightCheck) -> None:
+    """Warnings and a row of figures for each camera; by region, the share of the squared error."""
+    for warning in check.report["warnings"]:
+        print(f"Note: {warning}")
+    octree = check.report["octree"]
+    print(f"Octree: depth {octree['depth']}, {octree['leaves']:,} voxels, exposure {octree['exposure']:.4g}")
+    shares = "  ".join(f"{name:>11}" for name in _COLUMNS)
+    print(f"{'camera':<12} {'PSNR dB':>7} {'ratio':>6} {'both hit':>8} {'noise dB':>8} {'FLIP':>7}  {shares}")
+    for frame in check.report["cameras"]:
+        both = frame["mean_ratio_where_both_hit"]
+        regions = "  ".join(f"{frame['regions'][name]['error']:>11.1%}" for name in _COLUMNS)
+        print(
+            f"{frame['camera']:<12} {frame['psnr_db']:>7.2f} {frame['mean_ratio']:>6.3f} "
+            f"{'-' if both is None else format(both, '.3f'):>8} {frame['reference_noise_db']:>8.1f} "
+            f"{'not run' if frame['flip'] is None else format(frame['flip'], '.4f'):>7}  {regions}"
+        )
+    mean = check.report["mean"]
+    print(f"{'all':<12} {mean['psnr_db']:>7.2f} {mean['mean_ratio']:>6.3f}")

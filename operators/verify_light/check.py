@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bake, build, look at both, compare: the steps of `patchnet verify-light`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.image.comparison import Guides, compare, psnr
+from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
+from ...patchnet_addon.progress import Progress, Steps, labelled
+from ...patchnet_addon.tracing.camera import Camera
+from ..cameras import camera_size_px, choose_cameras
+from ..daylight import daylight, has_light
+from ..job.stages import build, choose_grid, lit
+from ..job.stopwatch import Stopwatch
+from ..job.versions import machine, versions
+from ..scene import read_scene
+from .reference import Reference, render_reference
+from .settings import CheckSettings
+
+_COVERAGE_RAYS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class CameraCheck:
+    """One camera's pictures (H, W) float32, exposed and clamped to [0, 1], row 0 at the bottom, and figures."""
+
+    camera: Camera
+    cycles: np.ndarray
+    octree: np.ndarray
+    report: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class LightCheck:
+    """Result of a comparison: the octree that was judged, what each camera saw, and the report."""
+
+    octree: Octree
+    cameras: tuple[CameraCheck, ...]
+    report: dict[str, Any]
+
+
+def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[LightCheck]:
+    """Compare the octree of the open scene with Cycles; the scene is as before afterwards. Raises PatchNetError."""
+    watch = Stopwatch()
+    job = settings.job
+    with watch.stage("read"):
+        yield Progress(0, 1, "Reading the scene")
+        source = read_scene(context.evaluated_depsgraph_get(), job.scope)
+        choice = yield from choose_grid(source, [], job)
+    with watch.stage("light"):
+        shade, assumed = yield from lit(context, source, choice.leaf_world, job)
+    with watch.stage("voxelize"):
+        octree = yield from build(source, choice.grid, shade, job, job.light)
+    cameras = yield from _cameras(context, octree, settings, source.bounds_world)
+    checks = []
+    for camera in cameras:
+        with watch.stage("cameras"):
+            steps = check_camera(context, octree, camera, settings)
+            checks.append((yield from labelled(steps, f"{camera.name}: {{}}")))
+    warnings = (*source.warnings, *choice.warnings, *assumed)
+    return LightCheck(octree, tuple(checks), _report(octree, checks, settings, watch.seconds, warnings))
+
+
+def _cameras(
+    context: bpy.types.Context, octree: Octree, settings: CheckSettings, bounds_world: np.ndarray
+) -> Steps[list[Camera]]:
+    job = settings.job
+    if settings.viewpoints:
+        from ...patchnet_addon.tracing.viewpoints import viewpoints
+
+        size = camera_size_px(context.scene, job.size)
+        return (yield from viewpoints(octree, settings.viewpoints, size))
+    return choose_cameras(context.evaluated_depsgraph_get(), job.cameras, job.size, bounds_world)
+
+
+def check_camera(
+    context: bpy.types.Context, octree: Octree, camera: Camera, settings: CheckSettings
+) -> Steps[CameraCheck]:
+    """Look at the octree and at Cycles' render through one camera, and compare."""
+    from ...patchnet_addon.tracing.render import supersample
+
+    shape = camera.height_px, camera.width_px
+    mine = (yield from supersample(octree, camera, settings.rays)).reshape(shape)
+    white = replace(octree, luminance=np.full_like(octree.luminance, round(LUMINANCE_SCALE)))
+    coverage = (yield from supersample(white, camera, min(_COVERAGE_RAYS, settings.rays))).reshape(shape)
+    halves = []
+    for seed in range(2):
+        yield Progress(seed, 2, "Cycles")
+        with _light(context):
+            halves.append(render_reference(context, camera, settings.render_samples // 2, seed + 1))
+    yield Progress(2, 2, "Cycles")
+    report = _figures(mine, coverage, halves, octree.exposure) | _placed(camera)
+    cycles = np.clip(octree.exposure * _mean(halves), 0.0, 1.0).astype(np.float32)
+    return CameraCheck(camera, cycles, mine, report)
+
+
+@contextmanager
+def _light(context: bpy.types.Context) -> Iterator[None]:
+    """The light that was baked: the scene's own, or daylight if it has none."""
+    if has_light(context.evaluated_depsgraph_get()):
+        yield
+        return
+    with daylight(context.scene):
+        yield
+
+
+def _mean(halves: list[Reference]) -> np.ndarray:
+    return np.mean([half.luminance for half in halves], axis=0)
+
+
+def _figures(mine: np.ndarray, coverage: np.ndarray, halves: list[Reference], exposure: float) -> dict[str, Any]:
+    """Figures of a view. The noise of the mean of two independent halves is half their difference."""
+    first, second = (half.luminance * np.float32(exposure) for half in halves)
+    cycles = (first + second) / 2
+    guides = Guides(halves[0].coverage, coverage, halves[0].depth_world, halves[0].albedo, halves[0].normal)
+    noise = psnr(np.clip(first, 0, 1) / 2 + 0.5, np.clip(second, 0, 1) / 2 + 0.5)
+    return compare(mine, cycles, guides) | {"reference_noise_db": noise}
+
+
+def _placed(camera: Camera) -> dict[str, Any]:
+    return {
+        "camera": camera.name,
+        "size": [camera.width_px, camera.height_px],
+        "position_world": [round(float(value), 6) for value in camera.position_world],
+        "forward": [round(float(value), 6) for value in camera.forward],
+        "fov_degrees": float(np.degrees(2.0 * np.arctan(camera.half_y))),
+    }
+
+
+def _report(
+    octree: Octree,
+    checks: list[CameraCheck],
+    settings: CheckSettings,
+    timings_s: dict[str, float],
+    warnings: tuple[str, ...],
+) -> dict[str, Any]:
+    mse = [10.0 ** (-check.report["psnr_db"] / 10.0) for check in checks]
+    return {
+        "mean": {
+            "psnr_db": -10.0 * float(np.log10(np.mean(mse))),
+            "mean_ratio": _overall_ratio(checks),
+        },
+        "cameras": [check.report for check in checks],
+        "octree": {
+            "depth": octree.depth,
+            "leaves": octree.leaf_count,
+            "voxel_world": octree.grid.voxel_world,
+            "exposure": octree.exposure,
+        },
+        "settings": {"render_samples": settings.render_samples, "rays": settings.rays},
+        "light": octree.provenance,
+        "timings_s": timings_s,
+        "warnings": list(warnings),
+        "versions": versions(),
+        "machine": machine(),
+    }
+
+
+def _overall_ratio(checks: list[CameraCheck]) -> float:
+    total = sum(float(check.cycles.sum(dtype=np.float64)) for check in checks)
+    return sum(float(check.octree.sum(dtype=np.float64)) for check in checks) / total if total else 1.0

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cycles' own picture of what is baked: diffuse light and emission, seen by one of the tracer's cameras.
+
+Light passes are exact sums: direct and indirect diffuse light times diffuse colour, plus emission, is what a combined
+bake of these parts computes. They come out of a multi-layer EXR, so that neither compositor nor view settings matter.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...patchnet_addon.errors import PatchNetError, SceneError
+from ...patchnet_addon.image.exr import read_exr
+from ...patchnet_addon.light.textures import luminance
+from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from ..bake.settings import changed, object_mode
+
+_PASSES = {
+    "use_pass_combined": True,
+    "use_pass_z": True,
+    "use_pass_normal": True,
+    "use_pass_diffuse_direct": True,
+    "use_pass_diffuse_indirect": True,
+    "use_pass_diffuse_color": True,
+    "use_pass_emit": True,
+}
+# Blender 4.5's name of a pass, Blender 5's.
+_DIRECT, _INDIRECT, _COLOR = (
+    ("DiffDir", "Diffuse Direct"),
+    ("DiffInd", "Diffuse Indirect"),
+    ("DiffCol", "Diffuse Color"),
+)
+_EMISSION = ("Emit", "Emission")
+_SENSOR = 36.0  # mm
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A render, row 0 at the bottom, over black.
+
+    luminance: (H, W) float32 of diffuse light and emission, unexposed. coverage, depth_world, albedo: (H, W).
+    normal: (H, W, 3).
+    """
+
+    luminance: np.ndarray
+    coverage: np.ndarray
+    depth_world: np.ndarray
+    albedo: np.ndarray
+    normal: np.ndarray
+
+
+def render_reference(context: bpy.types.Context, camera: Camera, samples: int, seed: int) -> Reference:
+    """Render the scene; it is as before afterwards. Raises SceneError if Cycles is not there or does not render."""
+    scene = context.scene
+    if not hasattr(scene, "cycles"):
+        raise SceneError("The Cycles render engine is disabled: enable its add-on")
+    with tempfile.TemporaryDirectory(prefix="patchnet-") as folder, ExitStack() as stack:
+        path = Path(folder) / "reference.exr"
+        stack.enter_context(object_mode(context))
+        stack.enter_context(_multilayer(scene.render.image_settings))
+        stack.enter_context(_render_settings(scene, camera, samples, seed, path))
+        stack.enter_context(changed(context.view_layer, **_PASSES))
+        stack.enter_context(_lamps_unseen(scene))
+        stack.enter_context(_seen_through(scene, camera))
+        _render(context, path)
+        return _reference(read_exr(path))
+
+
+def _render(context: bpy.types.Context, path: Path) -> None:
+    try:
+        bpy.ops.render.render(write_still=True, scene=context.scene.name, layer=context.view_layer.name)
+    except RuntimeError as cause:
+        raise SceneError(f"Cycles cannot render the scene ({str(cause).strip().removeprefix('Error: ')})") from cause
+    if not path.is_file():
+        raise PatchNetError("Cycles wrote no picture: check that the folder for temporary files has room")
+
+
+def _reference(channels: dict[str, np.ndarray]) -> Reference:
+    layers = {tuple(name.split(".")[-2:]): values for name, values in channels.items()}
+
+    def color(names: tuple[str, ...]) -> np.ndarray:
+        name = next((each for each in names if (each, "R") in layers), None)
+        if name is None:
+            raise SceneError(f"Cycles rendered no pass {names[0]}: the view layer may belong to another engine")
+        return np.stack([layers[name, channel] for channel in "RGB"], axis=-1)
+
+    shine = (color(_DIRECT) + color(_INDIRECT)) * color(_COLOR) + color(_EMISSION)
+    return Reference(
+        luminance=luminance(np.nan_to_num(shine)),
+        coverage=layers["Combined", "A"],
+        depth_world=layers["Depth", "Z"],
+        albedo=luminance(color(_COLOR)),
+        normal=np.stack([layers["Normal", axis] for axis in "XYZ"], axis=-1),
+    )
+
+
+@contextmanager
+def _multilayer(image: bpy.types.ImageFormatSettings) -> Iterator[None]:
+    """EXR of all passes, not compressed. Which formats there are depends on the medium, so that it goes first."""
+    values = {
+        "media_type": "MULTI_LAYER_IMAGE",
+        "file_format": "OPEN_EXR_MULTILAYER",
+        "color_mode": "RGBA",
+        "color_depth": "32",
+        "exr_codec": "NONE",
+    }
+    names = [name for name in values if hasattr(image, name)]
+    before = {name: getattr(image, name) for name in names}
+    try:
+        for name in names:
+            setattr(image, name, values[name])
+        yield
+    finally:
+        for name in names:
+            setattr(image, name, before[name])
+
+
+@contextmanager
+def _render_settings(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, path: Path) -> Iterator[None]:
+    """Box filter of a pixel, nothing that is biased; bounces, device and light are the user's, as in the bake."""
+    unit_x, unit_y = camera.half_x / camera.width_px, camera.half_y / camera.height_px
+    with (
+        changed(
+            scene.render,
+            engine="CYCLES",
+            resolution_x=camera.width_px,
+            resolution_y=camera.height_px,
+            resolution_percentage=100,
+            pixel_aspect_x=max(1.0, unit_x / unit_y),
+            pixel_aspect_y=max(1.0, unit_y / unit_x),
+            filepath=str(path),
+            use_file_extension=False,
+            use_overwrite=True,
+            use_compositing=False,
+            use_sequencer=False,
+            use_border=False,
+            use_multiview=False,
+            use_motion_blur=False,
+            use_freestyle=False,
+            film_transparent=True,
+        ),
+        changed(
+            scene.cycles,
+            samples=samples,
+            seed=seed,
+            use_animated_seed=False,
+            use_adaptive_sampling=False,
+            use_denoising=False,
+            sample_clamp_direct=0.0,
+            sample_clamp_indirect=0.0,
+            film_exposure=1.0,
+            time_limit=0.0,
+            use_sample_subset=False,
+            pixel_filter_type="BOX",
+            filter_width=1.0,
+            film_transparent_glass=False,
+        ),
+    ):
+        yield
+
+
+@contextmanager
+def _lamps_unseen(scene: bpy.types.Scene) -> Iterator[None]:
+    """Lamps are no surface, so that the octree does not hold them: hide them from the camera only."""
+    with ExitStack() as stack:
+        for item in scene.objects:
+            if item.type == "LIGHT":
+                stack.enter_context(changed(item, visible_camera=False))
+        yield
+
+
+@contextmanager
+def _seen_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
+    """A Blender camera with exactly the view of `camera`, without depth of field, removed after the block."""
+    data = bpy.data.cameras.new("PatchNet Check")
+    item = bpy.data.objects.new("PatchNet Check", data)
+    before = scene.camera
+    try:
+        data.type, data.sensor_fit, data.sensor_width = camera.kind, "HORIZONTAL", _SENSOR
+        if camera.kind == ORTHOGRAPHIC:
+            data.ortho_scale = 2.0 * camera.half_x
+        else:
+            data.lens = _SENSOR / (2.0 * camera.half_x)
+        data.shift_x = camera.shift_x / 2.0
+        data.shift_y = camera.shift_y * camera.half_y / (2.0 * camera.half_x)
+        data.clip_start, data.clip_end = 1e-5, 1e9
+        axes = np.stack([camera.right, camera.up, -np.asarray(camera.forward), camera.position_world], axis=1)
+        item.matrix_world = Matrix([*axes.tolist(), [0.0, 0.0, 0.0, 1.0]])
+        scene.collection.objects.link(item)
+        scene.camera = item
+        yield
+    finally:
+        scene.camera = before
+        bpy.data.objects.remove(item)
+        bpy.data.cameras.remove(data)

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cameras that stand in the free space of a lit octree and see much of it, for scenes that bring none.
+
+Framing from outside shows an interior's outer walls only. So cells with room around them are tried, in every direction
+of the compass; each next camera is the one that shows most surface, at middle distances, that none before has shown.
+Nothing is random.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import SceneError, SettingError
+from ..octree.octree import Octree
+from ..progress import Progress, Steps
+from .camera import Camera
+from .render import Hits, first_hits
+
+FOV = float(np.radians(60.0))  # vertical
+MAX_VIEWPOINTS = 64
+_LEVEL = 6  # of the cells that a camera may stand in, and of those that are counted as seen
+_MAX_POSITIONS = 320
+_HEADINGS = 8
+_PITCH = float(np.radians(-6.0))  # a little down, as people look
+_TRIAL_PX = (32, 24)
+_NEAR = 0.06  # of the surface's extent: nearer than that, voxels are larger than pixels
+_MIDDLE = 0.15
+_DARK = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A camera that was tried: how good its view is, and which cells it shows (n,) int64, distinct."""
+
+    camera: Camera
+    quality: float
+    cells: np.ndarray
+
+
+def viewpoints(octree: Octree, count: int, size_px: tuple[int, int]) -> Steps[list[Camera]]:
+    """`count` upright perspective cameras View 1, View 2, ... in free space; none stands in a voxel or beside one.
+
+    Fewer if no more shows anything new. Raises SettingError for a count outside 1 to 64, SceneError if no place is
+    free or shows anything.
+    """
+    if not 1 <= count <= MAX_VIEWPOINTS:
+        raise SettingError(f"{count} cameras are outside 1 to {MAX_VIEWPOINTS}: choose a number in this range")
+    positions = free_positions(octree)
+    trials: list[_Trial] = []
+    extent = float(np.ptp(_bounds(octree), axis=0).max())
+    for number, position in enumerate(positions):
+        yield Progress(number, len(positions), "Placing cameras")
+        trials += [_tried(octree, camera, extent) for camera in _around(position)]
+    chosen = _chosen([trial for trial in trials if trial.quality > 0.0 and len(trial.cells)], count)
+    if not chosen:
+        raise SceneError("No place in the scene has room and a view: add cameras, or use the cameras 'auto'")
+    return [_named(trial.camera, index, size_px) for index, trial in enumerate(chosen, 1)]
+
+
+def free_positions(octree: Octree, most: int = _MAX_POSITIONS) -> np.ndarray:
+    """Centres (n, 3) float64, world units, of at most `most` cells, spread evenly, that touch no occupied cell."""
+    level = min(_LEVEL, octree.depth)
+    while True:
+        occupied = _occupied(octree, level)
+        free = _inside(occupied) & ~_grown(occupied)
+        if free.any() or level >= min(octree.depth, 8):
+            break
+        level += 1  # narrow spaces
+    cells = np.argwhere(free)
+    chosen = (
+        cells[np.unique(np.linspace(0, len(cells) - 1, min(most, len(cells))).astype(int))] if len(cells) else cells
+    )
+    side = octree.grid.side_world / (1 << level)
+    return np.asarray(octree.grid.origin_world) + (chosen + 0.5) * side
+
+
+def _occupied(octree: Octree, level: int) -> np.ndarray:
+    """(n, n, n) bool by x, y, z, also where a leaf of a coarser level is."""
+    side = 1 << level
+    occupied = np.zeros((side, side, side), bool)
+    occupied[tuple(octree.cells(level).T)] = True
+    for above in range(level):
+        cells = octree.cells(above)[octree.child_mask[octree.level(above)] == 0]
+        size = 1 << (level - above)
+        for x, y, z in cells * size:
+            occupied[x : x + size, y : y + size, z : z + size] = True
+    return occupied
+
+
+def _inside(occupied: np.ndarray) -> np.ndarray:
+    """(n, n, n) bool: cells in the bounding box of the occupied ones."""
+    where = np.argwhere(occupied)
+    low, high = where.min(axis=0), where.max(axis=0) + 1
+    inside = np.zeros_like(occupied)
+    inside[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = True
+    return inside
+
+
+def _grown(occupied: np.ndarray) -> np.ndarray:
+    """(n, n, n) bool: occupied, or with an occupied cell among the 26 around."""
+    for axis in range(3):
+        padded = np.pad(occupied, [(1, 1) if each == axis else (0, 0) for each in range(3)])
+        size = occupied.shape[axis]
+        first, middle, last = (np.take(padded, range(shift, shift + size), axis) for shift in range(3))
+        occupied = first | middle | last
+    return occupied
+
+
+def _bounds(octree: Octree) -> np.ndarray:
+    """Box (2, 3) of the surface in world units, to the accuracy of a cell."""
+    level = min(_LEVEL, octree.depth)
+    where = np.argwhere(_occupied(octree, level))
+    side = octree.grid.side_world / (1 << level)
+    corners = np.stack([where.min(axis=0), where.max(axis=0) + 1])
+    return np.asarray(octree.grid.origin_world) + corners * side
+
+
+def _around(position_world: np.ndarray) -> list[Camera]:
+    """Small cameras at a position (3,), one for each heading."""
+    angles = 2 * np.pi * np.arange(_HEADINGS) / _HEADINGS
+    flat, drop = np.cos(_PITCH), np.sin(_PITCH)
+    return [
+        Camera.look_at(
+            position_world,
+            position_world + np.array([flat * np.cos(angle), flat * np.sin(angle), drop]),
+            fov=FOV,
+            size_px=_TRIAL_PX,
+        )
+        for angle in angles
+    ]
+
+
+def _tried(octree: Octree, camera: Camera, extent: float) -> _Trial:
+    hits = first_hits(octree, camera)
+    hit = hits.hit
+    if not hit.any():
+        return _Trial(camera, 0.0, np.empty(0, np.int64))
+    distance = hits.t_world[hit] / extent
+    facing = np.einsum("pc,pc->p", octree.normal_float(hits.node[hit]), hits.direction[hit]) < 0.2
+    quality = (
+        float(hit.mean()) ** 2
+        * float(np.mean(distance > _NEAR)) ** 4
+        * float(np.clip(np.median(distance) / _MIDDLE, 0.0, 1.0))
+        * float(facing.mean()) ** 2
+        * float(np.mean(hits.luminance[hit] > _DARK))
+    )
+    return _Trial(camera, quality, _cells_seen(hits))
+
+
+def _cells_seen(hits: Hits) -> np.ndarray:
+    """Distinct numbers of the cells of level 6 in which rays ended; coarser voxels count as their first cell."""
+    hit = hits.hit
+    shift = hits.level[hit].astype(np.int64)[:, None] - _LEVEL
+    cells = hits.cell[hit].astype(np.int64)
+    cells = np.where(shift >= 0, cells >> np.maximum(shift, 0), cells << np.maximum(-shift, 0))
+    return np.unique((cells[:, 0] << 2 * _LEVEL) | (cells[:, 1] << _LEVEL) | cells[:, 2])
+
+
+def _chosen(trials: list[_Trial], count: int) -> list[_Trial]:
+    """Greedily the trials that show most that is new, weighed by quality."""
+    seen = np.zeros(1 << 3 * _LEVEL, bool)
+    chosen: list[_Trial] = []
+    while trials and len(chosen) < count:
+        gains = [trial.quality * np.count_nonzero(~seen[trial.cells]) for trial in trials]
+        best = int(np.argmax(gains))
+        if not gains[best] > 0:
+            break
+        chosen.append(trials.pop(best))
+        seen[chosen[-1].cells] = True
+    return chosen
+
+
+def _named(camera: Camera, number: int, size_px: tuple[int, int]) -> Camera:
+    target = camera.position_world + camera.forward
+    return Camera.look_at(camera.position_world, target, fov=FOV, size_px=size_px, name=f"View {number}")
