@@ -18,6 +18,7 @@ from .run import add_exposure, require_blender
 from .stage_clock import StageClock
 
 if TYPE_CHECKING:
+    from ..patchnet_addon.light.kept_pages import KeptPages
     from ..patchnet_addon.octree.grid import Grid
     from ..patchnet_addon.octree.leaf_levels import LeafLevels
     from ..patchnet_addon.octree.mesh import MeshSource, Shade
@@ -84,6 +85,7 @@ def run(args: argparse.Namespace) -> int:
     with clock.stage("start"):
         require_blender()
     from ..operators.scene import open_scene
+    from ..patchnet_addon.light.kept_pages import KeptPages
     from ..patchnet_addon.octree.file import save_octree
     from ..patchnet_addon.progress import drain
     from .progress_bars import ProgressBars
@@ -92,10 +94,11 @@ def run(args: argparse.Namespace) -> int:
         open_scene(args.scene)
     hide_from_renders([text.strip().lower() for text in args.without.split(",") if text.strip()])
     args.out.parent.mkdir(parents=True, exist_ok=True)
-    with quiet_stdout(), ProgressBars() as bars:
-        octree = drain(_build(args, clock), bars.show)
-    with clock.stage("save"):
-        save_octree(octree, args.out)
+    with KeptPages() as kept:
+        with quiet_stdout(), ProgressBars() as bars:
+            octree = drain(_build(args, clock, kept), bars.show)
+        with clock.stage("save"):
+            save_octree(octree, args.out)
     print(f"{args.out}: depth {octree.depth}, {octree.leaf_count:,} voxels, {octree.nbytes / 2**20:.1f} MiB")
     if args.timings:
         print(json.dumps(clock.as_json()))
@@ -132,7 +135,7 @@ def hide_from_renders(texts: list[str]) -> None:
         item.hide_render = item.hide_render or ancestor is not None
 
 
-def _build(args: argparse.Namespace, clock: StageClock) -> Steps[Octree]:
+def _build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps[Octree]:
     import bpy
 
     from ..operators.job.versions import versions
@@ -146,7 +149,7 @@ def _build(args: argparse.Namespace, clock: StageClock) -> Steps[Octree]:
     with clock.stage("fit" if args.depth == FIT else "grid"):
         grid, layout, leaf_world = yield from _grid(args, source)
     with clock.stage("light"):
-        shade = yield from _shade(args, source, leaf_world * args.texel_voxels)
+        shade = yield from _shade(args, source, leaf_world * args.texel_voxels, kept)
     turned: MeshSource = RotatedSource(source, random_rotation(args.rotate)) if args.rotate else source
     provenance: dict[str, Any] = {
         "file": args.scene.name,
@@ -186,7 +189,7 @@ def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, Lea
     return replace(grid, depth=fitted.layout.deepest), fitted.layout, side
 
 
-def _shade(args: argparse.Namespace, source: Any, texel_world: float) -> Steps[Shade]:
+def _shade(args: argparse.Namespace, source: Any, texel_world: float, kept: KeptPages) -> Steps[Shade]:
     """Shade of the upright surface with baked light, or of the turned one with two lights."""
     import bpy
 
@@ -203,6 +206,6 @@ def _shade(args: argparse.Namespace, source: Any, texel_world: float) -> Steps[S
     lit = has_light(bpy.context.evaluated_depsgraph_get())
     if not lit:
         print(f"Note: {NO_LIGHT}", file=sys.stderr)
-    baking = bake_luminance(bpy.context, source, texel_world, args.samples)
+    baking = bake_luminance(bpy.context, source, texel_world, args.samples, kept=kept)
     atlas = yield from baking if lit else in_daylight(bpy.context.scene, baking)
     return atlas_shade(atlas, source)

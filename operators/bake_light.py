@@ -34,6 +34,7 @@ class PATCHNET_OT_bake_light(LightProperties, JobOperator, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Read the surface again, light it, and build the octree on the same grid."""
+        from ..patchnet_addon.light.kept_pages import KeptPages
         from .scene import read_scene
 
         before = results.voxels_of(context.scene)
@@ -41,8 +42,9 @@ class PATCHNET_OT_bake_light(LightProperties, JobOperator, bpy.types.Operator):
         source = read_scene(context.evaluated_depsgraph_get(), before.scope)
         _check_bounds(source.bounds_world, before.octree.grid)
         settings, grid = replace(settings, scope=before.scope), before.octree.grid
-        shade, assumed = yield from lit(context, source, _leaf_side(before), settings)
-        octree = yield from build(source, grid, shade, settings, settings.light, before.layout)
+        with KeptPages() as kept:
+            shade, assumed = yield from lit(context, source, _leaf_side(before), settings, kept)
+            octree = yield from build(source, grid, shade, settings, settings.light, before.layout)
         made = results.SceneResult(octree=octree, scope=before.scope, layout=before.layout, light=settings.light)
         results.keep(context.scene, made)
         for warning in assumed:

@@ -12,6 +12,7 @@ to no light beside the other does not count: it is enclosed, although the surfac
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
@@ -23,6 +24,7 @@ from ...patchnet_addon.errors import SceneError, SettingError
 from ...patchnet_addon.light.charts import Charts
 from ...patchnet_addon.progress import Progress, Steps
 from ..scene.scene_mesh import SceneMesh
+from .bake_key import bake_key
 from .bake_materials import bake_materials
 from .closed_runs import ClosedPieces
 from .object_data import attributes_needed, lost_inputs
@@ -31,11 +33,13 @@ from .settings import changed, object_mode
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ...patchnet_addon.light.atlas import Atlas
+    from ...patchnet_addon.light.kept_pages import KeptPages
 
 MAX_TEXELS = 1 << 25
 # Triangles up to which pages have this side: a bake starts with reading the whole scene into Cycles, so that large
 # scenes want few pages, small ones many: for reports of progress, and for memory.
 _PAGE_SIDES = ((200_000, 512), (1_000_000, 1024), (np.inf, 2048))
+_SIDES = tuple(str(1 << log_side) for log_side in range(13))
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
@@ -48,36 +52,47 @@ def bake_luminance(
     seed: int = 0,
     *,
     max_texels: int = MAX_TEXELS,
+    kept: KeptPages | None = None,
 ) -> Steps[Atlas]:
     """Diffuse light with global illumination, and emission, on all triangles of `source`.
 
     texel_world: side of a texel, about that of a leaf; texels grow if there would be more than `max_texels`.
-    samples: paths a texel and side. Raises SceneError if Cycles is not there or cannot bake.
+    samples: paths a texel and side. kept: finished pages are taken from there and left there.
+    Raises SceneError if Cycles is not there or cannot bake.
     """
     from ...patchnet_addon.light.atlas import Atlas
     from ...patchnet_addon.light.charts import layout_charts
 
     if samples < 1:
         raise SettingError(f"{samples} samples per texel are too few: choose at least 1")
-    side = next(side for limit, side in _PAGE_SIDES if source.triangle_count <= limit)
+    side = page_side(source.triangle_count)
     charts = yield from layout_charts(source, texel_world, max_texels=max_texels, page_side=side)
     baker = _Baker(context, source, charts, samples, seed)
     pages = np.zeros((charts.page_count, charts.page_side**2, 2), np.float32)
+    if kept is not None:
+        yield Progress(0, 1, "Looking for finished pages")
+        kept.open(bake_key(context, source, charts, samples, seed))
+        if there := len(kept.pages()):
+            yield Progress(there, charts.page_count, f"Resuming: {there} of {charts.page_count} pages are there")
     for page in range(charts.page_count):
-        yield Progress(page, charts.page_count, "Baking light")
-        part = baker.triangles(page)
-        if len(part) == 0:
-            continue
-        sheets = part.only(~part.closed)
-        front, back = baker.bake(part, sheets)
-        pages[page] = baker.merged(page, sheets.triangles, front, back)
-        lit_inside = part.only(baker.black(page, part, front))
-        if len(lit_inside):
-            yield Progress(page + 0.5, charts.page_count, "Baking light")
-            _, back = baker.bake(part.only(np.zeros(len(part), bool)), lit_inside)
-            pages[page] = baker.merged(page, lit_inside.triangles, pages[page], back)
+        finished = kept.load(page, charts.page_side**2) if kept is not None else None
+        if finished is None:
+            pages[page] = yield from baker.page(page)
+            if kept is not None:
+                kept.save(page, pages[page])
+        else:
+            pages[page] = finished
     yield Progress(charts.page_count, charts.page_count, "Baking light")
     return Atlas(charts, pages.reshape(-1, 2), samples, (*baker.warnings, *_coarse(charts, texel_world, max_texels)))
+
+
+def page_side(triangle_count: int) -> int:
+    """Side of the pages of a surface in texels; PATCHNET_PAGE_SIDE, a power of two up to 4096, makes it another one."""
+    if text := os.environ.get("PATCHNET_PAGE_SIDE"):
+        if text not in _SIDES:
+            raise SettingError(f"PATCHNET_PAGE_SIDE is {text!r}: make it one of {', '.join(_SIDES)}, or unset it")
+        return int(text)
+    return next(side for limit, side in _PAGE_SIDES if triangle_count <= limit)
 
 
 class _Baker:
@@ -96,6 +111,23 @@ class _Baker:
         # Far less than a voxel, but well above the rounding of single precision coordinates.
         reach = float(np.abs(source.bounds_world).max())
         self._offset_world = max(1e-3 * charts.texel_world, 2.0**-18 * reach)
+
+    def page(self, page: int) -> Steps[np.ndarray]:
+        """The texels (side * side, 2) of a page."""
+        count = self._charts.page_count
+        yield Progress(page, count, "Baking light")
+        part = self.triangles(page)
+        if len(part) == 0:
+            return np.zeros((self._charts.page_side**2, 2), np.float32)
+        sheets = part.only(~part.closed)
+        front, back = self.bake(part, sheets)
+        texels = self.merged(page, sheets.triangles, front, back)
+        lit_inside = part.only(self.black(page, part, front))
+        if len(lit_inside):
+            yield Progress(page + 0.5, count, "Baking light")
+            _, back = self.bake(part.only(np.zeros(len(part), bool)), lit_inside)
+            texels = self.merged(page, lit_inside.triangles, texels, back)
+        return texels
 
     def triangles(self, page: int) -> PageTriangles:
         """What lies on a page."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
@@ -27,6 +27,9 @@ from .stages import build, choose_grid, encode, lit, load_network
 from .stopwatch import Stopwatch
 from .versions import machine, versions
 from .views import View, overview, save_view, view
+
+if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
+    from ...patchnet_addon.light.kept_pages import KeptPages
 
 REPORT_NAME = "report.json"
 OVERVIEW_NAME = "overview.png"
@@ -51,17 +54,21 @@ def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResul
 
     The scene is as before afterwards, and nothing is written if a step fails. Raises PatchNetError.
     """
-    with output_folder(settings.out) if settings.out else nullcontext() as folder:
+    from ...patchnet_addon.light.kept_pages import KeptPages
+
+    with output_folder(settings.out) if settings.out else nullcontext() as folder, KeptPages() as kept:
         weights = load_network(settings.weights)
         watch = Stopwatch()
-        result = yield from _compute(context, settings, weights, watch)
+        result = yield from _compute(context, settings, weights, watch, kept)
         if folder is not None:
             yield Progress(0, 1, "Writing files")
             _write(folder, result)
     return result
 
 
-def _compute(context: bpy.types.Context, settings: JobSettings, weights: Weights, watch: Stopwatch) -> Steps[JobResult]:
+def _compute(
+    context: bpy.types.Context, settings: JobSettings, weights: Weights, watch: Stopwatch, kept: KeptPages
+) -> Steps[JobResult]:
     with watch.stage("read"):
         yield Progress(0, 1, "Reading the scene")
         source = read_scene(context.evaluated_depsgraph_get(), settings.scope)
@@ -72,7 +79,7 @@ def _compute(context: bpy.types.Context, settings: JobSettings, weights: Weights
     with watch.stage("depth"):
         choice = yield from choose_grid(source, fitted_to, settings)
     with watch.stage("light"):
-        shade, assumed = yield from lit(context, source, choice.leaf_world, settings)
+        shade, assumed = yield from lit(context, source, choice.leaf_world, settings, kept)
     with watch.stage("voxelize"):
         octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout)
     with watch.stage("codes"):

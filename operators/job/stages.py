@@ -22,7 +22,8 @@ from ..scene import SceneMesh
 from .settings import CYCLES, JobSettings
 from .versions import versions
 
-if TYPE_CHECKING:  # it brings nothing but NumPy, yet nothing needs it before something is built
+if TYPE_CHECKING:  # nothing needs them before something is built
+    from ...patchnet_addon.light.kept_pages import KeptPages
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
 
 UNLIT = "none"  # light of an octree that shows the surface's own colour
@@ -96,11 +97,16 @@ def unlit(source: MeshSource) -> Shade:
 
 
 def lit(
-    context: bpy.types.Context, source: SceneMesh, leaf_world: float, settings: JobSettings
+    context: bpy.types.Context,
+    source: SceneMesh,
+    leaf_world: float,
+    settings: JobSettings,
+    kept: KeptPages | None = None,
 ) -> Steps[tuple[Shade, tuple[str, ...]]]:
     """The surface in the light of the settings, and sentences about what had to be assumed.
 
     leaf_world: side of the leaves that the light is for.
+    kept: where a bake finds pages of one that was stopped, and leaves its own.
     """
     if settings.light != CYCLES:
         from ...patchnet_addon.light.two_lights import two_lights_shade
@@ -110,7 +116,8 @@ def lit(
     from ..bake import bake_luminance
 
     bright = has_light(context.evaluated_depsgraph_get())
-    baking = bake_luminance(context, source, leaf_world * settings.texel_voxels, settings.samples)
+    texel_world = leaf_world * settings.texel_voxels
+    baking = bake_luminance(context, source, texel_world, settings.samples, kept=kept)
     atlas = yield from baking if bright else in_daylight(context.scene, baking)
     return atlas_shade(atlas, source), (*atlas.warnings, *(() if bright else (NO_LIGHT,)))
 

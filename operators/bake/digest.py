@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A hash over Blender's data: properties as RNA enumerates them, node trees, images, arrays of geometry.
+
+It is the same in every process that opened the same file, and differs with anything that a render could show. What only
+the interface shows is left out where it is known; the rest rather counts too much than too little.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from typing import Any
+
+import bpy
+import numpy as np
+
+
+def names(text: str) -> frozenset[str]:
+    """The words of a text."""
+    return frozenset(text.split())
+
+
+_SKIPPED = names(
+    """rna_type original session_uid id_data id_type is_evaluated preview users animation_data asset_data
+    override_library library_weak_reference use_extra_user use_fake_user is_library_indirect is_embedded_data is_missing
+    is_editable is_runtime_data tag depsgraph node_tree bindcode execution_time"""
+)
+# Of nodes: how the editor shows them; sockets are asked on their own.
+_SKIPPED_OF_NODES = names(
+    """location location_absolute width width_hidden height dimensions select show_options show_preview show_texture
+    hide label parent color color_tag use_custom_color inputs outputs internal_links"""
+)
+_IMAGE_KEYS = (
+    "filepath", "source", "alpha_mode", "generated_type", "generated_width", "generated_height", "generated_color",
+    "use_view_as_render", "is_float", "use_half_precision", "use_deinterlace",
+)  # fmt: skip
+_ATTRIBUTES = {
+    "FLOAT": ("value", 1, np.float32), "FLOAT2": ("vector", 2, np.float32), "FLOAT_VECTOR": ("vector", 3, np.float32),
+    "FLOAT_COLOR": ("color", 4, np.float32), "BYTE_COLOR": ("color", 4, np.float32), "INT": ("value", 1, np.int32),
+    "INT8": ("value", 1, np.int32), "INT32_2D": ("value", 2, np.int32), "INT16_2D": ("value", 2, np.int32),
+    "BOOLEAN": ("value", 1, np.bool_), "QUATERNION": ("value", 4, np.float32), "FLOAT4X4": ("value", 16, np.float32),
+}  # fmt: skip
+_DEPTH = 6
+
+
+class Digest:
+    """A growing hash; the contents of a data-block count when it is first met, later its name."""
+
+    def __init__(self) -> None:
+        self._hash = hashlib.blake2b(digest_size=16)
+        self._met: set[int] = set()  # by address: evaluated copies share their original's name
+
+    def hexdigest(self) -> str:
+        """32 hex digits."""
+        return self._hash.hexdigest()
+
+    def text(self, *values: Any) -> None:
+        """Plain values, by their repr."""
+        self._hash.update((repr(values) + ";").encode("utf-8", "surrogatepass"))
+
+    def array(self, name: str, values: np.ndarray | None) -> None:
+        """An array with its type and shape."""
+        if values is None:
+            self.text(name, None)
+            return
+        self.text(name, values.dtype.str, values.shape)
+        self._hash.update(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
+
+    def block(self, block: bpy.types.ID | None) -> None:
+        """A data-block: its name, and its contents if it is new here."""
+        if block is None:
+            self.text(None)
+            return
+        self.text(type(block).__name__, block.name_full)
+        if block.as_pointer() in self._met:
+            return
+        self._met.add(block.as_pointer())
+        if isinstance(block, bpy.types.Image):
+            self._image(block)
+        elif isinstance(block, bpy.types.NodeTree):
+            self._tree(block)
+        elif isinstance(block, bpy.types.Text):
+            self.text(block.as_string())
+        elif isinstance(block, bpy.types.Object):
+            self.text(tuple(map(tuple, block.matrix_world)), block.type)
+        elif isinstance(block, bpy.types.Collection):
+            for item in block.all_objects:
+                self.block(item)
+        elif hasattr(block, "attributes"):
+            self.geometry(block)
+        elif not isinstance(block, bpy.types.Scene | bpy.types.Library):
+            self.struct(block)
+            self.block(getattr(block, "node_tree", None))
+
+    def struct(self, owner: bpy.types.bpy_struct, skipped: frozenset[str] = frozenset(), depth: int = _DEPTH) -> None:
+        """All properties, those of nested settings too."""
+        self.text(owner.bl_rna.identifier)
+        for prop in owner.bl_rna.properties:
+            key = prop.identifier
+            if key in _SKIPPED or key in skipped or key.startswith("bl_"):
+                continue
+            try:
+                value = getattr(owner, key)
+            except (AttributeError, ValueError, RuntimeError, TypeError):
+                continue  # not readable in this state
+            self.text(key)
+            self._value(prop, value, depth)
+
+    def _value(self, prop: bpy.types.Property, value: Any, depth: int) -> None:
+        if prop.type == "POINTER":
+            if isinstance(value, bpy.types.ID):
+                self.block(value)
+            elif value is not None and depth > 0:
+                self.struct(value, depth=depth - 1)
+        elif prop.type == "COLLECTION":
+            for item in value if depth > 0 else ():
+                if isinstance(item, bpy.types.ID):
+                    self.block(item)
+                else:
+                    self.struct(item, depth=depth - 1)
+        elif getattr(prop, "is_array", False):
+            self.text(tuple(np.ravel(np.array(value)).tolist()))
+        else:
+            self.text(sorted(value) if isinstance(value, set) else value)
+
+    def _tree(self, tree: bpy.types.NodeTree) -> None:
+        for node in tree.nodes:
+            self.text(node.bl_idname, node.name)
+            self.struct(node, _SKIPPED_OF_NODES)
+            self.block(getattr(node, "node_tree", None))
+            for socket in (*node.inputs, *node.outputs):
+                value: Any = getattr(socket, "default_value", None)
+                if isinstance(value, bpy.types.ID):
+                    self.block(value)
+                else:
+                    plain = value is None or isinstance(value, bool | int | float | str)
+                    self.text(socket.identifier, value if plain else tuple(value))
+        for link in tree.links:
+            ends = link.from_node.name, link.from_socket.identifier, link.to_node.name, link.to_socket.identifier
+            self.text(*ends, link.is_muted)
+
+    def _image(self, image: bpy.types.Image) -> None:
+        self.text(*(repr(getattr(image, key, None)) for key in ("name", *_IMAGE_KEYS[:1], *_IMAGE_KEYS[1:6])))
+        self.text(tuple(image.generated_color), image.colorspace_settings.name)
+        if image.source == "GENERATED" or image.is_dirty:  # painted, or made by a script
+            pixels = np.empty(len(image.pixels), np.float32)
+            image.pixels.foreach_get(pixels)
+            self.array("pixels", pixels)
+        for packed in image.packed_files:
+            self.text(hashlib.blake2b(packed.data or b"", digest_size=16).hexdigest())
+        if not image.packed_file and image.source != "GENERATED":
+            for number in [tile.number for tile in image.tiles]:
+                name = image.filepath.replace("<UDIM>", str(number))
+                self.file(bpy.path.abspath(name, library=image.library))
+
+    def file(self, path: str) -> None:
+        """A file outside, by its size and time; a file that is not there counts too."""
+        try:
+            state = os.stat(path)
+        except OSError:
+            self.text(path, None)
+            return
+        self.text(path, state.st_size, state.st_mtime_ns)
+
+    def geometry(self, data: Any) -> None:
+        """Mesh, hair or points: attributes and faces, without what is selected or hidden in edit mode."""
+        for attribute in data.attributes:
+            if attribute.name.startswith(".") or attribute.data_type not in _ATTRIBUTES:
+                continue
+            key, width, dtype = _ATTRIBUTES[attribute.data_type]
+            values = np.empty(len(attribute.data) * width, dtype)
+            attribute.data.foreach_get(key, values)
+            self.array(f"{attribute.name} {attribute.domain}", values)
+        for name, key in (("loops", "vertex_index"), ("polygons", "loop_start")):
+            items: Any = getattr(data, name, ())
+            values = np.empty(len(items), np.int32)
+            if len(items):
+                items.foreach_get(key, values)
+            self.array(name, values)
+        for material in data.materials:
+            self.block(material)

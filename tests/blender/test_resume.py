@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A bake that was stopped or killed goes on where it was, and ends with the same bits."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet.operators.bake import bake as baking
+from patchnet.operators.bake import bake_luminance
+from patchnet.operators.bake.bake_key import bake_key
+from patchnet.operators.scene import read_scene
+from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.kernels import user_cache_folder
+from patchnet.patchnet_addon.light.atlas import Atlas
+from patchnet.patchnet_addon.light.charts import layout_charts
+from patchnet.patchnet_addon.light.kept_pages import KeptPages
+from patchnet.patchnet_addon.progress import Progress, drain
+from patchnet.tests.blender.job_scene import build
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+LABEL = "Baking light"
+
+
+@pytest.fixture(autouse=True)
+def small_pages(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATCHNET_PAGE_SIDE", "16")
+    build()
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of what Blender's bake was called for."""
+    seen: list[str] = []
+    run = baking._run
+
+    def count(context: bpy.types.Context, target: bpy.types.Object) -> None:
+        seen.append(target.name)
+        run(context, target)
+
+    monkeypatch.setattr(baking, "_run", count)
+    return seen
+
+
+def bake(kept: KeptPages | None, stop_at: int | None = None) -> tuple[Atlas | None, list[Progress]]:
+    """Bake the open scene; `stop_at` closes the bake when so many pages are finished."""
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    steps = bake_luminance(bpy.context, source, 0.1, 4, kept=kept)
+    reports: list[Progress] = []
+    try:
+        while True:
+            reports.append(next(steps))
+            if stop_at is not None and reports[-1].label == LABEL and reports[-1].done >= stop_at:
+                steps.close()
+                return None, reports
+    except StopIteration as stop:
+        return stop.value, reports
+
+
+def folders(root: Path) -> list[Path]:
+    return sorted(root.iterdir()) if root.exists() else []
+
+
+def test_resumed_bake_has_the_same_bits(tmp_path: Path, calls: list[str]) -> None:
+    before = scene_snapshot()
+    whole, _ = bake(None)
+    assert whole is not None
+    count, all_calls = whole.charts.page_count, len(calls)
+    assert count >= 5
+    with pytest.raises(KeyboardInterrupt), KeptPages(tmp_path) as kept:
+        bake(kept, stop_at=3)
+        raise KeyboardInterrupt
+    assert_unchanged(before)
+    (folder,) = folders(tmp_path)
+    assert len(list(folder.iterdir())) == 3
+    calls.clear()
+    with KeptPages(tmp_path) as kept:
+        resumed, reports = bake(kept)
+        assert len(list(folder.iterdir())) == count
+    assert resumed is not None
+    np.testing.assert_array_equal(resumed.texels, whole.texels)
+    assert resumed.warnings == whole.warnings
+    assert 0 < len(calls) < all_calls
+    assert f"Resuming: 3 of {count} pages are there" in [report.label for report in reports]
+    assert min(report.done for report in reports if report.label == LABEL) == 3
+    assert folders(tmp_path) == [], "nobody needs them any more"
+    assert_unchanged(before)
+
+
+def test_damaged_and_foreign_pages_are_baked_again(tmp_path: Path) -> None:
+    whole, _ = bake(None)
+    assert whole is not None
+    with pytest.raises(KeyboardInterrupt), KeptPages(tmp_path) as kept:
+        bake(kept, stop_at=3)
+        raise KeyboardInterrupt
+    (folder,) = folders(tmp_path)
+    pages = sorted(folder.iterdir())
+    content = bytearray(pages[0].read_bytes())
+    content[-9] ^= 0xFF
+    pages[0].write_bytes(content)
+    pages[1].write_bytes(b"")
+    (folder / "notes.txt").write_text("not a page")
+    with KeptPages(tmp_path) as kept:
+        resumed, _ = bake(kept)
+    assert resumed is not None
+    np.testing.assert_array_equal(resumed.texels, whole.texels)
+
+
+def test_a_folder_that_cannot_be_written_costs_only_the_resuming(tmp_path: Path) -> None:
+    occupied = tmp_path / "file"
+    occupied.write_text("in the way")
+    with KeptPages(occupied) as kept:
+        atlas, _ = bake(kept)
+    assert atlas is not None and atlas.texels.any()
+    assert occupied.read_text() == "in the way"
+
+
+def test_page_sides_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATCHNET_PAGE_SIDE", "100")
+    with pytest.raises(SettingError, match="PATCHNET_PAGE_SIDE"):
+        bake(None)
+
+
+def key(scope: str = "VISIBLE", samples: int = 4) -> str:
+    bpy.context.view_layer.update()
+    source = read_scene(bpy.context.evaluated_depsgraph_get(), scope)
+    charts = drain(layout_charts(source, 0.1))
+    return bake_key(bpy.context, source, charts, samples, 0)
+
+
+def principled(name: str) -> bpy.types.Node:
+    return bpy.data.materials[name].node_tree.nodes["Principled BSDF"]
+
+
+def group_node(name: str) -> bpy.types.Node:
+    return bpy.data.node_groups["Group"].nodes[name]
+
+
+def move_vertex(name: str) -> None:
+    bpy.data.objects[name].data.vertices[0].co.x += 1e-5
+    bpy.data.objects[name].data.update()
+
+
+def paint() -> None:
+    bpy.data.images["Painted"].pixels[0] = 0.123
+    bpy.data.images["Painted"].update()
+
+
+CHANGES: dict[str, Callable[[], object]] = {
+    "colour": lambda: setattr(principled("Slab").inputs["Roughness"], "default_value", 0.123),
+    "colour in a group": lambda: setattr(group_node("RGB").outputs[0], "default_value", [0.1] * 4),
+    "ramp": lambda: setattr(group_node("Ramp").color_ramp.elements[1], "position", 0.7),
+    "link": lambda: bpy.data.materials["Slab"].node_tree.links.remove(bpy.data.materials["Slab"].node_tree.links[0]),
+    "pixels": paint,
+    "lamp": lambda: setattr(bpy.data.lights["Lamp"], "energy", 3.001),
+    "lamp turned": lambda: setattr(bpy.data.objects["Lamp"], "rotation_euler", (0.9, 0.2, 0.11)),
+    "world": lambda: setattr(bpy.context.scene, "world", bpy.data.worlds.new("New")),
+    "vertex of what is baked": lambda: move_vertex("Slab"),
+    "vertex of another object": lambda: move_vertex("Lath 1"),
+    "vertex of an object that viewports do not show": lambda: move_vertex("Lath 4"),
+    "object moved": lambda: setattr(bpy.data.objects["Lath 2"], "location", (0.0, 0.0, 1e-4)),
+    "object hidden": lambda: setattr(bpy.data.objects["Lath 2"], "hide_render", True),
+    "rays": lambda: setattr(bpy.data.objects["Lath 2"], "visible_shadow", False),
+    "bounces": lambda: setattr(bpy.context.scene.cycles, "diffuse_bounces", 2),
+    "another material": lambda: setattr(bpy.data.objects["Lath 2"].material_slots[0], "material", None),
+}  # fmt: skip
+
+
+def richer_scene() -> None:
+    """The small scene with a node group, a painted image, and an object that only renders show."""
+    group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
+    group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
+    rgb, ramp = group.nodes.new("ShaderNodeRGB"), group.nodes.new("ShaderNodeValToRGB")
+    rgb.name, ramp.name = "RGB", "Ramp"
+    group.links.new(rgb.outputs[0], ramp.inputs[0])
+    group.links.new(ramp.outputs[0], group.nodes.new("NodeGroupOutput").inputs[0])
+    tree = bpy.data.materials["Slab"].node_tree
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    tree.links.new(node.outputs[0], principled("Slab").inputs["Base Color"])
+    texture = bpy.data.materials["Lath 3"].node_tree.nodes.new("ShaderNodeTexImage")
+    texture.image = bpy.data.images.new("Painted", 4, 4, float_buffer=True)
+    bpy.data.objects["Lath 4"].hide_viewport = True
+    bpy.data.objects["Slab"].select_set(True)
+
+
+@pytest.mark.parametrize("name", CHANGES)
+@pytest.mark.parametrize("scope", ["SELECTED", "VISIBLE"])
+def test_key_changes_with_what_is_seen(name: str, scope: str) -> None:
+    richer_scene()
+    before = key(scope)
+    CHANGES[name]()
+    assert key(scope) != before
+
+
+def test_key_stays_with_what_is_not_seen(tmp_path: Path) -> None:
+    richer_scene()
+    before = key()
+    assert key() == before and key(samples=5) != before
+    principled("Slab").location = (5.0, 5.0)
+    principled("Slab").select = True
+    bpy.context.scene.render.filepath = "//elsewhere"
+    bpy.context.view_layer.objects.active = bpy.data.objects["Lath 1"]
+    bpy.data.objects["Lath 1"].select_set(True)
+    assert key() == before
+    path = str(tmp_path / "saved.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert key() == before
+
+
+def octree_command(scene: Path, out: Path, cache: Path) -> subprocess.Popen[str]:
+    """`patchnet octree` with light from Cycles, in a process of its own, with pages of 16 texels."""
+    arguments = ["octree", str(scene), "--depth", "6", "--samples", "16", "--out", str(out)]
+    variables = {**os.environ, "PATCHNET_CACHE": str(cache), "PATCHNET_PAGE_SIDE": "16"}
+    return subprocess.Popen(
+        [sys.executable, "-m", "patchnet", *arguments], env=variables, stderr=subprocess.PIPE, text=True
+    )
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> Path:
+    """A cache folder of its own for pages, with the kernels that are compiled already."""
+    folder = tmp_path / "cache"
+    folder.mkdir()
+    kernels = user_cache_folder() / "kernels"
+    kernels.mkdir(parents=True, exist_ok=True)
+    (folder / "kernels").symlink_to(kernels)
+    return folder
+
+
+def wait_for_pages(process: subprocess.Popen[str], cache: Path, count: int) -> None:
+    """Until a bake has finished so many pages."""
+    while len(list(cache.glob("bakes/*/page-*.safetensors"))) < count:
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.002)
+
+
+def test_killed_command_resumes(tmp_path: Path, cache: Path) -> None:
+    scene = tmp_path / "small.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    whole, out = tmp_path / "whole.safetensors", tmp_path / "out.safetensors"
+    process = octree_command(scene, whole, cache)
+    assert process.communicate()[1] is not None and process.returncode == 0
+    process = octree_command(scene, out, cache)
+    wait_for_pages(process, cache, 3)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    assert not out.exists()
+    finished = len(list(cache.glob("bakes/*/page-*.safetensors")))
+    process = octree_command(scene, out, cache)
+    said = process.communicate()[1]
+    assert process.returncode == 0, said
+    found = re.search(r"Resuming: (\d+) of (\d+) pages are there", said)
+    assert found and int(found[1]) == finished < int(found[2])
+    assert out.read_bytes() == whole.read_bytes()
+    assert list((cache / "bakes").iterdir()) == []
