@@ -19,7 +19,6 @@ from types import ModuleType
 NAMES: tuple[str, ...] = ("run", "demo", "info", "octree", "export", "verify-light", "dataset", "train", "bench")
 
 EXIT_ERROR = 2
-EXIT_INTERRUPTED = 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -29,17 +28,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     0 for success, 2 for bad input (one sentence on stderr), 130 when interrupted.
     """
     from ..patchnet_addon.errors import PatchNetError
+    from .interrupt import INTERRUPTED, prompt_interrupt
 
     modules = {name: importlib.import_module(f".{name.replace('-', '_')}", __name__) for name in NAMES}
     args = _parser(modules).parse_args(argv)
     try:
-        return int(modules[args.command].run(args))
+        with prompt_interrupt():
+            return int(modules[args.command].run(args))
     except PatchNetError as error:
         print(f"patchnet: error: {error}", file=sys.stderr)
         return EXIT_ERROR
     except KeyboardInterrupt:
         print("patchnet: interrupted", file=sys.stderr)
-        return EXIT_INTERRUPTED
+        return INTERRUPTED
 
 
 def _parser(modules: dict[str, ModuleType]) -> argparse.ArgumentParser:

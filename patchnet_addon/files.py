@@ -23,6 +23,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from .errors import FileFormatError, PatchNetError
+from .unfinished import unfinished
 
 SCHEMA_VERSION = 1
 _FORMAT = "patchnet"
@@ -223,10 +224,11 @@ def replaced_path(path: Path) -> Iterator[Path]:
     """As `replaced_file`, for writers that open the file on their own: the path that they shall write."""
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
-        yield temporary
-        with temporary.open("rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
+        with unfinished(temporary):
+            yield temporary
+            with temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+            os.replace(temporary, path)
     except OSError as cause:
         raise PatchNetError(
             f"{path} cannot be written: {cause.strerror or cause}; choose another folder or make room"

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ...patchnet_addon.errors import PatchNetError
+from ...patchnet_addon.unfinished import unfinished
 
 
 @contextmanager
@@ -23,7 +24,8 @@ def output_folder(out: Path) -> Iterator[Path]:
     temporary: Path | None = None
     try:
         temporary = _beside(out)
-        yield temporary
+        with unfinished(temporary):
+            yield temporary
         _move(temporary, out)
     except OSError as cause:
         reason = cause.strerror or str(cause)
