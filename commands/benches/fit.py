@@ -52,6 +52,7 @@ def text(values: dict[str, Any]) -> str:
         for row in values["octrees"]
     ]
     width, height = values["size"]
-    return f"{values['scene']}, {values['views']} views of {width} x {height}\n\n" + markdown_table(
+    views = "one view" if values["views"] == 1 else f"{values['views']} views"
+    return f"{values['scene']}, {views} of {width} x {height}\n\n" + markdown_table(
         ["octree", "leaves", "nodes take", "peak of the whole process", "time", "look-ahead"], rows
     )
