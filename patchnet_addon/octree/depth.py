@@ -23,11 +23,12 @@ COARSE_DEPTH = 7
 MIN_DEPTH = 5
 LOOK_AHEAD_SHARE = 0.95
 BYTES_PER_NODE = 14
-# While an octree is built, a leaf of the present pass is summed in fixed point (48 bytes and its share of a brick,
-# about 20) and handed out as key and sums (28 bytes); what is kept of it then, its share of the coarser nodes included,
-# is 15 bytes, and twice that while the passes are joined.
-_BYTES_PER_LEAF = 40
-_MORE_BYTES_IN_A_PASS = 60
+# While an octree is built, a leaf of the present pass is summed in fixed point (48 bytes and its share of a brick, about
+# 25) and handed out as key and sums (28 bytes); what is kept of a leaf and its share of the coarser nodes is 15 bytes,
+# and twice that while the passes are joined.
+_KEPT_BYTES_PER_LEAF = 15
+_PASS_BYTES_PER_LEAF = 105
+_PASS_LEAVES = BLOCK_FRAGMENTS * 3 // 4
 _NODES_PER_LEAF = 1.36
 
 
@@ -91,15 +92,17 @@ def estimate(coarse: Octree, depth: int) -> tuple[int, int, int]:
 
 def peak_bytes(leaves: float) -> int:
     """Bytes that building an octree takes at most, beside the scene."""
-    return int(_BYTES_PER_LEAF * leaves + _MORE_BYTES_IN_A_PASS * min(leaves, BLOCK_FRAGMENTS))
+    last_pass = _KEPT_BYTES_PER_LEAF * leaves + _PASS_BYTES_PER_LEAF * min(leaves, _PASS_LEAVES)
+    return int(max(last_pass, 2 * _KEPT_BYTES_PER_LEAF * leaves))
 
 
 def most_leaves(memory_bytes: float) -> int:
     """How many leaves an octree may have to be built within `memory_bytes`; inverse of `peak_bytes`."""
-    in_one_pass = memory_bytes / (_BYTES_PER_LEAF + _MORE_BYTES_IN_A_PASS)
-    if in_one_pass <= BLOCK_FRAGMENTS:
+    in_one_pass = memory_bytes / (_KEPT_BYTES_PER_LEAF + _PASS_BYTES_PER_LEAF)
+    if in_one_pass <= _PASS_LEAVES:
         return int(max(in_one_pass, 0))
-    return int((memory_bytes - _MORE_BYTES_IN_A_PASS * BLOCK_FRAGMENTS) / _BYTES_PER_LEAF)
+    last_pass = (memory_bytes - _PASS_BYTES_PER_LEAF * _PASS_LEAVES) / _KEPT_BYTES_PER_LEAF
+    return int(min(last_pass, memory_bytes / (2 * _KEPT_BYTES_PER_LEAF)))
 
 
 def available_memory() -> int:

@@ -8,7 +8,7 @@ import pytest
 
 from patchnet.patchnet_addon.errors import MemoryEstimateError, OctreeFileError, SettingError
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.depth import choose_depth, coarse_octree, wanted_depth
+from patchnet.patchnet_addon.octree.depth import choose_depth, coarse_octree, most_leaves, peak_bytes, wanted_depth
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.mesh import TriangleMesh
@@ -87,6 +87,12 @@ def test_estimate_is_near_the_truth(mesh):
     choice = choose_depth(coarse, [], depth=9)
     assert choice.leaves == pytest.approx(octree.leaf_count, rel=0.25)
     assert choice.octree_bytes == pytest.approx(octree.nbytes, rel=0.25)
+
+
+@pytest.mark.parametrize("memory", [0, 1e6, 1e9, 2.5e9, 4e9, 8e9, 1e11])
+def test_most_leaves_is_the_inverse_of_peak_bytes(memory):
+    leaves = most_leaves(memory)
+    assert peak_bytes(leaves) <= memory < peak_bytes(leaves + 2)
 
 
 def test_voxel_size_sets_side_and_depth(mesh):
