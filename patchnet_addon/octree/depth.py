@@ -23,9 +23,9 @@ COARSE_DEPTH = 7
 MIN_DEPTH = 5
 LOOK_AHEAD_SHARE = 0.95
 BYTES_PER_NODE = 14
-# While an octree is built, a leaf of the present pass is summed in fixed point (48 bytes and its share of a brick, about
-# 25) and handed out as key and sums (28 bytes); what is kept of a leaf and its share of the coarser nodes is 15 bytes,
-# and twice that while the passes are joined.
+# While an octree is built, a leaf of the present pass is summed in fixed point (48 bytes and its share of a brick,
+# about 25) and handed out as key and sums (28 bytes); what is kept of a leaf and its share of the coarser nodes is 15
+# bytes, and twice that while the passes are joined.
 _KEPT_BYTES_PER_LEAF = 15
 _PASS_BYTES_PER_LEAF = 105
 _PASS_LEAVES = BLOCK_FRAGMENTS * 3 // 4
