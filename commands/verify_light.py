@@ -109,12 +109,15 @@ def print_check(check: LightCheck) -> None:
     shares = "  ".join(f"{name:>11}" for name in _COLUMNS)
     print(f"{'camera':<12} {'PSNR dB':>7} {'ratio':>6} {'both hit':>8} {'noise dB':>8} {'FLIP':>7}  {shares}")
     for frame in check.report["cameras"]:
-        both = frame["mean_ratio_where_both_hit"]
         regions = "  ".join(f"{frame['regions'][name]['error']:>11.1%}" for name in _COLUMNS)
         print(
-            f"{frame['camera']:<12} {frame['psnr_db']:>7.2f} {frame['mean_ratio']:>6.3f} "
-            f"{'-' if both is None else format(both, '.3f'):>8} {frame['reference_noise_db']:>8.1f} "
+            f"{frame['camera']:<12} {frame['psnr_db']:>7.2f} {_ratio(frame['mean_ratio']):>6} "
+            f"{_ratio(frame['mean_ratio_where_both_hit']):>8} {frame['reference_noise_db']:>8.1f} "
             f"{'not run' if frame['flip'] is None else format(frame['flip'], '.4f'):>7}  {regions}"
         )
     mean = check.report["mean"]
-    print(f"{'all':<12} {mean['psnr_db']:>7.2f} {mean['mean_ratio']:>6.3f}")
+    print(f"{'all':<12} {mean['psnr_db']:>7.2f} {_ratio(mean['mean_ratio']):>6}")
+
+
+def _ratio(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"

@@ -31,8 +31,8 @@ _SKIPPED_OF_NODES = names(
     hide label parent color color_tag use_custom_color inputs outputs internal_links"""
 )
 _IMAGE_KEYS = (
-    "filepath", "source", "alpha_mode", "generated_type", "generated_width", "generated_height", "generated_color",
-    "use_view_as_render", "is_float", "use_half_precision", "use_deinterlace",
+    "source", "alpha_mode", "generated_type", "generated_width", "generated_height", "use_half_precision",
+    "use_deinterlace",
 )  # fmt: skip
 _ATTRIBUTES = {
     "FLOAT": ("value", 1, np.float32), "FLOAT2": ("vector", 2, np.float32), "FLOAT_VECTOR": ("vector", 3, np.float32),
@@ -140,15 +140,16 @@ class Digest:
             self.text(*ends, link.is_muted)
 
     def _image(self, image: bpy.types.Image) -> None:
-        self.text(*(repr(getattr(image, key, None)) for key in ("name", *_IMAGE_KEYS[:1], *_IMAGE_KEYS[1:6])))
+        self.text(*(getattr(image, key) for key in _IMAGE_KEYS))
         self.text(tuple(image.generated_color), image.colorspace_settings.name)
         if image.source == "GENERATED" or image.is_dirty:  # painted, or made by a script
             pixels = np.empty(len(image.pixels), np.float32)
             image.pixels.foreach_get(pixels)
             self.array("pixels", pixels)
         for packed in image.packed_files:
-            self.text(hashlib.blake2b(packed.data or b"", digest_size=16).hexdigest())
-        if not image.packed_file and image.source != "GENERATED":
+            content = packed.packed_file.data if packed.packed_file else None
+            self.text(hashlib.blake2b(content or b"", digest_size=16).hexdigest())
+        if not image.packed_files and image.source != "GENERATED":
             for number in [tile.number for tile in image.tiles]:
                 name = image.filepath.replace("<UDIM>", str(number))
                 self.file(bpy.path.abspath(name, library=image.library))

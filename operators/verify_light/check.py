@@ -163,6 +163,6 @@ def _report(
     }
 
 
-def _overall_ratio(checks: list[CameraCheck]) -> float:
+def _overall_ratio(checks: list[CameraCheck]) -> float | None:
     total = sum(float(check.cycles.sum(dtype=np.float64)) for check in checks)
-    return sum(float(check.octree.sum(dtype=np.float64)) for check in checks) / total if total else 1.0
+    return sum(float(check.octree.sum(dtype=np.float64)) for check in checks) / total if total else None

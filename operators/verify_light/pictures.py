@@ -28,7 +28,8 @@ def save_check(check: LightCheck, folder: Path, maximum: float) -> None:
 
 
 def _save_camera(item: CameraCheck, folder: Path, maximum: float) -> None:
-    figures = f"{item.report['psnr_db']:.1f} dB, mean ratio {item.report['mean_ratio']:.3f}"
+    ratio = item.report["mean_ratio"]
+    figures = f"{item.report['psnr_db']:.1f} dB, mean ratio {'-' if ratio is None else format(ratio, '.3f')}"
     save_png(folder / "cycles.png", magnify(gray(item.cycles)))
     save_png(folder / "octree.png", magnify(gray(item.octree)))
     title, quantity = f"{item.camera.name}: {figures}", "luminance, octree less Cycles"

@@ -59,24 +59,27 @@ class Reference:
 
 def render_reference(context: bpy.types.Context, camera: Camera, samples: int, seed: int) -> Reference:
     """Render the scene; it is as before afterwards. Raises SceneError if Cycles is not there or does not render."""
-    scene = context.scene
-    if not hasattr(scene, "cycles"):
+    if not hasattr(context.scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on")
     with tempfile.TemporaryDirectory(prefix="patchnet-") as folder, ExitStack() as stack:
         path = Path(folder) / "reference.exr"
         stack.enter_context(object_mode(context))
-        stack.enter_context(_multilayer(scene.render.image_settings))
-        stack.enter_context(_render_settings(scene, camera, samples, seed, path))
-        stack.enter_context(changed(context.view_layer, **_PASSES))
+        stack.enter_context(_no_new_render_result())
+        scene = stack.enter_context(_copied(context.scene))
+        layer = scene.view_layers[context.view_layer.name]
+        _set_up(scene, camera, samples, seed, path)
+        for name, value in _PASSES.items():
+            if hasattr(layer, name):
+                setattr(layer, name, value)
         stack.enter_context(_lamps_unseen(scene))
         stack.enter_context(_seen_through(scene, camera))
-        _render(context, path)
+        _render(scene, layer, path)
         return _reference(read_exr(path))
 
 
-def _render(context: bpy.types.Context, path: Path) -> None:
+def _render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, path: Path) -> None:
     try:
-        bpy.ops.render.render(write_still=True, scene=context.scene.name, layer=context.view_layer.name)
+        bpy.ops.render.render(write_still=True, scene=scene.name, layer=layer.name)
     except RuntimeError as cause:
         raise SceneError(f"Cycles cannot render the scene ({str(cause).strip().removeprefix('Error: ')})") from cause
     if not path.is_file():
@@ -103,68 +106,76 @@ def _reference(channels: dict[str, np.ndarray]) -> Reference:
 
 
 @contextmanager
-def _multilayer(image: bpy.types.ImageFormatSettings) -> Iterator[None]:
-    """EXR of all passes, not compressed. Which formats there are depends on the medium, so that it goes first."""
-    values = {
+def _copied(scene: bpy.types.Scene) -> Iterator[bpy.types.Scene]:
+    """A scene of the same objects with settings of its own: some, once changed, cannot be unset again."""
+    copy = scene.copy()
+    try:
+        yield copy
+    finally:
+        bpy.data.scenes.remove(copy)
+
+
+@contextmanager
+def _no_new_render_result() -> Iterator[None]:
+    """Blender keeps what it rendered; a render result that was not there before is removed."""
+    before = {image.name_full for image in bpy.data.images}
+    try:
+        yield
+    finally:
+        for image in list(bpy.data.images):
+            if image.type == "RENDER_RESULT" and image.name_full not in before:
+                bpy.data.images.remove(image)
+
+
+def _set_up(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, path: Path) -> None:
+    """Box filter of a pixel, nothing that is biased; bounces, device and light are the user's, as in the bake.
+
+    The file is an EXR of all passes, not compressed. Which formats there are depends on the medium, so it goes first.
+    """
+    unit_x, unit_y = camera.half_x / camera.width_px, camera.half_y / camera.height_px
+    image = {
         "media_type": "MULTI_LAYER_IMAGE",
         "file_format": "OPEN_EXR_MULTILAYER",
         "color_mode": "RGBA",
         "color_depth": "32",
         "exr_codec": "NONE",
     }
-    names = [name for name in values if hasattr(image, name)]
-    before = {name: getattr(image, name) for name in names}
-    try:
-        for name in names:
-            setattr(image, name, values[name])
-        yield
-    finally:
-        for name in names:
-            setattr(image, name, before[name])
-
-
-@contextmanager
-def _render_settings(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, path: Path) -> Iterator[None]:
-    """Box filter of a pixel, nothing that is biased; bounces, device and light are the user's, as in the bake."""
-    unit_x, unit_y = camera.half_x / camera.width_px, camera.half_y / camera.height_px
-    with (
-        changed(
-            scene.render,
-            engine="CYCLES",
-            resolution_x=camera.width_px,
-            resolution_y=camera.height_px,
-            resolution_percentage=100,
-            pixel_aspect_x=max(1.0, unit_x / unit_y),
-            pixel_aspect_y=max(1.0, unit_y / unit_x),
-            filepath=str(path),
-            use_file_extension=False,
-            use_overwrite=True,
-            use_compositing=False,
-            use_sequencer=False,
-            use_border=False,
-            use_multiview=False,
-            use_motion_blur=False,
-            use_freestyle=False,
-            film_transparent=True,
-        ),
-        changed(
-            scene.cycles,
-            samples=samples,
-            seed=seed,
-            use_animated_seed=False,
-            use_adaptive_sampling=False,
-            use_denoising=False,
-            sample_clamp_direct=0.0,
-            sample_clamp_indirect=0.0,
-            film_exposure=1.0,
-            time_limit=0.0,
-            use_sample_subset=False,
-            pixel_filter_type="BOX",
-            filter_width=1.0,
-            film_transparent_glass=False,
-        ),
-    ):
-        yield
+    render = {
+        "engine": "CYCLES",
+        "resolution_x": camera.width_px,
+        "resolution_y": camera.height_px,
+        "resolution_percentage": 100,
+        "pixel_aspect_x": max(1.0, unit_x / unit_y),
+        "pixel_aspect_y": max(1.0, unit_y / unit_x),
+        "filepath": str(path),
+        "use_file_extension": False,
+        "use_overwrite": True,
+        "use_compositing": False,
+        "use_sequencer": False,
+        "use_border": False,
+        "use_multiview": False,
+        "use_motion_blur": False,
+        "use_freestyle": False,
+        "film_transparent": True,
+    }
+    cycles = {
+        "samples": samples,
+        "seed": seed,
+        "use_animated_seed": False,
+        "use_adaptive_sampling": False,
+        "use_denoising": False,
+        "sample_clamp_direct": 0.0,
+        "sample_clamp_indirect": 0.0,
+        "film_exposure": 1.0,
+        "time_limit": 0.0,
+        "use_sample_subset": False,
+        "pixel_filter_type": "BOX",
+        "film_transparent_glass": False,
+    }
+    for owner, values in ((scene.render.image_settings, image), (scene.render, render), (scene.cycles, cycles)):
+        for name, value in values.items():
+            if hasattr(owner, name):
+                setattr(owner, name, value)
 
 
 @contextmanager
@@ -179,10 +190,9 @@ def _lamps_unseen(scene: bpy.types.Scene) -> Iterator[None]:
 
 @contextmanager
 def _seen_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
-    """A Blender camera with exactly the view of `camera`, without depth of field, removed after the block."""
+    """`scene` looks through exactly the view of `camera`, without depth of field, within the block."""
     data = bpy.data.cameras.new("PatchNet Check")
     item = bpy.data.objects.new("PatchNet Check", data)
-    before = scene.camera
     try:
         data.type, data.sensor_fit, data.sensor_width = camera.kind, "HORIZONTAL", _SENSOR
         if camera.kind == ORTHOGRAPHIC:
@@ -198,6 +208,5 @@ def _seen_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
         scene.camera = item
         yield
     finally:
-        scene.camera = before
         bpy.data.objects.remove(item)
         bpy.data.cameras.remove(data)

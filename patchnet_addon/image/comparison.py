@@ -55,13 +55,11 @@ def psnr(picture: np.ndarray, reference: np.ndarray, chosen: np.ndarray | None =
     return min(-10.0 * float(np.log10(mse)), MAX_PSNR_DB) if mse > 0 else MAX_PSNR_DB
 
 
-def mean_ratio(picture: np.ndarray, reference: np.ndarray, chosen: np.ndarray | None = None) -> float:
-    """Mean luminance over that of the reference; 1 if both are black, 0 if only the picture is."""
+def mean_ratio(picture: np.ndarray, reference: np.ndarray, chosen: np.ndarray | None = None) -> float | None:
+    """Mean luminance over that of the reference; None if the reference is black."""
     here = np.ones(np.shape(picture), bool) if chosen is None else chosen
     mine, its = float(clamped(picture)[here].sum()), float(clamped(reference)[here].sum())
-    if its > 0:
-        return mine / its
-    return 1.0 if mine == 0 else np.finfo(np.float32).max.item()
+    return mine / its if its > 0 else None
 
 
 def flip(picture: np.ndarray, reference: np.ndarray) -> float | None:

@@ -21,13 +21,14 @@ from .render import Hits, first_hits
 FOV = float(np.radians(60.0))  # vertical
 MAX_VIEWPOINTS = 64
 _LEVEL = 6  # of the cells that a camera may stand in, and of those that are counted as seen
-_MAX_POSITIONS = 320
+_MAX_POSITIONS = 192
 _HEADINGS = 8
 _PITCH = float(np.radians(-6.0))  # a little down, as people look
 _TRIAL_PX = (32, 24)
 _NEAR = 0.06  # of the surface's extent: nearer than that, voxels are larger than pixels
 _MIDDLE = 0.15
 _DARK = 0.02
+_LEAST_QUALITY = 0.25  # of the best view's
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +145,7 @@ def _tried(octree: Octree, camera: Camera, extent: float) -> _Trial:
         * float(np.mean(distance > _NEAR)) ** 4
         * float(np.clip(np.median(distance) / _MIDDLE, 0.0, 1.0))
         * float(facing.mean()) ** 2
-        * float(np.mean(hits.luminance[hit] > _DARK))
+        * float(np.mean(hits.luminance[hit] > _DARK)) ** 2
     )
     return _Trial(camera, quality, _cells_seen(hits))
 
@@ -159,7 +160,9 @@ def _cells_seen(hits: Hits) -> np.ndarray:
 
 
 def _chosen(trials: list[_Trial], count: int) -> list[_Trial]:
-    """Greedily the trials that show most that is new, weighed by quality."""
+    """Greedily the trials that show most that is new, weighed by quality; none that is far worse than the best."""
+    best_quality = max((trial.quality for trial in trials), default=0.0)
+    trials = [trial for trial in trials if trial.quality >= _LEAST_QUALITY * best_quality]
     seen = np.zeros(1 << 3 * _LEVEL, bool)
     chosen: list[_Trial] = []
     while trials and len(chosen) < count:

@@ -154,12 +154,26 @@ def paint() -> None:
     bpy.data.images["Painted"].update()
 
 
+def pack(value: float) -> None:
+    image = bpy.data.images["Packed"]
+    image.pixels.foreach_set([value] * 64)
+    image.pack()
+
+
+def save_picture(value: float) -> None:
+    image = bpy.data.images["Picture"]
+    image.pixels.foreach_set([value] * 64)
+    image.save()
+
+
 CHANGES: dict[str, Callable[[], object]] = {
     "colour": lambda: setattr(principled("Slab").inputs["Roughness"], "default_value", 0.123),
     "colour in a group": lambda: setattr(group_node("RGB").outputs[0], "default_value", [0.1] * 4),
     "ramp": lambda: setattr(group_node("Ramp").color_ramp.elements[1], "position", 0.7),
     "link": lambda: bpy.data.materials["Slab"].node_tree.links.remove(bpy.data.materials["Slab"].node_tree.links[0]),
     "pixels": paint,
+    "packed pixels": lambda: pack(0.7),
+    "picture file": lambda: save_picture(0.7),
     "lamp": lambda: setattr(bpy.data.lights["Lamp"], "energy", 3.001),
     "lamp turned": lambda: setattr(bpy.data.objects["Lamp"], "rotation_euler", (0.9, 0.2, 0.11)),
     "world": lambda: setattr(bpy.context.scene, "world", bpy.data.worlds.new("New")),
@@ -174,8 +188,8 @@ CHANGES: dict[str, Callable[[], object]] = {
 }  # fmt: skip
 
 
-def richer_scene() -> None:
-    """The small scene with a node group, a painted image, and an object that only renders show."""
+def richer_scene(folder: Path) -> None:
+    """The small scene with a node group, painted, packed and saved images, and an object that only renders show."""
     group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
     group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
     rgb, ramp = group.nodes.new("ShaderNodeRGB"), group.nodes.new("ShaderNodeValToRGB")
@@ -188,21 +202,28 @@ def richer_scene() -> None:
     tree.links.new(node.outputs[0], principled("Slab").inputs["Base Color"])
     texture = bpy.data.materials["Lath 3"].node_tree.nodes.new("ShaderNodeTexImage")
     texture.image = bpy.data.images.new("Painted", 4, 4, float_buffer=True)
+    for name in ("Packed", "Picture"):
+        texture = bpy.data.materials["Lath 3"].node_tree.nodes.new("ShaderNodeTexImage")
+        texture.image = bpy.data.images.new(name, 4, 4)
+    pack(0.5)
+    bpy.data.images["Picture"].filepath_raw = str(folder / "picture.png")
+    bpy.data.images["Picture"].file_format = "PNG"
+    save_picture(0.5)
     bpy.data.objects["Lath 4"].hide_viewport = True
     bpy.data.objects["Slab"].select_set(True)
 
 
 @pytest.mark.parametrize("name", CHANGES)
 @pytest.mark.parametrize("scope", ["SELECTED", "VISIBLE"])
-def test_key_changes_with_what_is_seen(name: str, scope: str) -> None:
-    richer_scene()
+def test_key_changes_with_what_is_seen(name: str, scope: str, tmp_path: Path) -> None:
+    richer_scene(tmp_path)
     before = key(scope)
     CHANGES[name]()
     assert key(scope) != before
 
 
 def test_key_stays_with_what_is_not_seen(tmp_path: Path) -> None:
-    richer_scene()
+    richer_scene(tmp_path)
     before = key()
     assert key() == before and key(samples=5) != before
     principled("Slab").location = (5.0, 5.0)

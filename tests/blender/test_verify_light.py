@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The octree's light is that of Cycles in a small room, half the light is not, and the scene stays as it was."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet import commands
+from patchnet.operators.cameras import choose_cameras
+from patchnet.operators.demo_scene import build_room
+from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.verify_light import CheckSettings, LightCheck, verify_light
+from patchnet.operators.verify_light.check import check_camera
+from patchnet.operators.verify_light.reference import render_reference
+from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.progress import drain
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+LEAST_PSNR_DB = 26.0  # at depth 7, where a voxel is 16 mm and edges stand out
+RATIO = 0.04
+
+
+def settings(**job: object) -> CheckSettings:
+    values = {"depth": 7, "size": (48, 48), "samples": 32, "cameras": ("Front",)} | job
+    return CheckSettings(JobSettings(**values), render_samples=128, rays=8)
+
+
+@pytest.fixture
+def room() -> None:
+    bpy.ops.wm.read_homefile(use_empty=True)
+    build_room(bpy.context.scene)
+    bpy.context.view_layer.update()
+
+
+def within_bounds(report: dict) -> bool:
+    return report["psnr_db"] >= LEAST_PSNR_DB and abs(report["mean_ratio"] - 1.0) <= RATIO
+
+
+def test_the_room_agrees_and_half_the_light_does_not(room: None) -> None:
+    before = scene_snapshot()
+    check: LightCheck = drain(verify_light(bpy.context, settings()))
+    assert_unchanged(before)
+    (frame,) = check.report["cameras"]
+    assert within_bounds(frame), frame
+    assert frame["reference_noise_db"] > frame["psnr_db"] + 6.0, "the reference must be cleaner than the difference"
+    assert frame["both_hit_share"] == 1.0, "the room is closed"
+    json.dumps(check.report, allow_nan=False)
+    dark = replace(check.octree, luminance=check.octree.luminance // 2)
+    wrong = drain(check_camera(bpy.context, dark, check.cameras[0].camera, settings()))
+    assert wrong.report["mean_ratio"] == pytest.approx(0.5 * frame["mean_ratio"], rel=0.02)
+    assert wrong.report["psnr_db"] < LEAST_PSNR_DB
+    assert not within_bounds(wrong.report)
+
+
+def test_reference_is_diffuse_light_and_emission(room: None) -> None:
+    """A mirror shows nothing, a lamp's own shape neither, an emitter its strength; what is not there is not covered."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    scene = bpy.context.scene
+    for index, (name, value) in enumerate((("Emission", 2.0), ("Glossy", 0.0))):
+        bpy.ops.mesh.primitive_plane_add(size=1.0, location=(2.0 * index - 1.0, 0, 0))
+        material = bpy.data.materials.new(name)
+        if material.node_tree is None:
+            material.use_nodes = True
+        tree = material.node_tree
+        tree.nodes.clear()
+        shader = tree.nodes.new("ShaderNodeEmission" if value else "ShaderNodeBsdfGlossy")
+        if value:
+            shader.inputs["Strength"].default_value = value
+        tree.links.new(shader.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
+        bpy.context.object.data.materials.append(material)
+    light = bpy.data.lights.new("Lamp", "POINT")
+    light.energy, light.shadow_soft_size = 50.0, 0.2
+    lamp = bpy.data.objects.new("Lamp", light)
+    lamp.location = (0, 0, 1.0)
+    scene.collection.objects.link(lamp)
+    data = bpy.data.cameras.new("Above")
+    data.type, data.ortho_scale, data.shift_x = "ORTHO", 4.0, 0.05
+    above = bpy.data.objects.new("Above", data)
+    above.location = (-0.2, 0, 3.0)  # the shift brings the picture back
+    scene.collection.objects.link(above)
+    bpy.context.view_layer.update()
+    bounds = np.array([[-2.0, -1.0, 0.0], [2.0, 1.0, 0.0]])
+    (camera,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), ("Above",), (40, 20), bounds)
+    before = scene_snapshot()
+    reference = render_reference(bpy.context, camera, 16, 1)
+    assert_unchanged(before)
+    emitter, mirror = np.s_[5:15, 5:15], np.s_[5:15, 25:35]
+    np.testing.assert_allclose(reference.luminance[emitter], 2.0, rtol=1e-4)
+    np.testing.assert_allclose(reference.luminance[mirror], 0.0, atol=1e-6)
+    inside = np.zeros((20, 40), bool)
+    inside[emitter] = inside[mirror] = True
+    np.testing.assert_allclose(reference.coverage, inside, atol=1e-5)
+    np.testing.assert_allclose(reference.depth_world[emitter], 3.0, rtol=1e-5)
+
+
+def test_the_command_writes_pictures_and_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "check"
+    arguments = ["room", "--depth", "5", "--cameras", "2", "--size", "32", "24", "--samples", "4", "--rays", "4"]
+    assert commands.main(["verify-light", *arguments, "--render-samples", "8", "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "View 1" in printed
+    assert "PSNR" in printed
+    report = json.loads((out / "report.json").read_text())
+    assert [frame["camera"] for frame in report["cameras"]] == ["View 1", "View 2"]
+    for frame in report["cameras"]:
+        x, y, z = frame["position_world"]
+        assert max(abs(x), abs(y)) < 1.0, "in the room"
+        assert 0.0 < z < 2.0
+    folders = sorted(path for path in out.iterdir() if path.is_dir())
+    assert len(folders) == 2
+    for folder in folders:
+        names = {path.name for path in folder.iterdir()}
+        assert names == {"cycles.png", "octree.png", "difference.png", "side_by_side.png"}
+
+
+def test_settings_outside_their_range_are_refused() -> None:
+    job = JobSettings(depth=6)
+    for wrong in ({"render_samples": 1}, {"rays": 99}, {"difference": 0.0}):
+        with pytest.raises(SettingError):
+            CheckSettings(job, **wrong)
+    with pytest.raises(SettingError, match="depth"):
+        CheckSettings(JobSettings())

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cameras that place themselves: in free space, inside rooms rather than outside, the same every time."""
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.errors import SceneError, SettingError
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.mesh import TriangleMesh
+from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.tracing.render import first_hits
+from patchnet.patchnet_addon.tracing.viewpoints import free_positions, viewpoints
+
+FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+
+
+def box(low: tuple[float, float, float], high: tuple[float, float, float], inwards: bool = False) -> np.ndarray:
+    """Triangles (12, 3, 3) of a box whose faces look outwards, or inwards."""
+    corners = np.array(
+        [[(low, high)[k >> 2 & 1][0], (low, high)[k >> 1 & 1][1], (low, high)[k & 1][2]] for k in range(8)]
+    )
+    quads = [face[::-1] if inwards else face for face in FACES]
+    return np.array([corners[[face[0], *pair]] for face in quads for pair in (face[1:3], face[2:4])])
+
+
+def octree_of(triangles: np.ndarray, depth: int = 7, luminance: float = 0.5) -> Octree:
+    mesh = TriangleMesh.from_arrays(triangles)
+
+    def shade(batch, fragments):
+        count = len(fragments)
+        return np.full(count, luminance, np.float32), np.ones(count, np.float32)
+
+    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), shade, exposure=1.0))
+
+
+@pytest.fixture(scope="module")
+def house() -> Octree:
+    """A room of 6 x 4 x 3 in walls of 0.5, and a pillar in it."""
+    shell = box((-0.5, -0.5, -0.5), (6.5, 4.5, 3.5))
+    return octree_of(
+        np.concatenate([shell, box((0, 0, 0), (6, 4, 3), inwards=True), box((2.8, 1.8, 0), (3.2, 2.2, 3))])
+    )
+
+
+def test_cameras_stand_in_the_room(house: Octree) -> None:
+    cameras = drain(viewpoints(house, 4, (32, 24)))
+    assert [camera.name for camera in cameras] == ["View 1", "View 2", "View 3", "View 4"]
+    for camera in cameras:
+        x, y, z = camera.position_world
+        assert 0 < x < 6, "inside, neither in a wall nor outside"
+        assert 0 < y < 4
+        assert 0 < z < 3
+        assert not (2.8 < x < 3.2 and 1.8 < y < 2.2), "not in the pillar"
+        assert camera.up[2] > 0.9
+        assert camera.right[2] == pytest.approx(0.0, abs=1e-9), "the horizon is level"
+        assert first_hits(house, camera).hit.all()
+        assert (camera.width_px, camera.height_px) == (32, 24)
+
+
+def test_placing_is_deterministic_and_varied(house: Octree) -> None:
+    first, second = (drain(viewpoints(house, 3, (32, 24))) for _ in range(2))
+    for one, other in zip(first, second, strict=True):
+        np.testing.assert_array_equal(one.position_world, other.position_world)
+        np.testing.assert_array_equal(one.forward, other.forward)
+    views = {tuple(np.round([*camera.position_world, *camera.forward], 6)) for camera in first}
+    assert len(views) == 3
+
+
+def test_free_positions_touch_nothing(house: Octree) -> None:
+    positions = free_positions(house, most=200)
+    assert 0 < len(positions) <= 200
+    for node in range(3):
+        assert np.ptp(positions[:, node]) > 1.0
+    cells = np.floor(house.grid.to_unit(positions) * 64).astype(int)
+    for offset in np.ndindex(3, 3, 3):
+        assert (house.find(6, cells + np.array(offset) - 1) < 0).all()
+
+
+def test_what_cannot_be_placed_is_said(house: Octree) -> None:
+    with pytest.raises(SettingError, match="cameras"):
+        drain(viewpoints(house, 0, (32, 24)))
+    black = octree_of(box((0, 0, 0), (6, 4, 3), inwards=True), luminance=0.0)
+    with pytest.raises(SceneError, match="auto"):
+        drain(viewpoints(black, 2, (32, 24)))
