@@ -174,7 +174,7 @@ def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, Lea
     """Cube and depth of the upright surface, the levels of the leaves where they are fitted, and their usual side."""
     from ..patchnet_addon.light.opacity import opacity_shade
     from ..patchnet_addon.octree.depth import available_memory, most_leaves
-    from ..patchnet_addon.octree.fit import fit_leaf_levels, usual_leaf_side
+    from ..patchnet_addon.octree.fit import LAYOUT_BYTES, fit_leaf_levels, usual_leaf_side
     from ..patchnet_addon.octree.grid import MAX_DEPTH, Grid
     from ..patchnet_addon.octree.voxelize import triangle_areas_and_normals
 
@@ -182,7 +182,8 @@ def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, Lea
         grid = Grid.around(source.bounds_world, int(args.depth))
         return grid, None, grid.voxel_world
     grid = Grid.around(source.bounds_world, MAX_DEPTH)
-    most = most_leaves(available_memory() if args.memory is None else args.memory * 2**30)
+    memory = available_memory() if args.memory is None else args.memory * 2**30
+    most = most_leaves(memory - LAYOUT_BYTES)
     fitted = yield from fit_leaf_levels(source, grid, view_cameras(args), opacity_shade(source), most_leaves=most)
     area = sum(float(triangle_areas_and_normals(batch.corners_world)[0].sum()) for batch in source.batches())
     side = usual_leaf_side(area, fitted.leaves)

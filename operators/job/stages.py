@@ -72,12 +72,14 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
     """Leaves as deep as the cameras need them, as far as memory allows."""
     from ...patchnet_addon.light.opacity import opacity_shade
     from ...patchnet_addon.octree.depth import LOOK_AHEAD_SHARE, available_memory, most_leaves
-    from ...patchnet_addon.octree.fit import fit_leaf_levels, usual_leaf_side
+    from ...patchnet_addon.octree.fit import LAYOUT_BYTES, fit_leaf_levels, usual_leaf_side
     from ...patchnet_addon.octree.voxelize import triangle_areas_and_normals
 
     grid = Grid.around(source.bounds_world, MAX_DEPTH)
     memory = settings.memory_bytes or available_memory()
-    fitted = yield from fit_leaf_levels(source, grid, cameras, opacity_shade(source), most_leaves=most_leaves(memory))
+    fitted = yield from fit_leaf_levels(
+        source, grid, cameras, opacity_shade(source), most_leaves=most_leaves(memory - LAYOUT_BYTES)
+    )
     warnings: tuple[str, ...] = ()
     if fitted.lookahead_share < LOOK_AHEAD_SHARE:
         warnings = (

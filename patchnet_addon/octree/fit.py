@@ -25,6 +25,7 @@ from .mesh import MeshSource, Shade
 from .voxelize import voxelize
 
 BLOCK_LEVEL = 8  # also the level of the leaves that no camera sees
+LAYOUT_BYTES = 16 * 8**BLOCK_LEVEL  # what is known of each block, and what fitting keeps beside it
 LEVELS_PER_ROUND = 2
 LABEL = "Fitting to the cameras"
 
