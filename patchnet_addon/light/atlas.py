@@ -13,6 +13,7 @@ from ..octree.mesh import Fragments, MeshSource, Shade, TriangleBatch
 from .chart_lookup import lookup, triangle_means
 from .charts import Charts
 from .irradiance import irradiance_of_materials
+from .texture_detail import texture_detail
 from .texture_lookup import surface_of_fragments
 from .textures import TextureTable
 
@@ -35,6 +36,8 @@ class Atlas:
 
 def atlas_shade(atlas: Atlas, source: MeshSource) -> Shade:
     """Shade that reads baked luminance at the centroid of each fragment; opacity is the material's own.
+
+    Texture that is finer than the texels of the bake is put back (`texture_detail`).
 
     Where the bake met only gaps of a cut-out, the triangle's other texels count, and where it has none, the base colour
     under the light that falls on its material elsewhere.
@@ -59,6 +62,7 @@ def atlas_shade(atlas: Atlas, source: MeshSource) -> Shade:
         values[lost] = _triangle_values(atlas, triangles[lost])
         seen = values[:, 1] > _LEAST_OPACITY
         luminance = np.where(seen, values[:, 0] / np.where(seen, values[:, 1], 1.0), 0.0).astype(np.float32)
+        luminance *= texture_detail(atlas.charts, table, batch, fragments, albedo, opacity)
         lost = ~seen & (opacity > 0.0)
         if lost.any():
             luminance[lost] = albedo[lost] * irradiance()[batch.materials[fragments.triangle[lost]]]

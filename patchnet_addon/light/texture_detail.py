@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Textures finer than the texels of a bake, put back onto baked light.
+
+Light that falls on a surface changes slowly, its texture does not. A bake holds their product, blurred to its texels.
+So a fragment gets the baked value times its own base colour over the base colour that the texel held: irradiance at
+the resolution of the bake, texture at that of the voxels (methods 7.2c).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..octree.mesh import Fragments, TriangleBatch
+from .charts import SINGLE, Charts
+from .texture_lookup import surface_of_fragments
+from .textures import TextureTable
+
+_MOST = 4.0  # what texture can do to light, either way: beyond it the two base colours are not of one texel
+_LEAST_ALBEDO = 1e-3
+_SOLID = 0.999  # opacity; with gaps in them, texels hold light of their own kind
+
+
+def texture_detail(
+    charts: Charts,
+    table: TextureTable,
+    batch: TriangleBatch,
+    fragments: Fragments,
+    albedo: np.ndarray,
+    opacity: np.ndarray,
+) -> np.ndarray:
+    """Factor (F,) float32 on the baked light of fragments: 1 without texture, for gaps and for what emits.
+
+    albedo, opacity: (F,) of the fragments, by `surface_of_fragments`.
+    """
+    factor = np.ones(len(fragments), np.float32)
+    materials = batch.materials[fragments.triangle]
+    plain = (table.material_pyramid[materials] < 0) | (table.material_emission[materials] > 0.0) | (opacity < _SOLID)
+    chosen = np.flatnonzero(~plain)
+    if not len(chosen):
+        return factor
+    triangles = fragments.triangle[chosen]
+    baked = Fragments(
+        fragments.keys[chosen],
+        triangles,
+        fragments.barycentric[chosen],
+        _texel_areas(charts, batch, triangles),
+    )
+    held, covered = surface_of_fragments(table, batch, baked)
+    known = (held > _LEAST_ALBEDO) & (covered >= _SOLID)
+    ratio = albedo[chosen[known]] / held[known]
+    factor[chosen[known]] = np.clip(ratio, 1.0 / _MOST, _MOST)
+    return factor
+
+
+def _texel_areas(charts: Charts, batch: TriangleBatch, triangles: np.ndarray) -> np.ndarray:
+    """Area (F,) float64, world units, of one texel on each of the batch's triangles (F,)."""
+    if not len(triangles):
+        return np.empty(0)
+    first, last = int(triangles.min()), int(triangles.max()) + 1
+    corners = batch.corners_world[first:last]
+    edges = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    areas = 0.5 * np.linalg.norm(np.cross(*edges), axis=1)
+    numbers = slice(batch.first_triangle + first, batch.first_triangle + last)
+    logs = charts.log_width[numbers].astype(np.float64) + charts.log_height[numbers]
+    texels = np.where(charts.kind[numbers] == SINGLE, 1.0, np.exp2(logs) / 2.0)
+    return (areas / np.maximum(texels, 1.0))[triangles - first]
