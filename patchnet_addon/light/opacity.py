@@ -11,8 +11,7 @@ from .textures import TextureTable
 
 
 def opacity_shade(source: MeshSource) -> Shade:
-    """Shade without luminance. Cut-outs are looked up once per fragment, not integrated over its outline, which takes
-    several times as long and moves the edge of a gap by less than a fragment."""
+    """Shade without luminance, with the very opacity of the lit surface: only cut-outs are looked up (methods 7.2a)."""
     table = TextureTable.from_materials(source.materials)
     cut_out = ~np.append(table.pyramid_solid.astype(bool), True)[table.material_pyramid]  # the last: no texture
 
@@ -21,13 +20,20 @@ def opacity_shade(source: MeshSource) -> Shade:
         opacity = table.material_opacity[materials].astype(np.float32)
         chosen = np.flatnonzero(cut_out[materials])
         if len(chosen):
-            part = Fragments(*(column[chosen] for column in _columns(fragments)))
+            part = _only(fragments, chosen)
             opacity[chosen] = surface_of_fragments(table, batch, part)[1]
         return np.zeros(len(fragments), np.float32), opacity
 
     return shade
 
 
-def _columns(fragments: Fragments) -> tuple[np.ndarray, ...]:
-    """What the look-up at centroids takes."""
-    return fragments.keys, fragments.triangle, fragments.barycentric, fragments.area_world
+def _only(fragments: Fragments, chosen: np.ndarray) -> Fragments:
+    """The fragments at indices (n,)."""
+    return Fragments(
+        fragments.keys[chosen],
+        fragments.triangle[chosen],
+        fragments.barycentric[chosen],
+        fragments.area_world[chosen],
+        None if fragments.cut_keys is None else fragments.cut_keys[chosen],
+        fragments.corners_voxel,
+    )

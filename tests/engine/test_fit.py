@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.errors import GeometryError
+from patchnet.patchnet_addon.light.albedo import albedo_shade
+from patchnet.patchnet_addon.light.opacity import opacity_shade
 from patchnet.patchnet_addon.octree import fit
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.fit import fit_leaf_levels
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.mesh import TriangleMesh
+from patchnet.patchnet_addon.octree.mesh import Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.progress import drain
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.detail import FINE_OFFSETS, needed_levels
@@ -129,3 +131,18 @@ def test_transparent_surfaces_are_refused(mesh, camera):
 
     with pytest.raises(GeometryError, match="transparent"):
         drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], nothing))
+
+
+def test_cut_outs_leave_no_coarse_leaves_in_the_picture(camera):
+    """What the fit takes for a gap must be one in the lit octree, too."""
+    rng = np.random.default_rng(7)
+    alpha = np.kron(rng.random((24, 24)) > 0.7, np.ones((3, 3))).astype(np.float32)[..., None]
+    leaves = Material("leaves", alpha_texture=Texture("alpha", alpha), alpha_threshold=0.5)
+    quads = np.array([*quad((-1, 0.9, 0), (2, 0, 0), (0, 0, 1)), *quad((-0.6, 0.1, 0), (1.2, 0.1, 0), (0, 0.05, 0.6))])
+    uvs = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]] * 2, np.float32)
+    batch = TriangleBatch(quads, uvs, np.array([0, 0, 1, 1], np.int32), 0)
+    source = TriangleMesh((batch,), (Material("wall"), leaves))
+    fitted = drain(fit_leaf_levels(source, Grid.around(source.bounds_world, 9), [camera], opacity_shade(source)))
+    grid = Grid.around(source.bounds_world, 12)
+    octree = drain(build_octree(source, grid, albedo_shade(source), layout=fitted.layout))
+    assert fitted.layout.deepest > fit.BLOCK_LEVEL + 1 and share_of(octree, camera) > 0.998
