@@ -7,6 +7,9 @@ from types import TracebackType
 from typing import Any
 
 from ..patchnet_addon.progress import Progress
+from ..patchnet_addon.remaining import Remaining
+
+_FORMAT = "{desc} {bar} {n:3.0f} % {elapsed}{postfix}"
 
 
 class ProgressBars:
@@ -15,6 +18,7 @@ class ProgressBars:
     def __init__(self) -> None:
         self._bar: Any = None
         self._label = ""
+        self._remaining = Remaining()
 
     def __enter__(self) -> ProgressBars:
         return self
@@ -32,12 +36,15 @@ class ProgressBars:
         if progress.label != self._label or self._bar is None or restarted:
             self._close(finished=True)
             self._label = progress.label
-            self._bar = tqdm(total=100.0, desc=f"{progress.label:<36}", bar_format="{desc} {bar} {n:3.0f} % {elapsed}")
+            self._bar = tqdm(total=100.0, desc=f"{progress.label:<36}", bar_format=_FORMAT)
+        self._remaining.see(progress)
+        self._bar.set_postfix_str(self._remaining.text(), refresh=False)
         self._bar.update(max(100.0 * progress.fraction - self._bar.n, 0.0))
 
     def _close(self, finished: bool) -> None:
         if self._bar is not None:
             if finished:
+                self._bar.set_postfix_str("", refresh=False)
                 self._bar.update(100.0 - self._bar.n)
             self._bar.close()
             self._bar = None

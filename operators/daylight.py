@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import bpy
 from mathutils import Euler
 
 from ..patchnet_addon.progress import Result, Steps
 from .own import is_own
+from .window_job import when_job_ended
 
 SUN_STRENGTH = 4.0  # W/m2
 SUN_ANGLE = 0.009  # radians, as from the earth
@@ -62,16 +63,22 @@ def _bright(socket: bpy.types.NodeSocket) -> bool:
 
 
 def in_daylight(scene: bpy.types.Scene, steps: Steps[Result]) -> Steps[Result]:
-    """The same steps, each with sun and sky in the scene, which is as before between them."""
+    """The same steps, each with sun and sky in the scene, which is as before between them, unless they wait."""
+    lit = ExitStack()
     try:
         while True:
-            with daylight(scene):
+            lit.enter_context(daylight(scene))
+            report = next(steps)
+            while report.waiting:
+                yield report
                 report = next(steps)
+            lit.close()
             yield report
     except StopIteration as stop:
         return stop.value
     finally:
         steps.close()
+        when_job_ended(lit.close)
 
 
 @contextmanager

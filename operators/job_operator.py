@@ -4,16 +4,19 @@
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, ClassVar
 
 import bpy
 
-from ..patchnet_addon.errors import PatchNetError
+from ..patchnet_addon.errors import PatchNetError, StoppedError
 from ..patchnet_addon.progress import Progress, Steps
+from ..patchnet_addon.remaining import Remaining
 from . import results
 from .job.settings import JobSettings
 from .preferences import LOG, apply_preferences
 from .properties import job_settings
+from .window_job import in_window
 
 if TYPE_CHECKING:
     from bpy.types import Operator as _Operator
@@ -65,7 +68,7 @@ class JobOperator(_Operator):
         if steps is None:
             return {"CANCELLED"}
         while not self._outcome:
-            self._pull(steps)
+            self._pull(steps, alive=False)
         return self._outcome
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
@@ -87,16 +90,16 @@ class JobOperator(_Operator):
         """Work for a slice of time per tick; Esc stops and cleans up."""
         if event.type == "ESC" and event.value == "PRESS":
             self.cancel(context)
-            self.report({"INFO"}, f"{self.bl_label} was stopped: nothing was changed")
+            self.report({"INFO"}, self._stopped())
             return {"CANCELLED"}
         if event.type != "TIMER":
             # Looking around is harmless; anything else could change what is being read.
             return {"PASS_THROUGH"} if event.type in _LOOKING else {"RUNNING_MODAL"}
         deadline = time.perf_counter() + _SLICE_S
         try:
-            self._pull(self._steps)
-            while not self._outcome and time.perf_counter() < deadline:
-                self._pull(self._steps)
+            self._pull(self._steps, alive=True)
+            while not self._outcome and not self._progress.waiting and time.perf_counter() < deadline:
+                self._pull(self._steps, alive=True)
         except BaseException:
             self._end_modal(context)
             raise
@@ -109,13 +112,15 @@ class JobOperator(_Operator):
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender calls this when the window closes."""
         self._steps.close()
+        self._quiet.close()
         self._end_modal(context)
 
     def _begin(self, context: bpy.types.Context) -> Steps[str] | None:
         """The steps, or None after the settings' errors were reported."""
         self._outcome: set[str] = set()
+        self._quiet = ExitStack()
         self._progress = Progress(0, 1, self.bl_label)
-        self._label_start = time.perf_counter()
+        self._remaining = Remaining()
         try:
             apply_preferences(context)
             return self.steps(context, job_settings(context, self))
@@ -123,14 +128,22 @@ class JobOperator(_Operator):
             self.report({"ERROR"}, str(error))
             return None
 
-    def _pull(self, steps: Steps[str]) -> None:
-        """One step, which sets the outcome if it was the last. Domain errors become reports here and nowhere else."""
+    def _pull(self, steps: Steps[str], *, alive: bool) -> None:
+        """One step, which sets the outcome if it was the last. Domain errors become reports here and nowhere else.
+
+        alive: the step returns soon, with work left to others, because a window waits.
+        """
+        if not self._progress.waiting:
+            self._quiet.enter_context(results.quiet())
         try:
-            with results.quiet():
+            with in_window(alive):
                 progress = next(steps)
         except StopIteration as stop:
             self.report({"INFO"}, stop.value)
             self._outcome = {"FINISHED"}
+        except StoppedError as error:
+            self.report({"INFO" if alive else "ERROR"}, self._stopped() if alive else str(error))
+            self._outcome = {"CANCELLED"}
         except PatchNetError as error:
             self.report({"ERROR"}, str(error))
             self._outcome = {"CANCELLED"}
@@ -140,8 +153,14 @@ class JobOperator(_Operator):
         else:
             if progress.label != self._progress.label:
                 LOG.info("%s: %s", self.bl_label, progress.label)
-                self._label_start = time.perf_counter()
+            self._remaining.see(progress)
             self._progress = progress
+        finally:
+            if self._outcome or not self._progress.waiting:
+                self._quiet.close()
+
+    def _stopped(self) -> str:
+        return f"{self.bl_label} was stopped: nothing was changed"
 
     def _show(self, context: bpy.types.Context) -> None:
         progress = self._progress
@@ -150,9 +169,8 @@ class JobOperator(_Operator):
             JobOperator.fraction = progress.fraction
             _redraw(context, "UI")
         context.window_manager.progress_update(percent)
-        elapsed = time.perf_counter() - self._label_start
-        left = elapsed / progress.fraction - elapsed if progress.fraction > 0.05 and elapsed > 2.0 else 0.0
-        remaining = f", about {left:.0f} s left" if left >= 1.0 else ""
+        left = self._remaining.text()
+        remaining = f", {left}" if left else ""
         context.workspace.status_text_set(f"PatchNet: {progress.label} {percent} %{remaining}   (Esc stops)")
 
     def _end_modal(self, context: bpy.types.Context) -> None:

@@ -10,6 +10,10 @@ class SceneError(PatchNetError):
     """The scene, its file, its cameras or its selection cannot be used as they are."""
 
 
+class StoppedError(SceneError):
+    """A person stopped what Blender was doing for us."""
+
+
 class EmptySelectionError(SceneError):
     """Nothing that has a surface is selected or visible."""
 

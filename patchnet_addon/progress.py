@@ -8,7 +8,7 @@ and closing one runs its `finally` blocks: one implementation for all three.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 Result = TypeVar("Result")
@@ -16,11 +16,15 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Progress:
-    """`done` of `total` units of the step called `label` are finished."""
+    """`done` of `total` units of the step called `label` are finished.
+
+    waiting: something beside Python is at work for the step, on what the step has put there: ask again later.
+    """
 
     done: float
     total: float
     label: str
+    waiting: bool = False
 
     @property
     def fraction(self) -> float:
@@ -49,7 +53,7 @@ def labelled(steps: Steps[Result], text: str) -> Steps[Result]:
     try:
         while True:
             report = next(steps)
-            yield Progress(report.done, report.total, text.format(report.label))
+            yield replace(report, label=text.format(report.label))
     except StopIteration as stop:
         return stop.value
     finally:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import bpy
@@ -24,11 +25,14 @@ from ...patchnet_addon.errors import SceneError, SettingError
 from ...patchnet_addon.light.charts import Charts
 from ...patchnet_addon.progress import Progress, Steps
 from ..scene.scene_mesh import SceneMesh
+from ..window_job import when_job_ended, window_is_alive
+from .bake_call import run as _run
+from .bake_call import run_as_job
 from .bake_key import bake_key
 from .bake_materials import bake_materials
 from .closed_runs import ClosedPieces
 from .object_data import attributes_needed, lost_inputs
-from .page_mesh import CHART_LAYER, PageTriangles, fill_mesh, joined, page_triangles
+from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
 from .settings import changed, object_mode
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
@@ -115,17 +119,19 @@ class _Baker:
     def page(self, page: int) -> Steps[np.ndarray]:
         """The texels (side * side, 2) of a page."""
         count = self._charts.page_count
-        yield Progress(page, count, "Baking light")
+        at = Progress(page, count, "Baking light")
+        yield at
         part = self.triangles(page)
         if len(part) == 0:
             return np.zeros((self._charts.page_side**2, 2), np.float32)
         sheets = part.only(~part.closed)
-        front, back = self.bake(part, sheets)
+        front, back = yield from self.bake(part, sheets, at)
         texels = self.merged(page, sheets.triangles, front, back)
         lit_inside = part.only(self.black(page, part, front))
         if len(lit_inside):
-            yield Progress(page + 0.5, count, "Baking light")
-            _, back = self.bake(part.only(np.zeros(len(part), bool)), lit_inside)
+            at = replace(at, done=page + 0.5)
+            yield at
+            _, back = yield from self.bake(part.only(np.zeros(len(part), bool)), lit_inside, at)
             texels = self.merged(page, lit_inside.triangles, texels, back)
         return texels
 
@@ -153,10 +159,14 @@ class _Baker:
         of_texel = of_triangle[texel_owners(self._charts, page)][:, None]
         return front * (1.0 - of_texel) + back * of_texel
 
-    def bake(self, fronts: PageTriangles, backs: PageTriangles) -> list[np.ndarray]:
-        """Both sides, each (side * side, 2) float32: luminance weighed by opacity, and opacity; zero elsewhere."""
+    def bake(self, fronts: PageTriangles, backs: PageTriangles, at: Progress) -> Steps[list[np.ndarray]]:
+        """Both sides, each (side * side, 2) float32: luminance weighed by opacity, and opacity; zero elsewhere.
+
+        In a window, what is baked stays in the scene while steps wait; reports are `at`.
+        """
         names = self._source.material_names
-        with ExitStack() as stack:
+        stack = ExitStack()
+        try:
             stack.enter_context(object_mode(self._context))
             stack.enter_context(_cycles(self._context.scene, self._samples, self._seed))
             images, materials = [], []
@@ -166,8 +176,15 @@ class _Baker:
             mesh = stack.enter_context(_mesh())
             shift = len(names) if len(fronts) else 0
             fill_mesh(mesh, joined([fronts, backs.turned(shift)]), materials, self._offset_world)
-            _run(self._context, stack.enter_context(_target(self._context, mesh)))
+            target = stack.enter_context(_target(self._context, mesh))
+            if window_is_alive():
+                target.hide_set(True)  # from the person's eyes, not from the bake
+                yield from run_as_job(self._context, target, [image for image in images if image], at)
+            else:
+                _run(self._context, target)
             return [_shine(image, self._charts.page_side) for image in images]
+        finally:
+            when_job_ended(stack.close)
 
 
 def _shine(image: bpy.types.Image | None, side: int) -> np.ndarray:
@@ -252,24 +269,3 @@ def _target(context: bpy.types.Context, mesh: bpy.types.Mesh) -> Iterator[bpy.ty
         yield item
     finally:
         bpy.data.objects.remove(item)
-
-
-def _run(context: bpy.types.Context, target: bpy.types.Object) -> None:
-    override = {"active_object": target, "object": target, "selected_objects": [target]}
-    try:
-        with context.temp_override(**override):
-            result = bpy.ops.object.bake(
-                type="COMBINED",
-                pass_filter={"DIRECT", "INDIRECT", "DIFFUSE", "EMIT"},
-                margin=0,
-                use_clear=True,
-                use_selected_to_active=False,
-                target="IMAGE_TEXTURES",
-                save_mode="INTERNAL",
-                uv_layer=CHART_LAYER,
-            )
-    except RuntimeError as cause:
-        reason = str(cause).strip().removeprefix("Error: ")
-        raise SceneError(f"Cycles cannot bake the light of the scene ({reason})") from cause
-    if "FINISHED" not in result:
-        raise SceneError("Cycles stopped baking the light of the scene: start it again")

@@ -12,15 +12,29 @@ from typing import Any
 import bpy
 import numpy as np
 
+_ATTRIBUTES = {
+    "FLOAT": ("value", 1, np.float32), "FLOAT2": ("vector", 2, np.float32), "FLOAT_VECTOR": ("vector", 3, np.float32),
+    "FLOAT_COLOR": ("color", 4, np.float32), "BYTE_COLOR": ("color", 4, np.float32), "INT": ("value", 1, np.int32),
+    "BOOLEAN": ("value", 1, np.bool_),
+}  # fmt: skip
 # What Blender itself brings along and nobody counts as part of the scene.
 _SKIPPED_COLLECTIONS = {"screens", "window_managers", "workspaces", "brushes", "palettes", "rna_type", "libraries"}
 # Pointers between data-blocks and views of them; the data-blocks appear on their own.
-_SKIPPED_PROPERTIES = {"rna_type", "original", "session_uid", "id_data", "is_evaluated", "preview", "users"}
+_SKIPPED_PROPERTIES = {"rna_type", "original", "session_uid", "id_data", "is_evaluated", "preview", "users", "depsgraph"}
 _DEPTH = 4
+# Items of lists that are compared with all their settings; of others the name counts.
+_LISTED = (
+    bpy.types.MaterialSlot | bpy.types.Modifier | bpy.types.LayerCollection | bpy.types.ViewLayer | bpy.types.Constraint
+    | bpy.types.ColorRampElement | bpy.types.CurveMap | bpy.types.CurveMapPoint | bpy.types.DriverVariable
+    | bpy.types.FCurve | bpy.types.Keyframe
+)  # fmt: skip
 
 
 def scene_snapshot() -> dict[str, Any]:
-    """All data-blocks with their settings, users, node trees, mesh arrays and pixels; selection, mode, visibility."""
+    """All data-blocks with their settings, users, node trees, mesh arrays and pixels; selection, mode, visibility.
+
+    Of settings also which were ever set; view layers and what they leave out; handlers; Cycles' devices.
+    """
     snapshot: dict[str, Any] = {}
     for name in dir(bpy.data):
         collection = getattr(bpy.data, name)
@@ -29,6 +43,13 @@ def scene_snapshot() -> dict[str, Any]:
         for block in collection:
             snapshot[f"{name}[{block.name_full}]"] = _block(block)
     snapshot["context"] = _context()
+    snapshot["handlers"] = {
+        name: [str(function) for function in handlers]
+        for name in dir(bpy.app.handlers)
+        if isinstance(handlers := getattr(bpy.app.handlers, name), list)
+    }
+    addon = bpy.context.preferences.addons.get("cycles")
+    snapshot["devices"] = _settings(addon.preferences, _DEPTH) if addon else None
     return snapshot
 
 
@@ -72,6 +93,9 @@ def _block(block: bpy.types.ID) -> dict[str, Any]:
     tree = block if isinstance(block, bpy.types.NodeTree) else getattr(block, "node_tree", None)
     if tree is not None:
         values["nodes"] = _tree(tree)
+    if isinstance(block, bpy.types.Scene):
+        owners = {"render": block.render, "cycles": block.cycles, "bake": block.render.bake}
+        values["set"] = {name: _set_properties(owner) for name, owner in owners.items()}
     if isinstance(block, bpy.types.Mesh):
         values["arrays"] = _mesh(block)
     if isinstance(block, bpy.types.Image) and block.has_data:
@@ -79,6 +103,11 @@ def _block(block: bpy.types.ID) -> dict[str, Any]:
         block.pixels.foreach_get(pixels)
         values["pixels"] = hashlib.sha256(pixels).hexdigest()
     return values
+
+
+def _set_properties(owner: bpy.types.bpy_struct) -> list[str]:
+    """Properties that do not just have their default value."""
+    return [prop.identifier for prop in owner.bl_rna.properties if owner.is_property_set(prop.identifier)]
 
 
 def _settings(owner: bpy.types.bpy_struct, depth: int) -> dict[str, Any]:
@@ -111,11 +140,7 @@ def _settings(owner: bpy.types.bpy_struct, depth: int) -> dict[str, Any]:
 def _label(item: Any, depth: int) -> Any:
     if isinstance(item, bpy.types.ID):
         return item.name_full
-    if (
-        depth > 0
-        and hasattr(item, "bl_rna")
-        and isinstance(item, bpy.types.MaterialSlot | bpy.types.Modifier | bpy.types.LayerCollection)
-    ):
+    if depth > 0 and hasattr(item, "bl_rna") and isinstance(item, _LISTED):
         return _settings(item, depth - 1)
     return getattr(item, "name", type(item).__name__)
 
@@ -142,6 +167,7 @@ def _node(node: bpy.types.Node) -> dict[str, Any]:
     }
     image = getattr(node, "image", None)
     return {
+        "settings": _settings(node, 2),
         "type": node.bl_idname,
         "select": node.select,
         "mute": node.mute,
@@ -157,6 +183,11 @@ def _mesh(mesh: bpy.types.Mesh) -> dict[str, Any]:
         "uvs": [(layer.name, layer.active, layer.active_render) for layer in mesh.uv_layers],
         "materials": [material.name_full if material else None for material in mesh.materials],
     }
+    for attribute in mesh.attributes:
+        if (kind := _ATTRIBUTES.get(attribute.data_type)) is not None:
+            values = np.empty(len(attribute.data) * kind[1], kind[2])
+            attribute.data.foreach_get(kind[0], values)
+            arrays[f"values of {attribute.name}"] = hashlib.sha256(values).hexdigest()
     for collection, key, width, dtype in (
         ("vertices", "co", 3, np.float32),
         ("loops", "vertex_index", 1, np.int32),

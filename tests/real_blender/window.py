@@ -120,10 +120,10 @@ def step_by_step(buttons: dict[str, tuple[int, int]]):
     before = blocks()
     seen["voxelize"] = yield from job(buttons["patchnet.voxelize"])
     seen["octree"] = {"voxels": result().octree.leaf_count, "depth": result().octree.depth}
-    settings.texel_voxels = 0.5  # many pages, between which the window lives
+    settings.samples = 65536  # hours for a single page, beside which the window lives
     seen["stopped bake"] = yield from stopped_job(buttons["patchnet.bake_light"])
     seen["stopped bake"] |= {"light": result().light, "unchanged": blocks() == before}
-    settings.texel_voxels = 2.0
+    settings.samples = 1
     seen["bake_light"] = yield from job(buttons["patchnet.bake_light"])
     seen["light"] = result().light
     seen["precompute_codes"] = yield from job(buttons["patchnet.precompute_codes"])
@@ -140,9 +140,9 @@ def step_by_step(buttons: dict[str, tuple[int, int]]):
 
 
 def stopped_job(point: tuple[int, int]):
-    """Start a long job, look at its progress, press Esc."""
+    """Start a bake that would take hours, look at its progress while Cycles is at work, press Esc."""
     yield from clicks.click(point)
-    yield from clicks.wait_for(lambda: bool(running()), "the long job starts")
+    yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes beside the window")
     yield 1.5
     yield from clicks.screenshot(OUT / "window-progress.png")
     was_running = running()

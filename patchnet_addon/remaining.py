@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How long a step still takes, by what it has done so far."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from .progress import Progress
+
+_LEAST_SHARE = 0.02  # of the step, before which nobody can say
+_LEAST_S = 2.0
+
+
+class Remaining:
+    """Watches the progress of steps, one after the other.
+
+    A step that begins in its middle, such as a bake that is resumed, is measured from there.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._clock = clock
+        self._label = ""
+        self._first = 0.0  # share that was done when the step began
+        self._last = 0.0
+        self._begun = self._reported = clock()
+
+    def see(self, progress: Progress) -> None:
+        """Take a report; waiting ones say nothing new."""
+        if progress.label != self._label or progress.fraction < self._last:
+            self._label = progress.label
+            self._first = self._last = progress.fraction
+            self._begun = self._reported = self._clock()
+        elif progress.fraction > self._last:
+            self._last = progress.fraction
+            self._reported = self._clock()
+
+    def seconds(self) -> float | None:
+        """Seconds until the step ends, as far as they can be known by now."""
+        share, spent = self._last - self._first, self._reported - self._begun
+        if share < _LEAST_SHARE or spent < _LEAST_S:
+            return None
+        since = self._clock() - self._reported
+        return max(spent / share * (1.0 - self._last) - since, 0.0)
+
+    def text(self) -> str:
+        """The same in words: "about 40 s left", or ""."""
+        seconds = self.seconds()
+        if seconds is None or seconds < 1.0:
+            return ""
+        if seconds < 100.0:
+            return f"about {seconds:.0f} s left"
+        if seconds < 100.0 * 60.0:
+            return f"about {seconds / 60.0:.0f} min left"
+        return f"about {seconds / 3600.0:.1f} h left"
