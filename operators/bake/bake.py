@@ -31,6 +31,7 @@ from .bake_call import run_as_job
 from .bake_key import bake_key
 from .bake_materials import bake_materials
 from .closed_runs import ClosedPieces
+from .devices import gpu_is_enabled
 from .object_data import attributes_needed, lost_inputs
 from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
 from .settings import changed, object_mode
@@ -168,7 +169,7 @@ class _Baker:
         stack = ExitStack()
         try:
             stack.enter_context(object_mode(self._context))
-            stack.enter_context(_cycles(self._context.scene, self._samples, self._seed))
+            stack.enter_context(_cycles(self._context, self._samples, self._seed))
             images, materials = [], []
             for part, back in ((fronts, False), (backs, True)):
                 images.append(stack.enter_context(_image(self._charts.page_side)) if len(part) else None)
@@ -214,8 +215,9 @@ def _lost(name: str, nodes: tuple[str, ...]) -> str:
 
 
 @contextmanager
-def _cycles(scene: bpy.types.Scene, samples: int, seed: int) -> Iterator[None]:
-    """Settings for an unbiased bake; the user's bounces, device and light stay."""
+def _cycles(context: bpy.types.Context, samples: int, seed: int) -> Iterator[None]:
+    """Settings for an unbiased bake, on GPUs where they are enabled; the user's bounces and light stay."""
+    scene = context.scene
     if not hasattr(scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose the two-lights shading")
     with ExitStack() as stack:
@@ -225,6 +227,7 @@ def _cycles(scene: bpy.types.Scene, samples: int, seed: int) -> Iterator[None]:
                 scene.cycles,
                 samples=samples,
                 seed=seed,
+                device="GPU" if gpu_is_enabled(context) else scene.cycles.device,
                 use_animated_seed=False,
                 use_adaptive_sampling=False,
                 use_denoising=False,

@@ -12,6 +12,7 @@ import numpy as np
 from ...patchnet_addon.light.charts import Charts
 from ..own import is_own
 from ..scene.scene_mesh import SceneMesh
+from .devices import gpu_is_enabled
 from .digest import Digest, names
 
 _CHART_ARRAYS = ("page", "x", "y", "log_width", "log_height", "kind", "origin", "along")
@@ -28,6 +29,7 @@ def bake_key(context: bpy.types.Context, source: SceneMesh, charts: Charts, samp
     """
     digest = Digest()
     digest.text(_code_hash(), bpy.app.version_string, bpy.app.build_hash, samples, seed, _devices())
+    digest.text(gpu_is_enabled(context))
     digest.text(charts.texel_world, charts.page_side, charts.page_count)
     for name in _CHART_ARRAYS:
         digest.array(name, getattr(charts, name))

@@ -20,7 +20,16 @@ _ATTRIBUTES = {
 # What Blender itself brings along and nobody counts as part of the scene.
 _SKIPPED_COLLECTIONS = {"screens", "window_managers", "workspaces", "brushes", "palettes", "rna_type", "libraries"}
 # Pointers between data-blocks and views of them; the data-blocks appear on their own.
-_SKIPPED_PROPERTIES = {"rna_type", "original", "session_uid", "id_data", "is_evaluated", "preview", "users", "depsgraph"}
+_SKIPPED_PROPERTIES = {
+    "rna_type",
+    "original",
+    "session_uid",
+    "id_data",
+    "is_evaluated",
+    "preview",
+    "users",
+    "depsgraph",
+}
 _DEPTH = 4
 # Items of lists that are compared with all their settings; of others the name counts.
 _LISTED = (

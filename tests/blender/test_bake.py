@@ -7,6 +7,7 @@ import pytest
 from mathutils import Euler, Vector
 
 from patchnet.operators.bake import bake, bake_luminance
+from patchnet.operators.bake.devices import gpu_is_enabled
 from patchnet.operators.scene import SceneMesh, read_scene
 from patchnet.patchnet_addon.errors import SceneError, SettingError
 from patchnet.patchnet_addon.light.atlas import Atlas, atlas_shade
@@ -299,6 +300,25 @@ def test_scene_is_unchanged_after_cancel_and_error(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(bake, "_run", fail)
     with pytest.raises(RuntimeError, match="device"):
         drain(bake_luminance(bpy.context, source, 0.2, 2))
+    assert_unchanged(before)
+
+
+@pytest.mark.parametrize("enabled", [False, True])
+def test_gpus_bake_where_they_are_enabled(enabled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which device Cycles is asked for; without a GPU it takes the processor all the same."""
+    before = user_scene()
+    devices = []
+    run = bake._run
+
+    def look(context: bpy.types.Context, target: bpy.types.Object) -> None:
+        devices.append(context.scene.cycles.device)
+        run(context, target)
+
+    monkeypatch.setattr(bake, "_run", look)
+    monkeypatch.setattr(bake, "gpu_is_enabled", lambda context: enabled or gpu_is_enabled(context))
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    drain(bake_luminance(bpy.context, source, 0.5, 1))
+    assert set(devices) == {"GPU" if enabled or gpu_is_enabled(bpy.context) else "CPU"}
     assert_unchanged(before)
 
 
