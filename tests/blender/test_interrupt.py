@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
@@ -16,6 +17,14 @@ from patchnet.tests.blender.job_scene import build, random_weights
 
 # The longest that a stop may take by the project's rule, three times: machines that test do other things too.
 PATIENCE_S = 15.0
+
+
+@pytest.fixture(autouse=True)
+def ctrl_c() -> Iterator[None]:
+    """Ctrl-C as in a terminal: what runs in the background was started deaf to it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def environment(cache: Path) -> dict[str, str]:
