@@ -34,9 +34,8 @@ def build_room(scene: bpy.types.Scene, seed: int = 1) -> None:
     place(collection, "Board", box((0.93, -0.2, 0.9), (0.999, 0.6, 0.912)), white)
     screen = np.array([[[0.1, 0.62, z], [0.72, 0.86, z]] for z in (0.0, 0.8)])
     place(collection, "Screen", _sheet(screen), _matt("Ochre", (0.85, 0.66, 0.35)))
-    panel = np.array([[[-0.98, y, z] for y in (0.0, 0.5)] for z in (1.2, 1.5)])
     lamp = principled("Panel", (1.0, 0.96, 0.88), specular=0.0, emission=0.8)
-    place(collection, "Panel", _sheet(panel), lamp)
+    place(collection, "Panel", box((-0.999, 0.0, 1.2), (-0.97, 0.5, 1.5)), lamp)
     _build_lamp(collection)
     _build_camera(scene, collection)
     scene.render.engine = "CYCLES"
