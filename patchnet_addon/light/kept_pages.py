@@ -7,6 +7,7 @@ when it is done, complete or not at all. What nobody came back for goes when the
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import shutil
 import time
@@ -45,9 +46,11 @@ class KeptPages:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None:
-            for folder in self._folders:
+        for folder in self._folders:
+            if kind is None:
                 shutil.rmtree(folder, ignore_errors=True)
+            with contextlib.suppress(OSError):  # not empty, or not there
+                folder.rmdir()
 
     def open(self, key: str) -> None:
         """From now on `load` and `save` are about the bake `key`; pages of others are tidied."""
