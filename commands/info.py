@@ -55,6 +55,9 @@ def _summary(header: FileHeader, path: Path) -> list[str]:
             f"depth {octree.depth}, {octree.leaf_count:,} voxels of side {octree.grid.voxel_world:.4g}, "
             f"{octree.node_count:,} nodes",
             f"{octree.nbytes / 2**20:.1f} MiB of nodes, look-ahead at {share:.1%} of them",
+            f"in colour, {octree.chroma.nbytes / 2**20:.1f} MiB of it"
+            if octree.chroma is not None
+            else "luminance alone, no colour",
         ]
     if header.kind == "weights":
         from ..patchnet_addon.network.weights import load_weights

@@ -78,6 +78,7 @@ def prune(octree: Octree, nodes: np.ndarray) -> Octree:
         area_world=octree.area_world[keep],
         luminance=octree.luminance[keep],
         normal=octree.normal[keep],
+        chroma=None if octree.chroma is None else octree.chroma[keep],
         exposure=octree.exposure,
         provenance=octree.provenance,
     )

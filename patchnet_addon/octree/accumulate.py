@@ -10,19 +10,22 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels import device, serial_kernel
+from .chroma import BLUE, GREEN, RED
 from .mesh import Fragments
 
 MIN_OPACITY = 1.0 / 255.0
 _BRICK_BITS = 6
 _BRICK_CELLS = 1 << _BRICK_BITS
 # A leaf's area counts in 2^-40 of a voxel's face: four million coincident layers fit, and what is smaller counts as
-# one unit, so that every touched voxel stays. Luminance times area needs more room: multiples of 2^24 units, and the
-# rest.
+# one unit, so that every touched voxel stays. Luminance times area needs more room, and so do red and blue: multiples
+# of 2^24 units, and the rest. Green is what those two leave of luminance.
 _AREA_UNITS = 2.0**40
 _WHOLE = 2.0**24
 _PART = 2.0**-16
 _MAX_LUMINANCE = 2.0**32
 _COLUMNS = 6  # area, luminance in whole parts and the rest, normal (x, y, z); each weighed by area
+_COLOR_COLUMNS = _COLUMNS + 4  # and red and blue, each in whole parts and the rest
+_NO_COLOR = np.empty((0, 3), np.float32)
 
 
 class LeafAccumulator:
@@ -33,6 +36,7 @@ class LeafAccumulator:
         self._count = np.zeros(2, np.int64)  # bricks, leaves
         self._brick_key = np.zeros(1 << 10, np.uint64)
         self._brick_rows = np.zeros(_BRICK_CELLS << 10, np.int32)  # 1 + row of each cell, 0: none yet
+        self._columns = _COLUMNS
         self._rows = np.zeros(_COLUMNS << 12, np.int64)
         self._table = _table_of(self._brick_key, 0)
 
@@ -40,16 +44,27 @@ class LeafAccumulator:
         """Leaves so far."""
         return int(self._count[1])
 
-    def add(self, fragments: Fragments, luminance: np.ndarray, opacity: np.ndarray, normals: np.ndarray) -> None:
+    def add(
+        self,
+        fragments: Fragments,
+        luminance: np.ndarray,
+        opacity: np.ndarray,
+        normals: np.ndarray,
+        color: np.ndarray | None = None,
+    ) -> None:
         """Add fragments with their luminance (F,), opacity (F,) and the unit normals (T, 3) of their triangles.
 
+        color: (F, 3) linear, brought to the luminance here; given each time or never.
         Fragments with less than 1/255 of opacity leave no trace.
         """
+        if color is not None and len(self) == 0 and self._columns == _COLUMNS:
+            self._columns, self._rows = _COLOR_COLUMNS, np.zeros(_COLOR_COLUMNS << 12, np.int64)
+        hue = _NO_COLOR if color is None else np.asarray(color, np.float32)
         shine, cover = np.asarray(luminance, np.float32), np.asarray(opacity, np.float32)
         first = 0
         while first < len(fragments):
             first = _add(
-                first, fragments.keys, fragments.triangle, fragments.area_world, shine, cover, normals,
+                first, fragments.keys, fragments.triangle, fragments.area_world, shine, cover, hue, normals,
                 1.0 / self._area_unit, self._table, self._brick_key, self._brick_rows, self._rows, self._count,
             )  # fmt: skip
             if first < len(fragments):
@@ -63,14 +78,14 @@ class LeafAccumulator:
             self._brick_key.resize(more, refcheck=False)
             self._brick_rows.resize(more * _BRICK_CELLS, refcheck=False)
             self._table = _table_of(self._brick_key, bricks)
-        if leaves * _COLUMNS == len(self._rows):
-            self._rows.resize((leaves + leaves // 2) * _COLUMNS, refcheck=False)
+        if leaves * self._columns == len(self._rows):
+            self._rows.resize((leaves + leaves // 2) * self._columns, refcheck=False)
 
     def take(self) -> tuple[np.ndarray, np.ndarray]:
-        """Keys (n,) uint64, ascending, and sums (n, 5) float32 in world units, as `LeafSums` holds them."""
+        """Keys (n,) uint64, ascending, and sums (n, 5 or 7) float32 in world units, as `LeafSums` holds them."""
         bricks, leaves = (int(value) for value in self._count)
         keys = np.empty(leaves, np.uint64)
-        sums = np.empty((leaves, 5), np.float32)
+        sums = np.empty((leaves, 5 if self._columns == _COLUMNS else 7), np.float32)
         order = np.argsort(self._brick_key[:bricks])
         _emit(order, self._brick_key, self._brick_rows, self._rows, self._area_unit, keys, sums)
         return keys, sums
@@ -116,10 +131,34 @@ def _find_brick(key, table, brick_key, count):  # type: ignore[no-untyped-def]
     return brick
 
 
+@device
+def _add_large(rows, row, product):  # type: ignore[no-untyped-def]
+    """Add to a sum that two columns hold: whole parts, and the rest."""
+    whole = np.rint(product / _WHOLE)
+    rows[row] += np.int64(whole)
+    rows[row + 1] += np.int64(np.rint((product - whole * _WHOLE) / _PART))
+
+
+@device
+def _red_and_blue(color, shine):  # type: ignore[no-untyped-def]
+    """Red and blue of a colour (3,) brought to the luminance `shine`; gray for black and what is no number."""
+    red = float(color[0]) if color[0] > 0.0 else 0.0
+    green = float(color[1]) if color[1] > 0.0 else 0.0
+    blue = float(color[2]) if color[2] > 0.0 else 0.0
+    luminance = RED * red + GREEN * green + BLUE * blue
+    if not 0.0 < luminance < np.inf:
+        return shine, shine
+    scale = shine / luminance
+    return min(red * scale, _MAX_LUMINANCE), min(blue * scale, _MAX_LUMINANCE)
+
+
 @serial_kernel
-def _add(first, keys, triangle, area, luminance, opacity, normals, units, table, brick_key, brick_rows, rows, count):  # type: ignore[no-untyped-def]
+def _add(
+    first, keys, triangle, area, luminance, opacity, color, normals, units, table, brick_key, brick_rows, rows, count
+):  # type: ignore[no-untyped-def]
     """Add fragments from `first` on; returns the first that found no room, or their number."""
     brick = np.int64(-1)
+    columns = _COLOR_COLUMNS if len(color) else _COLUMNS
     for i in range(first, len(keys)):
         if not opacity[i] >= MIN_OPACITY:
             continue
@@ -130,21 +169,22 @@ def _add(first, keys, triangle, area, luminance, opacity, normals, units, table,
                 return i
         cell = brick * _BRICK_CELLS + np.int64(keys[i] & np.uint64(_BRICK_CELLS - 1))
         if brick_rows[cell] == 0:
-            if count[1] * _COLUMNS == len(rows):
+            if count[1] * columns == len(rows):
                 return i
             count[1] += 1
             brick_rows[cell] = count[1]
-        row = (np.int64(brick_rows[cell]) - 1) * _COLUMNS
+        row = (np.int64(brick_rows[cell]) - 1) * columns
         weight = max(np.rint(area[i] * opacity[i] * units), 1.0)
         shine = float(luminance[i])
         shine = min(max(shine, -_MAX_LUMINANCE), _MAX_LUMINANCE) if shine == shine else 0.0
-        product = weight * shine
-        whole = np.rint(product / _WHOLE)
         rows[row] += np.int64(weight)
-        rows[row + 1] += np.int64(whole)
-        rows[row + 2] += np.int64(np.rint((product - whole * _WHOLE) / _PART))
+        _add_large(rows, row + 1, weight * shine)
         for axis in range(3):
             rows[row + 3 + axis] += np.int64(np.rint(weight * normals[triangle[i], axis]))
+        if columns == _COLOR_COLUMNS:
+            red, blue = _red_and_blue(color[i], shine)
+            _add_large(rows, row + 6, weight * red)
+            _add_large(rows, row + 8, weight * blue)
     return len(keys)
 
 
@@ -152,15 +192,19 @@ def _add(first, keys, triangle, area, luminance, opacity, normals, units, table,
 def _emit(order, brick_key, brick_rows, rows, area_unit, keys, sums):  # type: ignore[no-untyped-def]
     """Leaves of the bricks in `order`, in Morton order, from fixed point to world units."""
     leaf = 0
+    columns = _COLUMNS if sums.shape[1] == 5 else _COLOR_COLUMNS
     for brick in order:
         for cell in range(_BRICK_CELLS):
             number = np.int64(brick_rows[brick * _BRICK_CELLS + cell])
             if number == 0:
                 continue
-            row = (number - 1) * _COLUMNS
+            row = (number - 1) * columns
             keys[leaf] = (brick_key[brick] << np.uint64(_BRICK_BITS)) | np.uint64(cell)
             sums[leaf, 0] = rows[row] * area_unit
             sums[leaf, 1] = (rows[row + 1] * _WHOLE + rows[row + 2] * _PART) * area_unit
             for axis in range(3):
                 sums[leaf, 2 + axis] = rows[row + 3 + axis] * area_unit
+            for channel in range(sums.shape[1] - 5):
+                column = row + _COLUMNS + 2 * channel
+                sums[leaf, 5 + channel] = (rows[column] * _WHOLE + rows[column + 1] * _PART) * area_unit
             leaf += 1

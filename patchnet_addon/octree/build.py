@@ -14,7 +14,7 @@ from ..light.exposure import quantile_exposure
 from ..progress import Steps
 from .grid import Grid
 from .leaf_levels import LeafLevels
-from .levels import luminance_of_level, number_children, stored_luminance
+from .levels import luminance_of_level, number_children, red_blue_of_level, stored_chroma, stored_luminance
 from .mesh import MeshSource, Shade
 from .octree import Octree
 from .subtrees import Subtrees, subtrees
@@ -31,7 +31,7 @@ def build_octree(
     provenance: dict[str, Any] | None = None,
     block_fragments: int = BLOCK_FRAGMENTS,
 ) -> Steps[Octree]:
-    """Voxelize `source` on `grid` with the luminance and opacity of `shade`.
+    """Voxelize `source` on `grid` with the luminance and opacity of `shade`, in colour if it is a shade of colour.
 
     layout: levels of the leaves, at most the grid's depth; None puts all on that. Levels without leaves below the
     finest leaf are left out.
@@ -62,6 +62,7 @@ def octree_from_leaves(
 
 def _joined(parts: list[Subtrees], grid: Grid, exposure: float | None, provenance: dict[str, Any]) -> Octree:
     """Octree of blocks in Morton order; `parts` is emptied, so that nothing is held twice for long."""
+    colored = parts[0].leaf_chroma[0].shape[1] > 0
     parts[:0] = [_above(parts)]
     depth = max(part.root_level + len(part.child_mask) for part in parts) - 1
     light = [_of_level(parts, level, lambda part: part.leaf_luminance, np.float32) for level in range(depth + 1)]
@@ -69,8 +70,9 @@ def _joined(parts: list[Subtrees], grid: Grid, exposure: float | None, provenanc
     masks = [_of_level(parts, level, lambda part: part.child_mask, np.uint8) for level in range(depth + 1)]
     areas = [_of_level(parts, level, lambda part: part.area_world, np.float32) for level in range(depth + 1)]
     normals = [_of_level(parts, level, lambda part: part.normal, np.int8) for level in range(depth + 1)]
+    hues = [_of_level(parts, level, lambda part: part.leaf_chroma, np.uint8) for level in range(depth + 1)]
     parts.clear()
-    luminance = _luminance(masks, areas, light, exposure)
+    luminance, chroma = _luminance(masks, areas, light, hues if colored else [], exposure)
     child_mask = np.concatenate(masks)
     return Octree(
         grid=replace(grid, depth=depth),
@@ -80,6 +82,7 @@ def _joined(parts: list[Subtrees], grid: Grid, exposure: float | None, provenanc
         area_world=_emptied(areas),
         luminance=_emptied(luminance),
         normal=_emptied(normals).reshape(-1, 3),
+        chroma=_emptied(chroma) if colored else None,
         exposure=exposure,
         provenance=provenance,
     )
@@ -90,8 +93,8 @@ def _above(parts: Sequence[Subtrees]) -> Subtrees:
     level = parts[0].root_level
     keys = np.concatenate([part.root_keys for part in parts])
     sums = np.concatenate([part.root_sums for part in parts])
-    columns = np.zeros((len(keys), 5), np.float64)
-    columns[:, 0], columns[:, 2:] = sums[:, 0], sums[:, 1:]
+    columns = np.zeros((len(keys), 5 + parts[0].leaf_chroma[0].shape[1]), np.float64)
+    columns[:, 0], columns[:, 2:5] = sums[:, 0], sums[:, 1:]
     whole = subtrees([LeafSums(level, keys, columns)], 0)
     # The blocks themselves, the last level here, are the parts' roots.
     return replace(
@@ -100,6 +103,7 @@ def _above(parts: Sequence[Subtrees]) -> Subtrees:
         area_world=whole.area_world[:-1],
         normal=whole.normal[:-1],
         leaf_luminance=whole.leaf_luminance[:-1],
+        leaf_chroma=whole.leaf_chroma[:-1],
     )
 
 
@@ -114,17 +118,29 @@ def _of_level(
 
 
 def _luminance(
-    masks: Sequence[np.ndarray], areas: Sequence[np.ndarray], light: list[np.ndarray], exposure: float
-) -> list[np.ndarray]:
-    """Stored luminance of each level, bottom-up; the leaves' `light` is exposed and clamped, and emptied."""
+    masks: Sequence[np.ndarray],
+    areas: Sequence[np.ndarray],
+    light: list[np.ndarray],
+    hues: list[np.ndarray],
+    exposure: float,
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Stored luminance of each level, bottom-up, and chroma if there are `hues`, the leaves' chroma.
+
+    The leaves' `light` is exposed and clamped, their hue stays; both lists are emptied.
+    """
     stored: list[np.ndarray] = []
-    area, luminance = np.empty(0, np.float32), np.empty(0, np.float32)
+    chroma: list[np.ndarray] = []
+    area, luminance, red_blue = np.empty(0, np.float32), np.empty(0, np.float32), np.empty((0, 2), np.float32)
     while light:
         level = len(light) - 1
         exposed = np.clip(light.pop() * np.float64(exposure), 0.0, 1.0).astype(np.float32)
-        area, luminance = areas[level], luminance_of_level(masks[level], area, luminance, exposed)
+        luminance = luminance_of_level(masks[level], area, luminance, exposed)
         stored.append(stored_luminance(luminance))
-    return stored[::-1]
+        if hues:
+            red_blue = red_blue_of_level(masks[level], area, red_blue, exposed, hues.pop().reshape(-1, 2))
+            chroma.append(stored_chroma(luminance, red_blue))
+        area = areas[level]
+    return stored[::-1], chroma[::-1]
 
 
 def _emptied(arrays: list[np.ndarray]) -> np.ndarray:

@@ -23,11 +23,14 @@ COARSE_DEPTH = 7
 MIN_DEPTH = 5
 LOOK_AHEAD_SHARE = 0.95
 BYTES_PER_NODE = 14
+COLOR_BYTES_PER_NODE = 2
 # While an octree is built, a leaf of the present pass is summed in fixed point (48 bytes and its share of a brick,
 # about 25) and handed out as key and sums (28 bytes); what is kept of a leaf and its share of the coarser nodes is 15
-# bytes, and twice that while the passes are joined.
+# bytes, and twice that while the passes are joined. Colour adds 32 bytes in fixed point, 8 to the sums, 2 to the rest.
 _KEPT_BYTES_PER_LEAF = 15
 _PASS_BYTES_PER_LEAF = 105
+_COLOR_KEPT_BYTES_PER_LEAF = 2
+_COLOR_PASS_BYTES_PER_LEAF = 40
 _PASS_LEAVES = BLOCK_FRAGMENTS * 3 // 4
 _NODES_PER_LEAF = 1.36
 
@@ -76,7 +79,7 @@ def wanted_depth(coarse: Octree, cameras: Sequence[Camera], share: float = LOOK_
     return min(wanted, MAX_DEPTH)
 
 
-def estimate(coarse: Octree, depth: int) -> tuple[int, int, int]:
+def estimate(coarse: Octree, depth: int, *, color: bool = False) -> tuple[int, int, int]:
     """Leaves, bytes of the octree and peak bytes while building it, for `depth` levels over the same cube.
 
     Voxels along a surface grow as area * 4^level + edges * 2^level; the two finest coarse levels give both terms.
@@ -87,22 +90,30 @@ def estimate(coarse: Octree, depth: int) -> tuple[int, int, int]:
     estimated = area * 4.0**depth + edges * 2.0**depth
     if depth <= coarse.depth:
         estimated = len(coarse.keys(depth))
-    return int(estimated), int(estimated * _NODES_PER_LEAF * BYTES_PER_NODE), peak_bytes(estimated)
+    node_bytes = BYTES_PER_NODE + (COLOR_BYTES_PER_NODE if color else 0)
+    return int(estimated), int(estimated * _NODES_PER_LEAF * node_bytes), peak_bytes(estimated, color=color)
 
 
-def peak_bytes(leaves: float) -> int:
+def _bytes_per_leaf(color: bool) -> tuple[int, int]:
+    """What is kept of a leaf, and what it takes beside that in its pass."""
+    if not color:
+        return _KEPT_BYTES_PER_LEAF, _PASS_BYTES_PER_LEAF
+    return _KEPT_BYTES_PER_LEAF + _COLOR_KEPT_BYTES_PER_LEAF, _PASS_BYTES_PER_LEAF + _COLOR_PASS_BYTES_PER_LEAF
+
+
+def peak_bytes(leaves: float, *, color: bool = False) -> int:
     """Bytes that building an octree takes at most, beside the scene."""
-    last_pass = _KEPT_BYTES_PER_LEAF * leaves + _PASS_BYTES_PER_LEAF * min(leaves, _PASS_LEAVES)
-    return int(max(last_pass, 2 * _KEPT_BYTES_PER_LEAF * leaves))
+    kept, in_pass = _bytes_per_leaf(color)
+    return int(max(kept * leaves + in_pass * min(leaves, _PASS_LEAVES), 2 * kept * leaves))
 
 
-def most_leaves(memory_bytes: float) -> int:
+def most_leaves(memory_bytes: float, *, color: bool = False) -> int:
     """How many leaves an octree may have to be built within `memory_bytes`; inverse of `peak_bytes`."""
-    in_one_pass = memory_bytes / (_KEPT_BYTES_PER_LEAF + _PASS_BYTES_PER_LEAF)
+    kept, in_pass = _bytes_per_leaf(color)
+    in_one_pass = memory_bytes / (kept + in_pass)
     if in_one_pass <= _PASS_LEAVES:
         return int(max(in_one_pass, 0))
-    last_pass = (memory_bytes - _PASS_BYTES_PER_LEAF * _PASS_LEAVES) / _KEPT_BYTES_PER_LEAF
-    return int(min(last_pass, memory_bytes / (2 * _KEPT_BYTES_PER_LEAF)))
+    return int(min((memory_bytes - in_pass * _PASS_LEAVES) / kept, memory_bytes / (2 * kept)))
 
 
 def available_memory() -> int:
@@ -120,18 +131,23 @@ def available_memory() -> int:
 
 
 def choose_depth(
-    coarse: Octree, cameras: Sequence[Camera], depth: int | None = None, memory_bytes: int | None = None
+    coarse: Octree,
+    cameras: Sequence[Camera],
+    depth: int | None = None,
+    memory_bytes: int | None = None,
+    *,
+    color: bool = False,
 ) -> DepthChoice:
     """The given depth, or for None the smallest that gives the cameras look-ahead, bounded by memory.
 
-    Raises MemoryEstimateError if a given depth would not fit.
+    color: whether the octree is to hold it. Raises MemoryEstimateError if a given depth would not fit.
     """
     memory = available_memory() if memory_bytes is None else memory_bytes
     wanted = wanted_depth(coarse, cameras) if depth is None else depth
     choice = wanted
-    while depth is None and choice > MIN_DEPTH and estimate(coarse, choice)[2] > memory:
+    while depth is None and choice > MIN_DEPTH and estimate(coarse, choice, color=color)[2] > memory:
         choice -= 1
-    leaves, octree_bytes, peak = estimate(coarse, choice)
+    leaves, octree_bytes, peak = estimate(coarse, choice, color=color)
     if depth is not None and peak > memory:
         raise MemoryEstimateError(
             f"Depth {depth} needs about {peak / 2**30:.1f} GiB for {leaves / 1e6:.1f} M voxels, and "

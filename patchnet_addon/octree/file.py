@@ -25,11 +25,13 @@ _DTYPES = {
     "luminance": np.uint16,
     "normal": np.int8,
 }
+_OPTIONAL_DTYPES = {"chroma": np.uint8}  # files without colour do not have it, and older readers pass over it
 
 
 def octree_arrays(octree: Octree) -> dict[str, np.ndarray]:
     """The arrays that a file holds."""
-    return {name: getattr(octree, name) for name in _DTYPES}
+    arrays = {name: getattr(octree, name) for name in (*_DTYPES, *_OPTIONAL_DTYPES)}
+    return {name: array for name, array in arrays.items() if array is not None}
 
 
 def octree_hash(octree: Octree) -> str:
@@ -56,7 +58,8 @@ def load_octree(path: str | Path) -> Octree:
     Raises OctreeFileError naming file and cause if it is missing, foreign, damaged or inconsistent.
     """
     arrays, metadata = read_arrays(path, KIND, OctreeFileError)
-    for name, dtype in _DTYPES.items():
+    arrays = {name: array for name, array in arrays.items() if name in _DTYPES or name in _OPTIONAL_DTYPES}
+    for name, dtype in (_DTYPES | {name: kind for name, kind in _OPTIONAL_DTYPES.items() if name in arrays}).items():
         if name not in arrays or arrays[name].dtype != dtype:
             raise OctreeFileError(
                 f"{path} is damaged: array '{name}' is missing or of a wrong type; create the file anew"
@@ -74,8 +77,7 @@ def load_octree(path: str | Path) -> Octree:
     problem = _inconsistency(arrays, grid.depth)
     if problem:
         raise OctreeFileError(f"{path} is inconsistent: {problem}; create the file anew")
-    columns = {name: arrays[name] for name in _DTYPES}
-    return Octree(grid=grid, exposure=exposure, provenance=provenance, **columns)  # type: ignore[arg-type]
+    return Octree(grid=grid, exposure=exposure, provenance=provenance, **arrays)  # type: ignore[arg-type]
 
 
 def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
@@ -87,7 +89,7 @@ def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
     count = arrays["child_mask"].size
     shapes = dict.fromkeys(("child_mask", "first_child", "area_world", "luminance"), (count,)) | {
         "level_start": (depth + 2,), "normal": (count, 3)
-    }  # fmt: skip
+    } | {name: (count, 2) for name in _OPTIONAL_DTYPES if name in arrays}  # fmt: skip
     if arrays["level_start"].shape != shapes["level_start"]:
         return "its levels do not add up to its nodes"
     if any(arrays[name].shape != shape for name, shape in shapes.items()):

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..kernels import serial_kernel
+from .chroma_kernels import decode_color, encode_shares
 from .octree import LUMINANCE_SCALE, NORMAL_SCALE
 
 
@@ -56,7 +57,7 @@ def number_children(child_mask: np.ndarray) -> np.ndarray:
 def sums_of_level(child_mask: np.ndarray, child_sums: np.ndarray, leaf_sums: np.ndarray) -> np.ndarray:
     """Area and area * normal (n, 4) float64 of a level's nodes in order: their children's, or their own for leaves.
 
-    child_sums: (c, 4) of the level below. leaf_sums: (l, 5) of the level's leaves, as `LeafSums` holds them.
+    child_sums: (c, 4) of the level below. leaf_sums: (l, 5 or 7) of the level's leaves, as `LeafSums` holds them.
     """
     sums = np.zeros((len(child_mask), 4), np.float64)
     _sums(child_mask, child_sums, leaf_sums, sums)
@@ -77,6 +78,27 @@ def luminance_of_level(
     luminance = np.empty(len(child_mask), np.float32)
     _mean_luminance(child_mask, child_area, child_luminance, leaf_luminance, luminance)
     return luminance
+
+
+def red_blue_of_level(
+    child_mask: np.ndarray,
+    child_area: np.ndarray,
+    child_red_blue: np.ndarray,
+    leaf_luminance: np.ndarray,
+    leaf_chroma: np.ndarray,
+) -> np.ndarray:
+    """Red and blue (n, 2) float32 of a level's nodes in order: the area-weighted means of their children's (c, 2), or
+    for leaves those of their luminance (l,) and chroma (l, 2) uint8."""
+    red_blue = np.empty((len(child_mask), 2), np.float32)
+    _mean_red_blue(child_mask, child_area, child_red_blue, leaf_luminance, leaf_chroma, red_blue)
+    return red_blue
+
+
+def stored_chroma(luminance: np.ndarray, red_blue: np.ndarray) -> np.ndarray:
+    """Chroma (n, 2) uint8, as the octree stores it, of luminance (n,), red and blue (n, 2), of any brightness."""
+    stored = np.empty((len(luminance), 2), np.uint8)
+    _store_chroma(luminance, red_blue, stored)
+    return stored
 
 
 def stored_luminance(luminance: np.ndarray) -> np.ndarray:
@@ -176,3 +198,35 @@ def _mean_luminance(child_mask, child_area, child_luminance, leaf_luminance, lum
 def _store_luminance(luminance, stored):  # type: ignore[no-untyped-def]
     for i in range(len(luminance)):
         stored[i] = np.rint(float(luminance[i]) * LUMINANCE_SCALE)
+
+
+@serial_kernel
+def _mean_red_blue(child_mask, child_area, child_red_blue, leaf_luminance, leaf_chroma, red_blue):  # type: ignore[no-untyped-def]
+    leaf = 0
+    child = 0
+    for node in range(len(child_mask)):
+        mask = child_mask[node]
+        if mask == 0:
+            red, _, blue = decode_color(float(leaf_luminance[leaf]), leaf_chroma[leaf, 0], leaf_chroma[leaf, 1])
+            red_blue[node, 0] = red
+            red_blue[node, 1] = blue
+            leaf += 1
+            continue
+        red = 0.0
+        blue = 0.0
+        area = 0.0
+        while mask:
+            share = float(child_area[child])
+            red += share * float(child_red_blue[child, 0])
+            blue += share * float(child_red_blue[child, 1])
+            area += share
+            child += 1
+            mask &= mask - np.uint8(1)
+        red_blue[node, 0] = red / area
+        red_blue[node, 1] = blue / area
+
+
+@serial_kernel
+def _store_chroma(luminance, red_blue, stored):  # type: ignore[no-untyped-def]
+    for i in range(len(luminance)):
+        stored[i, 0], stored[i, 1] = encode_shares(float(luminance[i]), red_blue[i, 0], red_blue[i, 1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sparse voxel octree: 14 bytes a node, level by level, children of a node side by side."""
+"""The sparse voxel octree: 14 bytes a node, 16 in colour, level by level, children of a node side by side."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .chroma import decoded_colors
 from .grid import Grid, morton_decode, morton_encode
 
 LUMINANCE_SCALE = 65535.0
@@ -26,6 +27,8 @@ class Octree:
     area_world: (n,) float32, surface in the voxel, weighed by opacity.
     luminance: (n,) uint16, mean luminance over that surface, 65535 = 1 (methods 7.1, 7.2).
     normal: (n, 3) int8, mean normal, 127 = 1, not renormalised (methods 7.2).
+    chroma: (n, 2) uint8, shares of red and of blue in the mean colour over that surface, 255 = 1 (methods 7.2d); None
+    without colour.
     exposure: factor that luminance was multiplied with before it was clamped to [0, 1].
     provenance: how the octree was made (scene, light, settings, versions), plain JSON values.
     """
@@ -37,6 +40,7 @@ class Octree:
     area_world: np.ndarray
     luminance: np.ndarray
     normal: np.ndarray
+    chroma: np.ndarray | None = None
     exposure: float = 1.0
     provenance: dict[str, Any] = field(default_factory=dict)
     _keys: dict[int, np.ndarray] = field(default_factory=dict, repr=False)
@@ -59,8 +63,8 @@ class Octree:
     @property
     def nbytes(self) -> int:
         """Bytes of the node arrays."""
-        arrays = (self.child_mask, self.first_child, self.area_world, self.luminance, self.normal)
-        return sum(array.nbytes for array in arrays)
+        arrays = (self.child_mask, self.first_child, self.area_world, self.luminance, self.normal, self.chroma)
+        return sum(array.nbytes for array in arrays if array is not None)
 
     def level(self, level: int) -> slice:
         """Node indices of one level."""
@@ -116,6 +120,13 @@ class Octree:
     def luminance_float(self, nodes: np.ndarray | slice) -> np.ndarray:
         """Luminance in [0, 1], float32."""
         return self.luminance[nodes].astype(np.float32) / np.float32(LUMINANCE_SCALE)
+
+    def color_float(self, nodes: np.ndarray | slice) -> np.ndarray:
+        """Linear colours (N, 3) float32 whose luminance is the node's; channels may be above 1. Gray without colour."""
+        luminance = self.luminance_float(nodes)
+        if self.chroma is None:
+            return np.repeat(luminance[:, None], 3, axis=1)
+        return decoded_colors(luminance, self.chroma[nodes])
 
     def normal_float(self, nodes: np.ndarray | slice) -> np.ndarray:
         """Mean normals (N, 3) float32, length at most 1."""

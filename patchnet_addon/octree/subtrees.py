@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .levels import area_and_normal, merge_nodes, parents_of, sums_of_level
+from .levels import area_and_normal, merge_nodes, parents_of, stored_chroma, sums_of_level
 from .voxelize import LeafSums
 
 
@@ -22,7 +22,8 @@ class Subtrees:
 
     root_keys: (r,) uint64 of the blocks that hold anything. root_sums: (r, 4) float64, area and area * normal (x, y, z)
     in world units. Of each level: child_mask (n,) uint8, area_world (n,) float32, normal (n, 3) int8 as `Octree` holds
-    them, and leaf_luminance (l,) float32, means over its leaves before exposure.
+    them, leaf_luminance (l,) float32, means over its leaves before exposure, and leaf_chroma (l, 2) uint8, or (l, 0)
+    without colour.
     """
 
     root_level: int
@@ -32,12 +33,14 @@ class Subtrees:
     area_world: tuple[np.ndarray, ...]
     normal: tuple[np.ndarray, ...]
     leaf_luminance: tuple[np.ndarray, ...]
+    leaf_chroma: tuple[np.ndarray, ...]
 
 
 def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
     """Nodes over leaves that lie on one or several levels from `root_level` on, no leaf within another one."""
     by_level = {part.level: part for part in leaves}
-    none = LeafSums(0, np.empty(0, np.uint64), np.empty((0, 5), np.float32))
+    width = leaves[0].sums.shape[1] if leaves else 5
+    none = LeafSums(0, np.empty(0, np.uint64), np.empty((0, width), np.float32))
     keys, sums = none.keys, np.empty((0, 4), np.float64)
     levels = []
     for level in range(max(by_level, default=root_level), root_level - 1, -1):
@@ -45,6 +48,13 @@ def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
         parents, mask = parents_of(keys)
         keys, mask = merge_nodes(own.keys, parents, mask)
         sums = sums_of_level(mask, sums, own.sums)
-        levels.append((mask, *area_and_normal(sums), own.sums[:, 1] / own.sums[:, 0]))
+        levels.append((mask, *area_and_normal(sums), own.sums[:, 1] / own.sums[:, 0], _chroma(own.sums)))
     columns = (tuple(column) for column in zip(*reversed(levels), strict=True))
     return Subtrees(root_level, keys, sums, *columns)
+
+
+def _chroma(sums: np.ndarray) -> np.ndarray:
+    """Chroma (l, 2) uint8 of leaf sums (l, 7), (l, 0) of sums without colour."""
+    if sums.shape[1] == 5:
+        return np.empty((len(sums), 0), np.uint8)
+    return stored_chroma(sums[:, 1], sums[:, 5:])

@@ -32,7 +32,7 @@ class LeafSums:
     """Surface integrals over the leaf cells of one level, in ascending order of their key.
 
     keys: (n,) uint64. sums: (n, 5) float32 or float64: area, area * luminance, area * normal (x, y, z), in world units
-    and weighed by opacity.
+    and weighed by opacity; (n, 7) with area * red and area * blue, in colours of that luminance.
     """
 
     level: int
@@ -99,8 +99,8 @@ class _Share:
             for fragments in clip_batch(batch, self._grid, areas_world, level, wanted):
                 if not len(fragments):
                     continue
-                luminance, opacity = self._shade(batch, fragments)
-                self._leaves[level].add(fragments, luminance, opacity, normals)
+                luminance, opacity, *color = self._shade(batch, fragments)
+                self._leaves[level].add(fragments, luminance, opacity, normals, *color)
 
     def take(self) -> list[LeafSums]:
         """The leaves, level by level; they are let go here."""

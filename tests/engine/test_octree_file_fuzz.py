@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,7 +26,8 @@ fuzz = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCh
 def octree():
     rng = np.random.default_rng(0)
     cells = {tuple(cell) for cell in rng.integers(0, 8, (40, 3)).tolist()}
-    return octree_from_leaves({(3, cell): (rng.uniform(0.1, 1), rng.random(), (0, 0, 1)) for cell in cells}, 3)
+    gray = octree_from_leaves({(3, cell): (rng.uniform(0.1, 1), rng.random(), (0, 0, 1)) for cell in cells}, 3)
+    return replace(gray, chroma=rng.integers(0, 128, (gray.node_count, 2)).astype(np.uint8))
 
 
 @pytest.fixture(scope="module")
@@ -124,6 +126,7 @@ def test_contradictory_files_are_refused_or_can_be_walked(octree, tmp_path, data
     if loaded is not None:
         assert (walk(loaded) == 1).all()
         assert np.isfinite(loaded.area_world).all()
+        assert np.isfinite(loaded.color_float(slice(None))).all()
 
 
 def read_metadata(octree, folder):

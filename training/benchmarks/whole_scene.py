@@ -115,6 +115,7 @@ def cut(octree: Octree, depth: int) -> Octree:
         area_world=octree.area_world[:count],
         luminance=octree.luminance[:count],
         normal=octree.normal[:count],
+        chroma=None if octree.chroma is None else octree.chroma[:count],
         exposure=octree.exposure,
         provenance=octree.provenance,
     )

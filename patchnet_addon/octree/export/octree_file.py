@@ -34,6 +34,7 @@ def truncated(octree: Octree, level: int) -> Octree:
         area_world=octree.area_world[:count],
         luminance=octree.luminance[:count],
         normal=octree.normal[:count],
+        chroma=None if octree.chroma is None else octree.chroma[:count],
         _keys={},
     )
 

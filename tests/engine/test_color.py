@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Colour in octrees: luminance keeps its bits, order changes none, inner nodes hold exact means, files keep it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patchnet import commands
+from patchnet.patchnet_addon.errors import OctreeFileError
+from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.chroma import BLUE, GREEN, RED, decoded_colors, encoded_chroma
+from patchnet.patchnet_addon.octree.depth import estimate, most_leaves, peak_bytes
+from patchnet.patchnet_addon.octree.export.octree_file import truncated
+from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
+from patchnet.patchnet_addon.octree.levels import stored_chroma
+from patchnet.patchnet_addon.octree.mesh import Fragments, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.progress import drain
+
+WEIGHTS = np.array([RED, GREEN, BLUE])
+GRID = Grid((-1.5, -1.5, -1.5), 3.0, 6)
+
+
+def soup(order: np.ndarray, cuts: list[int]) -> TriangleMesh:
+    """The same 150 triangles in any order and batches; a triangle's material is its number."""
+    rng = np.random.default_rng(0)
+    corners = rng.uniform(-1, 1, (150, 1, 3)) + rng.normal(size=(150, 3, 3)) * rng.uniform(0.01, 0.15, (150, 1, 1))
+    parts = np.split(order, cuts)
+    starts = [0, *cuts]
+    return TriangleMesh(
+        tuple(
+            TriangleBatch(corners[p], np.zeros((len(p), 3, 2), np.float32), p.astype(np.int32), start)
+            for p, start in zip(parts, starts, strict=True)
+        )
+    )
+
+
+def colors_of(batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
+    """A colour of its own for each triangle, that changes over it."""
+    tones = np.random.default_rng(1).random((150, 3)) ** 2
+    tones[7] = 0.0
+    weight = 0.5 + fragments.barycentric[:, :1]
+    return (tones[batch.materials[fragments.triangle]] * weight).astype(np.float32)
+
+
+def gray_shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+    opacity = (0.2 + 0.8 * fragments.barycentric[:, 1]).astype(np.float32)
+    return (colors_of(batch, fragments) @ WEIGHTS).astype(np.float32), opacity
+
+
+def color_shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+    return *gray_shade(batch, fragments), 5.0 * colors_of(batch, fragments)  # brightness does not count
+
+
+@pytest.fixture(scope="module")
+def gray() -> Octree:
+    return drain(build_octree(soup(np.arange(150), []), GRID, gray_shade, exposure=1.5))
+
+
+@pytest.fixture(scope="module")
+def octree() -> Octree:
+    return drain(build_octree(soup(np.arange(150), []), GRID, color_shade, exposure=1.5))
+
+
+def test_chroma_keeps_luminance_and_hue() -> None:
+    rng = np.random.default_rng(0)
+    colors = rng.random((20_000, 3)) * 10.0 ** rng.uniform(-6, 6, (20_000, 1))
+    luminance = colors @ WEIGHTS
+    found = decoded_colors(luminance, encoded_chroma(colors))
+    np.testing.assert_allclose(found @ WEIGHTS, luminance, rtol=1e-6)
+    assert np.abs(found / found.sum(axis=1, keepdims=True) - colors / colors.sum(axis=1, keepdims=True)).max() < 0.0041
+    gray = np.array([[0.25, 0.25, 0.25], [0.0, 0.0, 0.0]])
+    np.testing.assert_allclose(decoded_colors(gray[:, 0], encoded_chroma(gray)), gray, rtol=1e-6)
+    every = np.stack(np.meshgrid(np.arange(256), np.arange(256)), axis=-1).reshape(-1, 2).astype(np.uint8)
+    any_bytes = decoded_colors(np.ones(len(every)), every)
+    assert np.isfinite(any_bytes).all() and (any_bytes >= 0.0).all()
+
+
+def test_compiled_chroma_equals_the_plain_one() -> None:
+    colors = np.random.default_rng(0).random((20_000, 3)).astype(np.float32)
+    colors[:2] = 0.0
+    luminance = (colors.astype(np.float64) @ WEIGHTS).astype(np.float32)
+    difference = stored_chroma(luminance, colors[:, ::2]).astype(int) - encoded_chroma(colors)
+    assert np.abs(difference).max() <= 1 and (difference == 0).mean() > 0.999, "single precision may tip a rounding"
+
+
+def test_luminance_is_that_of_an_octree_without_colour(gray: Octree, octree: Octree) -> None:
+    assert gray.chroma is None and octree.chroma is not None and octree.chroma.any()
+    for name, values in octree_arrays(gray).items():
+        np.testing.assert_array_equal(values, octree_arrays(octree)[name], err_msg=name)
+    everything = slice(None)
+    np.testing.assert_allclose(octree.color_float(everything) @ WEIGHTS, octree.luminance_float(everything), atol=1e-6)
+    np.testing.assert_array_equal(gray.color_float(everything)[:, 1], gray.luminance_float(everything))
+
+
+@pytest.mark.parametrize("parts, block_fragments", [(1, 10**9), (7, 10**9), (3, 2_000), (7, 100)])
+def test_bits_do_not_depend_on_order_batches_or_passes(octree: Octree, parts: int, block_fragments: int) -> None:
+    rng = np.random.default_rng(parts + block_fragments)
+    cuts = sorted(rng.choice(np.arange(1, 150), parts - 1, replace=False).tolist())
+    mesh = soup(rng.permutation(150), cuts)
+    found = drain(build_octree(mesh, GRID, color_shade, exposure=1.5, block_fragments=block_fragments))
+    for name, values in octree_arrays(octree).items():
+        np.testing.assert_array_equal(octree_arrays(found)[name], values, err_msg=name)
+
+
+def test_leaves_hold_means_over_their_surface() -> None:
+    """Against a plain sum over fragments; luminance of any size, and what is no number, is gray."""
+    rng = np.random.default_rng(6)
+    count = 30_000
+    keys, areas = rng.integers(0, 1 << 12, count).astype(np.uint64), rng.uniform(0, 1e-6, count)
+    color = (rng.random((count, 3)) * 10.0 ** rng.uniform(-3, 6, (count, 1))).astype(np.float32)
+    luminance = (color.astype(np.float64) @ WEIGHTS).astype(np.float32)
+    color[:4] = [[np.nan] * 3, [np.inf] * 3, [0.0] * 3, [-1.0] * 3]
+    leaves = LeafAccumulator(1.0 / 1024)
+    fragments = Fragments(keys, np.zeros(count, np.int32), np.zeros((count, 2), np.float32), areas)
+    leaves.add(fragments, luminance, np.ones(count), np.array([[0.0, 0.0, 1.0]]), 0.5 * color)
+    found, sums = leaves.take()
+    color[:4] = luminance[:4, None]
+    _, place = np.unique(keys, return_inverse=True)
+    for channel, column in ((0, 5), (2, 6)):
+        np.testing.assert_allclose(sums[:, column], np.bincount(place, areas * color[:, channel]), rtol=1e-4)
+    assert sums.shape == (len(found), 7)
+
+
+@pytest.mark.parametrize("levels", [(6,), (4, 6)], ids=["uniform", "fitted"])
+def test_inner_nodes_hold_area_weighted_means(levels: tuple[int, ...]) -> None:
+    layout = LeafLevels(np.resize(np.array(levels, np.uint8), 8))
+    octree = drain(build_octree(soup(np.arange(150), []), GRID, color_shade, layout=layout, exposure=1.5))
+    colors = octree.color_float(slice(None)).astype(np.float64)
+    area = octree.area_world.astype(np.float64)
+    for node in np.flatnonzero(octree.child_mask):
+        first = int(octree.first_child[node])
+        children = slice(first, first + int(octree.child_mask[node]).bit_count())
+        mean = area[children] @ colors[children] / area[children].sum()
+        if mean.sum() > 1e-3:  # darker ones have few steps of luminance
+            found = colors[node] / colors[node].sum()
+            assert np.abs(found - mean / mean.sum()).max() < 0.006, (node, found, mean)
+    leaf = octree.child_mask == 0
+    whole = area[leaf] @ colors[leaf] / area[leaf].sum()
+    np.testing.assert_allclose(colors[0], whole, rtol=0.02)
+
+
+def test_files_keep_colour(gray: Octree, octree: Octree, tmp_path) -> None:
+    path = tmp_path / "o.safetensors"
+    save_octree(octree, path)
+    loaded = load_octree(path)
+    np.testing.assert_array_equal(loaded.chroma, octree.chroma)
+    assert octree_hash(loaded) == octree_hash(octree) != octree_hash(gray)
+    np.testing.assert_array_equal(truncated(octree, 3).chroma, octree.chroma[: octree.level_start[4]])
+    save_octree(gray, path)
+    assert load_octree(path).chroma is None
+    assert octree.nbytes == gray.nbytes + 2 * gray.node_count
+
+
+@pytest.mark.parametrize("chroma", [lambda c: c[:-1], lambda c: c.reshape(-1), lambda c: c.astype(np.uint16)])
+def test_contradictory_colour_is_refused(octree: Octree, chroma, tmp_path) -> None:
+    path = tmp_path / "bad.safetensors"
+    save_octree(replace(octree, chroma=chroma(octree.chroma)), path)
+    with pytest.raises(OctreeFileError, match=r"bad.safetensors.*(differ in length|'chroma')"):
+        load_octree(path)
+
+
+def test_info_says_whether_there_is_colour(gray: Octree, octree: Octree, tmp_path, capsys) -> None:
+    for made, text in ((gray, "luminance alone"), (octree, "in colour")):
+        save_octree(made, tmp_path / "o.safetensors")
+        assert commands.main(["info", str(tmp_path / "o.safetensors")]) == 0
+        assert text in capsys.readouterr().out
+
+
+def test_memory_estimates_count_colour(octree: Octree) -> None:
+    leaves, nodes, peak = estimate(octree, 9)
+    same, more_nodes, more_peak = estimate(octree, 9, color=True)
+    assert same == leaves and more_nodes == pytest.approx(nodes * 16 / 14, rel=1e-4) and more_peak > peak
+    for memory in (1e6, 1e9, 4e9, 1e11):
+        found = most_leaves(memory, color=True)
+        assert found < most_leaves(memory)
+        assert peak_bytes(found, color=True) <= memory < peak_bytes(found + 2, color=True)
