@@ -46,6 +46,9 @@ MAX_TEXELS = 1 << 25
 _PAGE_SIDES = ((200_000, 512), (1_000_000, 1024), (np.inf, 2048))
 _SIDES = tuple(str(1 << log_side) for log_side in range(13))
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
+# Side of what Cycles samples at a time, in texels. It hears of a stop between two passes over a tile only, and a pass
+# over a whole page takes a processor many seconds. The bits are the same.
+_TILE_SIDE = 256
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
@@ -71,8 +74,8 @@ def bake_luminance(
     if samples < 1:
         raise SettingError(f"{samples} samples per texel are too few: choose at least 1")
     side = page_side(source.triangle_count)
-    charts = yield from layout_charts(source, texel_world, max_texels=max_texels, page_side=side)
-    baker = _Baker(context, source, charts, samples, seed)
+    charts = yield from layout_charts(source, texel_world, samples=samples, max_texels=max_texels, page_side=side)
+    baker = _Baker(context, source, charts, seed)
     pages = np.zeros((charts.page_count, charts.page_side**2, 2), np.float32)
     if kept is not None:
         yield Progress(0, 1, "Looking for finished pages")
@@ -88,7 +91,7 @@ def bake_luminance(
         else:
             pages[page] = finished
     yield Progress(charts.page_count, charts.page_count, "Baking light")
-    return Atlas(charts, pages.reshape(-1, 2), samples, (*baker.warnings, *_coarse(charts, texel_world, max_texels)))
+    return Atlas(charts, pages.reshape(-1, 2), samples, (*baker.warnings, *_coarse(charts, max_texels)))
 
 
 def page_side(triangle_count: int) -> int:
@@ -103,11 +106,10 @@ def page_side(triangle_count: int) -> int:
 class _Baker:
     """Bakes sides of pages; holds nothing of Blender's between two calls but the context."""
 
-    def __init__(self, context: bpy.types.Context, source: SceneMesh, charts: Charts, samples: int, seed: int) -> None:
+    def __init__(self, context: bpy.types.Context, source: SceneMesh, charts: Charts, seed: int) -> None:
         self._context = context
         self._source = source
         self._charts = charts
-        self._samples = samples
         self._seed = seed
         self._closed = ClosedPieces()
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
@@ -126,13 +128,13 @@ class _Baker:
         if len(part) == 0:
             return np.zeros((self._charts.page_side**2, 2), np.float32)
         sheets = part.only(~part.closed)
-        front, back = yield from self.bake(part, sheets, at)
+        front, back = yield from self.bake(page, part, sheets, at)
         texels = self.merged(page, sheets.triangles, front, back)
         lit_inside = part.only(self.black(page, part, front))
         if len(lit_inside):
             at = replace(at, done=page + 0.5)
             yield at
-            _, back = yield from self.bake(part.only(np.zeros(len(part), bool)), lit_inside, at)
+            _, back = yield from self.bake(page, part.only(np.zeros(len(part), bool)), lit_inside, at)
             texels = self.merged(page, lit_inside.triangles, texels, back)
         return texels
 
@@ -142,16 +144,16 @@ class _Baker:
 
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
         """(N,) bool: closed triangles that get no light from outside; a lamp may be inside."""
-        from ...patchnet_addon.light.chart_lookup import triangle_means
+        from ...patchnet_addon.light.chart_lookup import group_means
 
-        means = triangle_means(self._charts, front, part.triangles, page)[:, 0]
+        means = group_means(self._charts, front, part.triangles, page)[:, 0]
         return part.closed & (means <= 1e-6 * means.max(initial=0.0))
 
     def merged(self, page: int, triangles: np.ndarray, front: np.ndarray, back: np.ndarray) -> np.ndarray:
         """The page (side * side, 2) with both sides of `triangles` averaged, or the lit one where the other is dark."""
-        from ...patchnet_addon.light.chart_lookup import texel_owners, triangle_means
+        from ...patchnet_addon.light.chart_lookup import group_means, texel_owners
 
-        means = [triangle_means(self._charts, side, triangles, page)[:, 0] for side in (front, back)]
+        means = [group_means(self._charts, side, triangles, page)[:, 0] for side in (front, back)]
         weight = np.full(len(triangles), 0.5, np.float32)  # of the back
         weight[means[1] <= _DARK_SIDE * means[0]] = 0.0
         weight[means[0] < _DARK_SIDE * means[1]] = 1.0
@@ -160,19 +162,20 @@ class _Baker:
         of_texel = of_triangle[texel_owners(self._charts, page)][:, None]
         return front * (1.0 - of_texel) + back * of_texel
 
-    def bake(self, fronts: PageTriangles, backs: PageTriangles, at: Progress) -> Steps[list[np.ndarray]]:
-        """Both sides, each (side * side, 2) float32: luminance weighed by opacity, and opacity; zero elsewhere.
+    def bake(self, page: int, fronts: PageTriangles, backs: PageTriangles, at: Progress) -> Steps[list[np.ndarray]]:
+        """Both sides of a page, each (side * side, 2) float32: luminance weighed by opacity, and opacity; else zero.
 
         In a window, what is baked stays in the scene while steps wait; reports are `at`.
         """
         names = self._source.material_names
+        samples, size = int(self._charts.page_samples[page]), self._charts.page_size[page]
         stack = ExitStack()
         try:
             stack.enter_context(object_mode(self._context))
-            stack.enter_context(_cycles(self._context, self._samples, self._seed))
+            stack.enter_context(_cycles(self._context, samples, self._seed))
             images, materials = [], []
             for part, back in ((fronts, False), (backs, True)):
-                images.append(stack.enter_context(_image(self._charts.page_side)) if len(part) else None)
+                images.append(stack.enter_context(_image(size)) if len(part) else None)
                 materials += stack.enter_context(bake_materials(names if len(part) else (), images[-1], back))
             mesh = stack.enter_context(_mesh())
             shift = len(names) if len(fronts) else 0
@@ -189,23 +192,25 @@ class _Baker:
 
 
 def _shine(image: bpy.types.Image | None, side: int) -> np.ndarray:
-    """Luminance times opacity, and opacity (side * side, 2) float32 of a baked image."""
+    """Luminance times opacity, and opacity (side * side, 2) float32 of a page whose lower left is a baked image."""
+    page = np.zeros((side, side, 2), np.float32)
     if image is None:
-        return np.zeros((side * side, 2), np.float32)
-    pixels = np.empty(side * side * 4, np.float32)
+        return page.reshape(-1, 2)
+    width, height = image.size
+    pixels = np.empty(width * height * 4, np.float32)
     image.pixels.foreach_get(pixels)
-    pixels = np.nan_to_num(pixels.reshape(-1, 4), posinf=0.0, neginf=0.0)
-    shine = np.maximum(pixels[:, :3] @ _LUMINANCE, 0.0)
-    return np.stack([shine, np.clip(pixels[:, 3], 0.0, 1.0)], axis=-1)
+    pixels = np.nan_to_num(pixels.reshape(height, width, 4), posinf=0.0, neginf=0.0)
+    page[:height, :width, 0] = np.maximum(pixels[..., :3] @ _LUMINANCE, 0.0)
+    page[:height, :width, 1] = np.clip(pixels[..., 3], 0.0, 1.0)
+    return page.reshape(-1, 2)
 
 
-def _coarse(charts: Charts, texel_world: float, max_texels: int) -> tuple[str, ...]:
-    factor = charts.texel_world / texel_world
-    if factor < 1.01:
+def _coarse(charts: Charts, max_texels: int) -> tuple[str, ...]:
+    if charts.growth < 1.01:
         return ()
     return (
-        f"The light is baked with texels {factor:.1f} times as large as asked for, since there would be more than "
-        f"{max_texels / 1e6:.0f} million: choose a smaller depth or fewer objects for finer light",
+        f"The light is baked with texels {charts.growth:.1f} times as large as asked for, since there would be more "
+        f"than {max_texels / 1e6:.0f} million: choose a smaller depth or fewer objects for finer light",
     )
 
 
@@ -220,14 +225,17 @@ def _cycles(context: bpy.types.Context, samples: int, seed: int) -> Iterator[Non
     scene = context.scene
     if not hasattr(scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose the two-lights shading")
+    on_gpu = gpu_is_enabled(context)
     with ExitStack() as stack:
         stack.enter_context(changed(scene.render, engine="CYCLES"))
+        if not on_gpu:  # a GPU wants large tiles, and is done with them soon
+            stack.enter_context(changed(scene.cycles, use_auto_tile=True, tile_size=_TILE_SIDE))
         stack.enter_context(
             changed(
                 scene.cycles,
                 samples=samples,
                 seed=seed,
-                device="GPU" if gpu_is_enabled(context) else scene.cycles.device,
+                device="GPU" if on_gpu else scene.cycles.device,
                 use_animated_seed=False,
                 use_adaptive_sampling=False,
                 use_denoising=False,
@@ -242,8 +250,9 @@ def _cycles(context: bpy.types.Context, samples: int, seed: int) -> Iterator[Non
 
 
 @contextmanager
-def _image(side: int) -> Iterator[bpy.types.Image]:
-    image = bpy.data.images.new("PatchNet Bake", side, side, alpha=True, float_buffer=True, is_data=True)
+def _image(size: np.ndarray) -> Iterator[bpy.types.Image]:
+    width, height = (int(texels) for texels in size)
+    image = bpy.data.images.new("PatchNet Bake", width, height, alpha=True, float_buffer=True, is_data=True)
     try:
         yield image
     finally:

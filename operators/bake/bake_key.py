@@ -15,7 +15,9 @@ from ..scene.scene_mesh import SceneMesh
 from .devices import gpu_is_enabled
 from .digest import Digest, names
 
-_CHART_ARRAYS = ("page", "x", "y", "log_width", "log_height", "kind", "origin", "along")
+_CHART_ARRAYS = (
+    "page", "x", "y", "log_width", "log_height", "kind", "origin", "along", "page_samples", "page_size"
+)  # fmt: skip
 _ROOT = Path(__file__).parents[2]
 _CODE = ("operators/bake", "operators/scene", "patchnet_addon/light")
 

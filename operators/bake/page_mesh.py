@@ -24,7 +24,7 @@ class PageTriangles:
     """Placed triangles of one page.
 
     triangles: (N,) int64 indices in the source. corners_world: (N, 3, 3) float64. normals_world: (N, 3, 3) float32.
-    uvs: (N, 3, 2) float32. chart_uvs: (N, 3, 2) float32, the page is [0, 1]^2. materials: (N,) int32.
+    uvs: (N, 3, 2) float32. chart_uvs: (N, 3, 2) float32, what is in use of the page is [0, 1]^2. materials: (N,) int32.
     closed: (N,) bool, their inner side is enclosed. layers: corner layers by name, (N, 3, C) float32.
     """
 
@@ -110,12 +110,18 @@ def _part(
         corners_world=corners[mask],
         normals_world=smooth,
         uvs=uvs[mask],
-        chart_uvs=(charts.corner_texels(triangles) / charts.page_side).astype(np.float32),
+        chart_uvs=_on_page(charts, triangles),
         materials=run.materials()[mask],
         closed=closed.of(run)[mask],
         layers={name: run.per_corner(values)[mask] for name, values in mesh.layers.items()}
         | {name: attribute_values(run, name)[mask] for name in sorted(attributes)},
     )
+
+
+def _on_page(charts: Charts, triangles: np.ndarray) -> np.ndarray:
+    """Texture coordinates (N, 3, 2) float32 of triangles on their page's image."""
+    size = charts.page_size[charts.page[triangles]][:, None]
+    return (charts.corner_texels(triangles) / size).astype(np.float32)
 
 
 def geometric_normals(corners_world: np.ndarray) -> np.ndarray:

@@ -9,7 +9,8 @@ import numba
 import numpy as np
 
 from ..kernels import device, kernel
-from .charts import FIRST, SECOND, SINGLE, Charts
+from .charts import Charts
+from .packing import FIRST, SECOND, SINGLE
 
 
 @device
@@ -158,6 +159,18 @@ def triangle_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, pa
         charts.page_side, texels, out,
     )  # fmt: skip
     return out
+
+
+def group_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, page: int | None = None) -> np.ndarray:
+    """As `triangle_means`, but triangles that share paths (`crowding`) have the mean over those of them given."""
+    means = triangle_means(charts, texels, triangles, page)
+    if charts.group is None or not len(triangles):
+        return means
+    _, place, count = np.unique(charts.group[triangles], return_inverse=True, return_counts=True)
+    place = place.reshape(-1)
+    sums = [np.bincount(place, means[:, channel]) for channel in range(means.shape[1])]
+    shared: np.ndarray = (np.stack(sums, axis=-1) / count[:, None])[place]
+    return shared
 
 
 @kernel

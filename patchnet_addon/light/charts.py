@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A texture chart for every triangle, packed without a search.
+"""A texture chart for every triangle.
 
 Each triangle becomes a right triangle, its longest edge the hypotenuse, in a rectangle of 2^a x 2^b texels about as
-large as its legs are in texels. Two triangles share a rectangle, rectangles stack to squares of 2^a x 2^a, and squares,
-the largest first, follow each other along a Morton curve: a square's place is the number of texels before it. Triangles
-of about one texel get one texel of their own.
+large as its legs are in texels; `packing` says where. Triangles of about one texel get one texel of their own. Where
+they crowd, they get fewer paths (`crowding`).
 
 Every texel whose centre lies in a triangle's half belongs to that triangle alone, and the lines between the halves stay
 clear of texel centres, so that no rounding can change who owns a texel.
@@ -19,9 +18,13 @@ import numpy as np
 from ..errors import SettingError
 from ..octree.mesh import MeshSource
 from ..progress import Progress, Steps
+from .crowding import crowding_of
+from .packing import FIRST, SECOND, SINGLE, packed, texel_count
 
-FIRST, SECOND, SINGLE = range(3)
 MAX_PAGE_SIDE = 4096
+_MOST_SHARES = 6  # halvings of the paths
+# A page of its own starts with reading the scene: in the time for a triangle, and for the call, so many are traced.
+_PATHS_PER_TRIANGLE, _PATHS_PER_CALL = 2, 100_000
 # Thinner rectangles would bring the hypotenuse so close to texel centres that rounding could change their owner.
 _MAX_LOG_ASPECT = 4
 # A single texel's triangle, in texels: its centroid is the texel's centre.
@@ -30,17 +33,20 @@ _SINGLE_CORNERS = np.array([[0.1, 0.25], [0.9, 0.25], [0.5, 1.0]])
 
 @dataclass(frozen=True, eq=False)
 class Charts:
-    """Where each of T triangles lies on square pages of `page_side` texels.
+    """Where each of T triangles lies on P square pages of `page_side` texels, and how many paths pages get.
 
     page, x, y: (T,) int32, lower left texel of the triangle's rectangle. log_width, log_height: (T,) int8.
     kind: (T,) int8, FIRST has its right angle at the rectangle's lower left, SECOND at its upper right, SINGLE is one
     texel.
     origin: (T,) int8, the corner at the right angle. along: (T,) int8, the corner at the end of the leg along x.
+    page_samples: (P,) int32, paths a texel. page_size: (P, 2) int32, width and height of what is in use of each page.
+    group: (T,) int32, the same for triangles that share paths, None where nobody does.
+    texel_world: side of the smallest texels. growth: how many times larger texels are than was asked for.
     """
 
     texel_world: float
+    growth: float
     page_side: int
-    page_count: int
     page: np.ndarray
     x: np.ndarray
     y: np.ndarray
@@ -49,6 +55,14 @@ class Charts:
     kind: np.ndarray
     origin: np.ndarray
     along: np.ndarray
+    page_samples: np.ndarray
+    page_size: np.ndarray
+    group: np.ndarray | None = None
+
+    @property
+    def page_count(self) -> int:
+        """Number of pages."""
+        return len(self.page_samples)
 
     @property
     def texel_count(self) -> int:
@@ -82,28 +96,80 @@ class Charts:
 
 
 def layout_charts(
-    source: MeshSource, texel_world: float, *, max_texels: int = 1 << 25, page_side: int = 1024
+    source: MeshSource,
+    texel_world: float | np.ndarray,
+    *,
+    samples: int = 1,
+    max_texels: int = 1 << 25,
+    page_side: int = 1024,
 ) -> Steps[Charts]:
-    """Charts for all triangles of `source`, with texels of about the side `texel_world`.
+    """Charts for all triangles of `source`, with texels of about the side `texel_world`, one for all or (T,).
 
     Texels grow as far as needed for the pages to hold at most about `max_texels`, but a triangle has at least one.
+    samples: paths a texel; triangles that crowd get 1/2, 1/4, ... of them, at least 1.
     page_side: pages are this large, or larger if the largest triangle asks for it (at most 4096), or smaller.
+    Raises SettingError for texels that are no length.
     """
-    if not (np.isfinite(texel_world) and texel_world > 0):
-        raise SettingError(f"Texel size {texel_world} must be a positive length")
+    wanted = np.broadcast_to(np.asarray(texel_world, np.float32), source.triangle_count)
+    if not (np.isfinite(wanted).all() and (wanted > 0).all()):
+        raise SettingError(f"Texel size {wanted.min()} must be a positive length")
     origin = np.empty(source.triangle_count, np.int8)
     along = np.empty(source.triangle_count, np.int8)
-    logs = np.empty((source.triangle_count, 2), np.float32)  # of the legs, longer first, world units
+    logs = np.empty((source.triangle_count, 2), np.float32)  # of the legs, longer first, in texels
     for batch in source.batches():
         part = slice(batch.first_triangle, batch.first_triangle + len(batch))
         origin[part], along[part], logs[part] = _legs(batch.corners_world)
         yield Progress(part.stop, source.triangle_count, "Laying out charts")
-    limit = int(np.log2(MAX_PAGE_SIDE))
-    sides = _chart_sides(logs, texel_world, limit)
-    while _texels(sides) > max_texels and sides.any():
-        texel_world *= 2.0**0.25
-        sides = _chart_sides(logs, texel_world, limit)
-    return _packed(sides, origin, along, texel_world, page_side)
+    logs -= np.log2(wanted)[:, None]
+    limit, growth = int(np.log2(MAX_PAGE_SIDE)), 1.0
+    sides = _chart_sides(logs, growth, limit)
+    while texel_count(sides) > max_texels and sides.any():
+        growth *= 2.0**0.25
+        sides = _chart_sides(logs, growth, limit)
+    shares, crowding = np.zeros(source.triangle_count, np.uint8), None
+    if samples > 1:
+        crowding = yield from crowding_of(source, wanted * np.float32(growth), _own_texels(sides))
+        shares = _shares(crowding.excess, sides, samples)
+    neighbours = crowding.group if crowding is not None and shares.any() else None
+    packing = packed(sides, shares, neighbours, page_side)
+    return Charts(
+        texel_world=float(wanted.min(initial=np.inf)) * growth,
+        growth=growth,
+        page_side=packing.page_side,
+        page=packing.page,
+        x=packing.x,
+        y=packing.y,
+        log_width=sides[:, 0],
+        log_height=sides[:, 1],
+        kind=packing.kind,
+        origin=origin,
+        along=along,
+        page_samples=np.maximum(samples >> packing.share, 1).astype(np.int32),
+        page_size=packing.size,
+        group=neighbours,
+    )
+
+
+def _own_texels(sides: np.ndarray) -> np.ndarray:
+    """(T,) float64 texels of each triangle: half of its rectangle, or one."""
+    return np.maximum(np.exp2(sides.sum(axis=1, dtype=np.int32) - 1.0), 1.0)
+
+
+def _shares(excess: np.ndarray, sides: np.ndarray, samples: int) -> np.ndarray:
+    """(T,) uint8 number of times that each triangle's paths are halved.
+
+    A class whose own pages would save fewer paths than reading the scene once more costs joins the one before it.
+    """
+    most = min(_MOST_SHARES, int(np.log2(samples)))
+    shares = np.clip(np.floor(np.log2(excess) + 1e-6), 0, most).astype(np.uint8)
+    texels = np.bincount(shares, _own_texels(sides), minlength=most + 1)
+    for share in np.flatnonzero(texels)[:0:-1].tolist():
+        lower = int(np.flatnonzero(texels[:share])[-1])
+        saved = texels[share] * samples * (2.0**-lower - 2.0**-share)
+        if saved < _PATHS_PER_TRIANGLE * len(excess) + _PATHS_PER_CALL:
+            shares[shares == share] = lower
+            texels[lower] += texels[share]
+    return shares
 
 
 def _legs(corners_world: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -120,75 +186,9 @@ def _legs(corners_world: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return origin, along, np.log2(np.maximum(legs, 1e-30))
 
 
-def _chart_sides(logs: np.ndarray, texel_world: float, limit: int) -> np.ndarray:
-    """log2 (T, 2) int8 of rectangles' sides for legs of log2 lengths (T, 2); (0, 0) is a single texel."""
-    sides = np.clip(np.rint(logs - np.float32(np.log2(texel_world))), 0, limit).astype(np.int8)
+def _chart_sides(logs: np.ndarray, growth: float, limit: int) -> np.ndarray:
+    """log2 (T, 2) int8 of rectangles' sides for legs of log2 lengths (T, 2) in texels that grow; (0, 0) is a texel."""
+    sides = np.clip(np.rint(logs - np.float32(np.log2(growth))), 0, limit).astype(np.int8)
     sides[:, 1] = np.maximum(sides[:, 1], sides[:, 0] - _MAX_LOG_ASPECT)
     sides[(sides[:, 0] <= 1) & (sides[:, 1] == 0)] = 0
     return sides
-
-
-def _classes(sides: np.ndarray) -> np.ndarray:
-    """(T,) uint8, ascending with falling width, then falling height; the last class is that of single texels."""
-    return ((15 - sides[:, 0]) * 16 + (15 - sides[:, 1])).astype(np.uint8)
-
-
-def _squares(width: int, height: int, count: int | np.ndarray) -> int | np.ndarray:
-    """Squares that `count` triangles of a class fill."""
-    return count if width == 0 else -(-count // (2 << (width - height)))
-
-
-def _texels(sides: np.ndarray) -> int:
-    counts = np.bincount(_classes(sides), minlength=256)
-    total = 0
-    for number in np.flatnonzero(counts):
-        width, height = 15 - number // 16, 15 - number % 16
-        total += int(_squares(width, height, int(counts[number]))) << (2 * width)
-    return total
-
-
-def _packed(sides: np.ndarray, origin: np.ndarray, along: np.ndarray, texel_world: float, page_side: int) -> Charts:
-    """Place squares along the Morton curve, the largest first."""
-    total = _texels(sides)
-    least = int(np.ceil(np.log2(max(total, 1)) / 2))
-    log_side = max(int(sides.max(initial=0)), min(int(np.log2(page_side)), least))
-    classes = _classes(sides)
-    order = np.argsort(classes, kind="stable")
-    starts = np.flatnonzero(np.diff(classes[order], prepend=-1))
-    ends = np.append(starts[1:], len(order))
-    place = np.empty(len(order), np.int64)  # texels before the triangle's square
-    stacked = np.zeros(len(order), np.int32)  # height in its square
-    kind = np.full(len(order), SINGLE, np.int8)
-    before = 0
-    for start, end in zip(starts, ends, strict=True):
-        members = order[start:end]
-        width, height = (int(side) for side in sides[members[0]])
-        number = np.arange(end - start)
-        square = number if width == 0 else number // (2 << (width - height))
-        place[members] = before + (square << (2 * width))
-        if width > 0:
-            kind[members] = number % 2
-            stacked[members] = ((number // 2) % (1 << (width - height))) << height
-        before += int(_squares(width, height, end - start)) << (2 * width)
-    page, rest = place >> (2 * log_side), place & ((1 << (2 * log_side)) - 1)
-    return Charts(
-        texel_world=texel_world,
-        page_side=1 << log_side,
-        page_count=max(1, -(-total // (1 << (2 * log_side)))),
-        page=page.astype(np.int32),
-        x=_even_bits(rest).astype(np.int32),
-        y=_even_bits(rest >> 1).astype(np.int32) + stacked,
-        log_width=sides[:, 0],
-        log_height=sides[:, 1],
-        kind=kind,
-        origin=origin,
-        along=along,
-    )
-
-
-def _even_bits(values: np.ndarray) -> np.ndarray:
-    """Bits 0, 2, 4, ... of up to 32, moved together."""
-    values = values & 0x55555555
-    for shift, mask in ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF)):
-        values = (values | (values >> shift)) & mask
-    return values

@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..octree.mesh import Fragments, TriangleBatch
-from .charts import SINGLE, Charts
+from .charts import Charts
+from .packing import SINGLE
 from .texture_lookup import surface_of_fragments
 from .textures import TextureTable
 
