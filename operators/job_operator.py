@@ -120,6 +120,7 @@ class JobOperator(_Operator):
         self._outcome: set[str] = set()
         self._quiet = ExitStack()
         self._progress = Progress(0, 1, self.bl_label)
+        self._text = ""  # what the status bar shows
         self._remaining = Remaining()
         try:
             apply_preferences(context)
@@ -168,10 +169,13 @@ class JobOperator(_Operator):
         if progress.fraction != JobOperator.fraction:
             JobOperator.fraction = progress.fraction
             _redraw(context, "UI")
-        context.window_manager.progress_update(percent)
         left = self._remaining.text()
         remaining = f", {left}" if left else ""
-        context.workspace.status_text_set(f"PatchNet: {progress.label} {percent} %{remaining}   (Esc stops)")
+        text = f"PatchNet: {progress.label} {percent} %{remaining}   (Esc stops)"
+        if text != self._text:  # each new one draws the window again, which must not slow down what computes
+            self._text = text
+            context.window_manager.progress_update(percent)
+            context.workspace.status_text_set(text)
 
     def _end_modal(self, context: bpy.types.Context) -> None:
         JobOperator.running = ""

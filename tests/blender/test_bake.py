@@ -303,6 +303,17 @@ def test_scene_is_unchanged_after_cancel_and_error(monkeypatch: pytest.MonkeyPat
     assert_unchanged(before)
 
 
+def test_tiles_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    user_scene()
+    baked_with = []
+    for side in (4096, 8):
+        monkeypatch.setattr(bake, "_TILE_SIDE", side)
+        source = read_scene(bpy.context.evaluated_depsgraph_get())
+        baked_with.append(drain(bake_luminance(bpy.context, source, 0.1, 3)))
+    assert baked_with[0].charts.page_side > 2 * 8
+    np.testing.assert_array_equal(baked_with[0].texels, baked_with[1].texels)
+
+
 @pytest.mark.parametrize("enabled", [False, True])
 def test_gpus_bake_where_they_are_enabled(enabled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Which device Cycles is asked for; without a GPU it takes the processor all the same."""
