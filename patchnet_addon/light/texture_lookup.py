@@ -57,7 +57,7 @@ def _triangle_area(corners):  # type: ignore[no-untyped-def]
 
 
 @device
-def _level(corners, uvs, m, area, size, levels):  # type: ignore[no-untyped-def]
+def pyramid_level(corners, uvs, m, area, size, levels):  # type: ignore[no-untyped-def]
     """Level whose texels are as large as a fragment on a texture of `size` texels, as a fraction between levels."""
     du = uvs[1, 0] - uvs[0, 0]
     dv = uvs[1, 1] - uvs[0, 1]
@@ -130,7 +130,9 @@ def _surface(  # type: ignore[no-untyped-def]
                         threshold,
                     )  # fmt: skip
             if shine < 0.0 and cover != 0.0:
-                level = _level(corners[t], uvs[t], m, area[index], level_height[first] * level_width[first], levels)
+                level = pyramid_level(
+                    corners[t], uvs[t], m, area[index], level_height[first] * level_width[first], levels
+                )
                 shine, other = _trilinear(
                     texels, level_offset, level_height, level_width, first, level, extension, threshold, u, v
                 )  # fmt: skip
@@ -145,7 +147,7 @@ def _surface(  # type: ignore[no-untyped-def]
                 v = m[1, 0] * s + m[1, 1] * r + m[1, 2]
                 first = pyramid_first[color]
                 size = level_height[first] * level_width[first]
-                level = _level(corners[t], uvs[t], m, area[index], size, pyramid_levels[color])
+                level = pyramid_level(corners[t], uvs[t], m, area[index], size, pyramid_levels[color])
                 shine, other = _trilinear(
                     texels, level_offset, level_height, level_width, first, level, pyramid_extension[color], math.nan,
                     u, v,

@@ -17,7 +17,7 @@ from ..octree.mesh import Material, Texture
 
 REC709 = np.array([0.2126, 0.7152, 0.0722], np.float32)
 REPEAT, EXTEND, MIRROR, CLIP = range(4)
-_EXTENSIONS = {"REPEAT": REPEAT, "EXTEND": EXTEND, "MIRROR": MIRROR, "CLIP": CLIP}
+EXTENSIONS = {"REPEAT": REPEAT, "EXTEND": EXTEND, "MIRROR": MIRROR, "CLIP": CLIP}
 CUT_SAMPLES = 4  # along a texel that a threshold cuts
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
@@ -39,6 +39,8 @@ class TextureTable:
     material_color: (M,) int64, pyramid of the base colour where that is laid out unlike the opacity, otherwise -1.
     material_opacity: (M,) float32, a factor on the texture's. material_threshold: (M,) float32, NaN for none.
     material_emission: (M,) float32.
+    Only with colour: colors (N, 3) float32, opacity times red, green and blue, opacity not cut on level 0;
+    material_base and material_glow (M, 3) float32, the colours of material_luminance and material_emission.
     """
 
     texels: np.ndarray
@@ -56,10 +58,13 @@ class TextureTable:
     material_opacity: np.ndarray
     material_threshold: np.ndarray
     material_emission: np.ndarray
+    colors: np.ndarray
+    material_base: np.ndarray
+    material_glow: np.ndarray
 
     @classmethod
-    def from_materials(cls, materials: tuple[Material, ...]) -> TextureTable:
-        """Pyramids of all textured materials; equal ones are shared."""
+    def from_materials(cls, materials: tuple[Material, ...], *, color: bool = False) -> TextureTable:
+        """Pyramids of all textured materials, in colour if wanted; equal ones are shared."""
         pyramids: dict[tuple[object, ...], int] = {}
         levels: list[list[np.ndarray]] = []
         styles: list[Texture] = []
@@ -71,24 +76,24 @@ class TextureTable:
             key = _pyramid_key(material)
             if key not in pyramids:
                 pyramids[key] = len(levels)
-                levels.append(_pyramid(material))
+                levels.append(_pyramid(material, color))
                 styles.append(main)
             return pyramids[key]
 
         parts = [_parts(material) for material in materials]
         index = np.array([pyramid_of(surface) for surface, _ in parts], np.int64)
-        color = np.array([-1 if other is None else pyramid_of(other) for _, other in parts], np.int64)
+        other_color = np.array([-1 if other is None else pyramid_of(other) for _, other in parts], np.int64)
         flat = [level for pyramid in levels for level in pyramid]
         counts = np.array([len(pyramid) for pyramid in levels], np.int64)
         sizes = np.array([level.shape[0] * level.shape[1] for level in flat], np.int64)
         return cls(
-            texels=np.concatenate([level.reshape(-1, 2) for level in flat]) if flat else np.zeros((1, 2), np.float32),
+            texels=_joined(flat, slice(0, 2)),
             level_offset=np.cumsum(sizes) - sizes,
             level_height=np.array([level.shape[0] for level in flat], np.int64),
             level_width=np.array([level.shape[1] for level in flat], np.int64),
             pyramid_first=np.cumsum(counts) - counts,
             pyramid_levels=counts,
-            pyramid_extension=np.array([_EXTENSIONS[style.extension] for style in styles], np.int64),
+            pyramid_extension=np.array([EXTENSIONS[style.extension] for style in styles], np.int64),
             pyramid_transform=np.array([style.transform or _IDENTITY for style in styles], np.float64).reshape(
                 -1, 2, 3
             ),
@@ -100,14 +105,23 @@ class TextureTable:
                 np.bool_,
             ),
             material_pyramid=index,
-            material_color=color,
+            material_color=other_color,
             material_luminance=luminance(np.array([m.base_color for m in materials])),
             material_opacity=np.array([m.alpha for m in materials], np.float32),
             material_threshold=np.array(
                 [np.nan if m.alpha_threshold is None else m.alpha_threshold for m in materials], np.float32
             ),
             material_emission=luminance(np.array([m.emission for m in materials])),
+            colors=_joined(flat if color else [], slice(2, 5)),
+            material_base=np.array([m.base_color for m in materials], np.float32),
+            material_glow=np.array([m.emission for m in materials], np.float32),
         )
+
+
+def _joined(levels: list[np.ndarray], channels: slice) -> np.ndarray:
+    """Some channels of all levels (h, w, C), one texel after the other; a black one where there are none."""
+    parts = [level[..., channels].reshape(-1, channels.stop - channels.start) for level in levels]
+    return np.concatenate(parts) if parts else np.zeros((1, channels.stop - channels.start), np.float32)
 
 
 def _style(texture: Texture) -> tuple[object, ...]:
@@ -130,14 +144,15 @@ def _pyramid_key(material: Material) -> tuple[object, ...]:
     return base and id(base.pixels), alpha and id(alpha.pixels), style, factor, threshold
 
 
-def _pyramid(material: Material) -> list[np.ndarray]:
-    """Levels (h, w, 2) float32, finest first, each half as large as the one before."""
+def _pyramid(material: Material, color: bool) -> list[np.ndarray]:
+    """Levels (h, w, 2) float32, (h, w, 5) with colour, finest first, each half as large as the one before."""
     shine, opacity = _finest(material)
-    levels = [np.stack([shine * opacity, opacity], axis=-1)]
+    hue = _finest_color(material, opacity.shape) if color else ()
+    levels = [_weighed(shine, opacity, hue)]
     if material.alpha_threshold is not None and material.alpha_texture is not None:
         extension = (material.base_texture or material.alpha_texture).extension
         opacity = cut_coverage(opacity, material.alpha_threshold / max(material.alpha, 1e-6), extension)
-    below = np.stack([shine * opacity, opacity], axis=-1)
+    below = _weighed(shine, opacity, hue)
     while max(below.shape[:2]) > 1:
         below = _halved(_halved(below, 0), 1)
         levels.append(below)
@@ -155,6 +170,19 @@ def _finest(material: Material) -> tuple[np.ndarray, np.ndarray]:
         shine = _resized(base.pixels @ (REC709 * factor), shape)
     opacity = np.ones(shape, np.float32) if alpha is None else _resized(alpha.pixels[..., 0], shape)
     return shine, opacity
+
+
+def _finest_color(material: Material, shape: tuple[int, ...]) -> tuple[np.ndarray, ...]:
+    """Red, green and blue, each (h, w) float32, on a raster of that shape."""
+    factor = np.asarray(material.base_color, np.float32)
+    if material.base_texture is None:
+        return tuple(np.full(shape, value, np.float32) for value in factor)
+    return tuple(_resized(material.base_texture.pixels[..., channel] * factor[channel], shape) for channel in range(3))
+
+
+def _weighed(shine: np.ndarray, opacity: np.ndarray, hue: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Channels (h, w, 2 or 5) of a level."""
+    return np.stack([shine * opacity, opacity, *(channel * opacity for channel in hue)], axis=-1)
 
 
 def _resized(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

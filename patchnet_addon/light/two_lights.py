@@ -7,7 +7,8 @@ import numpy as np
 
 from ..errors import SettingError
 from ..octree.mesh import Fragments, MeshSource, Shade, TriangleBatch
-from .albedo import emission_of_fragments
+from .albedo import emission_of_fragments, glow_of_fragments
+from .texture_color import color_of_fragments
 from .texture_lookup import surface_of_fragments
 from .textures import TextureTable
 
@@ -15,7 +16,9 @@ from .textures import TextureTable
 DIRECTION = (0.36, -0.48, 0.8)
 
 
-def two_lights_shade(source: MeshSource, direction: tuple[float, float, float] = DIRECTION) -> Shade:
+def two_lights_shade(
+    source: MeshSource, direction: tuple[float, float, float] = DIRECTION, *, color: bool = False
+) -> Shade:
     """Shade with luminance albedo * |normal . direction| + emission; both sides of a surface are lit alike.
 
     Raises SettingError if the direction is zero or not finite.
@@ -25,12 +28,16 @@ def two_lights_shade(source: MeshSource, direction: tuple[float, float, float] =
     if not (np.isfinite(length) and length > 0.0):
         raise SettingError(f"Light direction {tuple(direction)} is no direction: give a vector that is not zero")
     towards /= length
-    table = TextureTable.from_materials(source.materials)
+    table = TextureTable.from_materials(source.materials, color=color)
 
-    def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
+    def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
         albedo, opacity = surface_of_fragments(table, batch, fragments)
         cosine = _cosines(batch, fragments, towards)
-        return albedo * cosine + emission_of_fragments(table, batch, fragments), opacity
+        luminance = albedo * cosine + emission_of_fragments(table, batch, fragments)
+        if not color:
+            return luminance, opacity
+        base = color_of_fragments(table, batch, fragments, albedo * cosine)
+        return luminance, opacity, base + glow_of_fragments(table, batch, fragments)
 
     return shade
 

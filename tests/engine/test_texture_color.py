@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Colour of shaded fragments against a plain twin; luminance and opacity keep their bits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.light.albedo import albedo_shade
+from patchnet.patchnet_addon.light.texture_color import color_of_fragments
+from patchnet.patchnet_addon.light.texture_color_reference import colors_reference
+from patchnet.patchnet_addon.light.textures import REC709, TextureTable
+from patchnet.patchnet_addon.light.two_lights import two_lights_shade
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.octree.voxelize import clip_batch, triangle_areas_and_normals
+
+WHITE = (1.0, 1.0, 1.0)
+
+
+def materials() -> tuple[Material, ...]:
+    rng = np.random.default_rng(0)
+    image = rng.random((20, 30, 3)).astype(np.float32) ** 2
+    color = Texture("color", image)
+    turned = Texture("turned", image, "MIRROR", ((0.0, -1.5, 0.25), (2.0, 0.0, -0.5)))
+    alpha = Texture("alpha", (np.kron(rng.random((8, 8)), np.ones((5, 5))) > 0.4).astype(np.float32)[..., None])
+    return (
+        Material("wall", (0.5, 1.0, 0.25), color),
+        Material("clipped", WHITE, replace(color, extension="CLIP")),
+        Material("cut", WHITE, color, alpha_texture=alpha, alpha_threshold=0.5),
+        Material("soft", (0.9, 0.2, 0.1), alpha_texture=alpha),
+        Material("two mappings", WHITE, turned, alpha_texture=alpha, alpha_threshold=0.5),
+        Material("plain", (0.1, 0.8, 0.3), emission=(2.0, 0.0, 1.0)),
+        Material("black", (0.0, 0.0, 0.0)),
+    )
+
+
+@pytest.fixture(scope="module")
+def mesh() -> TriangleMesh:
+    rng = np.random.default_rng(1)
+    corners = rng.random((140, 1, 3)) + rng.normal(size=(140, 3, 3)) * rng.uniform(0.02, 0.3, (140, 1, 1))
+    uvs = rng.uniform(-1, 2, (140, 3, 2)).astype(np.float32)
+    ids = (np.arange(140) % len(materials())).astype(np.int32)
+    return TriangleMesh((TriangleBatch(corners, uvs, ids, 0),), materials())
+
+
+@pytest.fixture(scope="module", params=[3, 6])
+def pieces(mesh: TriangleMesh, request: pytest.FixtureRequest) -> tuple[TriangleBatch, Fragments]:
+    (batch,) = mesh.parts
+    areas, _ = triangle_areas_and_normals(batch.corners_world)
+    parts = list(clip_batch(batch, Grid.around(mesh.bounds_world, request.param), areas, request.param))
+    names = ("keys", "triangle", "barycentric", "area_world", "cut_keys")
+    joined = [np.concatenate([getattr(part, name) for part in parts])[:6000] for name in names]
+    return batch, Fragments(*joined, corners_voxel=parts[0].corners_voxel)
+
+
+def test_kernel_equals_reference(mesh: TriangleMesh, pieces: tuple[TriangleBatch, Fragments]) -> None:
+    table = TextureTable.from_materials(mesh.materials, color=True)
+    luminance = np.random.default_rng(2).random(len(pieces[1])).astype(np.float32)
+    found = color_of_fragments(table, *pieces, luminance)
+    np.testing.assert_allclose(found, colors_reference(table, *pieces, luminance), rtol=1e-3, atol=2e-4)
+    lit = found.sum(axis=1) > 0
+    np.testing.assert_allclose(found[lit] @ REC709, luminance[lit], rtol=1e-4)
+
+
+@pytest.mark.parametrize("make", [albedo_shade, two_lights_shade])
+def test_shades_have_colour_only_when_asked(make, mesh: TriangleMesh, pieces) -> None:
+    luminance, opacity = make(mesh)(*pieces)
+    same, as_before, color = make(mesh, color=True)(*pieces)
+    np.testing.assert_array_equal(same, luminance)
+    np.testing.assert_array_equal(as_before, opacity)
+    seen = opacity > 0.01
+    np.testing.assert_allclose((color @ REC709)[seen], luminance[seen], rtol=1e-3, atol=1e-6)
+    for name, hue in (("soft", (0.9, 0.2, 0.1)), ("black", WHITE)):
+        own = np.array([m.name for m in mesh.materials])[pieces[0].materials[pieces[1].triangle]] == name
+        expected = np.array(hue) / (REC709 @ hue) * luminance[own][:, None]
+        np.testing.assert_allclose(color[own], expected, rtol=1e-3, atol=1e-6)
+
+
+def test_emission_mixes_with_the_surface(mesh: TriangleMesh, pieces) -> None:
+    _, _, color = albedo_shade(mesh, color=True)(*pieces)
+    plain = pieces[0].materials[pieces[1].triangle] == 5
+    np.testing.assert_allclose(color[plain], np.broadcast_to((2.1, 0.8, 1.3), color[plain].shape), rtol=1e-5)
+
+
+def test_pyramids_have_the_same_luminance_with_and_without_colour() -> None:
+    gray, colored = (TextureTable.from_materials(materials(), color=color) for color in (False, True))
+    np.testing.assert_array_equal(gray.texels, colored.texels)
+    np.testing.assert_allclose(colored.colors @ REC709, colored.texels[:, 0], atol=1e-5)
+    assert gray.colors.shape == (1, 3)
+
+
+def test_large_fragments_show_the_mean_colour() -> None:
+    """A checkerboard of red and blue from afar is magenta."""
+    board = np.zeros((64, 64, 3), np.float32)
+    board[..., 0] = np.indices((64, 64)).sum(axis=0) % 2
+    board[..., 2] = 1.0 - board[..., 0]
+    corners = np.array([[(0, 0, 0), (1, 0, 0), (1, 1, 0)]], float)
+    uvs = corners[..., :2].astype(np.float32)
+    mesh = TriangleMesh(
+        (TriangleBatch(corners, uvs, np.zeros(1, np.int32), 0),), (Material("M", WHITE, Texture("T", board)),)
+    )
+    whole = Fragments(
+        np.zeros(1, np.uint64), np.zeros(1, np.int32), np.full((1, 2), 1 / 3, np.float32), np.array([0.5])
+    )
+    luminance, _, color = albedo_shade(mesh, color=True)(mesh.parts[0], whole)
+    np.testing.assert_allclose(color[0], (0.5, 0.0, 0.5), atol=1e-3)
+    assert luminance[0] == pytest.approx((0.2126 + 0.0722) / 2, rel=1e-3)
