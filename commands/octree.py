@@ -140,6 +140,7 @@ def _build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Step
 
     from ..operators.job.versions import versions
     from ..operators.scene import read_scene
+    from ..patchnet_addon.light.texel_sizes import texel_sizes
     from ..patchnet_addon.octree.build import build_octree
     from ..patchnet_addon.octree.grid import Grid
     from ..patchnet_addon.octree.rotated import RotatedSource, random_rotation
@@ -147,9 +148,9 @@ def _build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Step
     with clock.stage("read"):
         source = read_scene(bpy.context.evaluated_depsgraph_get())
     with clock.stage("fit" if args.depth == FIT else "grid"):
-        grid, layout, leaf_world = yield from _grid(args, source)
+        grid, layout = yield from _grid(args, source)
     with clock.stage("light"):
-        shade = yield from _shade(args, source, leaf_world * args.texel_voxels, kept)
+        shade = yield from _shade(args, source, texel_sizes(source, grid, layout, args.texel_voxels), kept)
     turned: MeshSource = RotatedSource(source, random_rotation(args.rotate)) if args.rotate else source
     provenance: dict[str, Any] = {
         "file": args.scene.name,
@@ -170,27 +171,23 @@ def _build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Step
         return (yield from steps)
 
 
-def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, LeafLevels | None, float]]:
-    """Cube and depth of the upright surface, the levels of the leaves where they are fitted, and their usual side."""
+def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, LeafLevels | None]]:
+    """Cube and depth of the upright surface, and the levels of the leaves where they are fitted."""
     from ..patchnet_addon.light.opacity import opacity_shade
     from ..patchnet_addon.octree.depth import available_memory, most_leaves
-    from ..patchnet_addon.octree.fit import LAYOUT_BYTES, fit_leaf_levels, usual_leaf_side
+    from ..patchnet_addon.octree.fit import LAYOUT_BYTES, fit_leaf_levels
     from ..patchnet_addon.octree.grid import MAX_DEPTH, Grid
-    from ..patchnet_addon.octree.voxelize import triangle_areas_and_normals
 
     if args.depth != FIT:
-        grid = Grid.around(source.bounds_world, int(args.depth))
-        return grid, None, grid.voxel_world
+        return Grid.around(source.bounds_world, int(args.depth)), None
     grid = Grid.around(source.bounds_world, MAX_DEPTH)
     memory = available_memory() if args.memory is None else args.memory * 2**30
     most = most_leaves(memory - LAYOUT_BYTES)
     fitted = yield from fit_leaf_levels(source, grid, view_cameras(args), opacity_shade(source), most_leaves=most)
-    area = sum(float(triangle_areas_and_normals(batch.corners_world)[0].sum()) for batch in source.batches())
-    side = usual_leaf_side(area, fitted.leaves)
-    return replace(grid, depth=fitted.layout.deepest), fitted.layout, side
+    return replace(grid, depth=fitted.layout.deepest), fitted.layout
 
 
-def _shade(args: argparse.Namespace, source: Any, texel_world: float, kept: KeptPages) -> Steps[Shade]:
+def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarray, kept: KeptPages) -> Steps[Shade]:
     """Shade of the upright surface with baked light, or of the turned one with two lights."""
     import bpy
 

@@ -43,23 +43,13 @@ class PATCHNET_OT_bake_light(LightProperties, JobOperator, bpy.types.Operator):
         _check_bounds(source.bounds_world, before.octree.grid)
         settings, grid = replace(settings, scope=before.scope), before.octree.grid
         with KeptPages() as kept:
-            shade, assumed = yield from lit(context, source, _leaf_side(before), settings, kept)
+            shade, assumed = yield from lit(context, source, grid, before.layout, settings, kept)
             octree = yield from build(source, grid, shade, settings, settings.light, before.layout)
         made = results.SceneResult(octree=octree, scope=before.scope, layout=before.layout, light=settings.light)
         results.keep(context.scene, made)
         for warning in assumed:
             self.report({"WARNING"}, warning)
         return f"{octree.leaf_count:,} voxels are lit ({settings.light})"
-
-
-def _leaf_side(result: results.SceneResult) -> float:
-    """Side of the leaves in world units, the usual one where they differ."""
-    from ..patchnet_addon.octree.fit import usual_leaf_side
-
-    octree = result.octree
-    if result.layout is None:
-        return octree.grid.voxel_world
-    return usual_leaf_side(float(octree.area_world[0]), octree.leaf_count)
 
 
 def _check_bounds(bounds_world: np.ndarray, grid: Grid) -> None:

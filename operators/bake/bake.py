@@ -55,7 +55,7 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 def bake_luminance(
     context: bpy.types.Context,
     source: SceneMesh,
-    texel_world: float,
+    texel_world: float | np.ndarray,
     samples: int,
     seed: int = 0,
     *,
@@ -64,7 +64,8 @@ def bake_luminance(
 ) -> Steps[Atlas]:
     """Diffuse light with global illumination, and emission, on all triangles of `source`.
 
-    texel_world: side of a texel, about that of a leaf; texels grow if there would be more than `max_texels`.
+    texel_world: side of a texel, about that of a leaf, one for all or (T,); texels grow if there would be more than
+    `max_texels`.
     samples: paths a texel and side. kept: finished pages are taken from there and left there.
     Raises SceneError if Cycles is not there or cannot bake.
     """

@@ -79,7 +79,7 @@ def _compute(
     with watch.stage("depth"):
         choice = yield from choose_grid(source, fitted_to, settings)
     with watch.stage("light"):
-        shade, assumed = yield from lit(context, source, choice.leaf_world, settings, kept)
+        shade, assumed = yield from lit(context, source, choice.grid, choice.layout, settings, kept)
     with watch.stage("voxelize"):
         octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout)
     with watch.stage("codes"):

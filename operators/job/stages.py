@@ -32,13 +32,9 @@ NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 
 @dataclass(frozen=True, eq=False)
 class GridChoice:
-    """The grid of the octree, the levels of its leaves (None: all on the deepest), and what they lack in sentences.
-
-    leaf_world: side of the leaves, the usual one where they differ; texels of baked light follow it.
-    """
+    """The grid of the octree, the levels of its leaves (None: all on the deepest), and what they lack in sentences."""
 
     grid: Grid
-    leaf_world: float
     layout: LeafLevels | None = None
     warnings: tuple[str, ...] = ()
 
@@ -56,7 +52,7 @@ def choose_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSett
     if settings.voxel_world is not None:
         grid = Grid.with_voxel_size(source.bounds_world, settings.voxel_world)
         choose_depth(coarse, cameras, grid.depth, settings.memory_bytes)
-        return GridChoice(grid, grid.voxel_world)
+        return GridChoice(grid)
     choice = choose_depth(coarse, cameras, settings.depth, settings.memory_bytes)
     warnings: tuple[str, ...] = ()
     if choice.bounded_by_memory:
@@ -65,15 +61,14 @@ def choose_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSett
             "look-ahead; fit the octree to the cameras, or choose smaller pictures or fewer objects",
         )
     grid = Grid.around(source.bounds_world, choice.depth)
-    return GridChoice(grid, grid.voxel_world, None, warnings)
+    return GridChoice(grid, None, warnings)
 
 
 def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
     """Leaves as deep as the cameras need them, as far as memory allows."""
     from ...patchnet_addon.light.opacity import opacity_shade
     from ...patchnet_addon.octree.depth import LOOK_AHEAD_SHARE, available_memory, most_leaves
-    from ...patchnet_addon.octree.fit import LAYOUT_BYTES, fit_leaf_levels, usual_leaf_side
-    from ...patchnet_addon.octree.voxelize import triangle_areas_and_normals
+    from ...patchnet_addon.octree.fit import LAYOUT_BYTES, fit_leaf_levels
 
     grid = Grid.around(source.bounds_world, MAX_DEPTH)
     memory = settings.memory_bytes or available_memory()
@@ -86,9 +81,7 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
             f"The cameras need leaves down to level {fitted.wanted}, more than memory or depth allow: about "
             f"{fitted.lookahead_share:.0%} of pixels will have look-ahead; choose smaller pictures or fewer cameras",
         )
-    area = sum(float(triangle_areas_and_normals(batch.corners_world)[0].sum()) for batch in source.batches())
-    leaf_world = usual_leaf_side(area, fitted.leaves)
-    return GridChoice(replace(grid, depth=fitted.layout.deepest), leaf_world, fitted.layout, warnings)
+    return GridChoice(replace(grid, depth=fitted.layout.deepest), fitted.layout, warnings)
 
 
 def unlit(source: MeshSource) -> Shade:
@@ -101,13 +94,14 @@ def unlit(source: MeshSource) -> Shade:
 def lit(
     context: bpy.types.Context,
     source: SceneMesh,
-    leaf_world: float,
+    grid: Grid,
+    layout: LeafLevels | None,
     settings: JobSettings,
     kept: KeptPages | None = None,
 ) -> Steps[tuple[Shade, tuple[str, ...]]]:
     """The surface in the light of the settings, and sentences about what had to be assumed.
 
-    leaf_world: side of the leaves that the light is for.
+    grid, layout: the leaves that the light is for; texels follow them.
     kept: where a bake finds pages of one that was stopped, and leaves its own.
     """
     if settings.light != CYCLES:
@@ -115,10 +109,11 @@ def lit(
 
         return two_lights_shade(source), ()
     from ...patchnet_addon.light.atlas import atlas_shade
+    from ...patchnet_addon.light.texel_sizes import texel_sizes
     from ..bake import bake_luminance
 
     bright = has_light(context.evaluated_depsgraph_get())
-    texel_world = leaf_world * settings.texel_voxels
+    texel_world = texel_sizes(source, grid, layout, settings.texel_voxels)
     baking = bake_luminance(context, source, texel_world, settings.samples, kept=kept)
     atlas = yield from baking if bright else in_daylight(context.scene, baking)
     return atlas_shade(atlas, source), (*atlas.warnings, *(() if bright else (NO_LIGHT,)))

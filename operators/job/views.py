@@ -15,11 +15,11 @@ from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import error_picture, heatmap, overlay, tint
-from ...patchnet_addon.image.tone import gray
+from ...patchnet_addon.image.tone import shown
 from ...patchnet_addon.progress import Steps, labelled
 from ...patchnet_addon.sampling.errors import mse_at
 from ...patchnet_addon.sampling.frame import Frame
-from ...patchnet_addon.sampling.refine import refine, refined_picture, urgency
+from ...patchnet_addon.sampling.refine import refine, refined_colors, refined_picture, urgency
 from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
 from ...patchnet_addon.sampling.report import frame_report
 from ...patchnet_addon.sampling.trace import trace_frame
@@ -73,24 +73,32 @@ def view(coded: CodedOctree, camera: Camera, settings: JobSettings, *, compare: 
 
 
 def _pictures(frame: Frame, score: np.ndarray, settings: JobSettings, name: str) -> dict[str, np.ndarray]:
-    """What a person looks at; those with a legend are magnified, the others are as many pixels as the camera has."""
+    """What a person looks at; those with a legend are magnified, the others are as many pixels as the camera has.
+
+    Preview, refined and reference are in colour if the octree is. The overlay stays gray, so that red means one thing.
+    """
     assert frame.reference is not None
     chosen = strategy(settings.strategy)
-    refined = refined_picture(frame, refine(frame, score, settings.budget))
+    mask = refine(frame, score, settings.budget)
+    refined = refined_picture(frame, mask)
     before, after = (np.abs(values - frame.reference) for values in (frame.preview, refined))
     unrefined, left = mse_at(frame, score, [0.0, settings.budget])
-    picture, colors = frame.picture, settings.colormap
+    picture, ramp = frame.picture, settings.colormap
     maximum = settings.heatmap_maximum or chosen.maximum
     preview, first = picture(frame.preview), picture(urgency(frame, score, settings.budget))
+    looks = {"preview": frame.preview, "refined": refined, "reference": frame.reference}
+    if frame.preview_color is not None and frame.reference_color is not None:
+        colors = refined_colors(frame, mask)
+        looks = {"preview": frame.preview_color, "refined": colors, "reference": frame.reference_color}
     return {
-        "preview": gray(preview),
-        "priority": colormap(picture(score) / np.float32(maximum), colors),
-        "heatmap": heatmap(picture(score), maximum, chosen.quantity, map_name=colors, title=f"{name}: {chosen.name}"),
+        "preview": shown(picture(looks["preview"])),
+        "priority": colormap(picture(score) / np.float32(maximum), ramp),
+        "heatmap": heatmap(picture(score), maximum, chosen.quantity, map_name=ramp, title=f"{name}: {chosen.name}"),
         "order": tint(preview, first),
         "overlay": overlay(preview, first, settings.budget, title=f"{name}: order of refinement"),
-        "refined": gray(picture(refined)),
-        "reference": gray(picture(frame.reference)),
-        "error": error_picture(picture(before), picture(after), ERROR_MAXIMUM, (unrefined, left), map_name=colors),
+        "refined": shown(picture(looks["refined"])),
+        "reference": shown(picture(looks["reference"])),
+        "error": error_picture(picture(before), picture(after), ERROR_MAXIMUM, (unrefined, left), map_name=ramp),
     }
 
 

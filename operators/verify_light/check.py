@@ -55,7 +55,7 @@ def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[L
         source = read_scene(context.evaluated_depsgraph_get(), job.scope)
         choice = yield from choose_grid(source, [], job)
     with watch.stage("light"):
-        shade, assumed = yield from lit(context, source, choice.leaf_world, job)
+        shade, assumed = yield from lit(context, source, choice.grid, choice.layout, job)
     with watch.stage("voxelize"):
         octree = yield from build(source, choice.grid, shade, job, job.light)
     cameras = yield from _cameras(context, octree, settings, source.bounds_world)

@@ -88,11 +88,6 @@ def fit_leaf_levels(
     )
 
 
-def usual_leaf_side(area_world: float, leaves: int) -> float:
-    """Side of the leaves if all were alike, in world units: a plane meets one and a half cells per cell's face."""
-    return float(np.sqrt(1.5 * area_world / max(leaves, 1)))
-
-
 def _caps(block_level: int, deepest: int) -> Iterator[int]:
     """The deepest leaves of each round; the last cap is for the last look, too."""
     yield from range(block_level + LEVELS_PER_ROUND, deepest, LEVELS_PER_ROUND)

@@ -75,7 +75,7 @@ def test_steps_one_by_one(scene: bpy.types.Scene) -> None:
     drop_result_images()
 
 
-def test_cycles_bakes_texels_of_the_usual_leaf(scene: bpy.types.Scene) -> None:
+def test_cycles_bakes_texels_that_follow_the_leaves(scene: bpy.types.Scene) -> None:
     assert bpy.ops.patchnet.voxelize(resolution="FIT", size=SIZE) == {"FINISHED"}
     assert bpy.ops.patchnet.bake_light(samples=1, texel_voxels=8.0) == {"FINISHED"}
     lit = results.voxels_of(scene).octree
