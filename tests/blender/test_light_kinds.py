@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every kind of light, baked as Cycles' camera sees it: lamps, worlds, emitters, panes, mixed materials."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet.tests.blender.light_scene import (
+    assert_agrees,
+    compare,
+    grey,
+    lamp,
+    material,
+    mixed,
+    pane,
+    shader,
+    shown,
+    simple,
+    slab,
+    world,
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def empty_scene() -> None:
+    bpy.ops.wm.read_homefile(use_empty=True)
+
+
+def test_sun_with_an_angle() -> None:
+    """The blurred shadow of half a roof."""
+    slab()
+    pane("Roof", grey(0.0))
+    lamp("SUN", 3.0, angle=0.5).rotation_euler = (0.3, 0.4, 0.0)
+    assert_agrees(compare(), contrast=0.9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings"),
+    [
+        ("POINT", {"shadow_soft_size": 0.1}),
+        ("AREA", {"size": 0.6}),
+        ("AREA", {"size": 0.6, "spread": 0.6}),
+        ("AREA", {"shape": "DISK", "size": 0.8}),
+        ("SPOT", {"spot_size": 1.0, "spot_blend": 0.1, "shadow_soft_size": 0.02}),
+    ],
+)
+def test_lamps(kind: str, settings: dict) -> None:
+    """The edge of the spot's cone, and the area's narrow beam, lie on the surface."""
+    slab()
+    lamp(kind, 20.0, (0.2, 0.1, 1.0), **settings)
+    assert_agrees(compare(), contrast=0.5)
+
+
+def test_nodes_of_a_lamp() -> None:
+    """A gobo: strength by the direction of the ray, coloured."""
+    slab()
+    light = lamp("POINT", 20.0, shadow_soft_size=0.0).data
+    light.use_nodes = True
+    tree = light.node_tree
+    emission = next(node for node in tree.nodes if node.type == "EMISSION")
+    absolute = tree.nodes.new("ShaderNodeVectorMath")
+    absolute.operation = "ABSOLUTE"
+    tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs["Normal"], absolute.inputs[0])
+    tree.links.new(absolute.outputs[0], emission.inputs["Color"])
+    assert_agrees(compare(), contrast=0.5)
+
+
+def test_photometric_profile(tmp_path: Path) -> None:
+    """An IES file whose beam is 30 degrees wide."""
+    path = tmp_path / "beam.ies"
+    angles = "0 10 14 16 90"
+    path.write_text("IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 5 1 1 2 0 0 0\n1 1 0\n" + angles + "\n0\n1000 1000 1000 0 0\n")
+    slab()
+    light = lamp("POINT", 0.05, shadow_soft_size=0.0).data
+    light.use_nodes = True
+    tree = light.node_tree
+    profile = tree.nodes.new("ShaderNodeTexIES")
+    profile.mode, profile.filepath = "EXTERNAL", str(path)
+    emission = next(node for node in tree.nodes if node.type == "EMISSION")
+    tree.links.new(
+        profile.outputs["Fac"] if "Fac" in profile.outputs else profile.outputs[0], emission.inputs["Strength"]
+    )
+    assert_agrees(compare(), contrast=0.9)
+
+
+def test_constant_world() -> None:
+    slab()
+    pane("Roof", grey(0.0))
+    world().nodes["Background"].inputs["Color"].default_value = (0.5, 0.8, 1.0, 1.0)
+    assert_agrees(compare(256), contrast=0.3)
+
+
+def test_sky_texture() -> None:
+    """The newest kind that this Blender has, sun disc included."""
+    slab()
+    pane("Roof", grey(0.0), scale=(1, 1, 1))
+    tree = world()
+    sky = tree.nodes.new("ShaderNodeTexSky")
+    assert sky.sky_type in ("NISHITA", "MULTIPLE_SCATTERING", "SINGLE_SCATTERING")
+    sky.sun_elevation, sky.sun_intensity = 0.9, 0.1
+    tree.links.new(sky.outputs[0], tree.nodes["Background"].inputs["Color"])
+    assert_agrees(compare(256), contrast=0.3)
+
+
+@pytest.mark.parametrize("ending", ["hdr", "exr"])
+def test_environment_picture(ending: str, tmp_path: Path) -> None:
+    """A bright spot near the horizon on a dim sky, from a file."""
+    sky = np.full((32, 64, 4), 0.1, np.float32)
+    sky[22:26, 40:46, :3] = (60.0, 30.0, 10.0)
+    picture = bpy.data.images.new("Sky", 64, 32, float_buffer=True)
+    picture.pixels.foreach_set(sky.ravel())
+    picture.filepath_raw = str(tmp_path / f"sky.{ending}")
+    picture.file_format = {"hdr": "HDR", "exr": "OPEN_EXR"}[ending]
+    picture.save()
+    slab()
+    wall = pane("Wall", grey(0.0))
+    wall.rotation_euler, wall.location = (0.0, np.pi / 2, 0.0), (0.0, 0.0, 1.0)
+    tree = world()
+    node = tree.nodes.new("ShaderNodeTexEnvironment")
+    node.image = bpy.data.images.load(picture.filepath_raw)
+    tree.links.new(node.outputs[0], tree.nodes["Background"].inputs["Color"])
+    assert_agrees(compare(256), contrast=0.3)
+
+
+def test_emitting_mesh_that_is_not_selected() -> None:
+    slab()
+    pane("Emitter", simple("Emission", Strength=4.0), scale=(0.3, 0.3, 1)).rotation_euler.x = np.pi
+    assert_agrees(compare(128), contrast=0.5)
+
+
+def test_light_from_a_coloured_wall_and_back() -> None:
+    """Several bounces between the surface and a wall."""
+    slab(paint=grey(0.8))
+    wall = pane("Wall", simple(Color=(0.9, 0.3, 0.1, 1.0)))
+    wall.rotation_euler, wall.location = (0.0, np.pi / 2, 0.0), (1.0, 0.0, 1.0)
+    lamp("SUN", 3.0, angle=0.0).rotation_euler.y = -0.8
+    assert_agrees(compare(64), contrast=0.1)
+
+
+def transparent_pane(kind: str) -> bpy.types.Material:
+    """Materials that let light through, each in its way."""
+    if kind == "holes":
+        result, tree = material("Holes")
+        checker = tree.nodes.new("ShaderNodeTexChecker")
+        checker.inputs["Scale"].default_value = 4.0
+        mix = mixed(tree, shader(tree, "BsdfTransparent"), shader(tree, "BsdfDiffuse"), 0.5)
+        tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs["Generated"], checker.inputs["Vector"])
+        tree.links.new(checker.outputs["Fac"] if "Fac" in checker.outputs else checker.outputs[1], mix.node.inputs[0])
+        shown(tree, mix)
+        return result
+    if kind == "alpha":
+        return simple("BsdfPrincipled", "Alpha", Alpha=0.3)
+    if kind == "tinted":
+        return simple("BsdfTransparent", "Tinted", Color=(0.2, 0.6, 0.9, 1.0))
+    if kind == "translucent":
+        return simple("BsdfTranslucent", "Paper", Color=(0.8, 0.8, 0.8, 1.0))
+    if kind == "glass":
+        return simple("BsdfGlass", "Glass", IOR=1.45, Roughness=0.0)
+    if kind == "refraction":
+        return simple("BsdfRefraction", "Refraction", IOR=1.3, Roughness=0.2)
+    return simple("BsdfPrincipled", "Clear", Transmission_Weight=1.0, Roughness=0.3)
+
+
+@pytest.mark.parametrize("kind", ["holes", "alpha", "tinted", "translucent"])
+def test_light_through_panes(kind: str) -> None:
+    slab()
+    pane("Pane", transparent_pane(kind))
+    lamp("SUN", 3.0, angle=0.05)
+    assert_agrees(compare(256), contrast=0.1)
+
+
+@pytest.mark.parametrize("kind", ["glass", "refraction", "transmission"])
+@pytest.mark.parametrize("source", ["world", "lamp"])
+def test_light_through_transmission(kind: str, source: str) -> None:
+    """Paths that leave the surface, pass the pane and meet a large lamp or the world: caustics, as the settings say."""
+    slab()
+    pane("Pane", transparent_pane(kind))
+    if source == "world":
+        world()
+    else:
+        lamp("AREA", 200.0, (0, 0, 2), size=4.0)
+    assert_agrees(compare(512), contrast=0.05)
