@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The material of shown voxels: their luminance as it is, without any light of the scene."""
+"""The material of shown voxels: their colour as it is, without any light of the scene."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from ..own import OWNER
 
 _NAME = "PatchNet Voxels"
 LUMINANCE = "luminance"
+COLOR = "voxel_color"  # "color" would be the object's own, white, where it is not there
 
 
 def voxel_material() -> bpy.types.Material:
@@ -18,9 +19,10 @@ def voxel_material() -> bpy.types.Material:
 
 
 def _new_material() -> bpy.types.Material:
-    """Emission of the attribute `luminance`: on points and real cubes it is the geometry's, on instances theirs.
+    """Emission of the voxels' colour, gray where the octree has luminance alone.
 
-    An attribute that is not there reads 0, so the sum is whichever there is.
+    On points and real cubes the attribute is the geometry's, on instances theirs; one that is not there reads 0, so the
+    sum is whichever there is.
     """
     material = bpy.data.materials.new(_NAME)
     material[OWNER] = _NAME
@@ -29,12 +31,12 @@ def _new_material() -> bpy.types.Material:
     material.cycles.emission_sampling = "NONE"  # nothing else in the scene is lit by it
     tree = material.node_tree
     tree.nodes.clear()
-    total = tree.nodes.new("ShaderNodeMath")
+    total = tree.nodes.new("ShaderNodeVectorMath")
     for index, kind in enumerate(("GEOMETRY", "INSTANCER")):
         attribute = tree.nodes.new("ShaderNodeAttribute")
-        attribute.attribute_name, attribute.attribute_type = LUMINANCE, kind
+        attribute.attribute_name, attribute.attribute_type = COLOR, kind
         attribute.location = (-400, -200 * index)
-        tree.links.new(attribute.outputs["Fac"], total.inputs[index])
+        tree.links.new(attribute.outputs["Vector"], total.inputs[index])
     emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
     total.location, emission.location, output.location = (-200, 0), (0, 0), (200, 0)
     tree.links.new(total.outputs[0], emission.inputs["Color"])

@@ -13,13 +13,13 @@ from ...patchnet_addon.errors import SceneError
 from ...patchnet_addon.image.tone import srgb_encode
 from ...patchnet_addon.octree.voxel_cloud import VoxelCloud
 from ..own import OWNER
-from .material import LUMINANCE, voxel_material
+from .material import COLOR, LUMINANCE, voxel_material
 from .node_groups import SIDE, cubes_group, points_group
 
 NAME = "PatchNet Voxels"
 CUBES = "CUBES"
 POINTS = "POINTS"
-_COLOR = "luminance_color"  # what the viewport's solid mode shows for Color: Attribute
+_SHOWN = "luminance_color"  # what the viewport's solid mode shows for Color: Attribute
 _LIGHT_RAYS = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
@@ -69,10 +69,11 @@ def _mesh(cloud: VoxelCloud) -> bpy.types.Mesh:
     mesh.vertices.foreach_set("co", cloud.centres_world.astype(np.float32).ravel())
     for name, values in ((LUMINANCE, cloud.luminance), (SIDE, cloud.side_world)):
         mesh.attributes.new(name, "FLOAT", "POINT").data.foreach_set("value", values)
+    mesh.attributes.new(COLOR, "FLOAT_VECTOR", "POINT").data.foreach_set("vector", cloud.color.ravel())
     colors = np.ones((len(cloud), 4), np.float32)
-    colors[:, :3] = srgb_encode(cloud.luminance)[:, None]
-    mesh.attributes.new(_COLOR, "BYTE_COLOR", "POINT").data.foreach_set("color_srgb", colors.ravel())
-    mesh.attributes.active_color_name = _COLOR
+    colors[:, :3] = srgb_encode(cloud.color)
+    mesh.attributes.new(_SHOWN, "BYTE_COLOR", "POINT").data.foreach_set("color_srgb", colors.ravel())
+    mesh.attributes.active_color_name = _SHOWN
     return mesh
 
 

@@ -58,6 +58,11 @@ class VoxelRun:
         return self.octree.luminance_float(self.nodes)
 
     @property
+    def color(self) -> np.ndarray:
+        """Linear colours (n, 3) float32 of that luminance, channels may be above 1; gray without colour."""
+        return self.octree.color_float(self.nodes)
+
+    @property
     def normal(self) -> np.ndarray:
         """Mean normals (n, 3) float32, length at most 1."""
         return self.octree.normal_float(self.nodes)
@@ -73,6 +78,7 @@ class VoxelCloud:
     """All voxels of one level as arrays; those of coarser leaves have a larger side.
 
     centres_world: (n, 3) float64. side_world: (n,) float32. luminance: (n,) float32 in [0, 1].
+    color: (n, 3) float32, linear, of that luminance; gray without colour.
     normal: (n, 3) float32, length at most 1. area_world: (n,) float32.
     """
 
@@ -80,6 +86,7 @@ class VoxelCloud:
     centres_world: np.ndarray
     side_world: np.ndarray
     luminance: np.ndarray
+    color: np.ndarray
     normal: np.ndarray
     area_world: np.ndarray
 
@@ -152,6 +159,7 @@ def voxel_cloud(octree: Octree, level: int) -> VoxelCloud:
         centres_world=np.concatenate([run.centres_world for run in runs]),
         side_world=np.concatenate([np.full(len(run), run.side_world, np.float32) for run in runs]),
         luminance=np.concatenate([run.luminance for run in runs]),
+        color=np.concatenate([run.color for run in runs]),
         normal=np.concatenate([run.normal for run in runs]),
         area_world=np.concatenate([run.area_world for run in runs]),
     )

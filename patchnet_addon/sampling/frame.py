@@ -25,6 +25,8 @@ class Frame:
     prediction: coverage and luminance that the network decodes (methods 4.1b).
     exact: the same two, rendered from the patch itself (methods 9).
     reference: (P,) float32, L32, 32x32 samples (methods 7.5).
+    preview_color, reference_color: (P, 3) float32, linear, of those luminances, for people; None without colour.
+    Everything that is scored and measured is luminance.
     """
 
     hits: Hits
@@ -32,6 +34,8 @@ class Frame:
     prediction: Prediction | None = None
     exact: Prediction | None = None
     reference: np.ndarray | None = None
+    preview_color: np.ndarray | None = None
+    reference_color: np.ndarray | None = None
 
     @property
     def height(self) -> int:

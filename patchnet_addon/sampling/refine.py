@@ -38,6 +38,12 @@ def refined_picture(frame: Frame, mask: np.ndarray) -> np.ndarray:
     return np.where(mask, frame.reference, frame.preview)
 
 
+def refined_colors(frame: Frame, mask: np.ndarray) -> np.ndarray:
+    """(P, 3) float32: as `refined_picture`, in colour. The frame needs its colours and its reference."""
+    assert frame.preview_color is not None and frame.reference_color is not None
+    return np.where(mask[:, None], frame.reference_color, frame.preview_color)
+
+
 def urgency(frame: Frame, score: np.ndarray, budget: float) -> np.ndarray:
     """(P,) float32: 1 for the pixel that is refined first, falling to 0 at the budget's end, 0 beyond it.
 

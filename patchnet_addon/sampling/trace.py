@@ -27,10 +27,10 @@ def trace_frame(
 ) -> Steps[Frame]:
     """The picture at 1 sample per pixel, what `strategies` need of the rest, and the 32x32 reference if wanted.
 
-    Raises SettingError if a strategy needs codes and `coded` is None.
+    Pictures are in colour too if the octree is. Raises SettingError if a strategy needs codes and `coded` is None.
     """
     from ..codes.predict import predict
-    from ..tracing.render import behind, first_hits, supersample
+    from ..tracing.render import behind, first_hits, hit_colors, supersample, supersample_colors
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
     if PREDICTION in needs and coded is None:
@@ -45,5 +45,10 @@ def trace_frame(
 
         exact = yield from exact_prediction(octree, hits)
     wanted = reference or REFERENCE in needs
-    sampled = (yield from supersample(octree, camera)) if wanted else None
-    return Frame(hits=hits, behind=luminance_behind, prediction=prediction, exact=exact, reference=sampled)
+    sampled, colors = None, None
+    if wanted and octree.chroma is not None:
+        sampled, colors = yield from supersample_colors(octree, camera)
+    elif wanted:
+        sampled = yield from supersample(octree, camera)
+    seen = hit_colors(octree, hits) if octree.chroma is not None else None
+    return Frame(hits, luminance_behind, prediction, exact, sampled, preview_color=seen, reference_color=colors)

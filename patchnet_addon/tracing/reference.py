@@ -56,6 +56,22 @@ def first_hits_reference(
     return best_node, best_t
 
 
+def supersampled_reference(
+    octree: Octree, camera: Camera, samples: int, background: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Plain twin of `render.supersample_colors`: mean luminance (P,) and colours (P, 3) of samples x samples rays."""
+    row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
+    luminance, colors = np.zeros(camera.pixel_count), np.zeros((camera.pixel_count, 3))
+    for j, i in itertools.product(range(samples), repeat=2):
+        x = 2 * (column + (i + 0.5) / samples) / camera.width_px - 1
+        y = 2 * (row + (j + 0.5) / samples) / camera.height_px - 1
+        node, _ = first_hits_reference(octree, camera, x, y, 1 / samples)
+        hit, met = node >= 0, np.maximum(node, 0)
+        luminance += np.where(hit, octree.luminance_float(met), background)
+        colors += np.where(hit[:, None], octree.color_float(met), background)
+    return luminance / samples**2, colors / samples**2
+
+
 def _box_interval(
     origin: np.ndarray, inverse: np.ndarray, low: np.ndarray, size: float
 ) -> tuple[np.ndarray, np.ndarray]:

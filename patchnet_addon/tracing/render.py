@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import SettingError
 from ..kernels import kernel
+from ..octree.chroma_kernels import decode_color
 from ..octree.octree import LOOK_AHEAD, LUMINANCE_SCALE, Octree
 from ..progress import Progress, Steps
 from .camera import Camera, camera_in_unit_cube
@@ -20,6 +21,7 @@ from .traverse import MAX_LEVELS, first_hit, pixel_ray
 
 MAX_SAMPLES = 32  # per pixel side
 _ROWS_PER_STEP = 8
+_NO_CHROMA = np.empty((0, 2), np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +77,13 @@ def first_hits(octree: Octree, camera: Camera, background: float = 0.0) -> Hits:
         camera.width_px, camera.height_px, node, level, cell, t_world[:, 0], t_world[:, 1], ratio, entry, direction,
         ray_up(direction, camera.up), luminance,
     )  # fmt: skip
+
+
+def hit_colors(octree: Octree, hits: Hits, background: float = 0.0) -> np.ndarray:
+    """Linear colours (P, 3) float32 of what the rays met, with the luminance of `hits`; gray without colour."""
+    colors = np.full((len(hits.node), 3), background, np.float32)
+    colors[hits.hit] = octree.color_float(hits.node[hits.hit])
+    return colors
 
 
 def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
@@ -171,6 +180,22 @@ def supersample(
 
     Each ray has the footprint pixel / samples, i.e. up to log2(samples) levels deeper; same_lod keeps the pixel's own.
     """
+    steps = _supersampled(octree, _NO_CHROMA, camera, samples, background, same_lod)
+    return (yield from steps)[0]
+
+
+def supersample_colors(
+    octree: Octree, camera: Camera, samples: int = MAX_SAMPLES, background: float = 0.0
+) -> Steps[tuple[np.ndarray, np.ndarray]]:
+    """Luminance (P,) as of `supersample`, and the mean linear colours (P, 3) float32; the octree must have colour."""
+    assert octree.chroma is not None
+    return (yield from _supersampled(octree, octree.chroma, camera, samples, background, same_lod=False))
+
+
+def _supersampled(
+    octree: Octree, chroma: np.ndarray, camera: Camera, samples: int, background: float, same_lod: bool
+) -> Steps[tuple[np.ndarray, np.ndarray]]:
+    """Luminance (P,), and colours (P, 3) unless `chroma` is empty."""
     if not 1 <= samples <= MAX_SAMPLES:
         raise SettingError(f"{samples} samples per pixel side are outside 1 to {MAX_SAMPLES}")
     unit = camera_in_unit_cube(camera, octree.grid)
@@ -178,20 +203,22 @@ def supersample(
     if not same_lod:
         lens[2:] /= samples
     out = np.empty(camera.pixel_count, np.float32)
+    colors = np.empty((camera.pixel_count if len(chroma) else 0, 3), np.float32)
     for row in range(0, camera.height_px, _ROWS_PER_STEP):
         last = min(row + _ROWS_PER_STEP, camera.height_px)
         _supersample(
-            octree.child_mask, octree.first_child, octree.luminance, unit.frame, lens, unit.perspective,
-            unit.width_px, unit.height_px, row, last, samples, np.float64(background), out,
+            octree.child_mask, octree.first_child, octree.luminance, chroma, unit.frame, lens, unit.perspective,
+            unit.width_px, unit.height_px, row, last, samples, np.float64(background), out, colors,
         )  # fmt: skip
         yield Progress(last, camera.height_px, f"Sampling {samples}x{samples}")
-    return out
+    return out, colors
 
 
 @kernel
-def _supersample(
-    child_mask, first_child, luminance, frame, lens, perspective, width, height, first, last, samples, background, out
-):  # type: ignore[no-untyped-def]
+def _supersample(  # type: ignore[no-untyped-def]
+    child_mask, first_child, luminance, chroma, frame, lens, perspective, width, height, first, last, samples,
+    background, out, colors,
+):  # fmt: skip
     for index in numba.prange((last - first) * width):
         row = first + index // width
         column = index % width
@@ -200,6 +227,9 @@ def _supersample(
         ray_o = np.empty(3, np.float64)
         ray_d = np.empty(3, np.float64)
         total = 0.0
+        red = 0.0
+        green = 0.0
+        blue = 0.0
         for j in range(samples):
             y = 2.0 * (row + (j + 0.5) / samples) / height - 1.0
             for i in range(samples):
@@ -208,5 +238,18 @@ def _supersample(
                 hit, _, _ = first_hit(
                     child_mask, first_child, ray_o, ray_d, 0.0, 0.0, speed, lens[2], lens[3], stack, found
                 )
-                total += luminance[hit] / LUMINANCE_SCALE if hit >= 0 else background
+                shine = luminance[hit] / LUMINANCE_SCALE if hit >= 0 else background
+                total += shine
+                if len(chroma):
+                    if hit >= 0:
+                        r, g, b = decode_color(shine, chroma[hit, 0], chroma[hit, 1])
+                    else:
+                        r, g, b = background, background, background
+                    red += r
+                    green += g
+                    blue += b
         out[row * width + column] = total / (samples * samples)
+        if len(chroma):
+            colors[row * width + column, 0] = red / (samples * samples)
+            colors[row * width + column, 1] = green / (samples * samples)
+            colors[row * width + column, 2] = blue / (samples * samples)

@@ -2,6 +2,7 @@
 """Voxels in the scene: where they are, what shows them, that they are no part of what is read, lit and watched."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -169,6 +170,22 @@ def test_pictures_show_the_luminance(display: str, tmp_path: Path) -> None:
         assert both.sum() > 0.9 * seen.sum()
         assert pixels[both][:, 0].mean() == pytest.approx(expected[both].mean(), rel=0.03)
         assert (np.abs(pixels[both][:, 0] - expected[both]) < 1e-4).mean() > 0.8  # rays through other places of a pixel
+
+
+@pytest.mark.parametrize("display", ["CUBES", "INSTANCES", "POINTS"])
+def test_pictures_show_colour(scene: bpy.types.Scene, display: str, tmp_path: Path) -> None:
+    result = results.voxels_of(scene)
+    chroma = np.random.default_rng(0).integers(30, 128, (result.octree.node_count, 2)).astype(np.uint8)
+    results.keep(scene, replace(result, octree=replace(result.octree, chroma=chroma)))
+    bpy.ops.patchnet.show_voxels(level=4, display="POINTS" if display == "POINTS" else "CUBES")
+    if display == "INSTANCES":
+        set_input(shown(), "Keep Instances", True)
+    cloud = voxel_cloud(results.voxels_of(scene).octree, 4)
+    assert np.ptp(cloud.color, axis=1).max() > 0.2
+    pixels = picture(tmp_path / "picture.exr")
+    seen = pixels[pixels[..., 3] > 0.999][:, :3]
+    assert len(seen) > 150
+    assert np.abs(seen[:, None] - cloud.color).max(axis=2).min(axis=1).max() < 1e-5
 
 
 def test_it_is_replaced_and_a_renamed_one_is_kept(scene: bpy.types.Scene) -> None:

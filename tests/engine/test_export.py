@@ -85,6 +85,31 @@ def test_npz(octree, level, tmp_path):
         assert json.loads(str(read["provenance"])) == {"scene": "Höhle"}
 
 
+@pytest.fixture(scope="module")
+def colored(octree):
+    rng = np.random.default_rng(1)
+    return replace(octree, chroma=rng.integers(40, 128, (octree.node_count, 2)).astype(np.uint8))
+
+
+@pytest.mark.parametrize("level", [3, 7])
+def test_colour_in_ply_and_npz(octree, colored, level, tmp_path):
+    cloud = voxel_cloud(colored, level)
+    np.testing.assert_allclose(cloud.color @ (0.2126, 0.7152, 0.0722), cloud.luminance, atol=1e-6)
+    drain(export_octree(colored, tmp_path / "voxels.ply", level))
+    rows = read_ply(tmp_path / "voxels.ply")
+    values = np.stack([rows[name] for name in ("red", "green", "blue")], axis=-1) / 255
+    linear = np.where(values <= 10 / 255, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    np.testing.assert_allclose(linear, np.clip(cloud.color, 0, 1), atol=0.005)
+    assert (rows["red"] != rows["green"]).any()
+    drain(export_octree(colored, tmp_path / "voxels.npz", level))
+    with np.load(tmp_path / "voxels.npz") as read:
+        np.testing.assert_array_equal(read["color"], cloud.color)
+        np.testing.assert_array_equal(read["luminance"], cloud.luminance)
+    drain(export_octree(octree, tmp_path / "voxels.npz", level))
+    with np.load(tmp_path / "voxels.npz") as read:
+        assert "color" not in read
+
+
 def test_octree_file(octree, tmp_path):
     path = tmp_path / "octree.safetensors"
     drain(export_octree(octree, path))
@@ -119,6 +144,24 @@ def test_vdb(octree, level, tmp_path):
     # Extinction times volume, times 2, is the surface again.
     density = dense_grid(grids["density"], side).sum(dtype=np.float64)
     assert density * (4.0 / side) ** 3 * 2 == pytest.approx(octree.area_world[0], rel=1e-4)
+
+
+@needs_vdb
+@pytest.mark.parametrize("level", [4, 7])
+def test_colour_in_vdb(colored, level, tmp_path):
+    drain(export_octree(colored, tmp_path / "voxels.vdb", level))
+    module = pytest.importorskip(vdb.vdb_module_name())
+    grids = {grid.name: grid for grid in module.readAll(str(tmp_path / "voxels.vdb"))[0]}
+    assert set(grids) == {"luminance", "density", "color"}
+    values = np.full((1 << level,) * 3 + (3,), np.nan, np.float32)
+    grids["color"].copyToArray(values, ijk=(0, 0, 0))
+    luminance = dense_grid(grids["luminance"], 1 << level)
+    np.testing.assert_allclose(values @ np.array((0.2126, 0.7152, 0.0722), np.float32), luminance, atol=1e-5)
+    cloud = voxel_cloud(colored, level)
+    cells = np.floor((cloud.centres_world - (-3.0, 10.0, 2.5)) / 4.0 * (1 << level)).astype(int)
+    fine = cloud.side_world < 4.0 / (1 << level) * 1.5
+    assert fine.sum() > 10
+    np.testing.assert_allclose(values[tuple(cells[fine].T)], cloud.color[fine], atol=1e-6)
 
 
 @needs_vdb

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The compiled ray walk against its NumPy twin and against brute force over all voxels."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,8 +11,12 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.mesh import TriangleMesh
 from patchnet.patchnet_addon.progress import drain
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.reference import first_hits_reference, pixel_rays
-from patchnet.patchnet_addon.tracing.render import behind, first_hits, supersample
+from patchnet.patchnet_addon.tracing.reference import (
+    first_hits_reference,
+    pixel_rays,
+    supersampled_reference,
+)
+from patchnet.patchnet_addon.tracing.render import behind, first_hits, hit_colors, supersample, supersample_colors
 
 SIZE = (24, 20)
 
@@ -102,15 +108,24 @@ def test_supersampling_equals_mean_of_reference_rays(octree):
     camera = cameras()[0].with_size(6, 5)
     n = 4
     picture = drain(supersample(octree, camera, n, background=0.25))
-    expected = np.zeros(camera.pixel_count)
-    for j in range(n):
-        for i in range(n):
-            row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
-            x = 2 * (column + (i + 0.5) / n) / camera.width_px - 1
-            y = 2 * (row + (j + 0.5) / n) / camera.height_px - 1
-            node, _ = first_hits_reference(octree, camera, x, y, footprint=1 / n)
-            expected += np.where(node >= 0, octree.luminance_float(np.maximum(node, 0)), 0.25)
-    np.testing.assert_allclose(picture, expected / n**2, atol=1e-6)
+    expected, _ = supersampled_reference(octree, camera, n, background=0.25)
+    np.testing.assert_allclose(picture, expected, atol=1e-6)
+
+
+def test_colour_of_pictures(octree):
+    """Equal to the plain twin, with the luminance of the gray pictures to the bit."""
+    chroma = np.random.default_rng(0).integers(0, 128, (octree.node_count, 2)).astype(np.uint8)
+    colored, camera = replace(octree, chroma=chroma), cameras()[0].with_size(9, 7)
+    luminance, colors = drain(supersample_colors(colored, camera, 3, background=0.25))
+    np.testing.assert_array_equal(luminance, drain(supersample(octree, camera, 3, background=0.25)))
+    np.testing.assert_allclose(colors, supersampled_reference(colored, camera, 3, background=0.25)[1], atol=1e-5)
+    np.testing.assert_allclose(colors @ (0.2126, 0.7152, 0.0722), luminance, atol=1e-6)
+    hits = first_hits(colored, camera, background=0.25)
+    seen = hit_colors(colored, hits, background=0.25)
+    np.testing.assert_allclose(seen @ (0.2126, 0.7152, 0.0722), hits.luminance, atol=1e-6)
+    np.testing.assert_allclose(seen, drain(supersample_colors(colored, camera, 1, background=0.25))[1], atol=1e-6)
+    gray = hit_colors(octree, hits, background=0.25)
+    np.testing.assert_array_equal(gray, np.repeat(hits.luminance[:, None], 3, axis=1))
 
 
 def test_one_sample_equals_first_hits(octree):

@@ -6,6 +6,7 @@ level         (n,) uint8      its level; lower than the exported one for leaves 
 centres_world (n, 3) float32  centre in world units
 side_world    (n,) float32    side in world units
 luminance     (n,) float32    linear, 0 to 1, times the exposure below
+color         (n, 3) float32  linear Rec. 709 of that luminance; only where the octree has colour
 normal        (n, 3) float32  mean normal, length at most 1
 area_world    (n,) float32    surface in the voxel, weighed by opacity
 
@@ -38,6 +39,9 @@ _COLUMNS: dict[str, tuple[str, int, Callable[[VoxelRun], np.ndarray]]] = {
     "normal": ("<f4", 3, lambda run: run.normal),
     "area_world": ("<f4", 0, lambda run: run.area_world),
 }
+_COLOR_COLUMN: dict[str, tuple[str, int, Callable[[VoxelRun], np.ndarray]]] = {
+    "color": ("<f4", 3, lambda run: run.color),
+}
 
 
 def write_npz(octree: Octree, level: int, path: Path) -> Steps[int]:
@@ -46,9 +50,10 @@ def write_npz(octree: Octree, level: int, path: Path) -> Steps[int]:
     The columns stand one after the other in the file, so the octree is walked once for each of them.
     """
     count = int(voxel_counts(octree)[level])
+    columns = _COLUMNS if octree.chroma is None else _COLUMNS | _COLOR_COLUMN
     done = 0
     with replaced_file(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        for name, (dtype, width, column) in _COLUMNS.items():
+        for name, (dtype, width, column) in columns.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
                 shape = (count, width) if width else (count,)
                 header = {"descr": dtype, "fortran_order": False, "shape": shape}
@@ -56,7 +61,7 @@ def write_npz(octree: Octree, level: int, path: Path) -> Steps[int]:
                 for run in voxel_runs(octree, level):
                     entry.write(np.ascontiguousarray(column(run), np.dtype(dtype)).tobytes())
                     done += len(run)
-                    yield Progress(done, count * len(_COLUMNS), "Writing voxels")
+                    yield Progress(done, count * len(columns), "Writing voxels")
         for name, value in _whole(octree, level).items():
             with archive.open(f"{name}.npy", "w") as entry:
                 np.lib.format.write_array(entry, value, allow_pickle=False)  # type: ignore[arg-type]

@@ -3,7 +3,7 @@
 
 x, y, z          centre in world units
 nx, ny, nz       mean normal; shorter than 1 where the surface in the voxel is curved or has two sides
-red, green, blue luminance for the eye: sRGB, 0 to 255
+red, green, blue colour for the eye, or luminance where the octree has none: sRGB, 0 to 255
 scalar_luminance linear, 0 to 1; the prefix is how CloudCompare marks values that belong to points
 scalar_side      side of the voxel in world units
 scalar_area      surface in the voxel in square world units
@@ -58,7 +58,7 @@ def _rows(run: VoxelRun) -> np.ndarray:
     for axes, values in (("x y z", run.centres_world), ("nx ny nz", run.normal)):
         for axis, name in enumerate(axes.split()):
             rows[name] = values[:, axis]
-    for name in _COLOURS:
-        rows[name] = to_bytes(srgb_encode(run.luminance))
+    for name, values in zip(_COLOURS, to_bytes(srgb_encode(run.color)).T, strict=True):
+        rows[name] = values
     rows["scalar_luminance"], rows["scalar_side"], rows["scalar_area"] = run.luminance, run.side_world, run.area_world
     return rows

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voxels as two OpenVDB grids of floats, through the `openvdb` module that Blender's own Python has.
+"""Voxels as OpenVDB grids, through the `openvdb` module that Blender's own Python has.
 
 luminance  linear, 0 to 1
 density    surface / (2 * volume) of the voxel, in 1 / world unit: the extinction of a medium that hides, averaged over
            directions, as much as the surface in the voxel would (half of a surface's area is its mean projection).
            It does not depend on the level, and is what a Principled Volume reads by default.
+color      vectors, linear Rec. 709 of that luminance; only where the octree has colour
 
 OpenVDB's cell (i, j, k) has its centre at index (i, j, k), so index 0 lies half a voxel inside the octree's cube.
 Blender follows this from 5.0 on; older ones show every OpenVDB file half a voxel too far along each axis.
@@ -32,7 +33,7 @@ NO_VDB = (
     "This Python has no openvdb module, which .vdb needs: use Blender as blender.org ships it, or choose .ply or .npz"
 )
 _BLOCK_LEVELS = 5  # cells are handed over in dense blocks of 2^5 along an axis
-_GRIDS = ("luminance", "density")
+_CHANNELS = {"luminance": 1, "density": 1, "color": 3}  # of each grid
 # Cells with exactly the background's value do not exist; black surfaces do.
 _BLACK = np.float32(np.finfo(np.float32).tiny)
 
@@ -46,13 +47,15 @@ def vdb_module_name() -> str:
 def write_vdb(octree: Octree, level: int, path: Path) -> Steps[int]:
     """Write the voxels of `level` to `path`; returns their number.
 
-    OpenVDB holds both grids in memory until they are written: 2 KiB for each block of 8^3 cells that has voxels.
+    OpenVDB holds the grids in memory until they are written: 2 KiB for each block of 8^3 cells that has voxels, and
+    6 KiB more with colour.
     Raises SettingError without the module, PatchNetError if the file cannot be written.
     """
     if not vdb_module_name():
         raise SettingError(NO_VDB)
     vdb: Any = importlib.import_module(vdb_module_name())
-    grids = {name: _empty_grid(vdb, octree, level, name) for name in _GRIDS}
+    names = [name for name in _CHANNELS if name != "color" or octree.chroma is not None]
+    grids = {name: _empty_grid(vdb, octree, level, name) for name in names}
     total, done, top = int(voxel_counts(octree)[level]), 0, max(level - _BLOCK_LEVELS, 0)
     for run in voxel_runs(octree, top):
         for index in range(len(run)):
@@ -73,15 +76,18 @@ def _empty_grid(vdb: Any, octree: Octree, level: int, name: str) -> Any:
     transform = vdb.createLinearTransform(voxelSize=side)
     x, y, z = (axis + side / 2 for axis in octree.grid.origin_world)
     transform.translate((x, y, z))
-    grid = vdb.FloatGrid()  # background 0
+    grid = vdb.FloatGrid() if _CHANNELS[name] == 1 else vdb.Vec3SGrid()  # background 0
     grid.name, grid.transform, grid.gridClass = name, transform, vdb.GridClass.FOG_VOLUME
     return grid
 
 
-def _values(run: VoxelRun) -> np.ndarray:
-    """Values (2, n) float32 in the order of the grids."""
-    density = run.area_world / (2.0 * run.side_world**3)
-    return np.maximum(np.stack([run.luminance, density]).astype(np.float32), _BLACK)
+def _values(run: VoxelRun, name: str) -> np.ndarray:
+    """Values (n,) float32 of a grid, (n, 3) of one of vectors."""
+    if name == "color":
+        values = run.color
+    else:
+        values = run.luminance if name == "luminance" else run.area_world / (2.0 * run.side_world**3)
+    return np.maximum(values.astype(np.float32), _BLACK)
 
 
 def _fill(grids: dict[str, Any], leaf: VoxelRun, level: int) -> int:
@@ -89,8 +95,9 @@ def _fill(grids: dict[str, Any], leaf: VoxelRun, level: int) -> int:
     width = 1 << (level - leaf.level)
     low = leaf.cells[0] * width
     corners = tuple(low.tolist()), tuple((low + width - 1).tolist())
-    for grid, value in zip(grids.values(), _values(leaf)[:, 0].tolist(), strict=True):
-        grid.fill(*corners, value, True)
+    for name, grid in grids.items():
+        value = _values(leaf, name)[0].tolist()
+        grid.fill(*corners, tuple(value) if _CHANNELS[name] == 3 else value, True)
     return 1
 
 
@@ -98,14 +105,16 @@ def _copy_block(grids: dict[str, Any], node: VoxelRun, level: int) -> int:
     """All voxels below one node, through dense arrays; their number."""
     side, count = 1 << (level - node.level), 0
     low = node.cells[0] * side
-    dense = np.zeros((len(grids), side, side, side), np.float32)
+    dense = {name: np.zeros((side, side, side, _CHANNELS[name]), np.float32) for name in grids}
     for run in voxel_runs(node.octree, level, node):
         width = 1 << (level - run.level)
         parts = side // width
         x, y, z = (run.cells - low // width).T
-        tiled = dense.reshape(len(grids), parts, width, parts, width, parts, width)
-        tiled[:, x, :, y, :, z, :] = _values(run).T[:, :, None, None, None]  # (n, 2, width, width, width)
+        for name, values in dense.items():
+            tiled = values.reshape(parts, width, parts, width, parts, width, -1)
+            tiled[x, :, y, :, z] = _values(run, name).reshape(len(run), 1, 1, 1, -1)  # (n, width, width, width, C)
         count += len(run)
-    for grid, values in zip(grids.values(), dense, strict=True):
-        grid.copyFromArray(values, ijk=tuple(low.tolist()))
+    for name, grid in grids.items():
+        cells = dense[name] if _CHANNELS[name] == 3 else dense[name][..., 0]
+        grid.copyFromArray(cells, ijk=tuple(low.tolist()))
     return count
