@@ -22,7 +22,9 @@ _ROOT = Path(__file__).parents[2]
 _CODE = ("operators/bake", "operators/scene", "patchnet_addon/light")
 
 
-def bake_key(context: bpy.types.Context, source: SceneMesh, charts: Charts, samples: int, seed: int) -> str:
+def bake_key(
+    context: bpy.types.Context, source: SceneMesh, charts: Charts, samples: int, seed: int, color: bool = False
+) -> str:
     """32 hex digits over surface, charts, samples, and all of the scene that a bake could show.
 
     Not seen are: drivers and geometry nodes of objects that are disabled in viewports yet rendered (what they depend
@@ -30,7 +32,7 @@ def bake_key(context: bpy.types.Context, source: SceneMesh, charts: Charts, samp
     their settings.
     """
     digest = Digest()
-    digest.text(_code_hash(), bpy.app.version_string, bpy.app.build_hash, samples, seed, _devices())
+    digest.text(_code_hash(), bpy.app.version_string, bpy.app.build_hash, samples, seed, color, _devices())
     digest.text(gpu_is_enabled(context))
     digest.text(charts.texel_world, charts.page_side, charts.page_count)
     for name in _CHART_ARRAYS:
@@ -61,7 +63,7 @@ def _devices() -> tuple[str, ...]:
 
 def _add_surface(digest: Digest, source: SceneMesh) -> None:
     """What is baked, as renders evaluate it."""
-    digest.text(source.material_names)
+    digest.text(source.material_names, [sorted(links) for links in source.light_links])
     for part in source.parts:
         mesh = part.mesh
         for name in ("vertices", "triangles", "slots", "uvs"):
@@ -69,7 +71,7 @@ def _add_surface(digest: Digest, source: SceneMesh) -> None:
         digest.array("normals", mesh.corner_normals(0, len(mesh)))
         for name, values in sorted(mesh.layers.items()):
             digest.array(name, values)
-        for name in ("matrices_world", "materials", "random", "colors", "indices"):
+        for name in ("matrices_world", "materials", "random", "colors", "indices", "links"):
             digest.array(name, getattr(part, name))
 
 

@@ -88,6 +88,8 @@ class Digest:
         elif isinstance(block, bpy.types.Collection):
             for item in block.all_objects:
                 self.block(item)
+            for entry in (*block.collection_children, *block.collection_objects):
+                self.text(entry.light_linking.link_state)
         elif hasattr(block, "attributes"):
             self.geometry(block)
         elif not isinstance(block, bpy.types.Scene | bpy.types.Library):

@@ -25,7 +25,8 @@ class PageTriangles:
 
     triangles: (N,) int64 indices in the source. corners_world: (N, 3, 3) float64. normals_world: (N, 3, 3) float32.
     uvs: (N, 3, 2) float32. chart_uvs: (N, 3, 2) float32, what is in use of the page is [0, 1]^2. materials: (N,) int32.
-    closed: (N,) bool, their inner side is enclosed. layers: corner layers by name, (N, 3, C) float32.
+    closed: (N,) bool, their inner side is enclosed. links: (N,) int32, index into the source's `light_links`.
+    layers: corner layers by name, (N, 3, C) float32.
     """
 
     triangles: np.ndarray
@@ -35,6 +36,7 @@ class PageTriangles:
     chart_uvs: np.ndarray
     materials: np.ndarray
     closed: np.ndarray
+    links: np.ndarray
     layers: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -61,7 +63,7 @@ class PageTriangles:
         )
 
 
-_COLUMNS = ("triangles", "corners_world", "normals_world", "uvs", "chart_uvs", "materials", "closed")
+_COLUMNS = ("triangles", "corners_world", "normals_world", "uvs", "chart_uvs", "materials", "closed", "links")
 
 
 def joined(parts: Sequence[PageTriangles]) -> PageTriangles:
@@ -113,6 +115,7 @@ def _part(
         chart_uvs=_on_page(charts, triangles),
         materials=run.materials()[mask],
         closed=closed.of(run)[mask],
+        links=np.repeat(run.placements.links[run.lo : run.hi], run.last - run.first)[mask],
         layers={name: run.per_corner(values)[mask] for name, values in mesh.layers.items()}
         | {name: attribute_values(run, name)[mask] for name in sorted(attributes)},
     )

@@ -14,6 +14,7 @@ from ...patchnet_addon.errors import EmptySelectionError, GeometryError, Setting
 from ...patchnet_addon.octree.mesh import Material
 from .images import ImageReader
 from .layer_names import layer_names
+from .light_links import LightLinks
 from .local_mesh import LocalMesh, read_local_mesh
 from .materials import read_material
 from .object_random import object_random
@@ -40,7 +41,7 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMes
     if not parts:
         raise EmptySelectionError(_nothing(scope))
     materials, warnings = reader.materials()
-    return SceneMesh(parts, materials, tuple(reader.material_names), warnings)
+    return SceneMesh(parts, materials, tuple(reader.material_names), warnings, tuple(reader.light_links.distinct))
 
 
 def _nothing(scope: str) -> str:
@@ -59,6 +60,7 @@ class _Placed:
     random: float
     color: tuple[float, ...]
     index: int
+    links: int
 
     def padded_slots(self, width: int) -> tuple[int, ...]:
         """`width` slots, the last one repeated, as Blender does for faces beyond the slots."""
@@ -70,6 +72,7 @@ class _Reader:
 
     def __init__(self) -> None:
         self.material_names: dict[str, int] = {}
+        self.light_links = LightLinks()
         self._meshes: dict[tuple[object, ...], LocalMesh | None] = {}
         self._layer_names: dict[str, frozenset[str]] = {}
         self._placed: dict[tuple[object, ...], list[_Placed]] = {}
@@ -91,7 +94,7 @@ class _Reader:
             self._placed.setdefault(key, []).append(
                 _Placed(
                     item.name, matrix, slots or (self._material(None),), object_random(instance), tuple(item.color),
-                    item.pass_index,
+                    item.pass_index, self.light_links.number(instance),
                 )
             )  # fmt: skip
 
@@ -130,6 +133,7 @@ class _Reader:
                     random=np.array([each.random for each in placed]),
                     colors=np.array([each.color for each in placed], np.float32),
                     indices=np.array([each.index for each in placed], np.int32),
+                    links=np.array([each.links for each in placed], np.int32),
                 )
             )
         return tuple(parts)

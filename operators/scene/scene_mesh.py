@@ -11,6 +11,7 @@ import numpy as np
 
 from ...patchnet_addon.errors import GeometryError
 from ...patchnet_addon.octree.mesh import Material, TriangleBatch
+from .light_links import Links
 from .local_mesh import LocalMesh
 
 BATCH_TRIANGLES = 250_000
@@ -23,7 +24,7 @@ class Placements:
     mesh: the triangles in their own space. objects: (P,) names of the placed objects.
     matrices_world: (P, 4, 4) float64. materials: (P, S) int32, index into the scene's materials for each slot.
     random: (P,) float64 in [0, 1], Cycles' random number of each object. colors: (P, 4) float32, the objects' colours.
-    indices: (P,) int32, the objects' pass indices.
+    indices: (P,) int32, the objects' pass indices. links: (P,) int32, index into the scene's `light_links`.
     """
 
     mesh: LocalMesh
@@ -33,6 +34,7 @@ class Placements:
     random: np.ndarray
     colors: np.ndarray
     indices: np.ndarray
+    links: np.ndarray
 
     @property
     def mirrored(self) -> np.ndarray:
@@ -116,13 +118,14 @@ class SceneMesh:
     """`MeshSource` of a Blender scene. Meshes are kept once; placed triangles exist only batch by batch.
 
     material_names: Blender's (full) name for each of `materials`, "" where a surface has none.
-    warnings: sentences about what was simplified.
+    warnings: sentences about what was simplified. light_links: receiver collections of lamps that objects are in.
     """
 
     parts: tuple[Placements, ...]
     materials: tuple[Material, ...]
     material_names: tuple[str, ...]
     warnings: list[str]
+    light_links: tuple[Links, ...]
     bounds_world: np.ndarray = field(init=False)  # (2, 3) float64
     triangle_count: int = field(init=False)
 
