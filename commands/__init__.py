@@ -28,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     0 for success, 2 for bad input (one sentence on stderr), 130 when interrupted.
     """
     from ..patchnet_addon.errors import PatchNetError
-    from .interrupt import INTERRUPTED, prompt_interrupt
+    from ..patchnet_addon.interrupt import INTERRUPTED, prompt_interrupt
 
     modules = {name: importlib.import_module(f".{name.replace('-', '_')}", __name__) for name in NAMES}
     args = _parser(modules).parse_args(argv)

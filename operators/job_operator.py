@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from typing import TYPE_CHECKING, ClassVar
 
 import bpy
 
 from ..patchnet_addon.errors import PatchNetError, StoppedError
+from ..patchnet_addon.interrupt import prompt_interrupt
 from ..patchnet_addon.progress import Progress, Steps
 from ..patchnet_addon.remaining import Remaining
 from . import results
@@ -63,12 +64,17 @@ class JobOperator(_Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Run all steps now."""
+        """Run all steps now, until Ctrl-C where there is no window."""
         steps = self._begin(context)
         if steps is None:
             return {"CANCELLED"}
-        while not self._outcome:
-            self._pull(steps, alive=False)
+        try:
+            with prompt_interrupt() if bpy.app.background else nullcontext():
+                while not self._outcome:
+                    self._pull(steps, alive=False)
+        except KeyboardInterrupt:
+            self.report({"ERROR"}, self._stopped())
+            self._outcome = {"CANCELLED"}
         return self._outcome
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Ctrl-C while the main thread cannot act on it, and while it can."""
 
+import ctypes
+import os
 import signal
 import threading
 import time
@@ -9,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.commands import interrupt
-from patchnet.commands.interrupt import prompt_interrupt
+from patchnet.patchnet_addon import interrupt
+from patchnet.patchnet_addon.interrupt import prompt_interrupt
 from patchnet.patchnet_addon.unfinished import remove_unfinished, unfinished
 
 
@@ -44,6 +46,27 @@ def test_a_main_thread_that_acts_is_left_alone() -> None:
     time.sleep(0.5)
     assert not ended.is_set()
     assert signal.set_wakeup_fd(before) == -1, "nobody listens any more"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no handler to take the place of")
+def test_a_handler_that_is_not_pythons_is_put_back() -> None:
+    """As Blender's in background: Python does not know of it, and Ctrl-C within the block is Python's."""
+    c_signal = ctypes.CDLL(None).signal
+    c_signal.restype, c_signal.argtypes = ctypes.c_void_p, (ctypes.c_int, ctypes.c_void_p)
+    calls: list[int] = []
+    host = ctypes.CFUNCTYPE(None, ctypes.c_int)(calls.append)
+    address = ctypes.cast(host, ctypes.c_void_p).value
+    pythons = c_signal(signal.SIGINT, address)
+    try:
+        for _ in range(2):
+            with pytest.raises(KeyboardInterrupt), prompt_interrupt(lambda: None):
+                signal.raise_signal(signal.SIGINT)
+                time.sleep(1.0)
+        assert calls == []
+        signal.raise_signal(signal.SIGINT)
+        assert calls == [signal.SIGINT], "it is there again"
+    finally:
+        assert c_signal(signal.SIGINT, pythons) == address
 
 
 def test_other_handlers_are_left_alone() -> None:

@@ -78,6 +78,16 @@ def over_viewport() -> tuple[int, int]:
     return pane.x + pane.width // 3, pane.y + pane.height // 4
 
 
+def scroll_down(kind: str, notches: int = 30) -> Session:
+    """Turn the wheel over a region of the viewport, to its end if there are enough notches."""
+    pane = region(kind)
+    x, y = pane.x + pane.width // 2, pane.y + pane.height // 2
+    yield from move(x, y)
+    for _ in range(notches):
+        window().event_simulate(type="WHEELDOWNMOUSE", value="PRESS", x=x, y=y)
+        yield _MOMENT_S
+
+
 def find_buttons(wanted: set[str]) -> Generator[float, None, dict[str, tuple[int, int]]]:
     """Points of the operator buttons in the sidebar, by identifier, until all `wanted` are found or the sidebar ends.
 

@@ -192,6 +192,7 @@ def all_at_once(buttons: dict[str, tuple[int, int]]):
 
 def free_memory(_buttons: dict[str, tuple[int, int]]):
     """The last button, which was not there in the beginning, gives the memory back."""
+    yield from clicks.scroll_down("UI")  # the tab is longer than the window by now
     buttons = yield from clicks.find_buttons({"patchnet.clear_results"})
     yield from clicks.click(buttons["patchnet.clear_results"])
     yield 0.3
