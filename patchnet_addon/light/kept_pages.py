@@ -66,8 +66,8 @@ class KeptPages:
         names = (path.stem.removeprefix("page-") for path in self._folders[-1].glob("page-*.safetensors"))
         return {int(name) for name in names if name.isdigit()}
 
-    def load(self, page: int, texel_count: int) -> np.ndarray | None:
-        """Texels (texel_count, 2) float32 of a finished page, or None if it is not there as a whole."""
+    def load(self, page: int, texel_count: int, channels: int = 2) -> np.ndarray | None:
+        """Texels (texel_count, channels) float32 of a finished page, or None if it is not there as a whole."""
         path = self._path(page)
         if not path.exists():
             return None
@@ -76,7 +76,7 @@ class KeptPages:
         except FileFormatError as error:
             _LOG.warning("A page is baked again: %s", error)
             return None
-        if texels is None or texels.shape != (texel_count, 2) or texels.dtype != np.float32:
+        if texels is None or texels.shape != (texel_count, channels) or texels.dtype != np.float32:
             return None
         return texels
 

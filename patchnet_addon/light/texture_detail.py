@@ -13,6 +13,7 @@ import numpy as np
 from ..octree.mesh import Fragments, TriangleBatch
 from .charts import Charts
 from .packing import SINGLE
+from .texture_color import color_of_fragments
 from .texture_lookup import surface_of_fragments
 from .textures import TextureTable
 
@@ -34,23 +35,50 @@ def texture_detail(
     albedo, opacity: (F,) of the fragments, by `surface_of_fragments`.
     """
     factor = np.ones(len(fragments), np.float32)
-    materials = batch.materials[fragments.triangle]
-    plain = (table.material_pyramid[materials] < 0) | (table.material_emission[materials] > 0.0) | (opacity < _SOLID)
-    chosen = np.flatnonzero(~plain)
+    chosen = _textured(table, batch, fragments, opacity)
     if not len(chosen):
         return factor
-    triangles = fragments.triangle[chosen]
-    baked = Fragments(
-        fragments.keys[chosen],
-        triangles,
-        fragments.barycentric[chosen],
-        _texel_areas(charts, batch, triangles),
-    )
-    held, covered = surface_of_fragments(table, batch, baked)
+    held, covered = surface_of_fragments(table, batch, _at_texels(charts, batch, fragments, chosen))
     known = (held > _LEAST_ALBEDO) & (covered >= _SOLID)
     ratio = albedo[chosen[known]] / held[known]
     factor[chosen[known]] = np.clip(ratio, 1.0 / _MOST, _MOST)
     return factor
+
+
+def hue_detail(
+    charts: Charts,
+    table: TextureTable,
+    batch: TriangleBatch,
+    fragments: Fragments,
+    base: np.ndarray,
+    opacity: np.ndarray,
+) -> np.ndarray:
+    """The same for the hue of baked light: factors (F, 3) float32 on red, green and blue; brightness does not count.
+
+    base: (F, 3) base colours of luminance 1, by `color_of_fragments`. opacity: (F,).
+    """
+    factor = np.ones((len(fragments), 3), np.float32)
+    chosen = _textured(table, batch, fragments, opacity)
+    if len(chosen):
+        texels = _at_texels(charts, batch, fragments, chosen)
+        held = color_of_fragments(table, batch, texels, np.ones(len(chosen), np.float32))
+        ratio = np.maximum(base[chosen], _LEAST_ALBEDO) / np.maximum(held, _LEAST_ALBEDO)
+        factor[chosen] = np.clip(ratio, 1.0 / _MOST, _MOST)
+    return factor
+
+
+def _textured(table: TextureTable, batch: TriangleBatch, fragments: Fragments, opacity: np.ndarray) -> np.ndarray:
+    """Indices (n,) of fragments with a texture, without gaps, that emit nothing."""
+    materials = batch.materials[fragments.triangle]
+    plain = (table.material_pyramid[materials] < 0) | (table.material_emission[materials] > 0.0) | (opacity < _SOLID)
+    return np.flatnonzero(~plain)
+
+
+def _at_texels(charts: Charts, batch: TriangleBatch, fragments: Fragments, chosen: np.ndarray) -> Fragments:
+    """The chosen fragments (n,), each as large as a texel of the bake."""
+    triangles = fragments.triangle[chosen]
+    areas = _texel_areas(charts, batch, triangles)
+    return Fragments(fragments.keys[chosen], triangles, fragments.barycentric[chosen], areas)
 
 
 def _texel_areas(charts: Charts, batch: TriangleBatch, triangles: np.ndarray) -> np.ndarray:

@@ -103,3 +103,21 @@ def test_exact_sums() -> None:
         expected = sum(map(Fraction, chosen.tolist()), Fraction(0)) / max(len(chosen), 1)
         assert ratio == float(expected)
         assert ratio == pytest.approx(math.fsum(chosen) / max(len(chosen), 1))
+
+
+@pytest.mark.parametrize("parts, block_fragments", [(1, 10**9), (7, 300)])
+def test_colour_does_not_depend_on_order_and_changes_no_luminance(parts: int, block_fragments: int) -> None:
+    def in_color(order: np.ndarray, parts: int, block_fragments: int) -> LeafSums:
+        mesh, seen = shuffled(order, parts)
+        atlas = baked(mesh, seen)
+        hue = np.stack([0.5 * atlas.texels[:, 0], 2.0 * atlas.texels[:, 0] * atlas.texels[:, 1]], axis=-1)
+        shade = atlas_shade(Atlas(atlas.charts, np.concatenate([atlas.texels, hue], axis=1)), mesh)
+        (leaves,) = leaves_of(mesh, Grid.around(mesh.bounds_world, 6), shade, block_fragments=block_fragments)
+        return leaves
+
+    expected = in_color(np.arange(COUNT), 1, 10**9)
+    np.testing.assert_array_equal(expected.sums[:, :5], leaves(np.arange(COUNT), 1, 10**9).sums)
+    found = in_color(np.random.default_rng(parts).permutation(COUNT), parts, block_fragments)
+    np.testing.assert_array_equal(found.keys, expected.keys)
+    np.testing.assert_array_equal(found.sums, expected.sums)
+    assert expected.sums.shape[1] == 7 and (expected.sums[:, 5] != expected.sums[:, 6]).any()
