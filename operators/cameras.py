@@ -11,6 +11,7 @@ import numpy as np
 
 from ..patchnet_addon.errors import SceneError
 from ..patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
+from .frames import kept_frame
 
 ALL = "all"
 AUTO = "auto"
@@ -144,15 +145,12 @@ def track_cameras(
     The scene is at its own frame again afterwards. Raises SceneError as `choose_cameras` does.
     """
     scene = context.scene
-    frame, subframe = scene.frame_current, scene.frame_subframe
     cameras = []
-    try:
+    with kept_frame(scene):
         for number in range(scene.frame_start, scene.frame_end + 1, scene.frame_step):
             scene.frame_set(number)
             for camera in choose_cameras(context.evaluated_depsgraph_get(), names, size, bounds_world):
                 cameras.append(replace(camera, name=f"{camera.name}, frame {number}"))
-    finally:
-        scene.frame_set(frame, subframe=subframe)
     return _without_repeats(cameras)
 
 
