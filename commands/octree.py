@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..patchnet_addon.errors import SettingError
+from .frames import add_frames, bake_with_bars, check_frames, print_frames
 from .quiet import quiet_stdout
 from .run import add_exposure, require_blender
 from .stage_clock import StageClock
@@ -50,10 +51,12 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument(
         "--without", default="", metavar="TEXT,TEXT", help="leave out objects below a name with one of these texts"
     )
-    parser.add_argument("--out", type=Path, required=True, help="octree file to write")
+    add_frames(parser)
+    parser.add_argument("--out", type=Path, required=True, help="octree file to write; with --frames, a folder")
     parser.add_argument(
         "--timings", action="store_true", help="end with a line of JSON: seconds and peak memory of each stage"
     )
+    parser.set_defaults(bounds=None, daylight=None)  # what frames have in common, see octree_frames
     return parser
 
 
@@ -92,11 +95,16 @@ def run(args: argparse.Namespace) -> int:
 
     with quiet_stdout(), clock.stage("open"):
         open_scene(args.scene)
-    hide_from_renders([text.strip().lower() for text in args.without.split(",") if text.strip()])
+    hide_from_renders(without(args))
+    if args.frames is not None:
+        from .octree_frames import OctreeMaker
+
+        print_frames(bake_with_bars(args, OctreeMaker(args, clock), args.out), args.out)
+        return 0
     args.out.parent.mkdir(parents=True, exist_ok=True)
     with KeptPages() as kept:
         with quiet_stdout(), ProgressBars() as bars:
-            octree = drain(_build(args, clock, kept), bars.show)
+            octree = drain(build(args, clock, kept), bars.show)
         with clock.stage("save"):
             save_octree(octree, args.out)
     print(f"{args.out}: depth {octree.depth}, {octree.leaf_count:,} voxels, {octree.nbytes / 2**20:.1f} MiB")
@@ -107,6 +115,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """Raises SettingError for settings that are impossible or contradict each other."""
+    check_frames(args)
+    if args.frames is not None and args.timings:
+        raise SettingError("--timings are those of one octree: leave them out with --frames")
+    if args.same_grid and args.rotate:
+        raise SettingError("--same-grid and --rotate contradict each other: leave one of them out")
     if not args.texel_voxels > 0:
         raise SettingError(f"Texels of {args.texel_voxels} voxels are impossible: give a positive number")
     if args.exposure is not None and not 0.0 < args.exposure < np.inf:
@@ -124,6 +137,11 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingError(f"--depth {FIT} and --rotate contradict each other: leave one of them out")
 
 
+def without(args: argparse.Namespace) -> list[str]:
+    """The texts of --without, in lower case."""
+    return [text.strip().lower() for text in args.without.split(",") if text.strip()]
+
+
 def hide_from_renders(texts: list[str]) -> None:
     """Hide objects whose own or an ancestor's name contains one of `texts` (lower case)."""
     import bpy
@@ -135,7 +153,8 @@ def hide_from_renders(texts: list[str]) -> None:
         item.hide_render = item.hide_render or ancestor is not None
 
 
-def _build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps[Octree]:
+def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps[Octree]:
+    """The octree of the scene that is open, at its present frame."""
     import bpy
 
     from ..operators.job.versions import versions
@@ -178,9 +197,10 @@ def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, Lea
     from ..patchnet_addon.octree.fit import LAYOUT_BYTES, fit_leaf_levels
     from ..patchnet_addon.octree.grid import MAX_DEPTH, Grid
 
+    bounds_world = source.bounds_world if args.bounds is None else np.array(args.bounds)
     if args.depth != FIT:
-        return Grid.around(source.bounds_world, int(args.depth)), None
-    grid = Grid.around(source.bounds_world, MAX_DEPTH)
+        return Grid.around(bounds_world, int(args.depth)), None
+    grid = Grid.around(bounds_world, MAX_DEPTH)
     memory = available_memory() if args.memory is None else args.memory * 2**30
     most = most_leaves(memory - LAYOUT_BYTES)
     fitted = yield from fit_leaf_levels(source, grid, view_cameras(args), opacity_shade(source), most_leaves=most)
@@ -201,7 +221,7 @@ def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarra
         direction = np.random.default_rng(args.rotate).normal(size=3) if args.rotate else np.array(DIRECTION)
         x, y, z = (float(value) for value in direction)
         return two_lights_shade(source, (x, y, z))
-    lit = has_light(bpy.context.evaluated_depsgraph_get())
+    lit = has_light(bpy.context.evaluated_depsgraph_get()) if args.daylight is None else not args.daylight
     if not lit:
         print(f"Note: {NO_LIGHT}", file=sys.stderr)
     baking = bake_luminance(bpy.context, source, texel_world, args.samples, kept=kept)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..patchnet_addon.errors import PatchNetError, SettingError
+from .frames import add_frames, bake_with_bars, check_frames, print_frames
 
 if TYPE_CHECKING:
     from ..operators.job.run import JobResult
@@ -26,6 +27,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument("scene", type=Path, help=".blend, .glb, .gltf, .obj, .ply, .stl, .fbx or .usd file")
     parser.add_argument("--scope", choices=("visible", "selected"), default="visible", help="which objects (visible)")
     add_job_arguments(parser)
+    add_frames(parser)
     parser.add_argument("--out", type=Path, help="folder for the results (out/NAME-OF-SCENE)")
     return parser
 
@@ -65,6 +67,7 @@ def add_exposure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the job and print its figures; returns 0. Raises PatchNetError."""
+    check_frames(args)
     require_blender()
     from ..operators.scene import open_scene
     from .quiet import quiet_stdout
@@ -72,7 +75,19 @@ def run(args: argparse.Namespace) -> int:
     settings = job_settings(args, args.out or Path(DEFAULT_OUT) / args.scene.stem)
     with quiet_stdout():
         open_scene(args.scene)
+    if args.frames is not None:
+        return _run_frames(args, settings)
     print_result(run_with_bars(settings), settings)
+    return 0
+
+
+def _run_frames(args: argparse.Namespace, settings: JobSettings) -> int:
+    from ..operators.job.frame_maker import JobMaker
+
+    assert settings.out is not None
+    if settings.track:
+        raise SettingError("Each frame's octree fits that frame's cameras: leave out --track with --frames")
+    print_frames(bake_with_bars(args, JobMaker(settings), settings.out), settings.out)
     return 0
 
 

@@ -49,7 +49,7 @@ class JobOperator(_Operator):
 
     bl_options: ClassVar[set[str]] = {"REGISTER"}
     running: ClassVar[str] = ""  # title of the operator that works in a window now
-    fraction: ClassVar[float] = 0.0  # of its present step, for the panel
+    fraction: ClassVar[float] = 0.0  # of its present step, or of all, for the panel
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """The work; its result is a sentence about what was done. It leaves the scene as it was, also when closed."""
@@ -117,7 +117,8 @@ class JobOperator(_Operator):
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender calls this when the window closes."""
-        self._steps.close()
+        with results.quiet():  # what stopping puts back is as it was
+            self._steps.close()
         self._quiet.close()
         self._end_modal(context)
 
@@ -127,7 +128,7 @@ class JobOperator(_Operator):
         self._quiet = ExitStack()
         self._progress = Progress(0, 1, self.bl_label)
         self._text = ""  # what the status bar shows
-        self._remaining = Remaining()
+        self._remaining, self._whole_remaining = Remaining(), Remaining()
         try:
             apply_preferences(context)
             return self.steps(context, job_settings(context, self))
@@ -161,6 +162,8 @@ class JobOperator(_Operator):
             if progress.label != self._progress.label:
                 LOG.info("%s: %s", self.bl_label, progress.label)
             self._remaining.see(progress)
+            if progress.whole is not None:
+                self._whole_remaining.see(Progress(progress.whole, 1.0, self.bl_label))
             self._progress = progress
         finally:
             if self._outcome or not self._progress.waiting:
@@ -172,15 +175,16 @@ class JobOperator(_Operator):
     def _show(self, context: bpy.types.Context) -> None:
         progress = self._progress
         percent = round(100 * progress.fraction)
-        if progress.fraction != JobOperator.fraction:
-            JobOperator.fraction = progress.fraction
+        fraction = progress.fraction if progress.whole is None else round(progress.whole, 3)
+        if fraction != JobOperator.fraction:
+            JobOperator.fraction = fraction
             _redraw(context, "UI")
-        left = self._remaining.text()
+        left = (self._remaining if progress.whole is None else self._whole_remaining).text()
         remaining = f", {left}" if left else ""
         text = f"PatchNet: {progress.label} {percent} %{remaining}   (Esc stops)"
         if text != self._text:  # each new one draws the window again, which must not slow down what computes
             self._text = text
-            context.window_manager.progress_update(percent)
+            context.window_manager.progress_update(round(100 * fraction))
             context.workspace.status_text_set(text)
 
     def _end_modal(self, context: bpy.types.Context) -> None:

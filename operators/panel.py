@@ -97,6 +97,28 @@ class PATCHNET_PT_light(_Step, bpy.types.Panel):
         self.layout.label(text="Diffuse light only, no gloss", icon="INFO")
 
 
+class PATCHNET_PT_animation(_Tab, bpy.types.Panel):
+    """All frames, each with its own octree and pictures."""
+
+    bl_label = "Animation"
+    bl_parent_id = "PATCHNET_PT_light"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The scene's frames, the settings, and the button."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column(align=True)
+        for name, text in (("frame_start", "Frame Start"), ("frame_end", "End"), ("frame_step", "Step")):
+            column.prop(context.scene, name, text=text)
+        for name in ("skip_existing", "same_grid"):
+            layout.prop(context.scene.patchnet, name)
+        layout.operator("patchnet.bake_animation", icon="RENDER_ANIMATION")
+        if not context.scene.patchnet.out:
+            layout.label(text="Choose the output folder above", icon="INFO")
+
+
 class PATCHNET_PT_codes(_Step, bpy.types.Panel):
     """Weights."""
 
@@ -160,6 +182,7 @@ CLASSES = (
     PATCHNET_PT_main,
     PATCHNET_PT_voxelize,
     PATCHNET_PT_light,
+    PATCHNET_PT_animation,
     PATCHNET_PT_codes,
     PATCHNET_PT_view,
     PATCHNET_PT_result,

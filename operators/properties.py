@@ -155,6 +155,22 @@ class OutputProperties:
     )
 
 
+class AnimationProperties:
+    """How the frames of an animation are baked."""
+
+    skip_existing: BoolProperty(
+        name="Skip Finished",
+        description="Leave frames alone whose files are complete and are what would be made again; off makes them anew",
+        default=True,
+    )
+    same_grid: BoolProperty(
+        name="Same Grid",
+        description="Voxels stand at the same places and have the same size at all frames, so that pictures do not swim"
+        ": the scene is read at all frames first",
+        default=False,
+    )
+
+
 class LevelProperties:
     """Which level is shown or exported."""
 
@@ -198,6 +214,7 @@ class PatchNetSettings(
     CodesProperties,
     ViewProperties,
     OutputProperties,
+    AnimationProperties,
     DisplayProperties,
     bpy.types.PropertyGroup,
 ):
@@ -241,10 +258,10 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
 
 def setting(context: bpy.types.Context, operator: bpy.types.Operator, name: str) -> Any:
     """One setting: the operator's property if its caller set it, else the scene's."""
-    return getattr(operator if _is_given(operator, name) else context.scene.patchnet, name)
+    return getattr(operator if is_given(operator, name) else context.scene.patchnet, name)
 
 
-def _is_given(operator: bpy.types.Operator, name: str) -> bool:
+def is_given(operator: bpy.types.Operator, name: str) -> bool:
     """Whether the operator has this property and its caller set it."""
     values = operator.properties
     return name in values.bl_rna.properties and values.is_property_set(name)
@@ -252,7 +269,7 @@ def _is_given(operator: bpy.types.Operator, name: str) -> bool:
 
 def _resolution(operator: bpy.types.Operator, resolution: str) -> str:
     """A depth or voxel size that is given to an operator counts, without naming the resolution too."""
-    given = [name for name in ("resolution", "depth", "voxel_size") if _is_given(operator, name)]
+    given = [name for name in ("resolution", "depth", "voxel_size") if is_given(operator, name)]
     if "resolution" in given or not given:
         return resolution
     if len(given) == 2:

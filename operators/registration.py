@@ -8,6 +8,7 @@ import atexit
 import bpy
 
 from . import (
+    bake_animation,
     bake_light,
     clear_results,
     export_octree,
@@ -29,6 +30,7 @@ _OPERATORS = (
     precompute_codes,
     render_preview,
     run_all,
+    bake_animation,
     show_voxels,
     export_octree,
     clear_results,

@@ -19,12 +19,14 @@ class Progress:
     """`done` of `total` units of the step called `label` are finished.
 
     waiting: something beside Python is at work for the step, on what the step has put there: ask again later.
+    whole: share of all steps that is done, 0 to 1, where somebody counts them.
     """
 
     done: float
     total: float
     label: str
     waiting: bool = False
+    whole: float | None = None
 
     @property
     def fraction(self) -> float:

@@ -37,8 +37,8 @@ def bake_key(
     digest.text(charts.texel_world, charts.page_side, charts.page_count)
     for name in _CHART_ARRAYS:
         digest.array(name, getattr(charts, name))
-    _add_surface(digest, source)
-    _add_scene(digest, context.evaluated_depsgraph_get())
+    add_surface(digest, source)
+    add_scene(digest, context.evaluated_depsgraph_get())
     return digest.hexdigest()
 
 
@@ -61,7 +61,7 @@ def _devices() -> tuple[str, ...]:
     return tuple(str(device[:2]) for device in _cycles.available_devices("NONE"))
 
 
-def _add_surface(digest: Digest, source: SceneMesh) -> None:
+def add_surface(digest: Digest, source: SceneMesh) -> None:
     """What is baked, as renders evaluate it."""
     digest.text(source.material_names, [sorted(links) for links in source.light_links])
     for part in source.parts:
@@ -75,7 +75,7 @@ def _add_surface(digest: Digest, source: SceneMesh) -> None:
             digest.array(name, getattr(part, name))
 
 
-def _add_scene(digest: Digest, depsgraph: bpy.types.Depsgraph) -> None:
+def add_scene(digest: Digest, depsgraph: bpy.types.Depsgraph) -> None:
     """What shines, shadows and reflects, whether it is baked or not, and how Cycles renders it."""
     scene, layer = depsgraph.scene, depsgraph.view_layer
     digest.text(scene.frame_current_final)

@@ -62,7 +62,7 @@ def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResul
         result = yield from _compute(context, settings, weights, watch, kept)
         if folder is not None:
             yield Progress(0, 1, "Writing files")
-            _write(folder, result)
+            write_result(folder, result)
     return result
 
 
@@ -73,7 +73,7 @@ def _compute(
         yield Progress(0, 1, "Reading the scene")
         source = read_scene(context.evaluated_depsgraph_get(), settings.scope)
         depsgraph = context.evaluated_depsgraph_get()
-        wanted = settings.cameras, settings.size, source.bounds_world
+        wanted = settings.cameras, settings.size, settings.bounds_world(source)
         cameras = choose_cameras(depsgraph, *wanted)
         fitted_to = track_cameras(context, *wanted) if settings.track else cameras
     with watch.stage("depth"):
@@ -110,6 +110,7 @@ def job_report(
             "fitted": bool(octree.provenance.get("fitted", False)),
             "bytes": octree.nbytes,
             "voxel_world": octree.grid.voxel_world,
+            "exposure": octree.exposure,
             "codes": len(coded.codes),
             "codes_bytes": coded.nbytes,
         },
@@ -129,7 +130,8 @@ def _scalars(metadata: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in metadata.items() if isinstance(value, str | int | float)}
 
 
-def _write(folder: Path, result: JobResult) -> None:
+def write_result(folder: Path, result: JobResult) -> None:
+    """All files of a job."""
     save_octree(result.coded.octree, folder / "octree.safetensors")
     save_codes(result.coded, folder / "codes.safetensors")
     for item in result.views:

@@ -11,12 +11,14 @@ import numpy as np
 from ...patchnet_addon.errors import SettingError
 from ...patchnet_addon.image.colormaps import COLORMAPS
 from ...patchnet_addon.octree.grid import MAX_DEPTH
+from ...patchnet_addon.octree.mesh import MeshSource
 from ...patchnet_addon.sampling.registry import DEFAULT, strategy
 from ..scene.placements import VISIBLE
 
 CYCLES = "cycles"
 TWO_LIGHTS = "two-lights"
 MAX_SIZE_PX = 16384
+Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,8 @@ class JobSettings:
     size: pictures in pixels; a height of 0 follows the render aspect, (0, 0) is the render resolution.
     budget: share of active pixels to refine. heatmap_maximum: None takes the strategy's own.
     weights: file; None for the shipped ones. out: folder for files; None writes none.
+    bounds: lower and upper corner, in world units, that the octree's cube is put around; None takes the surface's own.
+    daylight: whether sun and sky are added for the bake; None adds them to a scene without light.
     """
 
     scope: str = VISIBLE
@@ -55,6 +59,8 @@ class JobSettings:
     colormap: str = COLORMAPS[0]
     weights: Path | None = None
     out: Path | None = None
+    bounds: Bounds | None = None
+    daylight: bool | None = None
 
     def __post_init__(self) -> None:
         strategy(self.strategy)
@@ -86,3 +92,7 @@ class JobSettings:
             raise SettingError(f"There is no colour map {self.colormap!r}: choose one of {', '.join(COLORMAPS)}")
         if min(self.size) < 0 or max(self.size) > MAX_SIZE_PX:
             raise SettingError(f"Picture size {self.size[0]} x {self.size[1]} is outside 0 to {MAX_SIZE_PX} pixels")
+
+    def bounds_world(self, source: MeshSource) -> np.ndarray:
+        """(2, 3): what the octree's cube is put around."""
+        return source.bounds_world if self.bounds is None else np.array(self.bounds, np.float64)

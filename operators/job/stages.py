@@ -48,9 +48,10 @@ def choose_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSett
 
     if settings.fit:
         return (yield from _fitted_grid(source, cameras, settings))
-    coarse = yield from labelled(coarse_octree(source), "Finding the depth")
+    bounds_world = settings.bounds_world(source)
+    coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Finding the depth")
     if settings.voxel_world is not None:
-        grid = Grid.with_voxel_size(source.bounds_world, settings.voxel_world)
+        grid = Grid.with_voxel_size(bounds_world, settings.voxel_world)
         choose_depth(coarse, cameras, grid.depth, settings.memory_bytes)
         return GridChoice(grid)
     choice = choose_depth(coarse, cameras, settings.depth, settings.memory_bytes)
@@ -60,7 +61,7 @@ def choose_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSett
             f"The cameras need depth {choice.wanted}, but memory allows {choice.depth}: near surfaces will have no "
             "look-ahead; fit the octree to the cameras, or choose smaller pictures or fewer objects",
         )
-    grid = Grid.around(source.bounds_world, choice.depth)
+    grid = Grid.around(bounds_world, choice.depth)
     return GridChoice(grid, None, warnings)
 
 
@@ -70,7 +71,7 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
     from ...patchnet_addon.octree.depth import LOOK_AHEAD_SHARE, available_memory, most_leaves
     from ...patchnet_addon.octree.fit import LAYOUT_BYTES, fit_leaf_levels
 
-    grid = Grid.around(source.bounds_world, MAX_DEPTH)
+    grid = Grid.around(settings.bounds_world(source), MAX_DEPTH)
     memory = settings.memory_bytes or available_memory()
     fitted = yield from fit_leaf_levels(
         source, grid, cameras, opacity_shade(source), most_leaves=most_leaves(memory - LAYOUT_BYTES)
@@ -112,7 +113,8 @@ def lit(
     from ...patchnet_addon.light.texel_sizes import texel_sizes
     from ..bake import bake_luminance
 
-    bright = has_light(context.evaluated_depsgraph_get())
+    added = settings.daylight
+    bright = has_light(context.evaluated_depsgraph_get()) if added is None else not added
     texel_world = texel_sizes(source, grid, layout, settings.texel_voxels)
     baking = bake_luminance(context, source, texel_world, settings.samples, kept=kept)
     atlas = yield from baking if bright else in_daylight(context.scene, baking)
@@ -142,6 +144,7 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
     values = {
         "file": Path(bpy.data.filepath).name,
         "scene": bpy.context.scene.name,
+        "frame": bpy.context.scene.frame_current,
         "triangles": source.triangle_count,
         "scope": settings.scope,
         "light": light,

@@ -51,9 +51,12 @@ class DepthChoice:
         return self.depth < self.wanted
 
 
-def coarse_octree(source: MeshSource, depth: int = COARSE_DEPTH) -> Steps[Octree]:
-    """A quick octree without light, to see where the surface is."""
-    return (yield from build_octree(source, Grid.around(source.bounds_world, depth), _no_shade, exposure=1.0))
+def coarse_octree(
+    source: MeshSource, depth: int = COARSE_DEPTH, bounds_world: np.ndarray | None = None
+) -> Steps[Octree]:
+    """A quick octree without light, to see where the surface is; around `bounds_world` (2, 3), or else its own."""
+    bounds_world = source.bounds_world if bounds_world is None else bounds_world
+    return (yield from build_octree(source, Grid.around(bounds_world, depth), _no_shade, exposure=1.0))
 
 
 def _no_shade(_batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:

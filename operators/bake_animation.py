@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All frames of the scene, each with its own octree and pictures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import bpy
+from bpy.props import IntProperty
+
+from ..patchnet_addon.errors import SettingError
+from ..patchnet_addon.frames import LAST_FRAME, frame_range
+from ..patchnet_addon.progress import Steps
+from .job.settings import JobSettings
+from .job_operator import JobOperator
+from .properties import (
+    AnimationProperties,
+    CameraProperties,
+    CodesProperties,
+    LightProperties,
+    OutputProperties,
+    ViewProperties,
+    VoxelizeProperties,
+    is_given,
+    setting,
+)
+
+
+class FrameProperties:
+    """Which frames; those of the scene where they are not given."""
+
+    frame_start: IntProperty(
+        name="Frame Start",
+        description="First frame; the scene's if it is not given",
+        default=1,
+        min=-LAST_FRAME,
+        max=LAST_FRAME,
+        options={"SKIP_SAVE"},
+    )
+    frame_end: IntProperty(
+        name="Frame End",
+        description="Last frame; the scene's if it is not given",
+        default=250,
+        min=-LAST_FRAME,
+        max=LAST_FRAME,
+        options={"SKIP_SAVE"},
+    )
+    frame_step: IntProperty(
+        name="Frame Step",
+        description="Frames from one to the next; the scene's if it is not given",
+        default=1,
+        min=1,
+        max=LAST_FRAME,
+        options={"SKIP_SAVE"},
+    )
+
+
+class PATCHNET_OT_bake_animation(
+    FrameProperties,
+    AnimationProperties,
+    VoxelizeProperties,
+    LightProperties,
+    CodesProperties,
+    CameraProperties,
+    ViewProperties,
+    OutputProperties,
+    JobOperator,
+    bpy.types.Operator,
+):
+    """Run all steps for every frame, each into a folder of its own in the output folder; finished frames are skipped.
+    An octree that fits the cameras fits those of its own frame"""
+
+    bl_idname = "patchnet.bake_animation"
+    bl_label = "Bake Animation"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Nothing else may change the frame."""
+        if context.screen is not None and context.screen.is_animation_playing:
+            cls.poll_message_set("The animation is playing: stop it first")
+            return False
+        return super().poll(context)
+
+    def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
+        """Bake the frames that are not there."""
+        from .job.animation import FramePlan, bake_frames
+        from .job.frame_maker import JobMaker
+
+        if settings.out is None:
+            raise SettingError("An animation needs a folder for its frames: choose the output folder")
+        plan = FramePlan(
+            frames=tuple(frame_range(*(self._frame(context, name) for name in ("start", "end", "step")))),
+            out=settings.out,
+            overwrite=not setting(context, self, "skip_existing"),
+            one_grid=setting(context, self, "same_grid"),
+        )
+        result = yield from bake_frames(context, JobMaker(replace(settings, track=False)), plan)
+        for warning in result.warnings:
+            self.report({"WARNING"}, warning)
+        return f"{result.sentence()}, files in {settings.out}"
+
+    def _frame(self, context: bpy.types.Context, name: str) -> int:
+        """The operator's "start", "end" or "step" if its caller set it, else the scene's."""
+        name = f"frame_{name}"
+        return int(getattr(self if is_given(self, name) else context.scene, name))
+
+    def _stopped(self) -> str:
+        return f"{self.bl_label} was stopped: finished frames stay"
+
+
+CLASSES = (PATCHNET_OT_bake_animation,)

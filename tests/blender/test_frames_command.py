@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`--frames` of `patchnet run` and `patchnet octree`; a command that is killed goes on with the first missing frame."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import pytest
+
+from patchnet import commands
+from patchnet.patchnet_addon.octree.file import load_octree
+from patchnet.tests.blender.job_scene import build, random_weights
+
+QUICK = ["--light", "two-lights", "--size", "16", "16", "--depth", "5"]
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(random_weights(tmp_path_factory.mktemp("weights")))
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> Path:
+    """The small scene as a .blend file; its slab moves at frames 1 to 3."""
+    build()
+    slab = bpy.data.objects["Slab"]
+    for frame, y in ((1, 0.0), (3, -0.8)):
+        slab.location.y = y
+        slab.keyframe_insert("location", frame=frame)
+    bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 3
+    path = tmp_path / "small.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def times(out: Path) -> list[int]:
+    """When each frame's octree was written, by its frame."""
+    return [path.stat().st_mtime_ns for path in sorted(out.glob("frame-*/octree.safetensors"))]
+
+
+def test_run(scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    words = ["run", str(scene_file), "--out", str(out), "--weights", weights, *QUICK]
+    assert commands.main([*words, "--frames", "1,3"]) == 0
+    printed = capsys.readouterr().out
+    assert "Frame 1: depth 5, " in printed and "Eye error" in printed and "2 frames made; results are in" in printed
+    assert sorted(path.name for path in out.iterdir()) == ["frame-0001", "frame-0003", "report.json"]
+    assert {"octree.safetensors", "codes.safetensors", "report.json", "overview.png", "Eye", "frame.json"} == {
+        path.name for path in (out / "frame-0003").iterdir()
+    }
+    assert str(tmp_path) not in (out / "report.json").read_text() + (out / "frame-0001" / "frame.json").read_text()
+    before = times(out)
+    assert commands.main([*words, "--frames", "all"]) == 0
+    printed = capsys.readouterr().out
+    assert "Frame 1 is there: skipped" in printed and "1 frame made, 2 were there" in printed
+    assert [times(out)[0], times(out)[2]] == before and len(times(out)) == 3
+    os.utime(scene_file)  # saved again, unchanged: that is seen by looking at each frame
+    assert commands.main([*words, "--frames", "1-3x2"]) == 0
+    assert "0 frames made, 2 were there" in capsys.readouterr().out
+    assert commands.main([*words, "--frames", "3", "--overwrite"]) == 0
+    assert times(out)[2] > before[1] and times(out)[0] == before[0]
+    assert commands.main([*words, "--frames", "1-3", "--budget", "0.7"]) == 0
+    assert "3 frames made;" in capsys.readouterr().out
+
+
+def test_octree(scene_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    words = ["octree", str(scene_file), "--depth", "5", "--light", "two-lights", "--out", str(out), "--frames", "1-3"]
+    assert commands.main([*words, "--same-grid"]) == 0
+    assert "Frame 2: depth 5, " in capsys.readouterr().out
+    trees = [load_octree(out / f"frame-000{frame}" / "octree.safetensors") for frame in (1, 2, 3)]
+    assert len({tree.grid for tree in trees}) == 1 and len({tree.exposure for tree in trees}) == 1
+    assert commands.main([*words, "--same-grid"]) == 0
+    assert "0 frames made, 3 were there" in capsys.readouterr().out
+    assert commands.main([*words, "--same-grid", "--without", "lath 0"]) == 0
+    assert "3 frames made;" in capsys.readouterr().out
+    assert load_octree(out / "frame-0001" / "octree.safetensors").leaf_count < trees[0].leaf_count
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--frames", "3-1"], "before the first"),
+        (["--frames", ""], "cannot be read"),
+        (["--frames", "one"], "cannot be read"),
+        (["--overwrite"], "--overwrite is about --frames"),
+        (["--same-grid"], "--same-grid is about --frames"),
+        (["--frames", "1-2", "--depth", "fit", "--track"], "leave out --track"),
+    ],
+)
+def test_bad_frames_end_with_one_sentence(
+    words: list[str], said: str, scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert commands.main(["run", str(scene_file), "--out", str(tmp_path / "out"), "--weights", weights, *words]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert lines[-1].startswith("patchnet: error: ") and said in lines[-1] and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_killed_command_goes_on(how: signal.Signals, scene_file: Path, tmp_path: Path, weights: str) -> None:
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    words = ["run", str(scene_file), "--weights", weights, "--frames", "1-3", *QUICK]
+    assert commands.main([*words, "--out", str(whole)]) == 0
+    command = [sys.executable, "-m", "patchnet", *words, "--out", str(out)]
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background is deaf to it
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+    signal.signal(signal.SIGINT, before)
+    said = b""
+    while b"Frame 2, 2 of 3: " not in said:
+        assert process.stderr is not None
+        more = process.stderr.read(1)
+        assert more, said.decode()
+        said += more
+    time.sleep(0.02)
+    process.send_signal(how)
+    process.communicate()
+    assert process.returncode == (-signal.SIGKILL if how == signal.SIGKILL else 130)
+    assert len(times(out)) < 3 and not json.loads((out / "report.json").read_text())["complete"]
+    first = times(out)[0]
+    again = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "Frame 1 is there: skipped" in again.stdout and "2 frames made, 1 was there" in again.stdout
+    assert times(out)[0] == first
+    assert sorted(path.name for path in out.iterdir()) == ["frame-0001", "frame-0002", "frame-0003", "report.json"]
+    for frame in (1, 2, 3):
+        name = f"frame-000{frame}/octree.safetensors"
+        assert (out / name).read_bytes() == (whole / name).read_bytes()
