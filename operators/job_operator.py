@@ -50,6 +50,7 @@ class JobOperator(_Operator):
     bl_options: ClassVar[set[str]] = {"REGISTER"}
     running: ClassVar[str] = ""  # title of the operator that works in a window now
     fraction: ClassVar[float] = 0.0  # of its present step, or of all, for the panel
+    _outcome: set[str]
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """The work; its result is a sentence about what was done. It leaves the scene as it was, also when closed."""
@@ -124,7 +125,7 @@ class JobOperator(_Operator):
 
     def _begin(self, context: bpy.types.Context) -> Steps[str] | None:
         """The steps, or None after the settings' errors were reported."""
-        self._outcome: set[str] = set()
+        self._outcome = set()
         self._quiet = ExitStack()
         self._progress = Progress(0, 1, self.bl_label)
         self._text = ""  # what the status bar shows
