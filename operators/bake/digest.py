@@ -51,6 +51,7 @@ class Digest:
     def __init__(self) -> None:
         self._hash = hashlib.blake2b(digest_size=16)
         self._met: set[int] = set()  # by address: evaluated copies share their original's name
+        self._properties: dict[type, list[tuple[str, str, bool]]] = {}  # asking for them takes longer than for values
 
     def hexdigest(self) -> str:
         """32 hex digits."""
@@ -99,31 +100,43 @@ class Digest:
     def struct(self, owner: bpy.types.bpy_struct, skipped: frozenset[str] = frozenset(), depth: int = _DEPTH) -> None:
         """All properties, those of nested settings too."""
         self.text(owner.bl_rna.identifier)
-        for prop in owner.bl_rna.properties:
-            key = prop.identifier
-            if key in _SKIPPED or key in skipped or key.startswith("bl_"):
+        for key, kind, is_array in self._properties_of(owner):
+            if key in skipped:
                 continue
             try:
                 value = getattr(owner, key)
             except (AttributeError, ValueError, RuntimeError, TypeError):
                 continue  # not readable in this state
             self.text(key)
-            self._value(prop, value, depth)
+            self._value(kind, is_array, value, depth)
 
-    def _value(self, prop: bpy.types.Property, value: Any, depth: int) -> None:
-        if prop.type == "POINTER":
+    def _properties_of(self, owner: bpy.types.bpy_struct) -> list[tuple[str, str, bool]]:
+        """Identifier and type of each property that counts, and whether it is an array."""
+        kind = type(owner)
+        if kind not in self._properties:
+            self._properties[kind] = [
+                (prop.identifier, prop.type, getattr(prop, "is_array", False))
+                for prop in owner.bl_rna.properties
+                if prop.identifier not in _SKIPPED and not prop.identifier.startswith("bl_")
+            ]
+        return self._properties[kind]
+
+    def _value(self, kind: str, is_array: bool, value: Any, depth: int) -> None:
+        if kind == "POINTER":
             if isinstance(value, bpy.types.ID):
                 self.block(value)
             elif value is not None and depth > 0:
                 self.struct(value, depth=depth - 1)
-        elif prop.type == "COLLECTION":
+        elif kind == "COLLECTION":
             for item in value if depth > 0 else ():
                 if isinstance(item, bpy.types.ID):
                     self.block(item)
                 else:
                     self.struct(item, depth=depth - 1)
-        elif getattr(prop, "is_array", False):
-            self.text(tuple(np.ravel(np.array(value)).tolist()))
+        elif is_array:
+            rows = tuple(value)
+            plain = not rows or isinstance(rows[0], bool | int | float)
+            self.text(rows if plain else tuple(map(tuple, rows)))
         else:
             self.text(sorted(value) if isinstance(value, set) else value)
 
