@@ -21,6 +21,11 @@ class Blender:
         """Run Blender without a window to its end."""
         return self._start((self.program, *map(str, arguments)), seconds)
 
+    def start(self, *arguments: str | Path) -> subprocess.Popen[str]:
+        """Start Blender without a window; the process is Blender's own, so that it can be sent signals."""
+        words = self._words((self.program, *map(str, arguments)))
+        return subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
     def run_window(self, *arguments: str | Path, seconds: float = 200.0) -> subprocess.CompletedProcess[str]:
         """Run Blender with a window on a virtual screen to its end."""
         width, height = SCREEN
@@ -40,6 +45,10 @@ class Blender:
         return next(line for line in said.splitlines() if line.startswith("value: ")).removeprefix("value: ")
 
     def _start(self, command: tuple[str, ...], seconds: float) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            self._words(command), cwd=ROOT, capture_output=True, text=True, timeout=seconds, check=False
+        )
+
+    def _words(self, command: tuple[str, ...]) -> tuple[str, ...]:
         variables = tuple(f"{name}={value}" for name, value in self.environment.items())
-        words = (*self.prefix, "env", *variables, *command)
-        return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=seconds, check=False)
+        return (*self.prefix, "env", *variables, *command)
