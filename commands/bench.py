@@ -14,9 +14,11 @@ from __future__ import annotations
 import argparse
 import json
 
-from .benches import depths, fit, nodes, opening, scene, voxelize
+from .benches import bake, depths, fit, nodes, opening, scene, voxelize
 
-BENCHES = {"voxelize": voxelize, "depths": depths, "open": opening, "nodes": nodes, "scene": scene, "fit": fit}
+BENCHES = {
+    "voxelize": voxelize, "depths": depths, "open": opening, "nodes": nodes, "scene": scene, "fit": fit, "bake": bake
+}  # fmt: skip
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]

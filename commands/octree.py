@@ -15,7 +15,7 @@ import numpy as np
 from ..patchnet_addon.errors import SettingError
 from .frames import add_frames, bake_with_bars, check_frames, print_frames
 from .quiet import quiet_stdout
-from .run import add_exposure, require_blender
+from .run import add_color, add_exposure, require_blender
 from .stage_clock import StageClock
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument("--samples", type=int, default=8, help="Cycles samples per baked texel (8)")
     parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in leaf voxels (2)")
     add_exposure(parser)
+    add_color(parser)
     parser.add_argument(
         "--rotate", type=int, default=0, metavar="SEED",
         help="turn the lit surface by a random rotation; two-lights then shines from a random direction (0: upright)",
@@ -179,6 +180,7 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
         "without": args.without,
         "fitted": layout is not None,
         "exposure": "automatic" if args.exposure is None else "given",
+        "color": args.color,
         "versions": versions(),
     }
     if args.light == "cycles":
@@ -202,7 +204,7 @@ def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, Lea
         return Grid.around(bounds_world, int(args.depth)), None
     grid = Grid.around(bounds_world, MAX_DEPTH)
     memory = available_memory() if args.memory is None else args.memory * 2**30
-    most = most_leaves(memory - LAYOUT_BYTES)
+    most = most_leaves(memory - LAYOUT_BYTES, color=args.color)
     fitted = yield from fit_leaf_levels(source, grid, view_cameras(args), opacity_shade(source), most_leaves=most)
     return replace(grid, depth=fitted.layout.deepest), fitted.layout
 
@@ -220,10 +222,10 @@ def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarra
     if args.light == "two-lights":
         direction = np.random.default_rng(args.rotate).normal(size=3) if args.rotate else np.array(DIRECTION)
         x, y, z = (float(value) for value in direction)
-        return two_lights_shade(source, (x, y, z))
+        return two_lights_shade(source, (x, y, z), color=args.color)
     lit = has_light(bpy.context.evaluated_depsgraph_get()) if args.daylight is None else not args.daylight
     if not lit:
         print(f"Note: {NO_LIGHT}", file=sys.stderr)
-    baking = bake_luminance(bpy.context, source, texel_world, args.samples, kept=kept)
+    baking = bake_luminance(bpy.context, source, texel_world, args.samples, color=args.color, kept=kept)
     atlas = yield from baking if lit else in_daylight(bpy.context.scene, baking)
     return atlas_shade(atlas, source)

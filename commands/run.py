@@ -50,11 +50,19 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
         "--size", type=int, nargs=2, default=(192, 192), metavar=("W", "H"),
         help="pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution (192 192)",
     )  # fmt: skip
+    add_color(parser)
     parser.add_argument("--budget", type=float, default=0.3, help="share of active pixels to refine, 0 to 1 (0.3)")
     parser.add_argument("--strategy", default="patchnet-behind", help="what is refined first (patchnet-behind)")
     parser.add_argument("--heatmap-max", type=float, help="priority at the end of the heatmap's legend")
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
     parser.add_argument("--weights", type=Path, help="weights file instead of the one that is shipped")
+
+
+def add_color(parser: argparse.ArgumentParser) -> None:
+    """The argument that all commands share which write octrees."""
+    parser.add_argument(
+        "--color", action="store_true", help="keep colour beside luminance, for pictures and exports (luminance alone)"
+    )
 
 
 def add_exposure(parser: argparse.ArgumentParser) -> None:
@@ -117,6 +125,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         light=args.light,
         samples=args.samples,
         exposure=args.exposure,
+        color=args.color,
         texel_voxels=args.texel_voxels,
         cameras=tuple(name.strip() for name in args.cameras.split(",") if name.strip()),
         size=tuple(args.size),

@@ -89,7 +89,8 @@ class PATCHNET_PT_light(_Step, bpy.types.Panel):
 
     def visible_settings(self, values: bpy.types.PropertyGroup) -> tuple[str, ...]:
         """Samples are for Cycles."""
-        return ("light", "samples", "texel_voxels", "exposure") if values.light == "cycles" else ("light", "exposure")
+        baked = ("samples", "texel_voxels") if values.light == "cycles" else ()
+        return ("light", *baked, "exposure", "color")
 
     def draw(self, context: bpy.types.Context) -> None:
         """The step, and what baking leaves out."""

@@ -34,7 +34,7 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         else:
             cameras = [] if fixed else choose_cameras(depsgraph, names, size, bounds)
         choice = yield from choose_grid(source, cameras, settings)
-        octree = yield from build(source, choice.grid, unlit(source), settings, UNLIT, choice.layout)
+        octree = yield from build(source, choice.grid, unlit(source, settings), settings, UNLIT, choice.layout)
         made = results.SceneResult(octree=octree, scope=settings.scope, layout=choice.layout)
         results.keep(context.scene, made)
         for warning in (*source.warnings, *choice.warnings):

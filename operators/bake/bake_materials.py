@@ -10,15 +10,19 @@ import bpy
 
 from ..scene.layer_names import shader_tree
 from .object_data import needs_redirect, redirect
+from .translucency import is_translucent, keep_sides
 
 
 @contextmanager
-def bake_materials(names: Sequence[str], image: bpy.types.Image, back: bool) -> Iterator[list[bpy.types.Material]]:
+def bake_materials(
+    names: Sequence[str], image: bpy.types.Image, back: bool, through: bool = False
+) -> Iterator[list[bpy.types.Material]]:
     """A copy of each named material, in this order, whose active node is `image`; removed after the block.
 
-    The copies take from attributes what they would ask the object; `back` says that the mesh shows back sides.
+    The copies take from attributes what they would ask the object. back: the mesh shows back sides. through: they show
+    only what shines through from behind, else all but that.
     """
-    copies = _Copies()
+    copies = _Copies(through)
     try:
         for name in names:
             copies.add(name, image, back)
@@ -30,7 +34,8 @@ def bake_materials(names: Sequence[str], image: bpy.types.Image, back: bool) -> 
 class _Copies:
     """Copies of materials and of the node groups in them."""
 
-    def __init__(self) -> None:
+    def __init__(self, through: bool) -> None:
+        self._through = through
         self.materials: list[bpy.types.Material] = []
         self._groups: list[bpy.types.NodeTree] = []
         self._library = {material.name_full: material for material in bpy.data.materials}
@@ -40,7 +45,7 @@ class _Copies:
         original = self._library[name] if name else None
         copy = original.copy() if original else bpy.data.materials.new("PatchNet Default")
         self.materials.append(copy)
-        if original and needs_redirect(original):
+        if original and (needs_redirect(original) or is_translucent(original)):
             self._redirect(copy.node_tree, original.pass_index, back, {})
         _aim(copy, image, plain=original is None)
 
@@ -48,6 +53,7 @@ class _Copies:
         self, tree: bpy.types.NodeTree, material_index: int, back: bool, known: dict[str, bpy.types.NodeTree]
     ) -> None:
         redirect(tree, material_index, back)
+        keep_sides(tree, self._through)
         for node in tree.nodes:
             if node.type == "GROUP" and node.node_tree:
                 name = node.node_tree.name_full

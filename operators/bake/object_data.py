@@ -26,6 +26,8 @@ _INFO = {  # output of Object Info -> attribute
 _LOST: dict[str, frozenset[str] | None] = {
     "TEX_COORD": frozenset({"Normal", "Camera", "Window", "Reflection"}),
     "NEW_GEOMETRY": frozenset({"Incoming", "Parametric", "Pointiness", "Random Per Island"}),
+    "LIGHT_PATH": frozenset({"Ray Length"}),
+    "BEVEL": None,
     "CAMERA": None,
     "FRESNEL": None,
     "LAYER_WEIGHT": None,
@@ -47,15 +49,45 @@ def attributes_needed(materials: Sequence[bpy.types.Material]) -> frozenset[str]
     return frozenset(needed)
 
 
-def lost_inputs(material: bpy.types.Material) -> tuple[str, ...]:
-    """Names of nodes in a material whose values the bake cannot reproduce."""
+def lost_inputs(material: bpy.types.Material, turned: bool = True, divided: bool = True) -> tuple[str, ...]:
+    """Names of nodes in a material whose values the bake cannot reproduce.
+
+    turned: the material is on objects that are turned or scaled. divided: not all of the surface is baked at once.
+    """
     names = []
     for node in _nodes([material]):
         outputs = _LOST.get(node.type, frozenset())
-        of_object = node.type == "ATTRIBUTE" and node.attribute_type in ("OBJECT", "INSTANCER")
-        if of_object or any(s.is_linked and (outputs is None or s.name in outputs) for s in node.outputs):
+        linked = [socket.name for socket in node.outputs if socket.is_linked]
+        if any(outputs is None or name in outputs for name in linked) or (
+            linked and _asks_whole_object(node, turned, divided)
+        ):
             names.append(node.name)
     return tuple(dict.fromkeys(names))
+
+
+def _asks_whole_object(node: bpy.types.Node, turned: bool, divided: bool) -> bool:
+    """Whether a node's settings make it depend on its object, its instancer or the surface around."""
+    match node.type:
+        case "ATTRIBUTE":
+            return node.attribute_type in ("OBJECT", "INSTANCER")
+        case "TEX_COORD" | "UVMAP":
+            return node.from_instancer
+        case "AMBIENT_OCCLUSION":
+            return node.inside or node.only_local
+        case "TEX_IMAGE":
+            return turned and node.projection == "BOX"
+        case "NORMAL_MAP":
+            return turned and node.space in ("OBJECT", "BLENDER_OBJECT")
+        case "SUBSURFACE_SCATTERING":
+            return divided
+        case "BSDF_PRINCIPLED":
+            weight = node.inputs["Subsurface Weight"]
+            return divided and (weight.is_linked or weight.default_value > 0.0)
+        case "VECT_TRANSFORM":
+            spaces = {node.convert_from, node.convert_to}
+            of_object = "OBJECT" in spaces and (turned or node.vector_type == "POINT")
+            return len(spaces) == 2 and ("CAMERA" in spaces or of_object)
+    return False
 
 
 def attribute_values(run: Run, name: str) -> np.ndarray:

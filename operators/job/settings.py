@@ -32,6 +32,7 @@ class JobSettings:
     memory_bytes: what the octree may take while it is built; None for all that is free.
     light: "cycles" bakes global illumination with `samples` per texel, "two-lights" is methods 7.3.
     exposure: factor on luminance; None chooses it by the surface (methods 7.1).
+    color: keep colour beside luminance, for pictures and exports; two bytes a node (methods 7.2d).
     texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
     cameras: names, or ("all",), or ("auto",); empty for the scene's active camera.
     size: pictures in pixels; a height of 0 follows the render aspect, (0, 0) is the render resolution.
@@ -50,6 +51,7 @@ class JobSettings:
     light: str = CYCLES
     samples: int = 8
     exposure: float | None = None
+    color: bool = False
     texel_voxels: float = 2.0
     cameras: tuple[str, ...] = ()
     size: tuple[int, int] = (192, 0)

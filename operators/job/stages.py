@@ -52,9 +52,9 @@ def choose_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSett
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Finding the depth")
     if settings.voxel_world is not None:
         grid = Grid.with_voxel_size(bounds_world, settings.voxel_world)
-        choose_depth(coarse, cameras, grid.depth, settings.memory_bytes)
+        choose_depth(coarse, cameras, grid.depth, settings.memory_bytes, color=settings.color)
         return GridChoice(grid)
-    choice = choose_depth(coarse, cameras, settings.depth, settings.memory_bytes)
+    choice = choose_depth(coarse, cameras, settings.depth, settings.memory_bytes, color=settings.color)
     warnings: tuple[str, ...] = ()
     if choice.bounded_by_memory:
         warnings = (
@@ -73,9 +73,8 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
 
     grid = Grid.around(settings.bounds_world(source), MAX_DEPTH)
     memory = settings.memory_bytes or available_memory()
-    fitted = yield from fit_leaf_levels(
-        source, grid, cameras, opacity_shade(source), most_leaves=most_leaves(memory - LAYOUT_BYTES)
-    )
+    most = most_leaves(memory - LAYOUT_BYTES, color=settings.color)
+    fitted = yield from fit_leaf_levels(source, grid, cameras, opacity_shade(source), most_leaves=most)
     warnings: tuple[str, ...] = ()
     if fitted.lookahead_share < LOOK_AHEAD_SHARE:
         warnings = (
@@ -85,11 +84,11 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
     return GridChoice(replace(grid, depth=fitted.layout.deepest), fitted.layout, warnings)
 
 
-def unlit(source: MeshSource) -> Shade:
+def unlit(source: MeshSource, settings: JobSettings) -> Shade:
     """The surface's own colour, before any light is baked."""
     from ...patchnet_addon.light.albedo import albedo_shade
 
-    return albedo_shade(source)
+    return albedo_shade(source, color=settings.color)
 
 
 def lit(
@@ -108,7 +107,7 @@ def lit(
     if settings.light != CYCLES:
         from ...patchnet_addon.light.two_lights import two_lights_shade
 
-        return two_lights_shade(source), ()
+        return two_lights_shade(source, color=settings.color), ()
     from ...patchnet_addon.light.atlas import atlas_shade
     from ...patchnet_addon.light.texel_sizes import texel_sizes
     from ..bake import bake_luminance
@@ -116,7 +115,7 @@ def lit(
     added = settings.daylight
     bright = has_light(context.evaluated_depsgraph_get()) if added is None else not added
     texel_world = texel_sizes(source, grid, layout, settings.texel_voxels)
-    baking = bake_luminance(context, source, texel_world, settings.samples, kept=kept)
+    baking = bake_luminance(context, source, texel_world, settings.samples, color=settings.color, kept=kept)
     atlas = yield from baking if bright else in_daylight(context.scene, baking)
     return atlas_shade(atlas, source), (*atlas.warnings, *(() if bright else (NO_LIGHT,)))
 
@@ -148,6 +147,7 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
         "triangles": source.triangle_count,
         "scope": settings.scope,
         "light": light,
+        "color": settings.color,
         "versions": versions(),
     }
     return values | ({"samples": settings.samples, "texel_voxels": settings.texel_voxels} if light == CYCLES else {})

@@ -137,6 +137,15 @@ class SceneMesh:
             shown = ", ".join(f"'{name}'" for name in names[:3]) + (" and others" if len(names) > 3 else "")
             raise GeometryError(f"The surface of {shown} has no area: choose objects whose faces are not degenerate")
 
+    @property
+    def turned_materials(self) -> frozenset[str]:
+        """Names of materials on objects that are turned or scaled."""
+        used: set[int] = set()
+        for part in self.parts:
+            turned = ~np.isclose(part.matrices_world[:, :3, :3], np.eye(3), atol=1e-5).all(axis=(1, 2))
+            used.update(np.unique(part.materials[turned]).tolist())
+        return frozenset(self.material_names[index] for index in used)
+
     def batches(self) -> Iterator[TriangleBatch]:
         """All triangles, in a fixed order: mesh by mesh, placement by placement."""
         first = 0

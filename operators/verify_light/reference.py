@@ -8,6 +8,7 @@ bake of these parts computes. They come out of a multi-layer EXR, so that neithe
 from __future__ import annotations
 
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -59,22 +60,39 @@ class Reference:
 
 def render_reference(context: bpy.types.Context, camera: Camera, samples: int, seed: int) -> Reference:
     """Render the scene; it is as before afterwards. Raises SceneError if Cycles is not there or does not render."""
+    with tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
+        path = Path(folder) / "reference.exr"
+        with _prepared(context, camera, samples, seed, path) as (scene, layer):
+            for name, value in _PASSES.items():
+                if hasattr(layer, name):
+                    setattr(layer, name, value)
+            _render(scene, layer, path)
+        return _reference(read_exr(path))
+
+
+def camera_render_seconds(context: bpy.types.Context, camera: Camera, samples: int, seed: int) -> float:
+    """Wall seconds of Blender's call that renders the scene with nothing but the combined pass, and writes no file."""
+    with _prepared(context, camera, samples, seed, Path()) as (scene, layer):
+        start = time.perf_counter()
+        bpy.ops.render.render(scene=scene.name, layer=layer.name)
+        return time.perf_counter() - start
+
+
+@contextmanager
+def _prepared(
+    context: bpy.types.Context, camera: Camera, samples: int, seed: int, path: Path
+) -> Iterator[tuple[bpy.types.Scene, bpy.types.ViewLayer]]:
+    """A copy of the scene that looks through `camera`, and its view layer; all is as before after the block."""
     if not hasattr(context.scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on")
-    with tempfile.TemporaryDirectory(prefix="patchnet-") as folder, ExitStack() as stack:
-        path = Path(folder) / "reference.exr"
+    with ExitStack() as stack:
         stack.enter_context(object_mode(context))
         stack.enter_context(_no_new_render_result())
         scene = stack.enter_context(_copied(context.scene))
-        layer = scene.view_layers[context.view_layer.name]
         _set_up(scene, camera, samples, seed, path)
-        for name, value in _PASSES.items():
-            if hasattr(layer, name):
-                setattr(layer, name, value)
         stack.enter_context(_lamps_unseen(scene))
         stack.enter_context(_seen_through(scene, camera))
-        _render(scene, layer, path)
-        return _reference(read_exr(path))
+        yield scene, scene.view_layers[context.view_layer.name]
 
 
 def _render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, path: Path) -> None:

@@ -27,7 +27,7 @@ _PITCH = float(np.radians(-6.0))  # a little down, as people look
 _TRIAL_PX = (32, 24)
 _NEAR = 0.06  # of the surface's extent: nearer than that, voxels are larger than pixels
 _MIDDLE = 0.15
-_DARK = 0.02
+_BRIGHT = 0.1  # exposed luminance from which a view is bright enough
 _LEAST_QUALITY = 0.25  # of the best view's
 
 
@@ -145,7 +145,7 @@ def _tried(octree: Octree, camera: Camera, extent: float) -> _Trial:
         * float(np.mean(distance > _NEAR)) ** 4
         * float(np.clip(np.median(distance) / _MIDDLE, 0.0, 1.0))
         * float(facing.mean()) ** 2
-        * float(np.mean(hits.luminance[hit] > _DARK)) ** 2
+        * float(np.mean(np.clip(hits.luminance[hit] / _BRIGHT, 0.0, 1.0))) ** 2
     )
     return _Trial(camera, quality, _cells_seen(hits))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Euler, Vector
 
-from patchnet.operators.bake import bake, bake_luminance
+from patchnet.operators.bake import bake_luminance, baker
 from patchnet.operators.bake.devices import gpu_is_enabled
 from patchnet.operators.scene import SceneMesh, read_scene
 from patchnet.patchnet_addon.errors import SceneError, SettingError
@@ -297,7 +297,7 @@ def test_scene_is_unchanged_after_cancel_and_error(monkeypatch: pytest.MonkeyPat
         assert target.name in bpy.context.scene.objects
         raise RuntimeError("the device is gone")
 
-    monkeypatch.setattr(bake, "_run", fail)
+    monkeypatch.setattr(baker, "_run", fail)
     with pytest.raises(RuntimeError, match="device"):
         drain(bake_luminance(bpy.context, source, 0.2, 2))
     assert_unchanged(before)
@@ -307,7 +307,7 @@ def test_tiles_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     user_scene()
     baked_with = []
     for side in (4096, 8):
-        monkeypatch.setattr(bake, "_TILE_SIDE", side)
+        monkeypatch.setattr(baker, "_TILE_SIDE", side)
         source = read_scene(bpy.context.evaluated_depsgraph_get())
         baked_with.append(drain(bake_luminance(bpy.context, source, 0.1, 3)))
     assert baked_with[0].charts.page_side > 2 * 8
@@ -319,14 +319,14 @@ def test_gpus_bake_where_they_are_enabled(enabled: bool, monkeypatch: pytest.Mon
     """Which device Cycles is asked for; without a GPU it takes the processor all the same."""
     before = user_scene()
     devices = []
-    run = bake._run
+    run = baker._run
 
     def look(context: bpy.types.Context, target: bpy.types.Object) -> None:
         devices.append(context.scene.cycles.device)
         run(context, target)
 
-    monkeypatch.setattr(bake, "_run", look)
-    monkeypatch.setattr(bake, "gpu_is_enabled", lambda context: enabled or gpu_is_enabled(context))
+    monkeypatch.setattr(baker, "_run", look)
+    monkeypatch.setattr(baker, "gpu_is_enabled", lambda context: enabled or gpu_is_enabled(context))
     source = read_scene(bpy.context.evaluated_depsgraph_get())
     drain(bake_luminance(bpy.context, source, 0.5, 1))
     assert set(devices) == {"GPU" if enabled or gpu_is_enabled(bpy.context) else "CPU"}
@@ -348,4 +348,4 @@ def test_a_failing_bake_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None
     item = square("Floor", diffuse())
     item.hide_render = True
     with pytest.raises(SceneError, match="Cycles cannot bake"):
-        bake._run(bpy.context, item)
+        baker._run(bpy.context, item)
