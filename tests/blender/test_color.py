@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Colour from scene to picture: a red and a green wall under white light look as in Cycles; luminance is untouched."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+import patchnet
+from patchnet import commands
+from patchnet.operators import results
+from patchnet.operators.bake import bake_luminance
+from patchnet.operators.cameras import choose_cameras
+from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.job.stages import build as build_stage
+from patchnet.operators.job.stages import lit
+from patchnet.operators.scene import read_scene
+from patchnet.patchnet_addon.light.kept_pages import KeptPages
+from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.trace import trace_frame
+from patchnet.tests.blender.job_scene import box, random_weights
+
+SIZE = (48, 32)
+WALLS = {"red": (0.8, 0.05, 0.05), "green": (0.1, 0.6, 0.1), "stripes": (1.0, 1.0, 1.0)}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    patchnet.register()
+    yield
+    patchnet.unregister()
+
+
+@pytest.fixture(autouse=True)
+def scene() -> bpy.types.Scene:
+    """Two walls of one colour, one with a fine texture of orange and blue, and a white floor that they shine on."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    scene = bpy.context.scene
+    for index, (name, color) in enumerate(WALLS.items()):
+        wall = box(name, (index - 1.5, 0.0, 0.0), (index - 0.5, 0.1, 1.0), 0.5)
+        shader = wall.active_material.node_tree.nodes["Principled BSDF"]
+        shader.inputs["Base Color"].default_value = (*color, 1.0)
+        shader.inputs["Specular IOR Level"].default_value = 0.0
+        if name == "stripes":
+            stripe(wall, shader)
+    box("floor", (-1.5, -1.5, -0.1), (1.5, 0.1, 0.0), 0.8)
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "SUN"))
+    lamp.data.energy, lamp.rotation_euler = 3.0, (0.9, 0.0, 0.1)
+    eye = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
+    eye.location, eye.rotation_euler = (0.0, -4.0, 1.2), (1.35, 0.0, 0.0)
+    for item in (lamp, eye):
+        scene.collection.objects.link(item)
+    scene.camera = eye
+    bpy.context.view_layer.update()
+    return scene
+
+
+def stripe(wall: bpy.types.Object, shader: bpy.types.Node) -> None:
+    """Four columns of texels of each colour along the wall."""
+    pixels = np.ones((8, 8, 4), np.float32)
+    pixels[:, 0::2, :3], pixels[:, 1::2, :3] = (0.9, 0.4, 0.05), (0.05, 0.2, 0.8)
+    image = bpy.data.images.new("stripes", 8, 8, float_buffer=True, is_data=True)
+    image.pixels.foreach_set(pixels.ravel())
+    image.pack()
+    layer = wall.data.uv_layers.new(name="UV")
+    for loop in wall.data.loops:
+        corner = wall.data.vertices[loop.vertex_index].co
+        layer.data[loop.index].uv = (corner.x - 0.5, corner.z)
+    tree = shader.id_data
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image, node.interpolation = image, "Linear"
+    tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+
+
+def octree_of(settings: JobSettings, depth: int = 7) -> Octree:
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    grid = Grid.around(source.bounds_world, depth)
+    shade, _ = drain(lit(bpy.context, source, grid, None, settings))
+    return drain(build_stage(source, grid, shade, settings, settings.light))
+
+
+def cycles_picture(path: Path) -> np.ndarray:
+    """Cycles' own picture (H, W, 3), linear."""
+    scene = bpy.context.scene
+    render = scene.render
+    render.engine, render.filepath, render.film_transparent = "CYCLES", str(path), True
+    render.resolution_x, render.resolution_y, render.resolution_percentage = *SIZE, 100
+    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.pixel_filter_type = 256, False, "BOX"
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(str(path))
+    pixels = np.empty(SIZE[0] * SIZE[1] * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    bpy.data.images.remove(image)
+    return pixels.reshape(SIZE[1], SIZE[0], 4)[..., :3]
+
+
+def regions() -> dict[str, np.ndarray]:
+    """Which pixels (H, W) show each object, well inside of it, by Blender's ray casts."""
+    scene = bpy.context.scene
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    camera = scene.camera
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    frame = [camera.matrix_world @ corner for corner in camera.data.view_frame(scene=scene)]
+    origin, (right_top, right_low, left_low, left_top) = camera.matrix_world.translation, frame
+    names = np.full(SIZE[::-1], "", object)
+    for row, column in np.ndindex(*names.shape):
+        low = left_low.lerp(right_low, (column + 0.5) / SIZE[0])
+        point = low.lerp(left_top.lerp(right_top, (column + 0.5) / SIZE[0]), (row + 0.5) / SIZE[1])
+        hit, _, _, _, item, _ = scene.ray_cast(depsgraph, origin, point - origin)
+        names[row, column] = item.name if hit else ""
+    inside = np.zeros(names.shape, bool)
+    inside[1:-1, 1:-1] = True
+    for axis in (0, 1):
+        for step in (-1, 1):
+            inside &= np.roll(names, step, axis) == names
+    return {name: inside & (names == name) for name in (*WALLS, "floor")}
+
+
+@pytest.mark.parametrize("light", ["cycles", "two-lights"])
+def test_luminance_is_the_same_with_and_without_colour(light: str) -> None:
+    gray, colored = (octree_of(JobSettings(light=light, samples=2, color=color), 6) for color in (False, True))
+    assert gray.chroma is None and colored.chroma is not None
+    assert (gray.provenance["color"], colored.provenance["color"]) == (False, True)
+    assert gray.exposure == colored.exposure
+    for name, values in octree_arrays(gray).items():
+        np.testing.assert_array_equal(octree_arrays(colored)[name], values, err_msg=name)
+
+
+def test_pictures_agree_with_cycles_in_each_region(tmp_path: Path) -> None:
+    octree = octree_of(JobSettings(samples=64, color=True))
+    (camera,) = choose_cameras(
+        bpy.context.evaluated_depsgraph_get(), (), SIZE, octree.grid.to_world(np.array([[0.0] * 3, [1.0] * 3]))
+    )
+    frame = drain(trace_frame(octree, camera, [STRATEGIES["optimal"]]))
+    assert frame.preview_color is not None and frame.reference_color is not None
+    cycles = cycles_picture(tmp_path / "cycles.exr") * octree.exposure
+    for colors in (frame.preview_color, frame.reference_color):
+        picture = frame.picture(colors)
+        for name, chosen in regions().items():
+            assert chosen.sum() > 30, name
+            mine, its = picture[chosen].mean(axis=0), cycles[chosen].mean(axis=0)
+            np.testing.assert_allclose(mine, its, rtol=0.08, atol=0.012, err_msg=name)
+    floor = frame.picture(frame.reference_color)[regions()["floor"]].mean(axis=0)
+    assert floor[0] > 1.02 * floor[2], "the red wall shines on the floor"
+
+
+def test_fine_texture_keeps_its_colours() -> None:
+    """Texels of the bake as large as two stripes: voxels show the stripes' own colours."""
+    octree = octree_of(JobSettings(samples=16, color=True, texel_voxels=16.0))
+    level = octree.depth
+    centres = octree.grid.to_world((octree.cells(level) + 0.5) / (1 << level))
+    x, y, z = centres.T
+    front = (x > 0.55) & (x < 1.45) & (np.abs(y) < octree.grid.voxel_world / 2) & (z > 0.2) & (z < 0.8)
+    place = ((x - 0.5) * 8) % 2
+    colors = octree.color_float(octree.level(level))
+    for here, hue in ((np.abs(place - 0.5) < 0.1, (0.9, 0.4, 0.05)), (np.abs(place - 1.5) < 0.1, (0.05, 0.2, 0.8))):
+        mean = colors[front & here].mean(axis=0)
+        # What texture does to light is limited to a factor of 4, so that a little of the other colour stays.
+        np.testing.assert_allclose(mean / mean.sum(), np.array(hue) / sum(hue), atol=0.08)
+
+
+def test_a_stopped_bake_in_colour_goes_on_and_is_not_taken_for_a_gray_one(tmp_path: Path) -> None:
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+
+    def bake(color: bool, kept: KeptPages) -> np.ndarray:
+        return drain(bake_luminance(bpy.context, source, 0.05, 1, color=color, kept=kept)).texels
+
+    with pytest.raises(KeyboardInterrupt), KeptPages(tmp_path) as kept:
+        first = bake(True, kept)
+        raise KeyboardInterrupt
+    assert list(tmp_path.glob("*/page-*"))
+    with KeptPages(tmp_path) as kept:
+        assert bake(False, kept).shape == (len(first), 2)
+        np.testing.assert_array_equal(bake(True, kept), first)
+        np.testing.assert_array_equal(bake(False, kept), first[:, :2])
+
+
+def test_operators(scene: bpy.types.Scene) -> None:
+    scene.patchnet.color = True
+    bpy.ops.patchnet.voxelize(depth=5)
+    unlit = results.voxels_of(scene).octree
+    red = unlit.color_float(np.array([0]))[0]
+    assert unlit.chroma is not None and red.std() > 0.01
+    bpy.ops.patchnet.bake_light(light="two-lights")
+    assert results.voxels_of(scene).octree.chroma is not None
+    bpy.ops.patchnet.bake_light(light="two-lights", color=False)
+    assert results.voxels_of(scene).octree.chroma is None
+
+
+@pytest.mark.parametrize("color", [False, True])
+def test_run_command(color: bool, tmp_path: Path) -> None:
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "walls.blend"))
+    arguments = ["run", str(tmp_path / "walls.blend"), "--light", "two-lights", "--depth", "6", "--size", "24", "16"]
+    arguments += ["--weights", str(random_weights(tmp_path)), "--out", str(tmp_path / "out")]
+    assert commands.main([*arguments, *(["--color"] if color else [])]) == 0
+    octree = load_octree(tmp_path / "out" / "octree.safetensors")
+    assert (octree.chroma is not None) == color
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["light"]["color"] is color and report["octree"]["bytes"] == octree.nbytes
+    for name in ("preview", "refined", "reference"):
+        image = bpy.data.images.load(str(tmp_path / "out" / "Eye" / f"{name}.png"))
+        pixels = np.array(image.pixels[:]).reshape(-1, 4)[:, :3]
+        assert (np.ptp(pixels, axis=1).max() > 0.2) == color, name
+        bpy.data.images.remove(image)
+
+
+def test_octree_command(tmp_path: Path) -> None:
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "walls.blend"))
+    arguments = ["octree", str(tmp_path / "walls.blend"), "--light", "two-lights", "--depth", "6"]
+    made = []
+    for name, more in (("gray", []), ("color", ["--color"])):
+        assert commands.main([*arguments, *more, "--out", str(tmp_path / name)]) == 0
+        made.append(load_octree(tmp_path / name))
+    np.testing.assert_array_equal(made[0].luminance, made[1].luminance)
+    assert made[0].chroma is None and made[1].chroma is not None
