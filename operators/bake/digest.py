@@ -129,7 +129,7 @@ class Digest:
                 self.struct(value, depth=depth - 1)
         elif kind == "COLLECTION":
             for item in value if depth > 0 else ():
-                if isinstance(item, bpy.types.ID):
+                if item is None or isinstance(item, bpy.types.ID):  # slots may be empty
                     self.block(item)
                 else:
                     self.struct(item, depth=depth - 1)
