@@ -6,6 +6,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 
 from patchnet.tests.blender.light_scene import (
     assert_agrees,
@@ -169,6 +170,31 @@ def test_light_through_panes(kind: str) -> None:
     pane("Pane", transparent_pane(kind))
     lamp("SUN", 3.0, angle=0.05)
     assert_agrees(compare(256), contrast=0.1)
+
+
+def test_a_lamp_in_a_translucent_body() -> None:
+    """Light from behind the surface, which the surface itself must not keep off."""
+    slab(paint=transparent_pane("translucent")).data.transform(Matrix.Diagonal((1, 1, 4, 1)))
+    lamp("POINT", 5.0, (-0.5, 0.0, -0.5), shadow_soft_size=0.1)
+    assert_agrees(compare(256), contrast=0.5)
+
+
+def test_translucent_leaves() -> None:
+    """Two shaders in a group; the sides get the same light, for a voxel holds their mean."""
+    paint, tree = material("Leaf")
+    group = bpy.data.node_groups.new("Leaf", "ShaderNodeTree")
+    group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    green = shader(group, "BsdfTranslucent", Color=(0.3, 0.9, 0.3, 1.0))
+    sides = mixed(group, shader(group, "BsdfDiffuse", Color=(0.2, 0.2, 0.2, 1.0)), green, 0.7)
+    group.links.new(sides, group.nodes.new("NodeGroupOutput").inputs[0])
+    user = tree.nodes.new("ShaderNodeGroup")
+    user.node_tree = group
+    shown(tree, user.outputs[0])
+    pane("Leaf", paint, 0.0).location.x = 0.0
+    for z in (0.5, -0.5):
+        pane("Roof", grey(0.0), z)
+        lamp("SUN", 2.0, angle=0.1).rotation_euler.x = np.pi * (z < 0.0)
+    assert_agrees(compare(512, ("Leaf",)), contrast=0.8)
 
 
 @pytest.mark.parametrize("kind", ["glass", "refraction", "transmission"])

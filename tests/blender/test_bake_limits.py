@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the bake cannot show as a render does is said in one sentence; what it can is not warned of."""
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet.operators.bake import bake_luminance
+from patchnet.operators.scene import read_scene
+from patchnet.patchnet_addon.progress import drain
+from patchnet.tests.blender.light_scene import assert_agrees, compare, lamp, material, shader, shown, simple, slab
+
+
+@pytest.fixture(autouse=True)
+def empty_scene() -> None:
+    bpy.ops.wm.read_homefile(use_empty=True)
+
+
+def paint(kind: str, output: str = "", **settings: object) -> bpy.types.Material:
+    """A material that emits what a node yields; settings of the node, inputs of theirs as (name, value)."""
+    result, tree = material("Paint")
+    node = tree.nodes.new(f"ShaderNode{kind}")
+    node.name = "The node"
+    for name, value in settings.items():
+        setattr(node, name, value)
+    shine = shader(tree, "Emission")
+    tree.links.new(node.outputs[output] if output else node.outputs[0], shine.node.inputs["Color"])
+    shown(tree, shine)
+    return result
+
+
+def warnings(surface: bpy.types.Material, turned: bool = False) -> tuple[str, ...]:
+    slab(paint=surface).rotation_euler.z = 0.5 if turned else 0.0
+    bpy.context.view_layer.update()
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    return drain(bake_luminance(bpy.context, source, 0.5, 1)).warnings
+
+
+LOST = [
+    ("AmbientOcclusion", {"inside": True}),
+    ("AmbientOcclusion", {"only_local": True}),
+    ("Bevel", {}),
+    ("LightPath", {"output": "Ray Length"}),
+    ("TexCoord", {"output": "Generated", "from_instancer": True}),
+    ("UVMap", {"from_instancer": True}),
+    ("VectorTransform", {"convert_from": "WORLD", "convert_to": "CAMERA"}),
+    ("VectorTransform", {"convert_from": "OBJECT", "convert_to": "WORLD", "vector_type": "POINT"}),
+]
+LOST_WHEN_TURNED = [
+    ("VectorTransform", {"convert_from": "OBJECT", "convert_to": "WORLD", "vector_type": "NORMAL"}),
+    ("NormalMap", {"space": "OBJECT"}),
+    ("TexImage", {"projection": "BOX"}),
+]
+KEPT = [
+    ("AmbientOcclusion", {}),
+    ("LightPath", {"output": "Is Camera Ray"}),
+    ("NormalMap", {"space": "WORLD"}),
+    ("TexCoord", {"output": "Generated"}),
+]
+
+
+@pytest.mark.parametrize(("kind", "settings"), LOST + LOST_WHEN_TURNED)
+def test_what_is_lost_is_named(kind: str, settings: dict) -> None:
+    (warning,) = warnings(paint(kind, **settings), turned=(kind, settings) in LOST_WHEN_TURNED)
+    assert "'Paint'" in warning and "'The node'" in warning
+
+
+@pytest.mark.parametrize(("kind", "settings"), KEPT + LOST_WHEN_TURNED)
+def test_what_is_kept_is_not(kind: str, settings: dict) -> None:
+    assert warnings(paint(kind, **settings), turned=(kind, settings) in KEPT) == ()
+
+
+@pytest.mark.parametrize(
+    "surface",
+    [
+        ("SubsurfaceScattering", {"Scale": 0.3}),
+        ("BsdfPrincipled", {"Subsurface_Weight": 1.0, "Subsurface_Scale": 0.3}),
+    ],
+)
+def test_scattering_under_surfaces_on_several_pages(surface: tuple[str, dict], monkeypatch: pytest.MonkeyPatch) -> None:
+    kind, inputs = surface
+    assert warnings(simple(kind, "Skin", **inputs)) == ()
+    bpy.data.objects.remove(bpy.data.objects["Floor"])
+    monkeypatch.setenv("PATCHNET_PAGE_SIDE", "4")
+    (warning,) = warnings(simple(kind, "Wax", **inputs))
+    assert "'Wax'" in warning
+
+
+@pytest.mark.parametrize("output", ["Is Camera Ray", "Is Shadow Ray", "Ray Depth"])
+def test_kinds_of_rays(output: str) -> None:
+    """What a camera ray alone would see is seen by the bake."""
+    surface = paint("LightPath", output)
+    tree = surface.node_tree
+    both = tree.nodes.new("ShaderNodeAddShader")
+    tree.links.new(tree.nodes["Emission"].outputs[0], both.inputs[0])
+    tree.links.new(shader(tree, "BsdfDiffuse"), both.inputs[1])
+    shown(tree, both.outputs[0])
+    slab(paint=surface)
+    lamp("POINT", 5.0, shadow_soft_size=0.1)
+    found = compare()
+    assert_agrees(found)
+    assert np.ptp(found.rendered) > 0.05
+
+
+def test_bumps() -> None:
+    """Bump and displacement that only bends normals."""
+    surface, tree = material("Bumps")
+    bump, noise = tree.nodes.new("ShaderNodeBump"), tree.nodes.new("ShaderNodeTexNoise")
+    noise.inputs["Scale"].default_value = 1.0
+    bump.inputs["Distance"].default_value = 1.0
+    noise.inputs["Detail"].default_value = 0.0
+    tree.links.new(noise.outputs[0], bump.inputs["Height"])
+    diffuse = shader(tree, "BsdfDiffuse")
+    tree.links.new(bump.outputs[0], diffuse.node.inputs["Normal"])
+    shown(tree, diffuse)
+    slab(paint=surface)
+    lamp("SUN", 3.0, angle=0.0).rotation_euler.y = 0.6
+    assert_agrees(compare(), contrast=0.1)

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lamps and emitters that shine on some objects only, or that only some objects shadow; and light of a view layer."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet.tests.blender.light_scene import assert_agrees, compare, grey, lamp, link, pane, simple, slab
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+BOTH = ("Left", "Right")
+
+
+@pytest.fixture(autouse=True)
+def empty_scene() -> None:
+    bpy.ops.wm.read_homefile(use_empty=True)
+
+
+def halves() -> tuple[bpy.types.Object, bpy.types.Object]:
+    """Two slabs under a dim lamp that shines on both."""
+    lamp("POINT", 3.0, (0.0, 0.0, 0.8), shadow_soft_size=0.2)
+    return slab("Left", high=(0.0, 1.0)), slab("Right", low=(0.0, -1.0))
+
+
+def receivers(items: Sequence[bpy.types.Object], state: str = "INCLUDE") -> bpy.types.Collection:
+    result = bpy.data.collections.new("Receivers")
+    for item in items:
+        result.objects.link(item)
+        result.collection_objects[-1].light_linking.link_state = state
+    return result
+
+
+def assert_halves(lit: int) -> None:
+    """Bake is render, half `lit` much brighter than the other, and the scene as before."""
+    bpy.context.view_layer.update()
+    for item in bpy.context.view_layer.objects:
+        item.select_set(item.name in BOTH)
+    before = scene_snapshot()
+    found = compare(names=BOTH)
+    assert_unchanged(before)
+    assert_agrees(found)
+    means = found.rendered[:, :4].mean(), found.rendered[:, 4:].mean()
+    assert means[lit] > 2.0 * means[1 - lit]
+
+
+@pytest.mark.parametrize("state", ["INCLUDE", "EXCLUDE"])
+def test_receivers_of_a_sun(state: str) -> None:
+    left, _ = halves()
+    lamp("SUN", 3.0, angle=0.0).light_linking.receiver_collection = receivers([left], state)
+    assert_halves(0 if state == "INCLUDE" else 1)
+
+
+def test_receivers_in_a_nested_collection() -> None:
+    """What is in a child has the state of the child."""
+    left, right = halves()
+    outer = bpy.data.collections.new("Outer")
+    outer.children.link(receivers([left]))
+    outer.collection_children[0].light_linking.link_state = "EXCLUDE"
+    outer.objects.link(right)
+    lamp("SUN", 3.0, angle=0.0).light_linking.receiver_collection = outer
+    assert_halves(1)
+
+
+def test_receivers_of_an_emitting_mesh() -> None:
+    left, _ = halves()
+    emitter = pane("Emitter", simple("Emission", Strength=4.0))
+    emitter.location.x = 0.0
+    emitter.light_linking.receiver_collection = receivers([left])
+    bpy.context.scene.cycles.diffuse_bounces = 0
+    found = compare(256, BOTH)
+    assert_agrees(found)
+    assert found.rendered[:, 0].mean() > 2.0 * found.rendered[:, -1].mean()
+
+
+def test_lamp_from_another_file(tmp_path: Path) -> None:
+    """A linked sun, whose receivers are a collection that is linked, too."""
+    path = tmp_path / "library.blend"
+    left = slab("Left", high=(0.0, 1.0))
+    sun = lamp("SUN", 3.0, angle=0.0)
+    sun.light_linking.receiver_collection = receivers([left])
+    bpy.data.libraries.write(str(path), {left, sun})
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(str(path), link=True) as (_, linked):
+        linked.objects, linked.collections = ["Left", "Sun"], ["Receivers"]
+    for item in linked.objects:
+        bpy.context.scene.collection.objects.link(item)
+    slab("Right", low=(0.0, -1.0))
+    lamp("POINT", 3.0, (0.0, 0.0, 0.8), shadow_soft_size=0.2)
+    assert bpy.data.collections["Receivers"].library
+    assert_halves(0)
+
+
+def test_instances_are_receivers_as_their_instancer() -> None:
+    """Two instances of one slab: the sun shines on the second only."""
+    item = slab("Tile", low=(-0.5, -1.0), high=(0.5, 1.0))
+    tiles = bpy.data.collections.new("Tiles")
+    bpy.context.scene.collection.objects.unlink(item)
+    tiles.objects.link(item)
+    lamp("POINT", 3.0, (0.0, 0.0, 0.8), shadow_soft_size=0.2)
+    places = [link(bpy.data.objects.new(name, None), (x, 0.0, 0.0)) for name, x in zip(BOTH, (-0.5, 0.5), strict=True)]
+    for place in places:
+        place.instance_type, place.instance_collection = "COLLECTION", tiles
+    lamp("SUN", 3.0, angle=0.0).light_linking.receiver_collection = receivers(places[1:])
+    assert_halves(1)
+
+
+@pytest.mark.parametrize("state", ["INCLUDE", "EXCLUDE"])
+def test_objects_that_shadow_one_lamp(state: str) -> None:
+    """Two roofs, of which the sun knows one."""
+    halves()
+    roofs = [pane(f"Roof {x}", grey(0.0), 0.5, (0.5, 1.0, 1.0)) for x in (-0.5, 0.5)]
+    for roof, x in zip(roofs, (-0.5, 0.5), strict=True):
+        roof.location.x = x
+    lamp("SUN", 3.0, angle=0.1).light_linking.blocker_collection = receivers(roofs[:1], state)
+    assert_halves(1 if state == "INCLUDE" else 0)
+
+
+def test_material_of_the_view_layer() -> None:
+    """An override of all materials counts, as in renders."""
+    slab(paint=grey(0.9))
+    pane("Roof", grey(0.9))
+    lamp("SUN", 3.0, angle=0.1)
+    bpy.context.view_layer.material_override = grey(0.3)
+    found = compare(256)
+    assert_agrees(found)
+    assert found.bright == pytest.approx(3.0 * 0.3 / np.pi, rel=0.05)
