@@ -13,7 +13,7 @@ from .voxel_object import show
 
 
 class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
-    """Show the voxels of one level in the scene, coloured by luminance; they stay out of renders and of Voxelize"""
+    """Show the voxels of one level in the scene, in the color of their light; renders and Voxelize never see them"""
 
     bl_idname = "patchnet.show_voxels"
     bl_label = "Show Voxels"

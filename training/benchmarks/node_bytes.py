@@ -90,9 +90,10 @@ def bytes_tables(values: dict[str, Any]) -> str:
     head = ["field", "memory, B per node", "B per voxel", "disk, B per node", "B per voxel"]
     ours = markdown_table(head, [[row["field"], *(f"{row[c]:.2f}" for c in columns)] for row in values["fields"]])
     total = values["fields"][-1]
+    colour = ", colour" if any(row["field"] == "chroma" for row in values["fields"]) else ""
     rows: list[list[object]] = [
         ["PatchNet", "hierarchy", f"{values['hierarchy_per_node']:.2f}", f"{values['hierarchy_per_leaf']:.2f}", ""],
-        ["PatchNet", "hierarchy, area, luminance, normal", f"{total['memory_per_node']:.2f}",
+        ["PatchNet", f"hierarchy, area, luminance, normal{colour}", f"{total['memory_per_node']:.2f}",
          f"{total['memory_per_leaf']:.2f}", ""],
     ]  # fmt: skip
     for other in values["published"]:
