@@ -35,7 +35,8 @@ _DEPTH = 4
 _LISTED = (
     bpy.types.MaterialSlot | bpy.types.Modifier | bpy.types.LayerCollection | bpy.types.ViewLayer | bpy.types.Constraint
     | bpy.types.ColorRampElement | bpy.types.CurveMap | bpy.types.CurveMapPoint | bpy.types.DriverVariable
-    | bpy.types.FCurve | bpy.types.Keyframe
+    | bpy.types.FCurve | bpy.types.Keyframe | bpy.types.NlaTrack | bpy.types.NlaStrip | bpy.types.ParticleSystem
+    | bpy.types.VertexGroup
 )  # fmt: skip
 
 

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A file as people have them, compared data-block by data-block around every operator: done, failed, or stopped."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import bpy
+import pytest
+
+import patchnet
+from patchnet.operators.bake import bake_luminance
+from patchnet.operators.job.run import run_job
+from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.scene import read_scene
+from patchnet.operators.verify_light import CheckSettings, verify_light
+from patchnet.patchnet_addon.progress import Steps, drain
+from patchnet.tests.blender.full_scene import MODES, build_full
+from patchnet.tests.blender.job_scene import drop_result_images, random_weights
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+STOPS = 5  # of each kind of steps, spread evenly
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    patchnet.register()
+    yield
+    patchnet.unregister()
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return random_weights(tmp_path_factory.mktemp("weights"))
+
+
+CHANGES: dict[str, Callable[[], object]] = {
+    "mode": lambda: bpy.ops.object.mode_set(mode="OBJECT"),
+    "hidden": lambda: bpy.data.objects["Lath 1"].hide_set(False),
+    "selected": lambda: bpy.data.objects["Eye"].select_set(False),
+    "active": lambda: setattr(bpy.context.view_layer.objects, "active", bpy.data.objects["Lath 2"]),
+    "unlocked": lambda: setattr(bpy.data.objects["Lath 3"], "lock_location", (False, False, False)),
+    "UV map": lambda: setattr(bpy.data.meshes["Lath 0"].uv_layers["Other"], "active", True),
+    "bake margin": lambda: setattr(bpy.context.scene.render.bake, "margin", 6),
+    "bake type": lambda: setattr(bpy.context.scene.cycles, "bake_type", "COMBINED"),
+    "tiles": lambda: setattr(bpy.context.scene.cycles, "tile_size", 256),
+    "driver": lambda: setattr(animation("Slab").drivers[0].driver, "expression", "1"),
+    "muted track": lambda: setattr(animation("Lamp", data=True).nla_tracks[0], "mute", False),
+    "particles": lambda: setattr(bpy.data.particles[0], "count", 6),
+    "fake user": lambda: setattr(bpy.data.materials["Kept"], "use_fake_user", False),
+    "painted image": lambda: bpy.data.images["Painted"].pixels.foreach_set([0.5] * 64),
+    "unpacked": lambda: bpy.data.images["Packed"].unpack(method="REMOVE"),
+    "other scene": lambda: setattr(bpy.data.scenes["Other"].render, "engine", "BLENDER_WORKBENCH"),
+    "other layer": lambda: setattr(bpy.context.scene.view_layers[1], "use_pass_z", False),
+    "excluded": lambda: setattr(bpy.context.scene.view_layers[1].layer_collection.children["Linked"], "exclude", False),
+    "custom property": lambda: bpy.data.objects["Slab"].pop("note"),
+    "frame": lambda: bpy.context.scene.frame_set(4),
+    "override": lambda: setattr(overridden(), "location", (0.0, 0.0, 0.0)),
+    "handler": lambda: bpy.app.handlers.load_post.append(print),
+}
+
+
+def animation(name: str, data: bool = False) -> bpy.types.AnimData:
+    item = bpy.data.objects[name]
+    return (item.data if data else item).animation_data
+
+
+def overridden() -> bpy.types.Object:
+    return next(item for item in bpy.data.objects if item.override_library)
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_the_comparison_notices(name: str, tmp_path: Path) -> None:
+    build_full(tmp_path, "EDIT")
+    before = scene_snapshot()
+    assert_unchanged(before)
+    CHANGES[name]()
+    try:
+        with pytest.raises(AssertionError):
+            assert_unchanged(before)
+    finally:
+        if print in bpy.app.handlers.load_post:
+            bpy.app.handlers.load_post.remove(print)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_operators_that_do_their_work(mode: str, weights: Path, tmp_path: Path) -> None:
+    build_full(tmp_path, mode)
+    bpy.context.scene.patchnet.weights = str(weights)
+    before = scene_snapshot()
+    for name, settings in (
+        ("voxelize", {"depth": 5}),
+        ("bake_light", {"samples": 1}),
+        ("precompute_codes", {}),
+        ("render_preview", {"size": (16, 16)}),
+        ("run_all", {"depth": 5, "samples": 1, "size": (16, 16)}),
+    ):
+        assert getattr(bpy.ops.patchnet, name)(**settings) == {"FINISHED"}
+        drop_result_images()
+        assert_unchanged(before)
+
+
+@pytest.mark.parametrize("mode", ["OBJECT", "EDIT"])
+def test_comparison_with_cycles(mode: str, tmp_path: Path) -> None:
+    build_full(tmp_path, mode)
+    before = scene_snapshot()
+    drain(verify_light(bpy.context, CheckSettings(job(), render_samples=2, rays=2)))
+    assert_unchanged(before)
+
+
+def job(**values: object) -> JobSettings:
+    return JobSettings(**{"depth": 5, "size": (16, 16), "samples": 1, **values})
+
+
+def bake() -> Steps[object]:
+    return bake_luminance(bpy.context, read_scene(bpy.context.evaluated_depsgraph_get()), 0.1, 1)
+
+
+@pytest.mark.parametrize("kind", ["run", "verify", "bake"])
+def test_stopped_steps(kind: str, weights: Path, tmp_path: Path) -> None:
+    build_full(tmp_path, "EDIT")
+    kinds: dict[str, Callable[[], Steps[object]]] = {
+        "run": lambda: run_job(bpy.context, job(weights=weights)),
+        "verify": lambda: verify_light(bpy.context, CheckSettings(job(), render_samples=2, rays=2)),
+        "bake": bake,
+    }
+    before = scene_snapshot()
+    count = len(list(kinds[kind]()))
+    assert_unchanged(before)
+    for stop in range(0, count, max(1, count // STOPS)):
+        steps = kinds[kind]()
+        for _ in range(stop + 1):
+            next(steps)
+        steps.close()
+        assert_unchanged(before)
+
+
+# Where memory runs out: functions that stages call when they begin, and in their middle.
+PLACES = (
+    "patchnet_addon.octree.depth.choose_depth",
+    "patchnet_addon.light.charts.layout_charts",
+    "patchnet_addon.light.chart_lookup.triangle_means",
+    "patchnet_addon.light.atlas.atlas_shade",
+    "patchnet_addon.octree.build.build_octree",
+    "patchnet_addon.codes.encode.encode_octree",
+)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_memory_runs_out(place: str, weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    build_full(tmp_path, "EDIT")
+    before = scene_snapshot()
+
+    def fail(*_values: object, **_named: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(f"patchnet.{place}", fail)
+    with pytest.raises(RuntimeError, match="ran out of memory"):
+        bpy.ops.patchnet.run_all(depth=5, samples=1, size=(16, 16), weights=str(weights))
+    assert_unchanged(before)
+
+
+def test_what_is_baked_is_deleted_meanwhile(tmp_path: Path) -> None:
+    """By a handler of another add-on: an error, and all the rest as before."""
+    build_full(tmp_path, "EDIT")
+    before = scene_snapshot()
+
+    def delete(*_values: object) -> None:
+        if (item := bpy.data.objects.get("PatchNet Bake")) is not None:
+            bpy.data.objects.remove(item)
+
+    bpy.app.handlers.depsgraph_update_post.append(delete)
+    try:
+        with pytest.raises((ReferenceError, RuntimeError)):
+            drain(bake())
+    finally:
+        bpy.app.handlers.depsgraph_update_post.remove(delete)
+    assert_unchanged(before)
+
+
+def test_folder_for_files_is_in_the_way(weights: Path, tmp_path: Path) -> None:
+    build_full(tmp_path, "SCULPT")
+    occupied = tmp_path / "file"
+    occupied.write_text("in the way")
+    before = scene_snapshot()
+    with pytest.raises(RuntimeError):
+        bpy.ops.patchnet.run_all(depth=5, samples=1, size=(16, 16), weights=str(weights), out=str(occupied / "out"))
+    assert_unchanged(before)
