@@ -73,9 +73,12 @@ class Baker:
         part = self.triangles(page)
         if len(part) == 0:
             return np.zeros((self._charts.page_side**2, self._channels), np.float32)
+        yield at  # here and below: on large pages each of these takes a second or more, and a window waits
         sheets = part.only(~part.closed)
         front, back = yield from self.bake(page, part, sheets, at)
+        yield at
         texels = self.merged(page, sheets.triangles, front, back)
+        yield at
         lit_inside = part.only(self.black(page, part, front))
         if len(lit_inside):
             at = replace(at, done=page + 0.5)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
@@ -23,6 +23,9 @@ from ..job.versions import machine, versions
 from ..scene import read_scene
 from .reference import Reference, render_reference
 from .settings import CheckSettings
+
+if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
+    from ...patchnet_addon.light.kept_pages import KeptPages
 
 _COVERAGE_RAYS = 8
 
@@ -47,7 +50,17 @@ class LightCheck:
 
 
 def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[LightCheck]:
-    """Compare the octree of the open scene with Cycles; the scene is as before afterwards. Raises PatchNetError."""
+    """Compare the octree of the open scene with Cycles; the scene is as before afterwards. Raises PatchNetError.
+
+    A comparison that is stopped finds the pages of light that it has baked when it is started again.
+    """
+    from ...patchnet_addon.light.kept_pages import KeptPages
+
+    with KeptPages() as kept:
+        return (yield from _compared(context, settings, kept))
+
+
+def _compared(context: bpy.types.Context, settings: CheckSettings, kept: KeptPages) -> Steps[LightCheck]:
     watch = Stopwatch()
     job = settings.job
     with watch.stage("read"):
@@ -55,7 +68,7 @@ def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[L
         source = read_scene(context.evaluated_depsgraph_get(), job.scope)
         choice = yield from choose_grid(source, [], job)
     with watch.stage("light"):
-        shade, assumed = yield from lit(context, source, choice.grid, choice.layout, job)
+        shade, assumed = yield from lit(context, source, choice.grid, choice.layout, job, kept)
     with watch.stage("voxelize"):
         octree = yield from build(source, choice.grid, shade, job, job.light)
     cameras = yield from _cameras(context, octree, settings, source.bounds_world)

@@ -14,8 +14,8 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.bake import bake as baking
 from patchnet.operators.bake import bake_luminance
+from patchnet.operators.bake import baker as baking
 from patchnet.operators.bake.bake_key import bake_key
 from patchnet.operators.scene import read_scene
 from patchnet.patchnet_addon.errors import SettingError

@@ -17,6 +17,7 @@ from patchnet.operators.verify_light import CheckSettings, LightCheck, verify_li
 from patchnet.operators.verify_light.check import check_camera
 from patchnet.operators.verify_light.reference import render_reference
 from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.kernels import user_cache_folder
 from patchnet.patchnet_addon.progress import drain
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
@@ -54,6 +55,21 @@ def test_the_room_agrees_and_half_the_light_does_not(room: None) -> None:
     assert wrong.report["mean_ratio"] == pytest.approx(0.5 * frame["mean_ratio"], rel=0.02)
     assert wrong.report["psnr_db"] < LEAST_PSNR_DB
     assert not within_bounds(wrong.report)
+
+
+def test_a_comparison_that_was_stopped_finds_its_pages(
+    room: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "kernels").symlink_to(user_cache_folder() / "kernels")
+    monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path))
+    small = replace(settings(depth=5, samples=2, size=(16, 16)), render_samples=2)
+    steps = verify_light(bpy.context, small)
+    while not list(tmp_path.glob("bakes/*/page-*.safetensors")):
+        next(steps)
+    steps.close()
+    labels = [report.label for report in verify_light(bpy.context, small)]
+    assert any(label.startswith("Resuming: ") for label in labels)
+    assert list((tmp_path / "bakes").iterdir()) == []
 
 
 def test_reference_is_diffuse_light_and_emission(room: None) -> None:
