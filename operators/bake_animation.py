@@ -24,6 +24,7 @@ from .properties import (
     is_given,
     setting,
 )
+from .tell import tell
 
 
 class FrameProperties:
@@ -88,6 +89,7 @@ class PATCHNET_OT_bake_animation(
 
         if settings.out is None:
             raise SettingError("An animation needs a folder for its frames: choose the output folder")
+        self._file = settings.out
         plan = FramePlan(
             frames=tuple(frame_range(*(self._frame(context, name) for name in ("start", "end", "step")))),
             out=settings.out,
@@ -96,7 +98,7 @@ class PATCHNET_OT_bake_animation(
         )
         result = yield from bake_frames(context, JobMaker(replace(settings, track=False)), plan)
         for warning in result.warnings:
-            self.report({"WARNING"}, warning)
+            tell(self, "WARNING", warning)
         return f"{result.sentence()}, files in {settings.out}"
 
     def _frame(self, context: bpy.types.Context, name: str) -> int:

@@ -16,6 +16,7 @@ from .job.settings import JobSettings
 from .job.stages import build, lit
 from .job_operator import JobOperator
 from .properties import LightProperties
+from .tell import tell
 
 
 class PATCHNET_OT_bake_light(LightProperties, JobOperator, bpy.types.Operator):
@@ -48,7 +49,7 @@ class PATCHNET_OT_bake_light(LightProperties, JobOperator, bpy.types.Operator):
         made = results.SceneResult(octree=octree, scope=before.scope, layout=before.layout, light=settings.light)
         results.keep(context.scene, made)
         for warning in assumed:
-            self.report({"WARNING"}, warning)
+            tell(self, "WARNING", warning)
         return f"{octree.leaf_count:,} voxels are lit ({settings.light})"
 
 

@@ -90,6 +90,7 @@ class PATCHNET_OT_export_octree(LevelProperties, JobOperator, bpy.types.Operator
         path = absolute_path(self.filepath)
         if path is None:
             raise SettingError("There is no file to write: give a path that ends in .ply, .vdb, .npz or .safetensors")
+        self._file = path
         count = yield from export_octree(octree, path, level)
         return f"{path.name}: {count:,} voxels of level {level}"
 

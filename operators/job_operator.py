@@ -5,18 +5,22 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack, nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import bpy
 
 from ..patchnet_addon.errors import PatchNetError, StoppedError
 from ..patchnet_addon.interrupt import prompt_interrupt
+from ..patchnet_addon.log import unexpected
 from ..patchnet_addon.progress import Progress, Steps
+from ..patchnet_addon.progress_log import ProgressLog
 from ..patchnet_addon.remaining import Remaining
 from . import results
 from .job.settings import JobSettings
-from .preferences import LOG, apply_preferences
+from .preferences import apply_preferences
 from .properties import job_settings
+from .tell import tell, tell_start
 from .window_job import in_window
 
 if TYPE_CHECKING:
@@ -51,6 +55,7 @@ class JobOperator(_Operator):
     running: ClassVar[str] = ""  # title of the operator that works in a window now
     fraction: ClassVar[float] = 0.0  # of its present step, or of all, for the panel
     _outcome: set[str]
+    _file: Path | None = None  # what the steps write, for the log
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """The work; its result is a sentence about what was done. It leaves the scene as it was, also when closed."""
@@ -74,8 +79,11 @@ class JobOperator(_Operator):
                 while not self._outcome:
                     self._pull(steps, alive=False)
         except KeyboardInterrupt:
-            self.report({"ERROR"}, self._stopped())
+            tell(self, "ERROR", self._stopped())
             self._outcome = {"CANCELLED"}
+        except Exception as error:
+            unexpected(error)
+            raise
         return self._outcome
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
@@ -97,7 +105,7 @@ class JobOperator(_Operator):
         """Work for a slice of time per tick; Esc stops and cleans up."""
         if event.type == "ESC" and event.value == "PRESS":
             self.cancel(context)
-            self.report({"INFO"}, self._stopped())
+            tell(self, "INFO", self._stopped(), logged_as="ERROR")
             return {"CANCELLED"}
         if event.type != "TIMER":
             # Looking around is harmless; anything else could change what is being read.
@@ -129,12 +137,14 @@ class JobOperator(_Operator):
         self._quiet = ExitStack()
         self._progress = Progress(0, 1, self.bl_label)
         self._text = ""  # what the status bar shows
+        self._log = ProgressLog(self.bl_label)
         self._remaining, self._whole_remaining = Remaining(), Remaining()
         try:
             apply_preferences(context)
+            tell_start(self)
             return self.steps(context, job_settings(context, self))
         except PatchNetError as error:
-            self.report({"ERROR"}, str(error))
+            tell(self, "ERROR", str(error))
             return None
 
     def _pull(self, steps: Steps[str], *, alive: bool) -> None:
@@ -148,20 +158,20 @@ class JobOperator(_Operator):
             with in_window(alive):
                 progress = next(steps)
         except StopIteration as stop:
-            self.report({"INFO"}, stop.value)
+            tell(self, "INFO", stop.value, file=self._file)
             self._outcome = {"FINISHED"}
         except StoppedError as error:
-            self.report({"INFO" if alive else "ERROR"}, self._stopped() if alive else str(error))
+            text = self._stopped() if alive else str(error)
+            tell(self, "INFO" if alive else "ERROR", text, logged_as="ERROR")
             self._outcome = {"CANCELLED"}
         except PatchNetError as error:
-            self.report({"ERROR"}, str(error))
+            tell(self, "ERROR", str(error))
             self._outcome = {"CANCELLED"}
         except MemoryError:
-            self.report({"ERROR"}, f"{self.bl_label} ran out of memory: choose a smaller depth or fewer objects")
+            tell(self, "ERROR", f"{self.bl_label} ran out of memory: choose a smaller depth or fewer objects")
             self._outcome = {"CANCELLED"}
         else:
-            if progress.label != self._progress.label:
-                LOG.info("%s: %s", self.bl_label, progress.label)
+            self._log.see(progress)
             self._remaining.see(progress)
             if progress.whole is not None:
                 self._whole_remaining.see(Progress(progress.whole, 1.0, self.bl_label))

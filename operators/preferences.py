@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from dataclasses import dataclass
 
@@ -11,10 +10,10 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from ..patchnet_addon.image.colormaps import COLORMAPS
+from ..patchnet_addon.log import set_up
 
 ROOT_PACKAGE = __package__.rpartition(".")[0]  # "patchnet", or "bl_ext.<repository>.patchnet" in Blender
 IS_EXTENSION = ROOT_PACKAGE.startswith("bl_ext.")
-LOG = logging.getLogger("patchnet")
 _LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
 
 
@@ -68,11 +67,12 @@ def preferences(context: bpy.types.Context) -> Preferences:
 
 
 def apply_preferences(context: bpy.types.Context) -> None:
-    """Set log level and cache folder; the folder must be known before the first kernel is imported."""
+    """Set up log and cache folder; the folder must be known before the first kernel is imported.
+
+    Raises SettingError for a log format that there is not.
+    """
     chosen = preferences(context)
-    LOG.setLevel(chosen.log_level)
-    if not LOG.handlers:
-        LOG.addHandler(logging.StreamHandler())
+    set_up(level=chosen.log_level)
     folder = bpy.path.abspath(chosen.cache_folder) if chosen.cache_folder else ""
     if not folder and IS_EXTENSION:
         folder = bpy.utils.extension_path_user(ROOT_PACKAGE, path="cache", create=True)

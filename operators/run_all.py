@@ -18,6 +18,7 @@ from .properties import (
     ViewProperties,
     VoxelizeProperties,
 )
+from .tell import tell
 
 
 class PATCHNET_OT_run_all(
@@ -39,6 +40,7 @@ class PATCHNET_OT_run_all(
         """Run the job, keep its results, show the first camera's pictures."""
         from .job.run import run_job
 
+        self._file = settings.out
         result = yield from run_job(context, settings)
         first = result.views[0]
         results.keep(
@@ -54,7 +56,7 @@ class PATCHNET_OT_run_all(
         )
         show_view(first)
         for warning in result.warnings:
-            self.report({"WARNING"}, warning)
+            tell(self, "WARNING", warning)
         left = first.report["mse"][settings.strategy]
         where = f", files in {settings.out}" if settings.out else ""
         error = first.report["mse_unrefined"]

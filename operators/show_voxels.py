@@ -8,7 +8,9 @@ import bpy
 from ..patchnet_addon.errors import PatchNetError
 from . import results
 from .job_operator import JobOperator
+from .preferences import apply_preferences
 from .properties import DisplayProperties, setting
+from .tell import tell, tell_start
 from .voxel_object import show
 
 
@@ -39,24 +41,27 @@ class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
 
         for name in ("level", "display", "limit"):  # so that the panel for redoing begins with what was done
             setattr(self, name, setting(context, self, name))
-        octree = results.voxels_of(context.scene).octree
-        wanted = self.level or octree.depth
         try:
+            apply_preferences(context)
+            tell_start(self)
+            octree = results.voxels_of(context.scene).octree
+            wanted = self.level or octree.depth
             level = level_within(octree, self.limit, wanted)
             with results.quiet():
                 item = show(context.scene, voxel_cloud(octree, level), self.display)
         except PatchNetError as error:
-            self.report({"ERROR"}, str(error))
+            tell(self, "ERROR", str(error))
             return {"CANCELLED"}
         counts = voxel_counts(octree)
         shown = f"{counts[level]:,} voxels of level {level} in '{item.name}'"
         if level < wanted:
-            self.report(
-                {"WARNING" if self.level else "INFO"},
+            tell(
+                self,
+                "WARNING" if self.level else "INFO",
                 f"{shown}: level {wanted} has {counts[wanted]:,}, more than the limit of {self.limit:,}",
             )
         else:
-            self.report({"INFO"}, shown)
+            tell(self, "INFO", shown)
         return {"FINISHED"}
 
 

@@ -12,6 +12,7 @@ from .job.settings import JobSettings
 from .job.stages import UNLIT, build, choose_grid, unlit
 from .job_operator import JobOperator
 from .properties import CameraProperties, VoxelizeProperties
+from .tell import tell
 
 
 class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bpy.types.Operator):
@@ -38,7 +39,7 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         made = results.SceneResult(octree=octree, scope=settings.scope, layout=choice.layout)
         results.keep(context.scene, made)
         for warning in (*source.warnings, *choice.warnings):
-            self.report({"WARNING"}, warning)
+            tell(self, "WARNING", warning)
         side = f"side {octree.grid.voxel_world:.4g}" + (" and more" if choice.layout else "")
         return f"{octree.leaf_count:,} voxels of {side}, depth {octree.depth}"
 

@@ -13,6 +13,7 @@ steps would not hear of it, and Cycles hears it after half a minute. Within the 
 from __future__ import annotations
 
 import ctypes
+import logging
 import os
 import signal
 import socket
@@ -21,6 +22,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from .log import is_json, json_line
 from .unfinished import remove_unfinished
 
 DEADLINE_S = 2.5
@@ -94,5 +96,8 @@ def _watch(listener: socket.socket, ended: threading.Event, end: Callable[[], No
 
 def _end_process() -> None:
     remove_unfinished()
-    print("\npatchnet: interrupted; a bake goes on where it was when it is started again", file=sys.stderr, flush=True)
+    said = "interrupted; a bake goes on where it was when it is started again"
+    # Not through the log: the thread that computes may be in the middle of a line.
+    line = json_line("error", said, logging.ERROR, exit_code=INTERRUPTED) if is_json() else f"\npatchnet: {said}"
+    print(line, file=sys.stderr, flush=True)
     os._exit(INTERRUPTED)

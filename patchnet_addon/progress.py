@@ -20,6 +20,7 @@ class Progress:
 
     waiting: something beside Python is at work for the step, on what the step has put there: ask again later.
     whole: share of all steps that is done, 0 to 1, where somebody counts them.
+    frame: of the animation that the step belongs to; `step` is then the label without it.
     """
 
     done: float
@@ -27,6 +28,8 @@ class Progress:
     label: str
     waiting: bool = False
     whole: float | None = None
+    frame: int | None = None
+    step: str = ""
 
     @property
     def fraction(self) -> float:

@@ -126,13 +126,13 @@ class _Animation:
         number = f"Frame {frame}, {self._plan.frames.index(frame) + 1} of {len(self._plan.frames)}"
         with errors_of_frame(frame):
             if record is None or not self._fits(frame, record):
-                yield self._at(f"{number}: Looking at the scene")
+                yield self._at(frame, number, "Looking at the scene")
                 content = self._content(frame)
                 if record is None or record.content != content:
                     yield from self._make(frame, content, number)
                     return
                 write_record(frame_folder(self._plan.out, frame), replace(record, file=self._file_key(frame)))
-            yield self._at(f"Frame {frame} is there: skipped")
+            yield self._at(frame, f"Frame {frame} is there", "skipped")
             self.result.skipped.append(frame)
             self._done(frame, record.summary)
 
@@ -141,7 +141,7 @@ class _Animation:
         remove_leftovers(folder)
         with output_folder(folder) as temporary:
             steps = self._maker.make(self._context, self._common_of(frame), temporary)
-            summary = yield from self._counted(steps, number, start)
+            summary = yield from self._counted(steps, frame, number, start)
             files = files_in(temporary)
             discard(folder)
         write_record(folder, FrameRecord(frame, content, self._file_key(frame), files, summary))
@@ -150,20 +150,21 @@ class _Animation:
         self._done(frame, summary)
         self.write_report(complete=False)
 
-    def _counted(self, steps: Steps[dict[str, Any]], number: str, start: float) -> Steps[dict[str, Any]]:
+    def _counted(self, steps: Steps[dict[str, Any]], frame: int, number: str, start: float) -> Steps[dict[str, Any]]:
         """The same steps with the frame's number, and with the share of all frames that is done."""
         try:
             while True:
                 report = next(steps)
                 share = min((time.monotonic() - start) / self._last_s, 0.99) if self._last_s else 0.0
-                yield replace(report, label=f"{number}: {report.label}", whole=self._share(share))
+                label, step = f"{number}: {report.label}", report.step or report.label
+                yield replace(report, label=label, whole=self._share(share), frame=frame, step=step)
         except StopIteration as stop:
             return stop.value
         finally:
             steps.close()
 
-    def _at(self, label: str) -> Progress:
-        return Progress(1, 1, label, whole=self._share(0.0))
+    def _at(self, frame: int, number: str, step: str) -> Progress:
+        return Progress(1, 1, f"{number}: {step}", whole=self._share(0.0), frame=frame, step=step)
 
     def _share(self, of_frame: float) -> float:
         """Share of the frames to make; a frame takes as long as the one before. Skipped ones took no time."""
