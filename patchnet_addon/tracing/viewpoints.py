@@ -28,15 +28,18 @@ _TRIAL_PX = (32, 24)
 _NEAR = 0.06  # of the surface's extent: nearer than that, voxels are larger than pixels
 _MIDDLE = 0.15
 _BRIGHT = 0.1  # exposed luminance from which a view is bright enough
+_CLOSE_PX = (768, 576)  # voxels as fine as in a large picture
+_LEAST_BRIGHTNESS = 0.5  # of what the small picture shows
 _LEAST_QUALITY = 0.25  # of the best view's
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A camera that was tried: how good its view is, and which cells it shows (n,) int64, distinct."""
+    """A camera that was tried: how good and how bright its view is, and which cells it shows (n,) int64, distinct."""
 
     camera: Camera
     quality: float
+    brightness: float
     cells: np.ndarray
 
 
@@ -54,7 +57,7 @@ def viewpoints(octree: Octree, count: int, size_px: tuple[int, int]) -> Steps[li
     for number, position in enumerate(positions):
         yield Progress(number, len(positions), "Placing cameras")
         trials += [_tried(octree, camera, extent) for camera in _around(position)]
-    chosen = _chosen([trial for trial in trials if trial.quality > 0.0 and len(trial.cells)], count)
+    chosen = _chosen(octree, [trial for trial in trials if trial.quality > 0.0 and len(trial.cells)], count)
     if not chosen:
         raise SceneError("No place in the scene has room and a view: add cameras, or use the cameras 'auto'")
     return [_named(trial.camera, index, size_px) for index, trial in enumerate(chosen, 1)]
@@ -137,7 +140,7 @@ def _tried(octree: Octree, camera: Camera, extent: float) -> _Trial:
     hits = first_hits(octree, camera)
     hit = hits.hit
     if not hit.any():
-        return _Trial(camera, 0.0, np.empty(0, np.int64))
+        return _Trial(camera, 0.0, 0.0, np.empty(0, np.int64))
     distance = hits.t_world[hit] / extent
     facing = np.einsum("pc,pc->p", octree.normal_float(hits.node[hit]), hits.direction[hit]) < 0.2
     quality = (
@@ -145,9 +148,9 @@ def _tried(octree: Octree, camera: Camera, extent: float) -> _Trial:
         * float(np.mean(distance > _NEAR)) ** 4
         * float(np.clip(np.median(distance) / _MIDDLE, 0.0, 1.0))
         * float(facing.mean()) ** 2
-        * float(np.mean(np.clip(hits.luminance[hit] / _BRIGHT, 0.0, 1.0))) ** 2
+        * (brightness := float(np.mean(np.clip(hits.luminance[hit] / _BRIGHT, 0.0, 1.0)))) ** 2
     )
-    return _Trial(camera, quality, _cells_seen(hits))
+    return _Trial(camera, quality, brightness, _cells_seen(hits))
 
 
 def _cells_seen(hits: Hits) -> np.ndarray:
@@ -159,20 +162,35 @@ def _cells_seen(hits: Hits) -> np.ndarray:
     return np.unique((cells[:, 0] << 2 * _LEVEL) | (cells[:, 1] << _LEVEL) | cells[:, 2])
 
 
-def _chosen(trials: list[_Trial], count: int) -> list[_Trial]:
-    """Greedily the trials that show most that is new, weighed by quality; none that is far worse than the best."""
+def _chosen(octree: Octree, trials: list[_Trial], count: int) -> list[_Trial]:
+    """Greedily the trials that show most that is new, weighed by quality; none that is far worse than the best.
+
+    None in which the finest voxels are dark, either: in a hollow wall, coarse ones shine with the light outside.
+    """
     best_quality = max((trial.quality for trial in trials), default=0.0)
     trials = [trial for trial in trials if trial.quality >= _LEAST_QUALITY * best_quality]
     seen = np.zeros(1 << 3 * _LEVEL, bool)
     chosen: list[_Trial] = []
+    dark: list[_Trial] = []
     while trials and len(chosen) < count:
         gains = [trial.quality * np.count_nonzero(~seen[trial.cells]) for trial in trials]
         best = int(np.argmax(gains))
         if not gains[best] > 0:
             break
-        chosen.append(trials.pop(best))
-        seen[chosen[-1].cells] = True
-    return chosen
+        trial = trials.pop(best)
+        if _brightness(octree, _named(trial.camera, 0, _CLOSE_PX)) < _LEAST_BRIGHTNESS * trial.brightness:
+            dark.append(trial)
+            continue
+        chosen.append(trial)
+        seen[trial.cells] = True
+    return chosen or dark[:count]
+
+
+def _brightness(octree: Octree, camera: Camera) -> float:
+    """Mean luminance, 1 from _BRIGHT on, of what a camera sees; 0 if it sees nothing."""
+    hits = first_hits(octree, camera)
+    hit = hits.hit
+    return float(np.mean(np.clip(hits.luminance[hit] / _BRIGHT, 0.0, 1.0))) if hit.any() else 0.0
 
 
 def _named(camera: Camera, number: int, size_px: tuple[int, int]) -> Camera:

@@ -84,3 +84,18 @@ def test_what_cannot_be_placed_is_said(house: Octree) -> None:
     black = octree_of(box((0, 0, 0), (6, 4, 3), inwards=True), luminance=0.0)
     with pytest.raises(SceneError, match="auto"):
         drain(viewpoints(black, 2, (32, 24)))
+
+
+def test_hollow_walls_are_no_place_for_a_camera() -> None:
+    """Inside a dark shell, coarse voxels shine with the light on its outer side, which is only a voxel away."""
+    hollow = np.concatenate([box((0, 0, 0), (4, 4, 4)), box((0.06, 0.06, 0.06), (3.94, 3.94, 3.94), inwards=True)])
+    room = box((6, 0, 0), (10, 4, 4), inwards=True)
+    mesh = TriangleMesh.from_arrays(np.concatenate([hollow, room]))
+
+    def shade(batch, fragments):
+        dark = (fragments.triangle >= 12) & (fragments.triangle < 24)
+        return np.where(dark, 0.0, 0.5).astype(np.float32), np.ones(len(dark), np.float32)
+
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 8), shade, exposure=1.0))
+    cameras = drain(viewpoints(octree, 3, (32, 24)))
+    assert cameras and all(camera.position_world[0] > 6 for camera in cameras)
