@@ -17,7 +17,7 @@ class Blender:
     program: str
     environment: dict[str, str]
 
-    def run(self, *arguments: str | Path, seconds: float = 150.0) -> subprocess.CompletedProcess[str]:
+    def run(self, *arguments: str | Path, seconds: float = 300.0) -> subprocess.CompletedProcess[str]:
         """Run Blender without a window to its end."""
         return self._start((self.program, *map(str, arguments)), seconds)
 
@@ -26,7 +26,7 @@ class Blender:
         words = self._words((self.program, *map(str, arguments)))
         return subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
-    def run_window(self, *arguments: str | Path, seconds: float = 200.0) -> subprocess.CompletedProcess[str]:
+    def run_window(self, *arguments: str | Path, seconds: float = 400.0) -> subprocess.CompletedProcess[str]:
         """Run Blender with a window on a virtual screen to its end."""
         width, height = SCREEN
         screen = ("xvfb-run", "-a", "-s", f"-screen 0 {width}x{height}x24")

@@ -54,10 +54,10 @@ def blocks() -> dict[str, list[str]]:
     return named | {"selected": sorted(item.name for item in layer.objects if item.select_get())}
 
 
-def job(point: tuple[int, int], seconds: float = 100.0):
+def job(point: tuple[int, int], seconds: float = 200.0):
     """Click a button and wait for its job; the longest time that the window stood still meanwhile."""
     yield from clicks.click(point)
-    yield from clicks.wait_for(lambda: bool(running()), "the button starts its job", 20.0)
+    yield from clicks.wait_for(lambda: bool(running()), "the button starts its job", 60.0)
     start = last = time.monotonic()
     longest = 0.0
     while running():
@@ -142,7 +142,7 @@ def step_by_step(buttons: dict[str, tuple[int, int]]):
 def stopped_job(point: tuple[int, int]):
     """Start a bake that would take hours, look at its progress while Cycles is at work, press Esc."""
     yield from clicks.click(point)
-    yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes beside the window")
+    yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes beside the window", 120.0)
     yield 1.5
     yield from clicks.screenshot(OUT / "window-progress.png")
     was_running = running()
