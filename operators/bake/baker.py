@@ -29,8 +29,9 @@ from .translucency import is_translucent
 
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
 # Side of what Cycles samples at a time, in texels. It hears of a stop between two passes over a tile only, and a pass
-# over a whole page takes a processor many seconds. The bits are the same.
-_TILE_SIDE = 256
+# over a whole page takes a processor many seconds: too long for a window. Small tiles take a fifth longer, so without
+# one a page is one tile, and what stops a command does not ask Cycles. The bits are the same.
+_TILE_SIDE_IN_WINDOW, _TILE_SIDE = 256, 2048
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
@@ -145,14 +146,17 @@ class Baker:
         try:
             stack.enter_context(object_mode(self._context))
             stack.enter_context(_cycles(self._context, samples, self._seed))
-            images, materials = [], []
+            images, materials, parts = [], [], []
             for part, back in ((fronts, False), (backs, True)):
+                used, mine = np.unique(part.materials, return_inverse=True)
+                parts.append(replace(part, materials=mine.reshape(-1).astype(np.int32)))
                 images.append(stack.enter_context(_image(size)) if len(part) else None)
-                materials += stack.enter_context(bake_materials(names if len(part) else (), images[-1], back, through))
+                own = [names[number] for number in used]
+                materials.append(stack.enter_context(bake_materials(own, images[-1], back, through)))
             mesh = stack.enter_context(_mesh())
-            shift = len(names) if len(fronts) else 0
             lift_world = -self._offset_world if through else self._offset_world
-            fill_mesh(mesh, joined([fronts, backs.turned(shift)]), materials, lift_world)
+            turned = parts[1].turned(len(materials[0]))
+            fill_mesh(mesh, joined([parts[0], turned]), [*materials[0], *materials[1]], lift_world)
             target = stack.enter_context(_target(self._context, mesh))
             stack.enter_context(lit_as(target, links))
             if window_is_alive():
@@ -204,7 +208,7 @@ def _cycles(context: bpy.types.Context, samples: int, seed: int) -> Iterator[Non
     with ExitStack() as stack:
         stack.enter_context(changed(scene.render, engine="CYCLES"))
         if not on_gpu:  # a GPU wants large tiles, and is done with them soon
-            stack.enter_context(changed(scene.cycles, use_auto_tile=True, tile_size=_TILE_SIDE))
+            stack.enter_context(changed(scene.cycles, use_auto_tile=True, tile_size=_tile_side()))
         stack.enter_context(
             changed(
                 scene.cycles,
@@ -222,6 +226,10 @@ def _cycles(context: bpy.types.Context, samples: int, seed: int) -> Iterator[Non
             )
         )
         yield
+
+
+def _tile_side() -> int:
+    return _TILE_SIDE_IN_WINDOW if window_is_alive() else _TILE_SIDE
 
 
 @contextmanager

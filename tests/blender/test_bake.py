@@ -307,7 +307,7 @@ def test_tiles_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     user_scene()
     baked_with = []
     for side in (4096, 8):
-        monkeypatch.setattr(baker, "_TILE_SIDE", side)
+        monkeypatch.setattr(baker, "_tile_side", lambda side=side: side)
         source = read_scene(bpy.context.evaluated_depsgraph_get())
         baked_with.append(drain(bake_luminance(bpy.context, source, 0.1, 3)))
     assert baked_with[0].charts.page_side > 2 * 8
