@@ -24,8 +24,8 @@ _AUTO_FOV = np.radians(50.0)
 def camera_size_px(scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> tuple[int, int]:
     """Width and height of pictures: `size`, where a 0 follows the render aspect; (0, 0) is the render resolution."""
     render = scene.render
-    scale = render.resolution_percentage / 100.0
-    full = max(1, int(render.resolution_x * scale)), max(1, int(render.resolution_y * scale))
+    percent = render.resolution_percentage  # in integers, as Blender: 100 pixels at 29 % are 29
+    full = max(1, render.resolution_x * percent // 100), max(1, render.resolution_y * percent // 100)
     if not any(size):
         return full
     width, height = size

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from ..patchnet_addon.errors import SettingError
 from ..patchnet_addon.octree.grid import MAX_DEPTH
 from ..patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from .job.settings import CYCLES, TWO_LIGHTS, JobSettings
-from .preferences import preferences
+from .preferences import Preferences, preferences
 from .scene.placements import SELECTED, VISIBLE
 from .voxel_object import CUBES, POINTS
 
@@ -236,12 +237,23 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
     def value(name: str) -> Any:
         return setting(context, operator, name)
 
-    resolution = _resolution(operator, value("resolution"))
+    scope = VISIBLE if bpy.app.background else SELECTED
+    return _job_settings(value, _resolution(operator, value("resolution")), scope, preferences(context).colormap)
+
+
+def scene_settings(scene: bpy.types.Scene) -> JobSettings:
+    """Settings of a job by the scene alone, as its renders take them: automatic scope is all that is visible.
+
+    Raises SettingError.
+    """
+    values = scene.patchnet
+    return _job_settings(lambda name: getattr(values, name), values.resolution, VISIBLE, Preferences().colormap)
+
+
+def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope: str, colormap: str) -> JobSettings:
     scope = value("scope")
-    if scope == "AUTO":
-        scope = VISIBLE if bpy.app.background else SELECTED
     return JobSettings(
-        scope=scope,
+        scope=automatic_scope if scope == "AUTO" else scope,
         depth=value("depth") if resolution == "DEPTH" else None,
         voxel_world=value("voxel_size") if resolution == "VOXEL_SIZE" else None,
         fit=resolution == "FIT",
@@ -257,7 +269,7 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
         budget=value("budget"),
         strategy=value("strategy"),
         heatmap_maximum=value("heatmap_maximum") or None,
-        colormap=preferences(context).colormap,
+        colormap=colormap,
         weights=absolute_path(value("weights")),
         out=absolute_path(value("out")),
     )

@@ -11,6 +11,7 @@ from . import (
     bake_animation,
     bake_light,
     clear_results,
+    engine,
     export_octree,
     panel,
     precompute_codes,
@@ -44,6 +45,7 @@ def register() -> None:
         module.register()
     for item in _CLASSES:
         bpy.utils.register_class(item)
+    engine.register()
     # Blender disables its extensions before it exits. Whatever else is still registered then makes it hang.
     if not preferences.IS_EXTENSION:
         atexit.register(unregister)
@@ -52,6 +54,7 @@ def register() -> None:
 def unregister() -> None:
     """Forget everything, last first."""
     atexit.unregister(unregister)
+    engine.unregister()
     for item in reversed(_CLASSES):
         bpy.utils.unregister_class(item)
     for module in reversed(_BEFORE):

@@ -14,8 +14,12 @@ import bpy
 def render_geometry(depsgraph: bpy.types.Depsgraph) -> Iterator[None]:
     """Evaluate `depsgraph` with render settings within the block; the scene is as before afterwards.
 
-    Only what differs between viewport and render is set, so that nothing is evaluated twice without need.
+    Only what differs between viewport and render is set, so that nothing is evaluated twice without need. A render's
+    own graph has these settings anyway, and nothing may be set while it renders.
     """
+    if depsgraph.mode == "RENDER":
+        yield
+        return
     before: list[tuple[Any, str, Any]] = []
     try:
         for owner, key, value in _render_values(depsgraph.scene.original):

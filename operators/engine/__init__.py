@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine "PatchNet": final renders with passes, and a shading mode for viewports."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from . import engine, panels
+
+_CLASSES = (*engine.CLASSES, *panels.CLASSES)
+
+
+def register() -> None:
+    """Make the engine known, and Blender's panels to it."""
+    for item in _CLASSES:
+        bpy.utils.register_class(item)
+    panels.add_to_blenders()
+    for handlers in _ends_of_renders():
+        handlers.append(_forget_frames)
+
+
+def unregister() -> None:
+    """Forget the engine."""
+    for handlers in _ends_of_renders():
+        handlers.remove(_forget_frames)
+    panels.remove_from_blenders()
+    for item in reversed(_CLASSES):
+        bpy.utils.unregister_class(item)
+
+
+def _ends_of_renders() -> tuple[list[Any], ...]:
+    lists = bpy.app.handlers
+    return lists.render_complete, lists.render_cancel, lists.load_post
+
+
+@bpy.app.handlers.persistent
+def _forget_frames(*_: object) -> None:
+    """What was made for frames of an animation is not needed after it."""
+    import sys
+
+    module = sys.modules.get(f"{__package__}.frame_octree")  # not there before the first render
+    if module is not None:
+        module.forget_frames()

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine as Blender calls it."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...patchnet_addon.errors import PatchNetError, StoppedError
+from .passes import PASSES
+
+ENGINE = "PATCHNET"
+
+
+class PatchNetRenderEngine(bpy.types.RenderEngine):
+    """Renders from the octree: one ray a pixel, and many where look-ahead says that one is wrong"""
+
+    bl_idname = ENGINE
+    bl_label = "PatchNet"
+    bl_use_preview = False
+    bl_use_postprocess = True
+    bl_use_eevee_viewport = True  # for Material Preview
+    bl_use_shading_nodes_custom = False
+
+    _viewport = None
+
+    def update_render_passes(self, scene: bpy.types.Scene = None, renderlayer: bpy.types.ViewLayer = None) -> None:
+        """Tell the compositor which passes there are."""
+        for item in PASSES:
+            self.register_pass(scene, renderlayer, item.name, len(item.channels), item.channels, item.kind)
+
+    def render(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """A frame of a final render."""
+        from .render_frame import render_frame
+
+        try:
+            render_frame(self, depsgraph)
+        except StoppedError:
+            pass  # whoever stopped it knows
+        except PatchNetError as error:
+            self._fail(str(error))
+        except MemoryError:
+            self._fail("The render ran out of memory: choose fewer pixels or a smaller depth")
+
+    def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """The scene changed: `view_draw` finds out what that means."""
+
+    def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """A viewport in this engine's shading mode."""
+        from .viewport import Viewport
+
+        if self._viewport is None:
+            self._viewport = Viewport()
+        self._viewport.draw(self, context)
+
+    def _fail(self, sentence: str) -> None:
+        """The sentence in the status bar and in the render's window; for scripts it is an exception."""
+        self.report({"ERROR"}, sentence)
+        self.error_set(sentence)
+
+
+CLASSES = (PatchNetRenderEngine,)

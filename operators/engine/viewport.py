@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The shading mode of 3D viewports: which preview belongs to the view, and what is said where there is none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.errors import PatchNetError
+from ...patchnet_addon.sampling.adaptive import AdaptivePicture
+from ...patchnet_addon.sampling.registry import strategy
+from ...patchnet_addon.tracing.camera import Camera
+from .. import results
+from ..preferences import apply_preferences
+from .drawing import PictureTexture, draw_message
+from .render_camera import viewport_camera
+from .viewport_preview import Preparation, ViewportPreview
+from .world import world_color
+
+_NO_VOXELS = "PatchNet: there are no voxels yet. Press Run All in the sidebar's tab PatchNet (N)."
+_NO_CODES = "PatchNet: there are no codes yet. Press Precompute Codes in the sidebar's tab PatchNet (N)."
+_READY_SOON = "PatchNet is getting ready"
+_STALE = "the scene has changed: voxelize and bake again"
+
+
+class Viewport:
+    """What one viewport needs between two drawings. Dropping it frees all of its memory."""
+
+    def __init__(self) -> None:
+        self._state: tuple[Any, ...] | None = None
+        self._preview: ViewportPreview | None = None
+        self._preparation: Preparation | None = None
+        self._prepared_for: tuple[Any, ...] = ()
+        self._texture: PictureTexture | None = None
+
+    def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context) -> None:
+        """Work for a moment, draw what is there, and ask to be drawn again while there is more to do."""
+        result = results.result_of(context.scene)
+        if result is None:
+            self._forget()
+            self._message(engine, context, _NO_VOXELS)
+            return
+        try:
+            self._draw(engine, context, result)
+        except PatchNetError as error:
+            self._forget()
+            self._message(engine, context, f"PatchNet: {error}")
+
+    def _draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, result: results.SceneResult) -> None:
+        values, region = context.scene.patchnet, context.region
+        chosen = strategy(values.strategy)
+        if result.coded is None and chosen.needs:
+            self._forget()
+            self._message(engine, context, _NO_CODES)
+            return
+        octree, coded = result.octree, result.coded
+        bounds = octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
+        view = context.region_data
+        camera = viewport_camera(view.view_matrix, view.window_matrix, (region.width, region.height), bounds)
+        if not self._prepare(context, AdaptivePicture(octree, camera.with_size(8, 8), chosen, coded)):
+            self._message(engine, context, _READY_SOON)
+            engine.tag_redraw()
+            return
+        world = None if context.scene.render.film_transparent else world_color(context.scene.world)
+        state = (id(result), values.strategy, values.budget, None if world is None else world.tobytes(), *_view(camera))
+        if state != self._state or self._preview is None:
+            picture = AdaptivePicture(octree, camera, chosen, coded)
+            self._state, self._preview = state, ViewportPreview(picture, values.budget, world)
+        preview = self._preview
+        if not preview.done or self._texture is None:
+            preview.work()
+            self._texture = PictureTexture(preview.pixels())
+        self._texture.draw(engine, context.scene)
+        engine.update_stats("PatchNet", f"{preview.status}, {_STALE}" if result.stale else preview.status)
+        if not preview.done:
+            engine.tag_redraw()
+
+    def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:
+        """Whether all kernels are there; they come once for each kind of work."""
+        kind = picture.strategy.name, picture.octree.chroma is None, picture.coded is None
+        if self._preparation is None or self._prepared_for != kind:
+            apply_preferences(context)
+            self._preparation, self._prepared_for = Preparation(picture), kind
+        if self._preparation.ready and self._preparation.problem:
+            raise PatchNetError(self._preparation.problem)
+        return self._preparation.ready
+
+    def _message(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, text: str) -> None:
+        engine.update_stats("", text)
+        draw_message(context.region, text)
+
+    def _forget(self) -> None:
+        self._state = self._preview = self._texture = None
+
+
+def _view(camera: Camera) -> tuple[Any, ...]:
+    """All that makes two views different."""
+    axes = (camera.position_world, camera.right, camera.up)
+    lens = (camera.half_x, camera.half_y, camera.shift_x, camera.shift_y)
+    return (*np.concatenate(axes).tolist(), *lens, camera.width_px, camera.height_px, camera.kind)

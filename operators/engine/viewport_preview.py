@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The picture of one view of a 3D viewport, a little better with every slice of time. No drawing here."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+
+from ...patchnet_addon.errors import PatchNetError
+from ...patchnet_addon.progress import Progress, Steps, drain
+from ...patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
+from .passes import combined
+
+SLICE_S = 0.04  # of work for each time that the view is drawn
+COARSE = 4  # pixels of the view on a side of one of the first picture's
+_QUICK_SIDE, _FINE_SIDE = 4, 32  # rays per pixel side, first everywhere in the budget, then again
+_FIRST_PACE = (1 << 13, 1 << 16)
+_LARGEST_PACE = (1 << 16, 1 << 20)
+
+
+class ViewportPreview:
+    """Coarse picture, one ray in each pixel, then refinement by priority until the budget is spent.
+
+    status: what is done now. done: nothing is left to do. steps: the work, for who pulls them without `work`.
+    """
+
+    def __init__(self, picture: AdaptivePicture, budget: float, world: np.ndarray | None) -> None:
+        self.picture = picture
+        self.status = ""
+        self.done = False
+        self._world, self._budget = world, budget
+        self._pace = Pace(*_FIRST_PACE)
+        self.steps = self._all()
+
+    def work(self, seconds: float = SLICE_S) -> None:
+        """Do what fits into a slice of time; at least one step. Raises PatchNetError."""
+        end = time.perf_counter() + seconds
+        while not self.done:
+            start = time.perf_counter()
+            try:
+                self._say(next(self.steps))
+            except StopIteration:
+                self.done, self.status = True, "Done"
+            now = time.perf_counter()
+            self._keep_pace(now - start, seconds)
+            if now >= end:
+                return
+
+    def pixels(self) -> np.ndarray:
+        """(H, W, 4) float32, scene-linear and weighed by alpha, row 0 at the bottom."""
+        camera = self.picture.camera
+        return combined(self.picture, self._world).reshape(camera.height_px, camera.width_px, 4)
+
+    def _all(self) -> Steps[None]:
+        yield Progress(0, 1, "Tracing")
+        self._trace_coarsely()
+        yield Progress(0, 1, "Tracing the preview")
+        yield from self.picture.trace(self._pace)
+        for side in (_QUICK_SIDE, _FINE_SIDE):
+            yield from self.picture.refine(self._budget, side, self._pace)
+
+    def _trace_coarsely(self) -> None:
+        """Fill the picture with large squares of single rays; what `samples` says stays 0 there."""
+        from ...patchnet_addon.tracing.render import first_hits, hit_colors
+
+        picture, camera = self.picture, self.picture.camera
+        columns, rows = (-(-side // COARSE) for side in (camera.width_px, camera.height_px))
+        hits = first_hits(picture.octree, camera.with_size(columns, rows))
+        column = np.arange(camera.width_px) * columns // camera.width_px
+        row = np.arange(camera.height_px) * rows // camera.height_px
+        square = (row[:, None] * columns + column).ravel()
+        picture.colors[:] = hit_colors(picture.octree, hits)[square]
+        picture.alpha[:] = hits.hit[square]
+
+    def _say(self, report: Progress) -> None:
+        self.status = f"{report.label} {round(100 * report.fraction)} %"
+
+    def _keep_pace(self, took: float, slice_s: float) -> None:
+        factor = 0.5 if took > slice_s else 2.0 if took < slice_s / 4 else 1.0
+        pace = self._pace
+        pace.band_pixels = int(np.clip(pace.band_pixels * factor, 512, _LARGEST_PACE[0]))
+        pace.batch_rays = int(np.clip(pace.batch_rays * factor, _FINE_SIDE**2, _LARGEST_PACE[1]))
+
+
+class Preparation:
+    """Loads or compiles all kernels that a preview needs, beside the window, which lives meanwhile."""
+
+    def __init__(self, picture: AdaptivePicture) -> None:
+        """`picture`: like the preview's, but tiny."""
+        self.problem = ""
+        self._picture = picture
+        self._thread = threading.Thread(target=self._run, name="PatchNet kernels", daemon=True)
+        self._thread.start()
+
+    @property
+    def ready(self) -> bool:
+        """Whether the thread has ended."""
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        preview = ViewportPreview(self._picture, 1.0, None)
+        try:
+            drain(preview.steps)
+        except PatchNetError as error:
+            self.problem = str(error)

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A picture that is refined where it is wrong: one ray a pixel first, then 32x32 where the budget goes (methods 3).
+
+The picture is there at any time between two steps, as good as it is by then: a render engine shows it meanwhile.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..octree.octree import Octree
+from ..progress import Progress, Steps
+from ..tracing.camera import Camera
+from ..tracing.part import camera_part
+from .frame import Frame
+from .refine import budget_count, refinement_order
+from .registry import STRATEGIES
+from .strategy import Strategy
+from .trace import trace_frame
+
+if TYPE_CHECKING:
+    from ..codes.coded_octree import CodedOctree
+    from ..codes.predict import Prediction
+    from ..tracing.render import Hits
+
+BAND_PIXELS = 1 << 18  # traced at once
+BATCH_RAYS = 1 << 20  # of refined pixels at once
+REFINED_SIDE = 32  # rays per pixel side
+
+
+@dataclass
+class Pace:
+    """How much is done in one step: pixels that are traced, and rays of pixels that are refined.
+
+    It may be changed between two steps, by those who find out on the way how long one takes.
+    """
+
+    band_pixels: int = BAND_PIXELS
+    batch_rays: int = BATCH_RAYS
+
+
+class AdaptivePicture:
+    """A picture of P pixels, row 0 at the bottom, and what is known of them so far.
+
+    colors: (P, 3) float32, linear as the octree's, weighed by alpha over black. alpha: (P,) float32, share of the rays
+    that met something. samples: (P,) int32, rays per pixel; 0 where nothing is traced yet.
+    frame, score: set once every pixel was traced: what strategies look at, and (P,) float32 priorities.
+    """
+
+    def __init__(self, octree: Octree, camera: Camera, strategy: Strategy, coded: CodedOctree | None = None) -> None:
+        self.octree, self.camera, self.strategy, self.coded = octree, camera, strategy, coded
+        self.colors = np.zeros((camera.pixel_count, 3), np.float32)
+        self.alpha = np.zeros(camera.pixel_count, np.float32)
+        self.samples = np.zeros(camera.pixel_count, np.int32)
+        self.frame: Frame | None = None
+        self.score: np.ndarray | None = None
+        self._order: np.ndarray | None = None
+
+    def trace(self, pace: Pace | None = None) -> Steps[None]:
+        """One ray per pixel, band of rows by band of rows, then the score of all pixels.
+
+        Raises SettingError if the strategy needs codes and there are none.
+        """
+        pace, camera, bands = pace or Pace(), self.camera, []
+        wanted = [self.strategy] if self.coded is None else [self.strategy, STRATEGIES["patchnet"]]  # for coverage
+        row = 0
+        while row < camera.height_px:
+            yield Progress(row, camera.height_px, "Tracing the preview")
+            rows = min(max(1, pace.band_pixels // camera.width_px), camera.height_px - row)
+            part = camera_part(camera, 0, row, camera.width_px, rows)
+            band = yield from trace_frame(self.octree, part, wanted, coded=self.coded, reference=False)
+            bands.append(band)
+            self._show(row * camera.width_px, band)
+            row += rows
+        self.frame = joined_frames(bands)
+        self.score = self.strategy.scores(self.frame)
+
+    def refine(self, budget: float, side: int = REFINED_SIDE, pace: Pace | None = None) -> Steps[None]:
+        """side x side rays in the share `budget` of the active pixels, those of highest priority first."""
+        assert self.frame is not None and self.score is not None
+        pace = pace or Pace()
+        if self._order is None:
+            self._order = refinement_order(self.frame, self.score)
+        order = self._order[: budget_count(budget, len(self._order))]
+        done = 0
+        while done < len(order):
+            yield Progress(done, len(order), f"Refining {side}x{side}")
+            batch = order[done : done + max(1, pace.batch_rays // side**2)]
+            self._take(batch, side)
+            done += len(batch)
+
+    def _show(self, start: int, band: Frame) -> None:
+        place = slice(start, start + len(band.preview))
+        seen = band.preview_color
+        self.colors[place] = band.preview[:, None] if seen is None else seen
+        self.alpha[place] = band.hit
+        self.samples[place] = 1
+
+    def _take(self, pixels: np.ndarray, side: int) -> None:
+        from ..tracing.pixels import supersample_pixels
+
+        means = supersample_pixels(self.octree, self.camera, pixels, side)
+        self.colors[pixels], self.alpha[pixels] = means.colors, means.coverage
+        self.samples[pixels] = side**2
+
+
+def joined_frames(bands: list[Frame]) -> Frame:
+    """One frame of frames that lie on top of each other, the lowest first."""
+    if len(bands) == 1:
+        return bands[0]
+    return Frame(
+        hits=_joined_hits([band.hits for band in bands]),
+        behind=_joined([band.behind for band in bands]),
+        prediction=_joined_predictions([band.prediction for band in bands]),
+        exact=_joined_predictions([band.exact for band in bands]),
+        reference=_joined([band.reference for band in bands]),
+        preview_color=_joined([band.preview_color for band in bands]),
+        reference_color=_joined([band.reference_color for band in bands]),
+    )
+
+
+def _joined(arrays: list[np.ndarray | None]) -> np.ndarray | None:
+    there = [array for array in arrays if array is not None]
+    return np.concatenate(there) if there else None
+
+
+def _joined_hits(parts: list[Hits]) -> Hits:
+    first = parts[0]
+    names = [name for name in vars(first) if name not in ("width_px", "height_px")]
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return replace(first, height_px=sum(part.height_px for part in parts), **arrays)
+
+
+def _joined_predictions(parts: list[Prediction | None]) -> Prediction | None:
+    there = [part for part in parts if part is not None]
+    if not there:
+        return None
+    arrays = {name: np.concatenate([getattr(part, name) for part in there]) for name in vars(there[0])}
+    return replace(there[0], **arrays)

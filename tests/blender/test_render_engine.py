@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine in background: what its passes hold, when it needs a new octree, and what it says about errors."""
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+import patchnet
+from patchnet.operators import results
+from patchnet.operators.cameras import choose_cameras
+from patchnet.operators.engine import frame_octree, panels
+from patchnet.operators.engine.engine import ENGINE
+from patchnet.operators.engine.passes import NO_DEPTH, PASSES
+from patchnet.operators.engine.render_frame import pull
+from patchnet.patchnet_addon.errors import StoppedError
+from patchnet.patchnet_addon.image.exr import read_exr
+from patchnet.patchnet_addon.progress import Progress, drain
+from patchnet.patchnet_addon.sampling.frame import Frame
+from patchnet.patchnet_addon.sampling.refine import refine
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.trace import trace_frame
+from patchnet.tests.blender.job_scene import build, random_weights
+
+WIDTH, HEIGHT = 40, 26
+WORLD = (0.1, 0.2, 0.4)
+_numbers = itertools.count()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    patchnet.register()
+    yield
+    patchnet.unregister()
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(random_weights(tmp_path_factory.mktemp("weights")))
+
+
+@pytest.fixture(autouse=True)
+def scene(weights: str, tmp_path: Path) -> bpy.types.Scene:
+    """The small scene before a grey-blue world, to be rendered by our engine into an EXR of all passes."""
+    build()
+    scene = bpy.context.scene
+    values = scene.patchnet
+    values.weights, values.light, values.resolution, values.depth = weights, "two-lights", "DEPTH", 6
+    scene.world = bpy.data.worlds.new("World")
+    if bpy.app.version < (5, 0, 0):
+        scene.world.use_nodes = True
+    background = scene.world.node_tree.nodes["Background"]
+    background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (*WORLD, 1.0), 0.5
+    render = scene.render
+    render.engine = ENGINE
+    render.resolution_x, render.resolution_y, render.resolution_percentage = 2 * WIDTH, 2 * HEIGHT, 50
+    if hasattr(render.image_settings, "media_type"):
+        render.image_settings.media_type = "MULTI_LAYER_IMAGE"
+    render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
+    render.image_settings.color_depth, render.image_settings.exr_codec = "32", "NONE"
+    render.filepath = str(tmp_path / "picture-")
+    return scene
+
+
+def rendered(scene: bpy.types.Scene, **call: object) -> dict[str, np.ndarray]:
+    """The passes (H, W, C) of a still."""
+    path = Path(scene.render.filepath).parent / f"still-{next(_numbers)}.exr"
+    scene.render.filepath = str(path)
+    assert bpy.ops.render.render(write_still=True, **call) == {"FINISHED"}
+    return passes_in(path)
+
+
+def passes_in(path: Path) -> dict[str, np.ndarray]:
+    channels = {tuple(name.split(".")[-2:]): values for name, values in read_exr(path).items()}
+    return {
+        item.name: np.stack([channels[item.name, letter] for letter in item.channels], axis=-1)
+        for item in PASSES
+        if (item.name, item.channels[0]) in channels
+    }
+
+
+def kept(scene: bpy.types.Scene) -> results.SceneResult:
+    result = results.result_of(scene)
+    assert result is not None and result.coded is not None
+    return result
+
+
+def expected(scene: bpy.types.Scene) -> Frame:
+    """The frame as `render_preview` traces it."""
+    camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
+    chosen = [STRATEGIES[scene.patchnet.strategy], STRATEGIES["patchnet"]]
+    return drain(trace_frame(kept(scene).octree, camera, chosen, coded=kept(scene).coded))
+
+
+def test_passes_are_what_the_tracer_computes(scene: bpy.types.Scene) -> None:
+    found = rendered(scene)
+    assert set(found) == {item.name for item in PASSES}
+    frame = expected(scene)
+    score = STRATEGIES[scene.patchnet.strategy].scores(frame)
+    mask = refine(frame, score, scene.patchnet.budget)
+    assert 0.2 < mask.sum() / frame.active.sum() < 0.4
+
+    def picture(values: np.ndarray) -> np.ndarray:
+        return frame.picture(values.reshape(len(mask), -1).astype(np.float32))
+
+    hits = frame.hits
+    assert np.array_equal(found["Priority"], picture(score))
+    assert np.array_equal(found["Sample Count"], picture(np.where(mask, 1024, 1)))
+    assert np.array_equal(found["Level"], picture(np.where(hits.hit, hits.level, -1)))
+    assert np.array_equal(found["Depth"], picture(np.where(hits.hit, hits.z_world, NO_DEPTH)))
+    assert np.array_equal(found["Coverage"], picture(np.where(hits.hit, frame.prediction.coverage, 0.0)))
+    length = np.linalg.norm(found["Normal"], axis=-1).ravel()
+    assert np.allclose(length[hits.hit], 1.0, atol=1e-5) and not length[~hits.hit].any()
+    combined = found["Combined"].reshape(-1, 4)
+    light = frame.preview[~mask] / kept(scene).octree.exposure
+    world = np.where(hits.hit[~mask], 0.0, 1.0)[:, None] * np.array(WORLD) * 0.5
+    assert np.allclose(combined[~mask, :3], light[:, None] + world, atol=1e-6)
+    assert (combined[:, 3] == 1.0).all()
+
+
+def test_refined_pixels_are_the_reference_over_a_transparent_film(scene: bpy.types.Scene) -> None:
+    scene.render.film_transparent = True
+    scene.patchnet.strategy, scene.patchnet.budget = "ss-variance", 0.5
+    found = rendered(scene)
+    frame = expected(scene)
+    mask = refine(frame, STRATEGIES["ss-variance"].scores(frame), 0.5)
+    combined = found["Combined"].reshape(-1, 4)
+    exposure = kept(scene).octree.exposure
+    assert np.allclose(combined[mask, 0], frame.reference[mask] / exposure, rtol=1e-5, atol=1e-6)
+    assert np.array_equal(combined[~mask, 3], frame.hit[~mask].astype(np.float32))
+    partly = combined[mask, 3]
+    assert ((partly > 0.0) & (partly < 1.0)).any()
+
+
+def test_depth_and_normal_are_those_of_cycles(scene: bpy.types.Scene) -> None:
+    """Seen from near with a wide lens, distance along the ray would be longer by half at the corners."""
+    layer = bpy.context.view_layer
+    layer.use_pass_z = layer.use_pass_normal = True
+    for item in list(scene.objects):
+        if item.name.startswith("Lath"):
+            bpy.data.objects.remove(item)
+    scene.camera.location, scene.camera.data.lens = (0.2, -1.3, 0.1), 18.0
+    scene.render.resolution_x, scene.render.resolution_y = 320, 208
+    scene.patchnet.depth = 8
+    found = rendered(scene)
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising = 1, False
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
+    theirs = rendered(scene)
+    both = (found["Depth"] < NO_DEPTH) & (theirs["Depth"] < 1e9)
+    assert both.mean() > 0.2
+    apart = np.abs(found["Depth"] - theirs["Depth"])[both]
+    assert np.quantile(apart, 0.95) < 3 * kept(scene).octree.grid.voxel_world
+    cosine = (found["Normal"] * theirs["Normal"]).sum(-1)[both[..., 0]]
+    assert np.quantile(cosine, 0.2) > 0.95
+    assert theirs["Depth"].max() == np.float32(NO_DEPTH)
+
+
+@pytest.mark.parametrize("crop", [False, True])
+def test_a_border_shows_the_same_pixels(scene: bpy.types.Scene, crop: bool) -> None:
+    scene.patchnet.budget = 1.0
+    whole = rendered(scene)
+    render = scene.render
+    render.use_border, render.use_crop_to_border = True, crop
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.2, 0.71, 0.13, 0.8
+    columns, rows = slice(int(0.2 * WIDTH), int(0.71 * WIDTH)), slice(int(0.13 * HEIGHT), int(0.8 * HEIGHT))
+    part = rendered(scene)
+    for name in ("Combined", "Depth", "Priority", "Level"):
+        inside = part[name] if crop else part[name][rows, columns]
+        assert np.allclose(inside, whole[name][rows, columns], rtol=1e-4, atol=1e-5), name
+    if not crop:
+        assert not part["Combined"][: rows.start].any()
+
+
+def test_an_orthographic_camera_and_wide_pixels(scene: bpy.types.Scene) -> None:
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 3.0
+    scene.render.pixel_aspect_x = 2.0
+    found = rendered(scene)
+    assert np.array_equal(found["Level"].ravel() >= 0, expected(scene).hit)
+    assert 0.2 < (found["Level"] >= 0).mean() < 0.9
+
+
+def test_a_colored_octree_renders_in_color(scene: bpy.types.Scene) -> None:
+    bsdf = bpy.data.materials["Slab"].node_tree.nodes["Principled BSDF"]
+    bsdf.inputs["Base Color"].default_value = (0.8, 0.1, 0.1, 1.0)
+    scene.patchnet.color = True
+    combined = rendered(scene)["Combined"]
+    assert (combined[..., 0] > 3.0 * combined[..., 1]).any()
+
+
+def test_the_octree_that_is_there_is_used_until_it_is_stale(scene: bpy.types.Scene) -> None:
+    assert bpy.ops.patchnet.voxelize() == {"FINISHED"}
+    octree = results.voxels_of(scene).octree
+    rendered(scene)
+    assert kept(scene).octree is octree  # and codes came with the render
+    scene.objects["Slab"].location.z += 0.3
+    bpy.context.view_layer.update()
+    rendered(scene)
+    assert kept(scene).octree is not octree and not kept(scene).stale
+
+
+def test_a_moving_camera_reuses_the_octree_and_a_moving_lath_does_not(
+    scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+    compute = frame_octree._compute
+
+    def counted(depsgraph: bpy.types.Depsgraph, *rest: object, **more: object) -> object:
+        made.append(depsgraph.scene.frame_current)
+        return compute(depsgraph, *rest, **more)
+
+    monkeypatch.setattr(frame_octree, "_compute", counted)
+    scene.frame_start, scene.frame_end = 1, 3
+    folder = Path(scene.render.filepath).parent
+    _keys(scene.camera, [(1, 0.3), (3, 0.8)])
+    bpy.ops.render.render(animation=True)
+    assert made == [1]
+    first, last = (passes_in(folder / f"picture-{number:04d}.exr") for number in (1, 3))
+    assert not np.array_equal(first["Level"], last["Level"])
+    made.clear()
+    _keys(scene.objects["Lath 2"], [(1, 0.0), (2, 0.1), (3, 0.1)])
+    bpy.ops.render.render(animation=True)
+    assert made == [1, 2]
+    moved = passes_in(folder / "picture-0003.exr")
+    assert not np.array_equal(moved["Level"], last["Level"])
+
+
+def _keys(item: bpy.types.Object, places: list[tuple[int, float]]) -> None:
+    for frame, x in places:
+        item.location.x = x
+        item.keyframe_insert("location", index=0, frame=frame)
+    bpy.context.view_layer.update()
+
+
+def test_light_is_baked_within_the_render_and_leaves_nothing(scene: bpy.types.Scene) -> None:
+    scene.patchnet.light, scene.patchnet.samples = "cycles", 1
+    kinds = ("scenes", "objects", "meshes", "materials", "images", "worlds", "lights")
+    rendered(scene)
+    before = {kind: sorted(item.name for item in getattr(bpy.data, kind)) for kind in kinds}
+    results.forget(scene)
+    combined = rendered(scene)["Combined"]
+    assert {kind: sorted(item.name for item in getattr(bpy.data, kind)) for kind in kinds} == before
+    assert kept(scene).light == "cycles" and kept(scene).octree.provenance["scene"] == scene.name
+    assert combined[..., 0].max() > 0.1 and scene.render.engine == ENGINE
+
+
+def test_errors_are_sentences(scene: bpy.types.Scene) -> None:
+    scene.camera.data.type = "PANO"
+    with pytest.raises(RuntimeError, match="choose a perspective or orthographic camera"):
+        bpy.ops.render.render()
+    scene.camera.data.type = "PERSP"
+    for item in list(scene.objects):
+        if item.type == "MESH":
+            bpy.data.objects.remove(item)
+    with pytest.raises(RuntimeError, match="No visible object has a surface"):
+        bpy.ops.render.render()
+
+
+def test_stereo_and_a_textured_world_are_mentioned(scene: bpy.types.Scene, capfd: pytest.CaptureFixture[str]) -> None:
+    tree = scene.world.node_tree
+    sky = tree.nodes.new("ShaderNodeTexNoise")
+    tree.links.new(sky.outputs["Color"], tree.nodes["Background"].inputs["Color"])
+    scene.render.use_multiview = True
+    bpy.ops.render.render()
+    said = "".join(capfd.readouterr())
+    assert "no stereo" in said and "background is a texture" in said
+
+
+class Stopping:
+    """What `pull` needs of an engine, stopped at the third look."""
+
+    looks = 0
+
+    def update_stats(self, *_: object) -> None:
+        """Nobody watches."""
+
+    update_progress = update_stats
+
+    def test_break(self) -> bool:
+        self.looks += 1
+        return self.looks == 3
+
+
+def test_a_stop_cleans_up_at_once() -> None:
+    log: list[object] = []
+
+    def steps() -> Iterator[Progress]:
+        try:
+            for index in range(10):
+                log.append(index)
+                yield Progress(index, 10, "Working")
+        finally:
+            log.append("clean")
+
+    with pytest.raises(StoppedError):
+        pull(Stopping(), steps(), 0.0, 1.0)
+    assert log == [0, 1, 2, "clean"]
+
+
+def test_the_compositor_knows_the_passes(scene: bpy.types.Scene) -> None:
+    bpy.context.view_layer.update_render_passes()
+    if bpy.app.version < (5, 0, 0):
+        scene.use_nodes = True
+        tree = scene.node_tree
+    else:
+        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+        scene.compositing_node_group = tree
+    layers = tree.nodes.new("CompositorNodeRLayers")
+    layers.scene = scene
+    assert {item.name for item in PASSES if item.name != "Combined"} <= {socket.name for socket in layers.outputs}
+
+
+def with_our_engine() -> set[str]:
+    """Names of panels."""
+    every = bpy.types.Panel.__subclasses__()
+    return {panel.__name__ for panel in every if ENGINE in getattr(panel, "COMPAT_ENGINES", ())}
+
+
+def test_the_properties_editor_is_not_empty() -> None:
+    named = with_our_engine()
+    assert {
+        "DATA_PT_lens", "RENDER_PT_format", "RENDER_PT_output", "WORLD_PT_context_world", "EEVEE_WORLD_PT_surface",
+        "EEVEE_MATERIAL_PT_surface", "DATA_PT_EEVEE_light", "RENDER_PT_color_management", "OBJECT_PT_visibility",
+    } <= named  # fmt: skip
+    panels.remove_from_blenders()
+    assert with_our_engine() == {item.__name__ for item in panels.CLASSES}
+    panels.add_to_blenders()

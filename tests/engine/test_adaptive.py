@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures that are refined step by step: chosen pixels, parts of a camera, bands of rows."""
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
+from patchnet.patchnet_addon.sampling.refine import refine, refined_picture
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.trace import trace_frame
+from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from patchnet.patchnet_addon.tracing.part import camera_part
+from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
+from patchnet.patchnet_addon.tracing.render import first_hits, supersample, supersample_colors
+from patchnet.tests.engine.octree_samples import random_octree
+
+CHOSEN = STRATEGIES["ss-variance"]
+
+
+def camera(width: int = 23, height: int = 17) -> Camera:
+    return Camera.look_at(np.array([1.9, -1.1, 1.4]), np.full(3, 0.5), fov=0.8, size_px=(width, height))
+
+
+def colored(octree: Octree) -> Octree:
+    chroma = np.random.default_rng(1).integers(30, 100, (octree.node_count, 2), dtype=np.uint8)
+    return Octree(**{name: value for name, value in vars(octree).items() if name != "chroma"}, chroma=chroma)
+
+
+@pytest.mark.parametrize("with_color", [False, True])
+def test_chosen_pixels_are_those_of_the_whole_picture(with_color: bool) -> None:
+    octree, eye = random_octree(), camera()
+    pixels = np.array([0, 390, 7, 200, 201, 200])
+    if with_color:
+        octree = colored(octree)
+        luminance, colors = drain(supersample_colors(octree, eye, 8))
+    else:
+        luminance = drain(supersample(octree, eye, 8))
+        colors = np.repeat(luminance[:, None], 3, axis=1)
+    found = supersample_pixels(octree, eye, pixels, 8)
+    np.testing.assert_allclose(found.luminance, luminance[pixels], rtol=1e-6)
+    np.testing.assert_allclose(found.colors, colors[pixels], rtol=1e-6)
+
+
+def test_coverage_is_the_share_of_rays_that_hit() -> None:
+    octree, eye = random_octree(), camera()
+    every = np.arange(eye.pixel_count)
+    black = drain(supersample(octree, eye, 4))
+    white = drain(supersample(octree, eye, 4, background=1.0))
+    coverage = supersample_pixels(octree, eye, every, 4).coverage
+    np.testing.assert_allclose(coverage, 1.0 - (white - black), atol=1e-6)
+    assert ((coverage > 0.0) & (coverage < 1.0)).any()
+
+
+@pytest.mark.parametrize("kind", ["PERSP", ORTHOGRAPHIC])
+def test_a_part_of_a_camera_has_the_same_rays(kind: str) -> None:
+    whole = Camera(**vars(camera()) | {"kind": kind, "shift_x": 0.3, "shift_y": -0.2})
+    part = camera_part(whole, 4, 3, 9, 11)
+    octree = random_octree()
+    place = (np.arange(3, 14)[:, None] * whole.width_px + np.arange(4, 13)).ravel()
+    one, other = first_hits(octree, whole), first_hits(octree, part)
+    np.testing.assert_allclose(other.direction, one.direction[place], atol=1e-6)
+    np.testing.assert_array_equal(other.node, one.node[place])
+    assert camera_part(whole, 0, 0, 23, 17) is whole
+    with pytest.raises(SettingError, match="render border"):
+        camera_part(whole, 4, 3, 0, 11)
+
+
+@pytest.mark.parametrize("with_color", [False, True])
+def test_a_picture_in_bands_is_the_picture_at_once(with_color: bool) -> None:
+    octree, eye = random_octree(), camera()
+    octree = colored(octree) if with_color else octree
+    at_once, in_bands = (AdaptivePicture(octree, eye, CHOSEN) for _ in range(2))
+    drain(at_once.trace())
+    drain(in_bands.trace(Pace(band_pixels=50)))
+    assert at_once.frame is not None and in_bands.frame is not None
+    np.testing.assert_array_equal(in_bands.frame.hits.node, at_once.frame.hits.node)
+    np.testing.assert_allclose(in_bands.score, at_once.score, atol=1e-6)
+    np.testing.assert_array_equal(in_bands.colors, at_once.colors)
+    assert (at_once.samples == 1).all()
+
+
+def test_a_refined_picture_is_that_of_the_budget() -> None:
+    octree, eye = random_octree(), camera()
+    picture = AdaptivePicture(octree, eye, CHOSEN)
+    drain(picture.trace())
+    drain(picture.refine(0.4, pace=Pace(batch_rays=3000)))
+    frame = drain(trace_frame(octree, eye, [CHOSEN]))
+    mask = refine(frame, CHOSEN.scores(frame), 0.4)
+    np.testing.assert_array_equal(picture.samples, np.where(mask, 1024, 1))
+    np.testing.assert_allclose(picture.colors[:, 0], refined_picture(frame, mask), rtol=1e-6)
+
+
+def test_the_most_urgent_pixels_come_first() -> None:
+    picture = AdaptivePicture(random_octree(), camera(), CHOSEN)
+    drain(picture.trace())
+    steps = picture.refine(1.0, pace=Pace(batch_rays=5 * 1024))
+    next(steps), next(steps)
+    done = picture.samples > 1
+    assert done.sum() == 5 and picture.score is not None
+    assert picture.score[done].min() >= picture.score[~done].max()
