@@ -8,13 +8,17 @@ the package costs nothing until it is used and works where there is no Blender.
 
 def register() -> None:
     """Enable the extension: Blender calls this."""
+    from .commands import blender_command
     from .operators import registration
 
     registration.register()
+    blender_command.register()
 
 
 def unregister() -> None:
     """Disable the extension: Blender calls this."""
+    from .commands import blender_command
     from .operators import registration
 
+    blender_command.unregister()
     registration.unregister()

@@ -12,44 +12,94 @@ The modules are imported on every call, for the help: they import numba, torch a
 import argparse
 import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from types import ModuleType
+from typing import NoReturn
 
 # In the order of the help.
 NAMES: tuple[str, ...] = ("run", "demo", "info", "octree", "export", "verify-light", "dataset", "train", "bench")
 
+EXIT_UNEXPECTED = 1
 EXIT_ERROR = 2
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(
+    argv: Sequence[str] | None = None,
+    *,
+    names: Iterable[str] | None = None,
+    program: str = "patchnet",
+    level: str = "WARNING",
+) -> int:
     """Run the command line.
 
-    `argv` are the arguments without the program's name, by default those of the process. Returns the exit code:
-    0 for success, 2 for bad input (one sentence on stderr), 130 when interrupted.
+    `argv` are the arguments without the program's name, by default those of the process; `names` the sub-commands that
+    there are, by default all; `level` what the log tells people. Returns the exit code: 0 for success, 2 for bad input
+    (one sentence on stderr), 130 when interrupted, and with a log for programs 1 for what should not have happened,
+    which else is raised.
     """
+    from ..patchnet_addon import log
     from ..patchnet_addon.errors import PatchNetError
     from ..patchnet_addon.interrupt import INTERRUPTED, prompt_interrupt
+    from .lines import say_error
 
-    modules = {name: importlib.import_module(f".{name.replace('-', '_')}", __name__) for name in NAMES}
-    args = _parser(modules).parse_args(argv)
+    words = sys.argv[1:] if argv is None else list(argv)
+    modules = {name: importlib.import_module(f".{name.replace('-', '_')}", __name__) for name in names or NAMES}
     try:
+        log.set_up(_log_format(words), level)
+        args = _parser(modules, program).parse_args(words)
+        log.start(args.command, arguments=words)
         with prompt_interrupt():
             return int(modules[args.command].run(args))
     except PatchNetError as error:
-        print(f"patchnet: error: {error}", file=sys.stderr)
+        say_error(f"error: {error}", EXIT_ERROR)
         return EXIT_ERROR
     except KeyboardInterrupt:
-        print("patchnet: interrupted", file=sys.stderr)
+        say_error("interrupted", INTERRUPTED)
         return INTERRUPTED
+    except Exception as error:
+        if not log.is_json():
+            raise
+        log.unexpected(error, exit_code=EXIT_UNEXPECTED)
+        return EXIT_UNEXPECTED
 
 
-def _parser(modules: dict[str, ModuleType]) -> argparse.ArgumentParser:
+class _Parser(argparse.ArgumentParser):
+    """Says what it does not understand as an event where programs listen."""
+
+    def error(self, message: str) -> NoReturn:
+        from ..patchnet_addon.log import is_json
+        from .lines import say_error
+
+        if not is_json():
+            super().error(message)
+        say_error(message, EXIT_ERROR)
+        self.exit(EXIT_ERROR)
+
+
+def _parser(modules: dict[str, ModuleType], program: str) -> argparse.ArgumentParser:
     """The parser of the whole command line, with one sub-parser a module."""
-    parser = argparse.ArgumentParser(
-        prog="patchnet",
-        description="See where a coarse view of a scene is wrong, and refine there first.",
-    )
+    parser = _Parser(prog=program, description="See where a coarse view of a scene is wrong, and refine there first.")
+    _add_log_format(parser)
     subparsers = parser.add_subparsers(dest="command", metavar="SUB-COMMAND", required=True)
     for module in modules.values():
-        module.add_parser(subparsers)
+        _add_log_format(module.add_parser(subparsers))
     return parser
+
+
+def _add_log_format(parser: argparse.ArgumentParser) -> None:
+    from ..patchnet_addon.log import FORMATS, VARIABLE
+
+    parser.add_argument(
+        "--log-format", choices=FORMATS, default=argparse.SUPPRESS,
+        help=f"stderr for people, or one JSON object a line for programs (the variable {VARIABLE}, else text)",
+    )  # fmt: skip
+
+
+def _log_format(words: Sequence[str]) -> str | None:
+    """--log-format before anything else is understood, so that even misunderstandings are said in it."""
+    from ..patchnet_addon.log import FORMATS
+
+    given = [following for word, following in pairwise(words) if word == "--log-format"]
+    given += [word.partition("=")[2] for word in words if word.startswith("--log-format=")]
+    return next((text for text in given if text in FORMATS), None)

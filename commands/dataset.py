@@ -34,6 +34,7 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.progress import drain
     from ..training.dataset import SUFFIX, save_samples
     from ..training.samples import SampleSettings, draw_samples
+    from .lines import say_result
     from .progress_bars import ProgressBars
 
     if args.samples < 1 or args.views < 1 or not 0 <= args.held_out < 1:
@@ -52,7 +53,8 @@ def run(args: argparse.Namespace) -> int:
         save_samples(samples, path, octree, settings, args.out / (name + SUFFIX))
     seconds = time.monotonic() - start
     drawn = share * len(names)
-    print(f"{drawn:,} samples of {len(names)} octrees in {seconds:.0f} s ({drawn / seconds:,.0f}/s)")
+    text = f"{drawn:,} samples of {len(names)} octrees in {seconds:.0f} s ({drawn / seconds:,.0f}/s)"
+    say_result(text, file=args.out, samples=drawn)
     return 0
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..patchnet_addon.errors import PatchNetError
+from .lines import make_parent, say_result
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
@@ -34,11 +34,9 @@ def run(args: argparse.Namespace) -> int:
     octree = load_octree(args.octree)
     level = octree.depth if args.level is None else args.level
     steps = export_octree(octree, args.out, level)
-    try:
-        args.out.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as cause:
-        raise PatchNetError(f"{args.out.parent} cannot be made ({cause.strerror}): choose another folder") from cause
+    make_parent(args.out)
     with ProgressBars() as bars:
         count = drain(steps, bars.show)
-    print(f"{args.out}: {count:,} voxels of level {level}, {args.out.stat().st_size / 2**20:.1f} MiB")
+    text = f"{args.out}: {count:,} voxels of level {level}, {args.out.stat().st_size / 2**20:.1f} MiB"
+    say_result(text, file=args.out, octree_level=level, voxels=count)
     return 0

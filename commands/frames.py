@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..patchnet_addon.errors import SettingError
 from ..patchnet_addon.frames import frame_range, parse_frames
+from .lines import say_note, say_result
+from .scene_argument import opened_file
 
 if TYPE_CHECKING:
     from ..operators.job.animation import AnimationResult
@@ -48,8 +50,7 @@ def bake_with_bars(args: argparse.Namespace, maker: FrameMaker, out: Path) -> An
 
     scene = bpy.context.scene
     frames = parse_frames(args.frames, frame_range(scene.frame_start, scene.frame_end, scene.frame_step))
-    scene_file = args.scene if args.scene.suffix.lower() == ".blend" else None
-    plan = FramePlan(frames, out, args.overwrite, args.same_grid, scene_file)
+    plan = FramePlan(frames, out, args.overwrite, args.same_grid, opened_file(args.scene))
     with quiet_stdout(), ProgressBars() as bars:
         return drain(bake_frames(bpy.context, maker, plan), bars.show)
 
@@ -57,11 +58,13 @@ def bake_with_bars(args: argparse.Namespace, maker: FrameMaker, out: Path) -> An
 def print_frames(result: AnimationResult, out: Path) -> None:
     """Warnings, a line a frame, and where the results are."""
     for warning in result.warnings:
-        print(f"Note: {warning}")
+        say_note(warning)
     for entry in result.report["frames"]:
         frame = entry["frame"]
-        print(f"Frame {frame} is there: skipped" if frame in result.skipped else f"Frame {frame}: {_figures(entry)}")
-    print(f"{result.sentence()}; results are in {out}")
+        skipped = frame in result.skipped
+        text = f"Frame {frame} is there: skipped" if skipped else f"Frame {frame}: {_figures(entry)}"
+        say_result(text, frame=frame, file=out / entry["folder"], skipped=skipped)
+    say_result(f"{result.sentence()}; results are in {out}", file=out, made=result.made, skipped=result.skipped)
 
 
 def _figures(entry: dict[str, Any]) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..patchnet_addon.files import FileHeader
+from ..patchnet_addon.log import event
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
@@ -41,6 +42,7 @@ def run(args: argparse.Namespace) -> int:
     print("Metadata:")
     for line in _lines(header.metadata):
         print(f"  {line}")
+    event("result", f"{args.file}: PatchNet {header.kind}", file=args.file, kind=header.kind)
     return 0
 
 

@@ -14,8 +14,10 @@ import numpy as np
 
 from ..patchnet_addon.errors import SettingError
 from .frames import add_frames, bake_with_bars, check_frames, print_frames
+from .lines import make_parent, say_note, say_result
 from .quiet import quiet_stdout
 from .run import add_color, add_exposure, require_blender
+from .scene_argument import add_scene, open_given, scene_path
 from .stage_clock import StageClock
 
 if TYPE_CHECKING:
@@ -37,7 +39,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         help="voxelize and light a scene",
         description="Write the lit octree of a scene, upright or turned, for training and experiments.",
     )
-    parser.add_argument("scene", type=Path, help="scene file, as for `patchnet run`")
+    add_scene(parser, "scene file, as for `patchnet run`")
     parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
     add_views(parser)
     parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="light (cycles)")
@@ -88,27 +90,27 @@ def run(args: argparse.Namespace) -> int:
     clock = StageClock()
     with clock.stage("start"):
         require_blender()
-    from ..operators.scene import open_scene
     from ..patchnet_addon.light.kept_pages import KeptPages
     from ..patchnet_addon.octree.file import save_octree
     from ..patchnet_addon.progress import drain
     from .progress_bars import ProgressBars
 
-    with quiet_stdout(), clock.stage("open"):
-        open_scene(args.scene)
+    with clock.stage("open"):
+        open_given(args.scene)
     hide_from_renders(without(args))
     if args.frames is not None:
         from .octree_frames import OctreeMaker
 
         print_frames(bake_with_bars(args, OctreeMaker(args, clock), args.out), args.out)
         return 0
-    args.out.parent.mkdir(parents=True, exist_ok=True)
+    make_parent(args.out)
     with KeptPages() as kept:
         with quiet_stdout(), ProgressBars() as bars:
             octree = drain(build(args, clock, kept), bars.show)
         with clock.stage("save"):
             save_octree(octree, args.out)
-    print(f"{args.out}: depth {octree.depth}, {octree.leaf_count:,} voxels, {octree.nbytes / 2**20:.1f} MiB")
+    text = f"{args.out}: depth {octree.depth}, {octree.leaf_count:,} voxels, {octree.nbytes / 2**20:.1f} MiB"
+    say_result(text, file=args.out, depth=octree.depth, leaves=octree.leaf_count)
     if args.timings:
         print(json.dumps(clock.as_json()))
     return 0
@@ -173,7 +175,7 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
         shade = yield from _shade(args, source, texel_sizes(source, grid, layout, args.texel_voxels), kept)
     turned: MeshSource = RotatedSource(source, random_rotation(args.rotate)) if args.rotate else source
     provenance: dict[str, Any] = {
-        "file": args.scene.name,
+        "file": scene_path(args.scene).name,
         "triangles": source.triangle_count,
         "light": args.light,
         "rotation": args.rotate,
@@ -225,7 +227,7 @@ def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarra
         return two_lights_shade(source, (x, y, z), color=args.color)
     lit = has_light(bpy.context.evaluated_depsgraph_get()) if args.daylight is None else not args.daylight
     if not lit:
-        print(f"Note: {NO_LIGHT}", file=sys.stderr)
+        say_note(NO_LIGHT, file=sys.stderr)
     baking = bake_luminance(bpy.context, source, texel_world, args.samples, color=args.color, kept=kept)
     atlas = yield from baking if lit else in_daylight(bpy.context.scene, baking)
     return atlas_shade(atlas, source)

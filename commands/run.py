@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 from ..patchnet_addon.errors import PatchNetError, SettingError
 from .frames import add_frames, bake_with_bars, check_frames, print_frames
+from .lines import say_note, say_result
+from .scene_argument import add_scene, open_given, scene_path
 
 if TYPE_CHECKING:
     from ..operators.job.run import JobResult
@@ -24,7 +26,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         help="refine the views of a scene where a coarse picture is wrong",
         description="Voxelize a scene, bake its light, look ahead with PatchNet, refine its views, and report errors.",
     )
-    parser.add_argument("scene", type=Path, help=".blend, .glb, .gltf, .obj, .ply, .stl, .fbx or .usd file")
+    add_scene(parser, ".blend, .glb, .gltf, .obj, .ply, .stl, .fbx or .usd file")
     parser.add_argument("--scope", choices=("visible", "selected"), default="visible", help="which objects (visible)")
     add_job_arguments(parser)
     add_frames(parser)
@@ -77,12 +79,8 @@ def run(args: argparse.Namespace) -> int:
     """Run the job and print its figures; returns 0. Raises PatchNetError."""
     check_frames(args)
     require_blender()
-    from ..operators.scene import open_scene
-    from .quiet import quiet_stdout
-
-    settings = job_settings(args, args.out or Path(DEFAULT_OUT) / args.scene.stem)
-    with quiet_stdout():
-        open_scene(args.scene)
+    settings = job_settings(args, args.out or Path(DEFAULT_OUT) / scene_path(args.scene).stem)
+    open_given(args.scene)
     if args.frames is not None:
         return _run_frames(args, settings)
     print_result(run_with_bars(settings), settings)
@@ -154,7 +152,7 @@ def run_with_bars(settings: JobSettings) -> JobResult:
 def print_result(result: JobResult, settings: JobSettings) -> None:
     """Warnings, the octree, and what is left of the error by strategy."""
     for warning in result.warnings:
-        print(f"Note: {warning}")
+        say_note(warning)
     octree = result.report["octree"]
     depth = f"{'up to ' if octree['fitted'] else ''}{octree['depth']}"
     print(
@@ -170,7 +168,12 @@ def print_result(result: JobResult, settings: JobSettings) -> None:
         for name, value in sorted(frame["mse"].items(), key=lambda item: item[1]):
             marker = " <" if name == settings.strategy else ""
             print(f"  {name:<24} {value:.2e}{marker}")
-    print(f"Results are in {settings.out}")
+    views = [
+        {"camera": frame["camera"], "mse_unrefined": frame["mse_unrefined"], "mse": frame["mse"][settings.strategy]}
+        for frame in result.report["frames"]
+    ]
+    figures = {"depth": octree["depth"], "leaves": octree["leaves"], "views": views}
+    say_result(f"Results are in {settings.out}", file=settings.out, **figures)
 
 
 def _depth(text: str) -> int | None:

@@ -20,6 +20,7 @@ from typing import Any
 from ..patchnet_addon.errors import SettingError
 from ..patchnet_addon.progress import drain
 from ..training.settings import PRESETS, TrainSettings
+from .lines import say_result
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -79,7 +80,8 @@ def run(args: argparse.Namespace) -> int:
         weights = drain(train(datasets, settings, options), bars.show)
     save_weights(weights, args.out / "patchnet.safetensors")
     write_card(args.out, datasets, settings, weights.metadata, weights.hash)
-    print(f"{args.out / 'patchnet.safetensors'}: {weights.metadata['sample_passes']:,} sample passes")
+    path = args.out / "patchnet.safetensors"
+    say_result(f"{path}: {weights.metadata['sample_passes']:,} sample passes", file=path)
     return 0
 
 

@@ -7,7 +7,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .lines import say_note, say_result
 from .run import require_blender
+from .scene_argument import add_scene, open_given
 
 if TYPE_CHECKING:
     from ..operators.verify_light import CheckSettings, LightCheck
@@ -23,7 +25,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         help="compare the light in the voxels with Cycles",
         description="Render a scene with Cycles (diffuse and emission) and its octree from the same cameras, compare.",
     )
-    parser.add_argument("scene", help="scene file, as for `patchnet run`; demo: the courtyard; room: a closed room")
+    add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room", str)
     parser.add_argument("--depth", type=int, required=True, help="octree depth")
     parser.add_argument(
         "--cameras", default="", help="names with commas between, all, auto, or a number of cameras to place (active)"
@@ -55,13 +57,12 @@ def run(args: argparse.Namespace) -> int:
 
     settings = check_settings(args)
     with output_folder(args.out) as folder:
-        with quiet_stdout():
-            open_or_build(args.scene)
+        open_or_build(args.scene)
         with quiet_stdout(), ProgressBars() as bars:
             check = drain(verify_light(bpy.context, settings), bars.show)
         save_check(check, folder, settings.difference)
     print_check(check)
-    print(f"Pictures and report are in {args.out}")
+    say_result(f"Pictures and report are in {args.out}", file=args.out, **check.report["mean"])
     return 0
 
 
@@ -84,26 +85,27 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
     return CheckSettings(job, number, args.render_samples, args.rays, args.difference)
 
 
-def open_or_build(scene: str) -> None:
-    """Open a scene file, or build one of the project's own scenes in an empty file."""
+def open_or_build(scene: str | None) -> None:
+    """Open the scene's file if one is named, or build one of the project's own scenes in an empty file."""
     import bpy
 
     from ..operators.demo_scene import build_courtyard, build_room
-    from ..operators.scene import open_scene
+    from .quiet import quiet_stdout
 
-    builder = {DEMO: build_courtyard, ROOM: build_room}.get(scene)
-    if builder is None:
-        open_scene(scene)
+    builder = {DEMO: build_courtyard, ROOM: build_room}.get(scene or "")
+    if scene is None or builder is None:
+        open_given(scene)
         return
-    bpy.ops.wm.read_homefile(use_empty=True)
-    builder(bpy.context.scene)
+    with quiet_stdout():
+        bpy.ops.wm.read_homefile(use_empty=True)
+        builder(bpy.context.scene)
     bpy.context.scene.name = scene.capitalize()
 
 
 def print_check(check: LightCheck) -> None:
     """Warnings and a row of figures for each camera; by region, the share of the squared error."""
     for warning in check.report["warnings"]:
-        print(f"Note: {warning}")
+        say_note(warning)
     octree = check.report["octree"]
     print(f"Octree: depth {octree['depth']}, {octree['leaves']:,} voxels, exposure {octree['exposure']:.4g}")
     shares = "  ".join(f"{name:>11}" for name in _COLUMNS)

@@ -58,7 +58,7 @@ def is_json() -> bool:
     return any(isinstance(handler, _Lines) and handler.as_json for handler in LOG.handlers)
 
 
-def event(name: str, message: str, level: int = logging.INFO, **fields: Any) -> None:
+def event(name: str, message: str, level: int = logging.INFO, /, **fields: Any) -> None:
     """Say that something happened. Fields that are None are left out."""
     LOG.log(level, message, extra={"event": name, "fields": fields})
 
@@ -76,7 +76,7 @@ def unexpected(error: BaseException, **fields: Any) -> None:
     event("error", f"{type(error).__name__}: {error}", logging.ERROR, traceback=text, **fields)
 
 
-def json_line(name: str, message: str, level: int = logging.INFO, **fields: Any) -> str:
+def json_line(name: str, message: str, level: int = logging.INFO, /, **fields: Any) -> str:
     """One event as a line of JSON, without the end of the line."""
     values = {
         "time": datetime.now(UTC).isoformat(timespec="milliseconds"),
@@ -85,6 +85,8 @@ def json_line(name: str, message: str, level: int = logging.INFO, **fields: Any)
         "message": message,
         "seconds": round(time.monotonic() - _began, 3),
     }
+    if taken := values.keys() & fields.keys():
+        raise ValueError(f"{taken} are names that every event has")
     return json.dumps(values | {key: value for key, value in fields.items() if value is not None}, default=str)
 
 

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`blender --command patchnet SUB-COMMAND`: the sub-commands that need no torch, inside Blender.
+
+What an entry returns is Blender's exit code: 0 done, 1 unexpected, 2 bad input, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import atexit
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+ID = "patchnet"
+PROGRAM = f"blender --command {ID}"
+NAMES = ("run", "demo", "info", "octree", "export", "verify-light")
+
+_handles: list[Any] = []
+
+
+def register() -> None:
+    """Make the command known to Blender."""
+    import bpy
+
+    _handles.append(bpy.utils.register_cli_command(ID, execute))
+    atexit.register(unregister)  # Blender as a Python module crashes at its exit if it still knows a command
+
+
+def unregister() -> None:
+    """Forget it."""
+    import bpy
+
+    atexit.unregister(unregister)
+    while _handles:
+        bpy.utils.unregister_cli_command(_handles.pop())
+
+
+def execute(words: Sequence[str]) -> int:
+    """Run a sub-command; Blender calls this with what follows `--command patchnet`."""
+    import traceback
+
+    import bpy
+
+    from ..operators.preferences import apply_preferences, preferences
+    from ..patchnet_addon.errors import PatchNetError
+    from . import EXIT_ERROR, EXIT_UNEXPECTED, main
+    from .lines import say_error
+
+    try:
+        apply_preferences(bpy.context)
+        level = preferences(bpy.context).log_level
+        return main([_blender_path(word) for word in words], names=NAMES, program=PROGRAM, level=level)
+    except PatchNetError as error:
+        say_error(f"error: {error}", EXIT_ERROR)
+        return EXIT_ERROR
+    except SystemExit as stop:  # argparse: help, or words that it does not know
+        return stop.code if isinstance(stop.code, int) else EXIT_UNEXPECTED
+    except Exception:  # noqa: BLE001  there is nobody above who would say what it was
+        traceback.print_exc()
+        return EXIT_UNEXPECTED
+
+
+def _blender_path(word: str) -> str:
+    """A word with Blender's `//`, the folder of the open file, spelled out. Raises SettingError if none is open."""
+    from ..operators.properties import absolute_path
+
+    path: Path | None = absolute_path(word) if word.startswith("//") else None
+    return word if path is None else str(path)
