@@ -11,7 +11,7 @@ from .errors import PatchNetError, SettingError
 
 ALL = "all"
 LAST_FRAME = 1_048_574  # Blender knows no later one, and no earlier one than its negative
-_PART = re.compile(r"(-?\d+)(?:-(-?\d+)(?:x(\d+))?)?")
+_PART = re.compile(r"(-?\d+)(?:-(-?\d+)(?:[x:](\d+))?)?")
 
 
 def parse_frames(text: str, of_scene: range | None = None) -> tuple[int, ...]:

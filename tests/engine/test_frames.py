@@ -13,6 +13,7 @@ from patchnet.patchnet_addon.frames import parse_frames
         ("7", (7,)),
         ("1-4", (1, 2, 3, 4)),
         ("1-8x3", (1, 4, 7)),
+        ("1-8:3", (1, 4, 7)),  # as Open Job Description writes it
         ("9,1, 5", (1, 5, 9)),
         ("3-5,4,1-3", (1, 2, 3, 4, 5)),
         ("-2-1", (-2, -1, 0, 1)),

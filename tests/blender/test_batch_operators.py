@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every operator of the extension in one process without a window, as `blender -b --python-expr` runs it, with its log.
+
+A new operator fails here until it is listed.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import pytest
+
+from patchnet.patchnet_addon.octree.file import load_octree
+from patchnet.tests.blender.job_scene import build, random_weights
+
+# In an order in which each finds what it needs. WEIGHTS and OUT are filled in.
+CALLS = {
+    "voxelize": "depth=5, resolution='DEPTH', scope='VISIBLE'",
+    "bake_light": "light='two-lights', exposure=0.5",
+    "precompute_codes": "weights=WEIGHTS",
+    "render_preview": "size=(16, 16), cameras='Eye', budget=0.5",
+    "show_voxels": "level=3, display='POINTS'",
+    "export_octree": "filepath=OUT + '/voxels.safetensors', level=4",
+    "clear_results": "",
+    "run_all": "depth=4, light='two-lights', size=(16, 16), weights=WEIGHTS, out=OUT + '/all'",
+    "bake_animation": "frame_start=2, frame_end=4, frame_step=2, depth=4, light='two-lights', size=(16, 16), "
+    "weights=WEIGHTS, out=OUT + '/frames', skip_existing=True",
+}
+PREPARE = """
+import sys, bpy, patchnet
+patchnet.register()
+bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
+WEIGHTS, OUT = sys.argv[2:4]
+ours = sorted(name.removeprefix("PATCHNET_OT_").lower() for name in dir(bpy.types) if name.startswith("PATCHNET_OT_"))
+"""
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("batch")
+    (folder / "out").mkdir()
+    build()
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "small.blend"))
+    random_weights(folder)
+    return folder
+
+
+def batch(code: str, files: Path) -> subprocess.CompletedProcess[str]:
+    """Run lines of Python in a Blender without a window whose log is for programs."""
+    command = [sys.executable, "-c", PREPARE + code, files / "small.blend", files / "random.safetensors", files / "out"]
+    environment = {**os.environ, "PATCHNET_LOG": "json", "PYTHONUNBUFFERED": "1"}
+    return subprocess.run([*map(str, command)], capture_output=True, text=True, check=False, env=environment)
+
+
+def events(done: subprocess.CompletedProcess[str]) -> list[dict]:
+    return [json.loads(line) for line in done.stderr.splitlines() if line.startswith("{")]
+
+
+@pytest.fixture(scope="module")
+def done(files: Path) -> subprocess.CompletedProcess[str]:
+    """All operators, one after the other; the animation twice."""
+    calls = [f"assert bpy.ops.patchnet.{name}({values}) == {{'FINISHED'}}" for name, values in CALLS.items()]
+    state = "print('HERE', ours, [item.name for item in bpy.data.objects], bpy.context.scene.frame_current)"
+    return batch("\n".join([*calls, calls[-1], state, "patchnet.unregister()"]), files)
+
+
+def test_every_operator_finishes(done: subprocess.CompletedProcess[str]) -> None:
+    assert done.returncode == 0, done.stdout + done.stderr
+    state = next(line for line in done.stdout.splitlines() if line.startswith("HERE"))
+    assert str(sorted(CALLS)) in state, "an operator is not called here"
+    assert "'PatchNet Voxels'" in state and state.endswith(" 1")
+
+
+def test_they_leave_what_they_promise(done: subprocess.CompletedProcess[str], files: Path) -> None:
+    out = files / "out"
+    assert load_octree(out / "voxels.safetensors").depth == 4
+    assert load_octree(out / "voxels.safetensors").exposure == 0.5
+    assert json.loads((out / "all" / "report.json").read_text())["octree"]["depth"] == 4
+    report = json.loads((out / "frames" / "report.json").read_text())
+    assert report["complete"] and [entry["frame"] for entry in report["frames"]] == [2, 4]
+
+
+def test_each_says_so_in_the_log(done: subprocess.CompletedProcess[str], files: Path) -> None:
+    said = events(done)
+    started = [line["command"] for line in said if line["event"] == "start"]
+    assert started == [
+        "Voxelize", "Bake Light", "Precompute Codes", "Render Preview", "Show Voxels", "Export Voxels", "Run All",
+        "Bake Animation", "Bake Animation",
+    ]  # fmt: skip
+    assert all(line["file"].endswith("small.blend") for line in said if line["event"] == "start")
+    results = [line for line in said if line["event"] == "result"]
+    assert len(results) == len(started) and not [line for line in said if line["event"] == "error"]
+    paths = [Path(line["file"]) for line in results if "file" in line]
+    assert paths == [files / "out" / name for name in ("voxels.safetensors", "all", "frames", "frames")]
+    assert results[-1]["message"].startswith("0 frames made, 2 were there")
+    stages = {line["stage"] for line in said if line["event"] == "stage"}
+    assert {"Reading the scene", "Encoding", "Writing files", "skipped"} <= stages
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        ("voxelize(depth=4, voxel_size=0.1)", "choose one of them"),
+        ("run_all(depth=4, cameras='Nobody')", "no camera 'Nobody'"),
+        ("bake_animation(frame_start=4, frame_end=1, out=OUT)", "the last frame comes before the first"),
+    ],
+)
+def test_bad_input_ends_the_process_and_is_in_the_log(call: str, said: str, files: Path) -> None:
+    done = batch(f"bpy.ops.patchnet.{call}", files)
+    assert done.returncode == 1
+    error = events(done)[-1]
+    assert error["event"] == "error" and said in error["message"]
