@@ -9,20 +9,17 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 
-from ...patchnet_addon.errors import PatchNetError, SceneError
+from ...patchnet_addon.errors import SceneError
 from ...patchnet_addon.image.exr import read_exr
 from ...patchnet_addon.light.textures import luminance
-from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from ..bake.settings import changed, object_mode
+from ...patchnet_addon.tracing.camera import Camera
+from .scene_copy import prepared, render
 
 _PASSES = {
     "use_pass_combined": True,
@@ -40,7 +37,6 @@ _DIRECT, _INDIRECT, _COLOR = (
     ("DiffCol", "Diffuse Color"),
 )
 _EMISSION = ("Emit", "Emission")
-_SENSOR = 36.0  # mm
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,169 +58,58 @@ def render_reference(context: bpy.types.Context, camera: Camera, samples: int, s
     """Render the scene; it is as before afterwards. Raises SceneError if Cycles is not there or does not render."""
     with tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
         path = Path(folder) / "reference.exr"
-        with _prepared(context, camera, samples, seed, path) as (scene, layer):
-            for name, value in _PASSES.items():
-                if hasattr(layer, name):
-                    setattr(layer, name, value)
-            _render(scene, layer, path)
+        with prepared(context, camera, samples, seed, path) as (scene, layer):
+            add_passes(layer)
+            render(scene, layer, path)
         return _reference(read_exr(path))
 
 
 def camera_render_seconds(context: bpy.types.Context, camera: Camera, samples: int, seed: int) -> float:
     """Wall seconds of Blender's call that renders the scene with nothing but the combined pass, and writes no file."""
-    with _prepared(context, camera, samples, seed, Path()) as (scene, layer):
+    with prepared(context, camera, samples, seed, Path()) as (scene, layer):
         start = time.perf_counter()
         bpy.ops.render.render(scene=scene.name, layer=layer.name)
         return time.perf_counter() - start
 
 
-@contextmanager
-def _prepared(
-    context: bpy.types.Context, camera: Camera, samples: int, seed: int, path: Path
-) -> Iterator[tuple[bpy.types.Scene, bpy.types.ViewLayer]]:
-    """A copy of the scene that looks through `camera`, and its view layer; all is as before after the block."""
-    if not hasattr(context.scene, "cycles"):
-        raise SceneError("The Cycles render engine is disabled: enable its add-on")
-    with ExitStack() as stack:
-        stack.enter_context(object_mode(context))
-        stack.enter_context(_no_new_render_result())
-        scene = stack.enter_context(_copied(context.scene))
-        _set_up(scene, camera, samples, seed, path)
-        stack.enter_context(_lamps_unseen(scene))
-        stack.enter_context(_seen_through(scene, camera))
-        yield scene, scene.view_layers[context.view_layer.name]
+def add_passes(layer: bpy.types.ViewLayer) -> None:
+    """Make a copied scene's view layer write what is read here."""
+    for name, value in _PASSES.items():
+        if hasattr(layer, name):
+            setattr(layer, name, value)
 
 
-def _render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, path: Path) -> None:
-    try:
-        bpy.ops.render.render(write_still=True, scene=scene.name, layer=layer.name)
-    except RuntimeError as cause:
-        raise SceneError(f"Cycles cannot render the scene ({str(cause).strip().removeprefix('Error: ')})") from cause
-    if not path.is_file():
-        raise PatchNetError("Cycles wrote no picture: check that the folder for temporary files has room")
+def baked_light(channels: dict[str, np.ndarray]) -> np.ndarray:
+    """(H, W, 3) float32, linear and unexposed: diffuse light and emission, what is baked, of a file of all passes."""
+    layers = _layers(channels)
+    diffuse = (_color(layers, _DIRECT) + _color(layers, _INDIRECT)) * _color(layers, _COLOR)
+    return np.nan_to_num(diffuse + _color(layers, _EMISSION))
+
+
+def combined_light(channels: dict[str, np.ndarray]) -> np.ndarray:
+    """(H, W, 3) float32, linear and unexposed: all light, over black."""
+    return np.nan_to_num(_color(_layers(channels), ("Combined",)))
+
+
+def _layers(channels: dict[str, np.ndarray]) -> dict[tuple[str, ...], np.ndarray]:
+    """Channels by pass and channel, without the view layer's name."""
+    return {tuple(name.split(".")[-2:]): values for name, values in channels.items()}
+
+
+def _color(layers: dict[tuple[str, ...], np.ndarray], names: tuple[str, ...]) -> np.ndarray:
+    """(H, W, 3): the pass by the first of its names that is there."""
+    name = next((each for each in names if (each, "R") in layers), None)
+    if name is None:
+        raise SceneError(f"Cycles rendered no pass {names[0]}: the view layer may belong to another engine")
+    return np.stack([layers[name, channel] for channel in "RGB"], axis=-1)
 
 
 def _reference(channels: dict[str, np.ndarray]) -> Reference:
-    layers = {tuple(name.split(".")[-2:]): values for name, values in channels.items()}
-
-    def color(names: tuple[str, ...]) -> np.ndarray:
-        name = next((each for each in names if (each, "R") in layers), None)
-        if name is None:
-            raise SceneError(f"Cycles rendered no pass {names[0]}: the view layer may belong to another engine")
-        return np.stack([layers[name, channel] for channel in "RGB"], axis=-1)
-
-    shine = (color(_DIRECT) + color(_INDIRECT)) * color(_COLOR) + color(_EMISSION)
+    layers = _layers(channels)
     return Reference(
-        luminance=luminance(np.nan_to_num(shine)),
+        luminance=luminance(baked_light(channels)),
         coverage=layers["Combined", "A"],
         depth_world=layers["Depth", "Z"],
-        albedo=luminance(color(_COLOR)),
+        albedo=luminance(_color(layers, _COLOR)),
         normal=np.stack([layers["Normal", axis] for axis in "XYZ"], axis=-1),
     )
-
-
-@contextmanager
-def _copied(scene: bpy.types.Scene) -> Iterator[bpy.types.Scene]:
-    """A scene of the same objects with settings of its own: some, once changed, cannot be unset again."""
-    copy = scene.copy()
-    try:
-        yield copy
-    finally:
-        bpy.data.scenes.remove(copy)
-
-
-@contextmanager
-def _no_new_render_result() -> Iterator[None]:
-    """Blender keeps what it rendered; a render result that was not there before is removed."""
-    before = {image.name_full for image in bpy.data.images}
-    try:
-        yield
-    finally:
-        for image in list(bpy.data.images):
-            if image.type == "RENDER_RESULT" and image.name_full not in before:
-                bpy.data.images.remove(image)
-
-
-def _set_up(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, path: Path) -> None:
-    """Box filter of a pixel, nothing that is biased; bounces, device and light are the user's, as in the bake.
-
-    The file is an EXR of all passes, not compressed. Which formats there are depends on the medium, so it goes first.
-    """
-    unit_x, unit_y = camera.half_x / camera.width_px, camera.half_y / camera.height_px
-    image = {
-        "media_type": "MULTI_LAYER_IMAGE",
-        "file_format": "OPEN_EXR_MULTILAYER",
-        "color_mode": "RGBA",
-        "color_depth": "32",
-        "exr_codec": "NONE",
-    }
-    render = {
-        "engine": "CYCLES",
-        "resolution_x": camera.width_px,
-        "resolution_y": camera.height_px,
-        "resolution_percentage": 100,
-        "pixel_aspect_x": max(1.0, unit_x / unit_y),
-        "pixel_aspect_y": max(1.0, unit_y / unit_x),
-        "filepath": str(path),
-        "use_file_extension": False,
-        "use_overwrite": True,
-        "use_compositing": False,
-        "use_sequencer": False,
-        "use_border": False,
-        "use_multiview": False,
-        "use_motion_blur": False,
-        "use_freestyle": False,
-        "film_transparent": True,
-    }
-    cycles = {
-        "samples": samples,
-        "seed": seed,
-        "use_animated_seed": False,
-        "use_adaptive_sampling": False,
-        "use_denoising": False,
-        "sample_clamp_direct": 0.0,
-        "sample_clamp_indirect": 0.0,
-        "film_exposure": 1.0,
-        "time_limit": 0.0,
-        "use_sample_subset": False,
-        "pixel_filter_type": "BOX",
-        "film_transparent_glass": False,
-    }
-    for owner, values in ((scene.render.image_settings, image), (scene.render, render), (scene.cycles, cycles)):
-        for name, value in values.items():
-            if hasattr(owner, name):
-                setattr(owner, name, value)
-
-
-@contextmanager
-def _lamps_unseen(scene: bpy.types.Scene) -> Iterator[None]:
-    """Lamps are no surface, so that the octree does not hold them: hide them from the camera only."""
-    with ExitStack() as stack:
-        for item in scene.objects:
-            if item.type == "LIGHT":
-                stack.enter_context(changed(item, visible_camera=False))
-        yield
-
-
-@contextmanager
-def _seen_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
-    """`scene` looks through exactly the view of `camera`, without depth of field, within the block."""
-    data = bpy.data.cameras.new("PatchNet Check")
-    item = bpy.data.objects.new("PatchNet Check", data)
-    try:
-        data.type, data.sensor_fit, data.sensor_width = camera.kind, "HORIZONTAL", _SENSOR
-        if camera.kind == ORTHOGRAPHIC:
-            data.ortho_scale = 2.0 * camera.half_x
-        else:
-            data.lens = _SENSOR / (2.0 * camera.half_x)
-        data.shift_x = camera.shift_x / 2.0
-        data.shift_y = camera.shift_y * camera.half_y / (2.0 * camera.half_x)
-        data.clip_start, data.clip_end = 1e-5, 1e9
-        axes = np.stack([camera.right, camera.up, -np.asarray(camera.forward), camera.position_world], axis=1)
-        item.matrix_world = Matrix([*axes.tolist(), [0.0, 0.0, 0.0, 1.0]])
-        scene.collection.objects.link(item)
-        scene.camera = item
-        yield
-    finally:
-        bpy.data.objects.remove(item)
-        bpy.data.cameras.remove(data)

@@ -42,13 +42,11 @@ class Region:
         """Rows and columns of a picture (H, W)."""
         return slice(self.bottom, self.bottom + self.height), slice(self.left, self.left + self.width)
 
-    def parts(self, most_px: int) -> list[Region]:
-        """The same pixels as regions of whole rows, each of at most `most_px` pixels or one row."""
-        rows = max(1, most_px // self.width)
-        return [
-            Region(self.left, self.bottom + row, self.width, min(rows, self.height - row))
-            for row in range(0, self.height, rows)
-        ]
+    def split(self, most_px: int) -> tuple[Region, Region | None]:
+        """Its lower rows, at most `most_px` pixels but one row at least, and the rest, if there is one."""
+        rows = min(max(1, most_px // self.width), self.height)
+        rest = Region(self.left, self.bottom + rows, self.width, self.height - rows) if rows < self.height else None
+        return Region(self.left, self.bottom, self.width, rows), rest
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,15 +107,16 @@ def test_edges_of_budget_and_priority() -> None:
     assert choose_regions(np.ones((3, 5)), 0.9) == [], "a tile is the least that can be bought"
 
 
-def test_parts_are_the_region() -> None:
-    region = Region(3, 5, 20, 11)
-    parts = region.parts(65)
-    assert all(part.pixels <= 65 for part in parts)
+@pytest.mark.parametrize("most_px", [1, 20, 65, 1000])
+def test_split_parts_are_the_region(most_px: int) -> None:
+    whole = Region(3, 5, 20, 11)
+    rest: Region | None = whole
     counts = np.zeros((30, 30), int)
-    for part in parts:
+    while rest is not None:
+        part, rest = rest.split(most_px)
+        assert part.pixels <= max(most_px, whole.width)
         counts[part.slices] += 1
-    np.testing.assert_array_equal(counts, region_mask([region], 30, 30))
-    assert [part.height for part in Region(0, 0, 20, 3).parts(7)] == [1, 1, 1]
+    np.testing.assert_array_equal(counts, region_mask([whole], 30, 30))
 
 
 @pytest.mark.parametrize("wrong", [{"budget": -0.1}, {"budget": 1.1}, {"tile": 0}, {"most": 0}, {"overhead_px": -1.0}])
