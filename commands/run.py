@@ -54,11 +54,20 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_color(parser)
     parser.add_argument("--budget", type=float, default=0.3, help="share of active pixels to refine, 0 to 1 (0.3)")
+    add_fronts_only(parser)
     parser.add_argument("--strategy", default="patchnet-behind", help="what is refined first (patchnet-behind)")
     parser.add_argument("--heatmap-max", type=float, help="priority at the end of the heatmap's legend")
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
     parser.add_argument("--weights", type=Path, help="weights file instead of the one that is shipped")
 
+    add_cycles(parser)
+
+
+def add_fronts_only(parser: argparse.ArgumentParser) -> None:
+    """`--fronts-only`."""
+    parser.add_argument(
+        "--fronts-only", action="store_true", help="of sheets, light only the side that normals show (mean of both)"
+    )
 
 def add_color(parser: argparse.ArgumentParser) -> None:
     """The argument that all commands share which write octrees."""
@@ -124,6 +133,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         samples=args.samples,
         exposure=args.exposure,
         color=args.color,
+        fronts_only=args.fronts_only,
         texel_voxels=args.texel_voxels,
         cameras=tuple(name.strip() for name in args.cameras.split(",") if name.strip()),
         size=tuple(args.size),

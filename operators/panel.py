@@ -89,7 +89,7 @@ class PATCHNET_PT_light(_Step, bpy.types.Panel):
 
     def visible_settings(self, values: bpy.types.PropertyGroup) -> tuple[str, ...]:
         """Samples are for Cycles."""
-        baked = ("samples", "texel_voxels") if values.light == "cycles" else ()
+        baked = ("samples", "texel_voxels", "fronts_only") if values.light == "cycles" else ()
         return ("light", *baked, "exposure", "color")
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -119,6 +119,12 @@ class LightProperties:
     )
     color: BoolProperty(
         name="Keep Color",
+    fronts_only: BoolProperty(
+        name="Fronts Only",
+        description="Light sheets from the side that their normals show, as materials with Backface Culling always "
+        "are; otherwise voxels hold the mean of both sides",
+        default=False,
+    )
         description="Keep color beside luminance, so that previews, shown voxels and exports are in color: two bytes "
         "more a node, and twice the memory of baked light",
         default=False,
@@ -307,6 +313,7 @@ def absolute_path(text: str) -> Path | None:
 
 def register() -> None:
     """Give scenes their settings."""
+        fronts_only=value("fronts_only"),
     bpy.utils.register_class(PatchNetSettings)
     bpy.types.Scene.patchnet = PointerProperty(type=PatchNetSettings)
 

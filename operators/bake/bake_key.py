@@ -23,7 +23,13 @@ _CODE = ("operators/bake", "operators/scene", "patchnet_addon/light")
 
 
 def bake_key(
-    context: bpy.types.Context, source: SceneMesh, charts: Charts, samples: int, seed: int, color: bool = False
+    context: bpy.types.Context,
+    source: SceneMesh,
+    charts: Charts,
+    samples: int,
+    seed: int,
+    color: bool = False,
+    fronts_only: bool = False,
 ) -> str:
     """32 hex digits over surface, charts, samples, and all of the scene that a bake could show.
 
@@ -32,7 +38,7 @@ def bake_key(
     their settings.
     """
     digest = Digest()
-    digest.text(_code_hash(), bpy.app.version_string, bpy.app.build_hash, samples, seed, color, _devices())
+    digest.text(_code_hash(), bpy.app.version_string, bpy.app.build_hash, samples, seed, color, fronts_only, _devices())
     digest.text(gpu_is_enabled(context))
     digest.text(charts.texel_world, charts.page_side, charts.page_count)
     for name in _CHART_ARRAYS:

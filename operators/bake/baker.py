@@ -38,12 +38,19 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 class Baker:
     """Bakes sides of pages; holds nothing of Blender's between two calls but the context.
 
-    channels: of its texels, 2 or 4, see `Atlas`. warnings: sentences about what cannot be baked. paths_traced: how many
-    paths the last page took.
+    channels: of its texels, 2 or 4, see `Atlas`. fronts_only: of sheets, backs count only where fronts get no light;
+    so it is with materials that cull backfaces, too. warnings: sentences about what cannot be baked. paths_traced: how
+    many paths the last page took.
     """
 
     def __init__(
-        self, context: bpy.types.Context, source: SceneMesh, charts: Charts, seed: int, channels: int = 2
+        self,
+        context: bpy.types.Context,
+        source: SceneMesh,
+        charts: Charts,
+        seed: int,
+        channels: int = 2,
+        fronts_only: bool = False,
     ) -> None:
         self._context = context
         self._source = source
@@ -53,6 +60,8 @@ class Baker:
         self._closed = ClosedPieces()
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
         self._attributes = attributes_needed(used)
+        culling = {material.name_full for material in used if material.use_backface_culling}
+        self._one_sided = np.array([fronts_only or name in culling for name in source.material_names])
         translucent = {material.name_full for material in used if is_translucent(material)}
         self._translucent = np.array([name in translucent for name in source.material_names])
         self.paths_traced = 0
@@ -75,7 +84,7 @@ class Baker:
         if len(part) == 0:
             return np.zeros((self._charts.page_side**2, self._channels), np.float32)
         yield at  # here and below: on large pages each of these takes a second or more, and a window waits
-        sheets = part.only(~part.closed)
+        sheets = part.only(~part.closed & ~self._one_sided[part.materials])
         front, back = yield from self.bake(page, part, sheets, at)
         yield at
         texels = self.merged(page, sheets.triangles, front, back)
@@ -93,11 +102,11 @@ class Baker:
         return page_triangles(self._source, self._charts, page, self._closed, self._attributes)
 
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
-        """(N,) bool: closed triangles that get no light from outside; a lamp may be inside."""
+        """(N,) bool: triangles whose back was left out and whose front gets no light; a lamp may be inside."""
         from ...patchnet_addon.light.chart_lookup import group_means
 
         means = group_means(self._charts, front, part.triangles, page)[:, 0]
-        return part.closed & (means <= 1e-6 * means.max(initial=0.0))
+        return (part.closed | self._one_sided[part.materials]) & (means <= 1e-6 * means.max(initial=0.0))
 
     def merged(self, page: int, triangles: np.ndarray, front: np.ndarray, back: np.ndarray) -> np.ndarray:
         """The page (side * side, C) with both sides of `triangles` averaged, or the lit one where the other is dark."""

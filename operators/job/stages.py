@@ -115,7 +115,15 @@ def lit(
     added = settings.daylight
     bright = has_light(context.evaluated_depsgraph_get()) if added is None else not added
     texel_world = texel_sizes(source, grid, layout, settings.texel_voxels)
-    baking = bake_luminance(context, source, texel_world, settings.samples, color=settings.color, kept=kept)
+    baking = bake_luminance(
+        context,
+        source,
+        texel_world,
+        settings.samples,
+        color=settings.color,
+        fronts_only=settings.fronts_only,
+        kept=kept,
+    )
     atlas = yield from baking if bright else in_daylight(context.scene, baking)
     return atlas_shade(atlas, source), (*atlas.warnings, *(() if bright else (NO_LIGHT,)))
 
@@ -148,6 +156,7 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
         "scope": settings.scope,
         "light": light,
         "color": settings.color,
+        "fronts_only": settings.fronts_only,
         "versions": versions(),
     }
     return values | ({"samples": settings.samples, "texel_voxels": settings.texel_voxels} if light == CYCLES else {})

@@ -125,6 +125,21 @@ def test_sides_of_sheets() -> None:
         )
 
 
+@pytest.mark.parametrize("by_material", [False, True])
+def test_fronts_alone(by_material: bool) -> None:
+    material = diffuse((0.5, 0.5, 0.5))
+    material.use_backface_culling = by_material
+    lamps = [sun(3.0), sun(1.0, (np.pi, 0.0, 0.0))]
+    for index, name in enumerate(("Up", "Down")):
+        square(name, material, up=name == "Up").location = (10 * index, 0, 0)
+    values = shaded(*baked(fronts_only=not by_material))
+    assert values["Up"].mean() == pytest.approx(3.0 * 0.5 / np.pi, rel=1e-3)
+    assert values["Down"].mean() == pytest.approx(1.0 * 0.5 / np.pi, rel=1e-3)
+    bpy.data.objects.remove(lamps[1])
+    values = shaded(*baked(fronts_only=not by_material))
+    assert values["Down"].mean() == pytest.approx(3.0 * 0.5 / np.pi, rel=1e-3), "a dark front is no front"
+
+
 def test_closed_boxes_that_are_lit_from_inside() -> None:
     """Where nothing shines outside, the inner side counts. A sheet beside it keeps the mean of its sides."""
     cube(diffuse((0.5, 0.5, 0.5)))
