@@ -21,14 +21,20 @@ _HALF_MAX = float(np.finfo(np.float16).max)
 
 
 def encode_octree(
-    octree: Octree, weights: Weights, *, backend: str = "auto", device: str = "cpu"
+    octree: Octree,
+    weights: Weights,
+    *,
+    backend: str = "auto",
+    device: str = "cpu",
+    encoder: Encoder | None = None,
 ) -> Steps[CodedOctree]:
     """Octree with codes; corners go chunk by chunk in Morton order, so that memory stays bounded.
 
-    `backend` "auto" is torch for another `device` than the CPU, else NumPy, with the same codes to 1e-4. Raises
-    SettingError for a backend or device that is not there.
+    `backend` "auto" is torch for another `device` than the CPU, else NumPy, with the same codes to 1e-4. An
+    `encoder` of these weights counts instead of both. Raises SettingError for a backend or device that is not there.
     """
-    encoder = make_encoder(weights, backend, device)
+    if encoder is None:
+        encoder = make_encoder(weights, backend, device)
     yield Progress(0, 1, "Finding corners")
     coded = octree.look_ahead()
     levels, node_corners, total = [], [], 0

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from ..kernels import serial_kernel
+from .octants import octant_matrices
 from .weights import Weights
 
 
@@ -26,14 +27,6 @@ class Encoder(Protocol):
 
         blocks: (U, 320) float32, z, y, x, channel; block 0 is empty. rows: (C, 8) integers, octants x fastest.
         """
-
-
-def octant_matrices(matrix: np.ndarray) -> np.ndarray:
-    """The first layer's matrix (256, 2560) as (320, 8 * 256): eight products of one block, octants x fastest."""
-    outputs = len(matrix)
-    parts = matrix.reshape(outputs, 2, 4, 2, 4, 2, 4, 5)  # output; octant and cell of z, y, x; channel
-    parts = parts.transpose(2, 4, 6, 7, 1, 3, 5, 0)  # cell z, y, x, channel; octant z, y, x; output
-    return np.ascontiguousarray(parts.reshape(-1, 8 * outputs))
 
 
 class NumpyEncoder:

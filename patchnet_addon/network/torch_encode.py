@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""PatchNet's encoder on torch, on the CPU or a GPU; the scheme is that of `encode.py`."""
+"""PatchNet's encoder on torch, on the CPU or a GPU; the scheme is that of `encode.py`.
+
+Another Python may run this file on its own: it imports nothing of the package but `octants.py`.
+"""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from torch.nn import functional
 
-from .encode import octant_matrices
-from .weights import Weights
+from .octants import octant_matrices
+
+if TYPE_CHECKING:
+    from .weights import Weights
 
 
 class TorchEncoder:
