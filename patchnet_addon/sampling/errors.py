@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .frame import Frame
-from .refine import budget_count, refinement_order
+from .refine import refined_count, refinement_order
 
 
 def squared_error(frame: Frame) -> np.ndarray:
@@ -20,12 +20,13 @@ def squared_error(frame: Frame) -> np.ndarray:
 def mse_at(frame: Frame, score: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
     """(B,) float64: mean squared error over the active pixels that is left after each budget in [0, 1].
 
-    Refined pixels take the reference, so their error is 0. A frame without active pixels has no error.
+    Refined pixels take the reference, so their error is 0; pixels of importance 0 keep theirs. A frame without active
+    pixels has no error.
     """
     error = squared_error(frame)[refinement_order(frame, score)]
     # Summed from the least urgent pixel, so that the error left at budget 1 is exactly 0.
     left = np.concatenate([np.cumsum(error[::-1])[::-1], [0.0]])
-    counts = [budget_count(budget, len(error)) for budget in budgets]
+    counts = [refined_count(frame, budget, len(error)) for budget in budgets]
     return left[counts] / max(len(error), 1)
 
 

@@ -27,6 +27,7 @@ class Frame:
     reference: (P,) float32, L32, 32x32 samples (methods 7.5).
     preview_color, reference_color: (P, 3) float32, linear, of those luminances, for people; None without colour.
     Everything that is scored and measured is luminance.
+    importance: (P,) float32 in [0, 1], multiplies priorities; 0 is never refined. None: every pixel matters alike.
     """
 
     hits: Hits
@@ -36,6 +37,7 @@ class Frame:
     reference: np.ndarray | None = None
     preview_color: np.ndarray | None = None
     reference_color: np.ndarray | None = None
+    importance: np.ndarray | None = None
 
     @property
     def height(self) -> int:

@@ -10,11 +10,29 @@ from .frame import Frame
 from .pixel_hash import pixel_hash
 
 
+def priority(frame: Frame, score: np.ndarray) -> np.ndarray:
+    """(P,): scores times what matters to the person."""
+    return score if frame.importance is None else score * frame.importance
+
+
 def refinement_order(frame: Frame, score: np.ndarray) -> np.ndarray:
-    """(A,) int64 indices of the active pixels, first refined first; ties go by a fixed hash of the index."""
+    """(A,) int64 indices of the active pixels, first refined first; ties go by a fixed hash of the index.
+
+    Pixels of importance 0 come last: they are the ones beyond `refinable`.
+    """
     active = np.flatnonzero(frame.active)
     ties = pixel_hash(len(score))[active]
-    return active[np.lexsort((ties, -score[active]))]
+    urgency = priority(frame, score)[active]
+    if frame.importance is None:
+        return active[np.lexsort((ties, -urgency))]
+    return active[np.lexsort((ties, -urgency, frame.importance[active] <= 0))]
+
+
+def refinable(frame: Frame) -> int:
+    """How many of the active pixels may be refined at all."""
+    if frame.importance is None:
+        return int(np.count_nonzero(frame.active))
+    return int(np.count_nonzero(frame.active & (frame.importance > 0)))
 
 
 def budget_count(budget: float, active: int) -> int:
@@ -24,11 +42,16 @@ def budget_count(budget: float, active: int) -> int:
     return round(budget * active)
 
 
+def refined_count(frame: Frame, budget: float, active: int) -> int:
+    """How many of the `active` pixels, in their order, a budget refines: those that it pays for and that matter."""
+    return min(budget_count(budget, active), refinable(frame))
+
+
 def refine(frame: Frame, score: np.ndarray, budget: float) -> np.ndarray:
     """(P,) bool: pixels that a budget in [0, 1] refines, chosen by `score` (P,)."""
     order = refinement_order(frame, score)
     mask = np.zeros(len(score), bool)
-    mask[order[: budget_count(budget, len(order))]] = True
+    mask[order[: refined_count(frame, budget, len(order))]] = True
     return mask
 
 
@@ -50,7 +73,7 @@ def urgency(frame: Frame, score: np.ndarray, budget: float) -> np.ndarray:
     Pixels of score 0 stay 0: nothing is known to be wrong there, though the budget may reach them.
     """
     order = refinement_order(frame, score)
-    count = budget_count(budget, len(order))
+    count = refined_count(frame, budget, len(order))
     amount = np.zeros(len(score), np.float32)
     amount[order[:count]] = 1.0 - np.arange(count, dtype=np.float32) / max(count, 1)
-    return np.where(score > 0, amount, np.float32(0.0))
+    return np.where(priority(frame, score) > 0, amount, np.float32(0.0))

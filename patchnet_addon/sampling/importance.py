@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What matters to a person: a weight in [0, 1] for every pixel, which multiplies its priority.
+
+A pixel of weight 0 is never refined. Errors still count all active pixels: what nobody cares for stays wrong, and
+figures say so.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def picture_weights(values: np.ndarray, height: int, width: int) -> np.ndarray:
+    """(height * width,) float32: weights painted on a picture (h, w) of any size, stretched over the frame.
+
+    Bilinear; where the painted picture has more pixels than the frame, each pixel takes the mean of those under a
+    triangle two pixels wide, so that thin strokes count. Values are clamped to [0, 1]; those that are not finite are 0.
+    """
+    values = np.clip(np.nan_to_num(np.asarray(values, np.float32), posinf=1.0, neginf=0.0), 0.0, 1.0)
+    rows, columns = _bilinear(values.shape[0], height), _bilinear(values.shape[1], width)
+    resized = rows @ values @ columns.T
+    return np.clip(resized, 0.0, 1.0).astype(np.float32).ravel()
+
+
+def _bilinear(before: int, after: int) -> np.ndarray:
+    """(after, before) float32 matrix that resizes an axis; rows sum to 1, edges are repeated."""
+    scale = before / after
+    centre = (np.arange(after) + 0.5) * scale - 0.5
+    reach = max(scale, 1.0)
+    if scale <= 1.0:
+        centre = np.clip(centre, 0.0, before - 1.0)
+    weights = np.maximum(1.0 - np.abs(centre[:, None] - np.arange(before)) / reach, 0.0)
+    return (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+
+
+def beside_hits(weights: np.ndarray, hit: np.ndarray) -> np.ndarray:
+    """(H, W) float32: weights (H, W) of hit pixels; pixels without a hit take the largest among their 8 neighbours.
+
+    Such pixels are active beside a silhouette, and wrong because of it (methods 7.23).
+    """
+    known = np.where(hit, weights, np.float32(0.0)).astype(np.float32)
+    padded = np.pad(known, 1)
+    rows = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
+    largest = np.maximum(np.maximum(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:])
+    return np.where(hit, known, largest)

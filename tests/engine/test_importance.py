@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Painted importance: resizing, and what it does to order, budget and errors."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from patchnet.patchnet_addon.sampling.errors import mse_at, squared_error
+from patchnet.patchnet_addon.sampling.importance import beside_hits, picture_weights
+from patchnet.patchnet_addon.sampling.refine import priority, refinable, refine, refinement_order, urgency
+from patchnet.tests.engine.test_sampling import random_frame
+
+
+def test_bilinear_between_pixel_centres() -> None:
+    resized = picture_weights(np.array([[0.0, 1.0]]), 1, 4)
+    np.testing.assert_allclose(resized, [0.0, 0.25, 0.75, 1.0], atol=1e-6)
+    rows = picture_weights(np.array([[0.0], [1.0]]), 4, 1)  # row 0 is the lowest in both
+    np.testing.assert_allclose(rows, [0.0, 0.25, 0.75, 1.0], atol=1e-6)
+
+
+@given(
+    before=st.tuples(st.integers(1, 40), st.integers(1, 40)),
+    after=st.tuples(st.integers(1, 40), st.integers(1, 40)),
+    seed=st.integers(0, 99),
+)
+@settings(max_examples=50, deadline=None)
+def test_resizing_against_its_definition(before: tuple[int, int], after: tuple[int, int], seed: int) -> None:
+    values = np.random.default_rng(seed).random(before).astype(np.float32)
+    resized = picture_weights(values, *after).reshape(after)
+    assert resized.min() >= values.min() - 1e-6 and resized.max() <= values.max() + 1e-6
+    row, column = after[0] // 2, after[1] // 2
+    shares = [one_axis(b, a, index) for b, a, index in zip(before, after, (row, column), strict=True)]
+    expected = sum(shares[0][y] * shares[1][x] * values[y, x] for y in shares[0] for x in shares[1])
+    assert resized[row, column] == pytest.approx(expected, abs=1e-5)
+
+
+def one_axis(before: int, after: int, index: int) -> dict[int, float]:
+    """Shares of the painted pixels in one pixel of the frame, pixel by pixel."""
+    scale = before / after
+    centre = (index + 0.5) * scale - 0.5
+    if scale <= 1:
+        centre = min(max(centre, 0.0), before - 1.0)
+    shares = {k: max(0.0, 1.0 - abs(k - centre) / max(scale, 1.0)) for k in range(before)}
+    total = sum(shares.values())
+    return {k: share / total for k, share in shares.items() if share}
+
+
+def test_thin_strokes_and_bad_values() -> None:
+    stroke = np.zeros((64, 64))
+    stroke[:, 20] = 1.0
+    assert picture_weights(stroke, 16, 16).reshape(16, 16)[:, 4:6].max(axis=1).min() > 0.1
+    assert picture_weights(np.array([[np.nan, 7.0, -3.0]]), 1, 3).tolist() == [0.0, 1.0, 0.0]
+
+
+def test_beside_hits() -> None:
+    weights = np.array([[0.5, 9.0, 9.0, 9.0], [0.2, 9.0, 9.0, 9.0]], np.float32)
+    hit = np.array([[True, False, False, False], [True, False, False, False]])
+    expected = [[0.5, 0.5, 0.0, 0.0], [0.2, 0.5, 0.0, 0.0]]
+    np.testing.assert_allclose(beside_hits(weights, hit), expected)
+
+
+def test_ones_change_nothing() -> None:
+    frame = random_frame()
+    same = replace(frame, importance=np.ones(len(frame.preview), np.float32))
+    score = np.random.default_rng(1).random(len(frame.preview)).astype(np.float32)
+    np.testing.assert_array_equal(refinement_order(frame, score), refinement_order(same, score))
+    np.testing.assert_array_equal(refine(frame, score, 0.3), refine(same, score, 0.3))
+    np.testing.assert_array_equal(mse_at(frame, score, [0.0, 0.3, 1.0]), mse_at(same, score, [0.0, 0.3, 1.0]))
+
+
+@pytest.mark.parametrize("budget", [0.0, 0.1, 0.5, 1.0])
+def test_weights_rank_and_zero_is_never_refined(budget: float) -> None:
+    frame = random_frame()
+    rng = np.random.default_rng(2)
+    weights = np.where(rng.random(len(frame.preview)) < 0.4, 0.0, rng.random(len(frame.preview))).astype(np.float32)
+    frame = replace(frame, importance=weights)
+    score = rng.random(len(frame.preview)).astype(np.float32)
+    mask = refine(frame, score, budget)
+    paid = min(round(budget * np.count_nonzero(frame.active)), refinable(frame))
+    assert mask.sum() == paid and not mask[weights == 0].any() and not mask[~frame.active].any()
+    left_out = frame.active & ~mask & (weights > 0)
+    if mask.any() and left_out.any():
+        assert (score * weights)[mask].min() >= (score * weights)[left_out].max()
+    expected = squared_error(frame)[frame.active & ~mask].sum() / np.count_nonzero(frame.active)
+    assert mse_at(frame, score, [budget])[0] == pytest.approx(expected)
+    shown = urgency(frame, score, budget)
+    np.testing.assert_array_equal(shown > 0, mask & (priority(frame, score) > 0))
+
+
+def test_scores_of_zero_come_before_what_does_not_matter() -> None:
+    frame = random_frame()
+    weights = np.zeros(len(frame.preview), np.float32)
+    weights[np.flatnonzero(frame.active)[:5]] = 1.0
+    frame = replace(frame, importance=weights)
+    mask = refine(frame, np.zeros(len(weights), np.float32), 1.0)
+    np.testing.assert_array_equal(np.flatnonzero(mask), np.flatnonzero(frame.active)[:5])
