@@ -9,7 +9,7 @@ from setuptools import find_packages, setup
 from setuptools.command.build_py import build_py
 
 PARTS = ("patchnet_addon", "operators", "training", "commands")
-DATA = ["**/*.safetensors", "**/*.md", "**/*.json", "**/*.npz", "**/*.toml", "**/*.sh", "**/*.png"]
+DATA = ["**/*.safetensors", "**/*.md", "**/*.json", "**/*.npz", "**/*.toml", "**/*.sh", "**/*.png", "presets/**/*.py"]
 
 
 class BuildTree(build_py):

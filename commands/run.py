@@ -56,11 +56,13 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--budget", type=float, default=0.3, help="share of active pixels to refine, 0 to 1 (0.3)")
     add_fronts_only(parser)
     parser.add_argument("--strategy", default="patchnet-behind", help="what is refined first (patchnet-behind)")
+    parser.add_argument(
+        "--mask", type=Path, metavar="IMAGE",
+        help="painted importance, stretched over each view: multiplies the priority, black is never refined",
+    )  # fmt: skip
     parser.add_argument("--heatmap-max", type=float, help="priority at the end of the heatmap's legend")
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
     parser.add_argument("--weights", type=Path, help="weights file instead of the one that is shipped")
-
-    add_cycles(parser)
 
 
 def add_fronts_only(parser: argparse.ArgumentParser) -> None:
@@ -68,6 +70,7 @@ def add_fronts_only(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fronts-only", action="store_true", help="of sheets, light only the side that normals show (mean of both)"
     )
+
 
 def add_color(parser: argparse.ArgumentParser) -> None:
     """The argument that all commands share which write octrees."""
@@ -119,6 +122,7 @@ def require_blender() -> None:
 
 def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
     """Settings of a job from parsed arguments; raises SettingError for values outside their range."""
+    from ..operators.importance import Importance
     from ..operators.job.settings import JobSettings
     from ..operators.scene.placements import SELECTED, VISIBLE
 
@@ -143,6 +147,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         colormap=args.colormap,
         weights=args.weights,
         out=out,
+        importance=None if args.mask is None else Importance(file=args.mask.absolute()),
     )
 
 

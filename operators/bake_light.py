@@ -43,11 +43,14 @@ class PATCHNET_OT_bake_light(LightProperties, JobOperator, bpy.types.Operator):
         source = read_scene(context.evaluated_depsgraph_get(), before.scope)
         _check_bounds(source.bounds_world, before.octree.grid)
         settings, grid = replace(settings, scope=before.scope), before.octree.grid
-        with KeptPages() as kept:
+        seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}
+        with KeptPages() as kept, results.timed(seconds, "light"):
             shade, assumed = yield from lit(context, source, grid, before.layout, settings, kept)
             octree = yield from build(source, grid, shade, settings, settings.light, before.layout)
-        made = results.SceneResult(octree=octree, scope=before.scope, layout=before.layout, light=settings.light)
-        results.keep(context.scene, made)
+        made = results.SceneResult(
+            octree, before.scope, before.layout, settings.light, seconds=seconds, made_with=before.made_with
+        )
+        results.keep(context.scene, made, "light")
         for warning in assumed:
             tell(self, "WARNING", warning)
         return f"{octree.leaf_count:,} voxels are lit ({settings.light})"

@@ -7,6 +7,7 @@ import bpy
 
 from . import results
 from .job_operator import JobOperator
+from .memory import give_back
 
 
 class PATCHNET_OT_clear_results(bpy.types.Operator):
@@ -30,6 +31,7 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Forget the scene's results."""
         results.forget(context.scene)
+        give_back()
         return {"FINISHED"}
 
 

@@ -39,6 +39,11 @@ def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.type
     return image
 
 
+def is_shown() -> bool:
+    """Whether a picture of ours is among Blender's images."""
+    return any(OWNER in image for image in bpy.data.images)
+
+
 def save_png(path: Path, picture: np.ndarray) -> None:
     """Write encoded colours in [0, 1] as an 8-bit PNG, atomically; raises PatchNetError if that fails."""
     _save(path, picture, "PNG", raw=False)

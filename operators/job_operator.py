@@ -18,6 +18,7 @@ from ..patchnet_addon.progress_log import ProgressLog
 from ..patchnet_addon.remaining import Remaining
 from . import results
 from .job.settings import JobSettings
+from .memory import give_back
 from .preferences import apply_preferences
 from .properties import job_settings
 from .tell import tell, tell_start
@@ -84,6 +85,9 @@ class JobOperator(_Operator):
         except Exception as error:
             unexpected(error)
             raise
+        finally:
+            steps.close()
+            give_back()
         return self._outcome
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
@@ -203,6 +207,7 @@ class JobOperator(_Operator):
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
         context.workspace.status_text_set(None)
+        give_back()
         _redraw(context)
 
 

@@ -10,9 +10,10 @@ import bpy
 from ..patchnet_addon.progress import Steps
 from . import results
 from .job.settings import JobSettings
-from .job.stages import encode, load_network
+from .job.stages import encode_as_set, load_network
 from .job_operator import JobOperator
 from .properties import CodesProperties
+from .tell import tell
 
 
 class PATCHNET_OT_precompute_codes(CodesProperties, JobOperator, bpy.types.Operator):
@@ -32,9 +33,14 @@ class PATCHNET_OT_precompute_codes(CodesProperties, JobOperator, bpy.types.Opera
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Load the weights, encode, keep the codes beside the octree."""
         before = results.voxels_of(context.scene)
-        coded = yield from encode(before.octree, load_network(settings.weights))
-        results.keep(context.scene, replace(before, coded=coded, lookahead_share=None))
-        return f"{len(coded.codes):,} codes for {len(coded.node_corners):,} voxels with look-ahead"
+        seconds = dict(before.seconds)
+        with results.timed(seconds, "codes"):
+            coded, encoding = yield from encode_as_set(before.octree, load_network(settings.weights), settings)
+        made = replace(before, coded=coded, seconds=seconds, encoder=encoding.text)
+        results.keep(context.scene, results.without_view(made), "codes")
+        for warning in encoding.warnings:
+            tell(self, "WARNING", warning)
+        return f"{len(coded.codes):,} codes for {len(coded.node_corners):,} voxels with look-ahead, by {encoding.text}"
 
 
 CLASSES = (PATCHNET_OT_precompute_codes,)

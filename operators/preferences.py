@@ -17,6 +17,21 @@ IS_EXTENSION = ROOT_PACKAGE.startswith("bl_ext.")
 _LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
 
 
+@dataclass
+class _Kept:
+    """What operators found out for the preferences to show: the size of the cache, what the other Python has."""
+
+    cache: str = ""
+    python: str = ""
+
+
+kept = _Kept()
+
+
+def _forget_python(_values: bpy.types.AddonPreferences, _context: bpy.types.Context) -> None:
+    kept.python = ""
+
+
 class PatchNetPreferences(bpy.types.AddonPreferences):
     """Shown under Edit > Preferences > Add-ons."""
 
@@ -24,8 +39,16 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
 
     cache_folder: StringProperty(
         name="Cache Folder",
-        description="Folder for compiled kernels; empty for the extension's own. Counts from the next start of Blender",
+        description="Folder for compiled kernels and for pages of stopped bakes; empty for the extension's own. Counts "
+        "from the next start of Blender",
         subtype="DIR_PATH",
+    )
+    torch_python: StringProperty(
+        name="Python with torch",
+        description="Program of a Python that has torch, such as /opt/venv/bin/python: it then computes the codes. "
+        "Empty for Blender's own Python, with the same result",
+        subtype="FILE_PATH",
+        update=_forget_python,
     )
     colormap: EnumProperty(
         name="Colour Map",
@@ -41,11 +64,21 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
     )
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """Three rows."""
+        """Settings, and what operators found out about them."""
         layout = self.layout
         layout.use_property_split = True
-        for name in ("cache_folder", "colormap", "log_level"):
+        layout.prop(self, "cache_folder", placeholder="The Extension's Own")
+        row = layout.row()
+        row.label(text=kept.cache or "Size not measured")
+        row.operator("patchnet.measure_cache", text="Measure")
+        row.operator("patchnet.clear_cache", text="Clear", icon="TRASH")
+        layout.prop(self, "torch_python", placeholder="Without torch")
+        row = layout.row()
+        row.label(text=kept.python or ("Not checked" if self.torch_python else "Codes are computed without torch"))
+        row.operator("patchnet.check_python", text="Check")
+        for name in ("colormap", "log_level"):
             layout.prop(self, name)
+        layout.operator("patchnet.copy_diagnostics", icon="COPYDOWN")
 
 
 @dataclass(frozen=True)
@@ -55,6 +88,7 @@ class Preferences:
     cache_folder: str = ""
     colormap: str = COLORMAPS[0]
     log_level: str = "WARNING"
+    torch_python: str = ""
 
 
 def preferences(context: bpy.types.Context) -> Preferences:
@@ -63,7 +97,7 @@ def preferences(context: bpy.types.Context) -> Preferences:
     if addon is None or addon.preferences is None:
         return Preferences()
     values = addon.preferences
-    return Preferences(values.cache_folder, values.colormap, values.log_level)
+    return Preferences(values.cache_folder, values.colormap, values.log_level, values.torch_python)
 
 
 def apply_preferences(context: bpy.types.Context) -> None:

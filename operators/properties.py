@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ from bpy.props import (
 from ..patchnet_addon.errors import SettingError
 from ..patchnet_addon.octree.grid import MAX_DEPTH
 from ..patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
+from .devices import AUTOMATIC, CPU, GPU
+from .importance import IMAGE, NOTHING, VERTEX_GROUP, Importance
 from .job.settings import CYCLES, TWO_LIGHTS, JobSettings
 from .preferences import Preferences, preferences
 from .scene.placements import SELECTED, VISIBLE
@@ -117,17 +120,27 @@ class LightProperties:
         min=0.0,
         precision=4,
     )
-    color: BoolProperty(
-        name="Keep Color",
     fronts_only: BoolProperty(
         name="Fronts Only",
         description="Light sheets from the side that their normals show, as materials with Backface Culling always "
         "are; otherwise voxels hold the mean of both sides",
         default=False,
     )
+    color: BoolProperty(
+        name="Keep Color",
         description="Keep color beside luminance, so that previews, shown voxels and exports are in color: two bytes "
         "more a node, and twice the memory of baked light",
         default=False,
+    )
+    device: EnumProperty(
+        name="Bake Device",
+        description="What Cycles bakes on",
+        items=[
+            (AUTOMATIC, "Automatic", "A GPU if the preferences of Cycles enable one, else the CPU"),
+            (CPU, "CPU", "All cores of the CPU"),
+            (GPU, "GPU", "GPUs that the preferences of Cycles enable; an error if there is none"),
+        ],
+        default=AUTOMATIC,
     )
 
 
@@ -140,9 +153,40 @@ class CodesProperties:
         subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
+    encoder_device: EnumProperty(
+        name="Encode On",
+        description="What the network encodes on. The codes are the same",
+        items=[
+            (
+                AUTOMATIC,
+                "Automatic",
+                "The Python of the preferences if one is named, else a GPU where torch has one, else CPU",
+            ),
+            (CPU, "CPU", "All cores of the CPU, without torch if none is there"),
+            (GPU, "GPU", "An NVIDIA GPU through torch; an error if there is none"),
+        ],
+        default=AUTOMATIC,
+    )
 
 
-class ViewProperties:
+class ImportanceProperties:
+    """What matters to the person, painted."""
+
+    importance: EnumProperty(
+        name="Importance",
+        description="What multiplies the priority of each pixel: white or weight 1 leaves it, black or 0 never refines",
+        items=[
+            (NOTHING, "None", "All pixels matter alike"),
+            (IMAGE, "Image", "An image painted in an Image Editor, stretched over the picture of each view"),
+            (VERTEX_GROUP, "Vertex Group", "Weights painted on objects; objects without the group are never refined"),
+        ],
+        default=NOTHING,
+    )
+    importance_image: StringProperty(name="Image", description="Name of the painted image")
+    importance_group: StringProperty(name="Vertex Group", description="Name of the painted vertex group")
+
+
+class ViewProperties(ImportanceProperties):
     """What is refined first, and how it is shown."""
 
     strategy: EnumProperty(name="Strategy", description="What is refined first", items=_STRATEGY_ITEMS, default=DEFAULT)
@@ -244,7 +288,9 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
         return setting(context, operator, name)
 
     scope = VISIBLE if bpy.app.background else SELECTED
-    return _job_settings(value, _resolution(operator, value("resolution")), scope, preferences(context).colormap)
+    mine = preferences(context)
+    settings = _job_settings(value, _resolution(operator, value("resolution")), scope, mine.colormap)
+    return replace(settings, torch_python=absolute_path(mine.torch_python))
 
 
 def scene_settings(scene: bpy.types.Scene) -> JobSettings:
@@ -268,6 +314,7 @@ def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope:
         light=value("light"),
         samples=value("samples"),
         exposure=value("exposure") or None,
+        fronts_only=value("fronts_only"),
         color=value("color"),
         texel_voxels=value("texel_voxels"),
         cameras=tuple(name.strip() for name in value("cameras").split(",") if name.strip()),
@@ -278,6 +325,9 @@ def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope:
         colormap=colormap,
         weights=absolute_path(value("weights")),
         out=absolute_path(value("out")),
+        importance=Importance.chosen(value("importance"), value("importance_image"), value("importance_group")),
+        device=value("device"),
+        encoder_device=value("encoder_device"),
     )
 
 
@@ -313,7 +363,6 @@ def absolute_path(text: str) -> Path | None:
 
 def register() -> None:
     """Give scenes their settings."""
-        fronts_only=value("fronts_only"),
     bpy.utils.register_class(PatchNetSettings)
     bpy.types.Scene.patchnet = PointerProperty(type=PatchNetSettings)
 

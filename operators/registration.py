@@ -10,33 +10,49 @@ import bpy
 from . import (
     bake_animation,
     bake_light,
+    check_python,
     clear_results,
+    compare,
+    copy_diagnostics,
     engine,
+    estimate,
     export_octree,
-    panel,
+    panels,
     precompute_codes,
     preferences,
+    presets_menu,
     properties,
     render_preview,
     results,
     run_all,
     show_voxels,
+    staleness,
     voxelize,
 )
+from .cache import clear as clear_cache
+from .cache import measure as measure_cache
 
-_BEFORE = (preferences, properties, results)  # have register() and unregister() of their own
+# Have register() and unregister() of their own.
+_BEFORE = (preferences, properties, results, staleness, presets_menu, copy_diagnostics)
 _OPERATORS = (
     voxelize,
     bake_light,
     precompute_codes,
     render_preview,
+    compare,
     run_all,
+    estimate,
     bake_animation,
     show_voxels,
     export_octree,
     clear_results,
+    presets_menu,
+    measure_cache,
+    clear_cache,
+    check_python,
+    copy_diagnostics,
 )
-_CLASSES = tuple(item for module in (*_OPERATORS, panel) for item in module.CLASSES)
+_CLASSES = tuple(item for module in (*_OPERATORS, panels) for item in module.CLASSES)
 
 
 def register() -> None:

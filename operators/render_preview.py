@@ -12,9 +12,10 @@ from ..patchnet_addon.progress import Steps
 from . import results
 from .cameras import choose_cameras
 from .job.settings import JobSettings
-from .job.views import show_view, view
+from .job.views import View, show_view, view
 from .job_operator import JobOperator
 from .properties import CameraProperties, ViewProperties
+from .seen import seen
 
 
 class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, JobOperator, bpy.types.Operator):
@@ -34,16 +35,28 @@ class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, JobOperator, 
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace, score, refine, show."""
-        before, coded = results.voxels_of(context.scene), results.codes_of(context.scene)
-        bounds = coded.octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
-        depsgraph = context.evaluated_depsgraph_get()
-        camera = choose_cameras(depsgraph, settings.cameras, settings.size, bounds)[0]
-        result = yield from view(coded, camera, settings, compare=False)
-        show_view(result)
-        share = result.frame.lookahead_share
-        results.keep(context.scene, replace(before, lookahead_share=share))
+        result = yield from look(context, settings, compare=False)
         error, left = result.report["mse_unrefined"], result.report["mse"][settings.strategy]
-        return f"{camera.name}: error {error:.2e}, {left:.2e} after refining {settings.budget:.0%} of the active pixels"
+        name = result.camera.name
+        return f"{name}: error {error:.2e}, {left:.2e} after refining {settings.budget:.0%} of the active pixels"
+
+
+def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) -> Steps[View]:
+    """The first camera's view of the scene's result, whose figures are kept with it; its pictures are shown.
+
+    compare: measure all strategies. Raises SettingError, SceneError.
+    """
+    before, coded = results.voxels_of(context.scene), results.codes_of(context.scene)
+    settings = replace(settings, scope=before.scope)
+    bounds = coded.octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
+    depsgraph = context.evaluated_depsgraph_get()
+    camera = choose_cameras(depsgraph, settings.cameras, settings.size, bounds)[0]
+    seconds = dict(before.seconds)
+    with results.timed(seconds, "views"):
+        result = yield from view(coded, camera, settings, compare=compare)
+    results.keep(context.scene, seen(replace(before, seconds=seconds), result, compared=compare), "view")
+    show_view(result)
+    return result
 
 
 CLASSES = (PATCHNET_OT_render_preview,)

@@ -1,30 +1,62 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was computed for each scene, and whether it still fits the scene. Held in memory, dropped with the file."""
+"""What was computed for each scene. Held in memory, dropped with the file; `staleness.py` sees if it still fits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
 from bpy.app.handlers import persistent
 
 from ..patchnet_addon.errors import SettingError
-from .own import is_own
 
 if TYPE_CHECKING:
     from ..patchnet_addon.codes.coded_octree import CodedOctree
     from ..patchnet_addon.octree.leaf_levels import LeafLevels
     from ..patchnet_addon.octree.octree import Octree
+    from .job.estimate import Estimate
+    from .scene_state import SceneState
 
 NO_VOXELS = "There are no voxels yet: run Voxelize first"
 NO_CODES = "There are no codes yet: run Precompute Codes first"
 
 _LIGHTS = {"none": "none, the surface's own colour", "cycles": "Cycles", "two-lights": "Two Lights"}
-# Object types whose change changes the surface that was voxelized.
-_SURFACE_TYPES = frozenset({"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "EMPTY", "POINTCLOUD", "VOLUME"})
+VIEW = "view"
+_MOST_NAMES = 3  # of what made a step stale, in one line
+_STEPS = {
+    "read": "Reading",
+    "depth": "Depth",
+    "voxelize": "Voxels",
+    "light": "Light",
+    "codes": "Codes",
+    "views": "Views",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A strategy's error in a comparison: mean squared over active pixels, after the budget."""
+
+    name: str
+    title: str
+    error: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All strategies on one view, best first.
+
+    view: camera and size, in words. unrefined: the error without a budget.
+    """
+
+    view: str
+    budget: float
+    unrefined: float
+    rows: tuple[Row, ...]
 
 
 @dataclass
@@ -34,7 +66,11 @@ class SceneResult:
     scope: which objects were voxelized, "SELECTED" or "VISIBLE".
     layout: levels of the leaves, None where all are on the deepest.
     light: "none" while the octree shows the surface's own colour, else the light that was baked.
-    stale: the steps whose input changed since: "surface", "light".
+    pictures: whether the result's pictures stand among Blender's images.
+    comparison: strategies on a view, None before they were compared. seconds: by stage. encoder: who made the codes.
+    stale: the steps whose input changed since: "surface", "light". reasons: names of what changed, by step, and for
+    the pictures, "view", which make nothing else stale.
+    made_with: the scene's settings when each step was done, by step. state: of the scene then, None for a large one.
     summary: lines for the panel, written when a step ends, so that drawing computes nothing.
     """
 
@@ -44,14 +80,44 @@ class SceneResult:
     light: str = "none"
     coded: CodedOctree | None = None
     lookahead_share: float | None = None
+    pictures: bool = False
+    comparison: Comparison | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+    encoder: str = ""
+    errors: tuple[float, float] | None = None
     stale: set[str] = field(default_factory=set)
+    reasons: dict[str, list[str]] = field(default_factory=dict)
+    made_with: dict[str, dict[str, Any]] = field(default_factory=dict)
+    state: SceneState | None = None
     summary: list[str] = field(default_factory=list)
+
+    def mark(self, step: str, what: str) -> None:
+        """A step, or the "view", does not fit the scene any more, because of `what`; a few names are kept."""
+        if step != VIEW:
+            self.stale.add(step)
+        names = self.reasons.setdefault(step, [])
+        if what not in names and len(names) <= _MOST_NAMES:
+            names.append(what)
+
+    def unmark(self, step: str) -> None:
+        """A step fits the scene again."""
+        self.stale.discard(step)
+        self.reasons.pop(step, None)
+
+    def why(self, step: str) -> str:
+        """What made a step stale, in a few words."""
+        names = self.reasons.get(step, [])
+        return ", ".join(names[:_MOST_NAMES]) + (" and more" if len(names) > _MOST_NAMES else "")
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that the result holds."""
+        return self.octree.nbytes + (self.coded.nbytes if self.coded else 0)
 
 
 _results: dict[int, SceneResult] = {}
+_estimates: dict[int, Estimate] = {}
 _quiet = 0
-_before_undo: tuple[frozenset[object], frozenset[object]] = (frozenset(), frozenset())
-_own_step = False  # the next update comes from undoing or redoing a step of ours
 
 
 def result_of(scene: bpy.types.Scene) -> SceneResult | None:
@@ -75,15 +141,44 @@ def codes_of(scene: bpy.types.Scene) -> CodedOctree:
     return coded
 
 
-def keep(scene: bpy.types.Scene, result: SceneResult) -> None:
-    """Replace what is there for `scene`."""
+def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str) -> None:
+    """Replace what is there for `scene`. `steps`: those that were done now, of "octree", "light", "codes", "view"."""
+    from .scene_state import scene_state
+    from .step_settings import recorded
+
+    result.made_with = result.made_with | {step: recorded(scene.patchnet, step) for step in steps}
+    if {"octree", "light"} & set(steps):
+        result.state = scene_state(scene)
+    result.octree.free_keys()
     result.summary = _summary(result)
     _results[scene.session_uid] = result
+
+
+def without_view(result: SceneResult) -> SceneResult:
+    """The same without what was found out about a view."""
+    made = replace(result, lookahead_share=None, pictures=False, comparison=None, errors=None)
+    made.unmark("view")
+    return made
 
 
 def forget(scene: bpy.types.Scene) -> None:
     """Free the memory that results of `scene` take."""
     _results.pop(scene.session_uid, None)
+
+
+def estimate_of(scene: bpy.types.Scene) -> Estimate | None:
+    """What the last estimate for `scene` said."""
+    return _estimates.get(scene.session_uid)
+
+
+def keep_estimate(scene: bpy.types.Scene, estimate: Estimate) -> None:
+    """Replace the estimate for `scene`."""
+    _estimates[scene.session_uid] = estimate
+
+
+def held_bytes() -> int:
+    """Bytes that all results hold."""
+    return sum(result.nbytes for result in _results.values())
 
 
 @contextmanager
@@ -98,95 +193,51 @@ def quiet() -> Iterator[None]:
         _quiet -= 1
 
 
+def is_quiet() -> bool:
+    """Whether changes are our own now."""
+    return _quiet > 0
+
+
+@contextmanager
+def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    """Note how long the block took."""
+    start = time.perf_counter()
+    try:
+        yield
+    finally:
+        seconds[stage] = time.perf_counter() - start
+
+
 def _summary(result: SceneResult) -> list[str]:
     octree = result.octree
     lines = [
         f"Depth {'up to ' if result.layout else ''}{octree.depth}, voxel side {octree.grid.voxel_world:.4g}",
         f"{octree.leaf_count:,} voxels, {octree.node_count:,} nodes",
-        f"{(octree.nbytes + (result.coded.nbytes if result.coded else 0)) / 2**20:.1f} MiB",
+        f"{result.nbytes / 2**20:.1f} MiB in memory",
         f"Light: {_LIGHTS.get(result.light, result.light)}",
     ]
     if result.coded is not None:
-        lines.append(f"{len(result.coded.codes):,} codes")
+        lines.append(f"{len(result.coded.codes):,} codes{f', by {result.encoder}' if result.encoder else ''}")
     if result.lookahead_share is not None:
         lines.append(f"Look-ahead on {result.lookahead_share:.1%} of hits")
-    return lines
-
-
-@persistent
-def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Mark results stale whose surface or light was changed by the person."""
-    global _own_step
-    if _own_step:
-        _own_step = False
-        return
-    result = _results.get(scene.session_uid)
-    if result is None or _quiet:
-        return
-    for update in depsgraph.updates:
-        item = update.id
-        if is_own(item):
-            continue
-        if isinstance(item, bpy.types.Object):
-            moved = update.is_updated_geometry or update.is_updated_transform
-            if moved and item.type in _SURFACE_TYPES:
-                result.stale.add("surface")
-            elif item.type in {"LIGHT", "LIGHT_PROBE"}:
-                result.stale.add("light")
-        elif isinstance(item, bpy.types.Material | bpy.types.World | bpy.types.Light):
-            result.stale.add("light")
-
-
-def _placed(scene: bpy.types.Scene) -> tuple[frozenset[object], frozenset[object]]:
-    """What stands where in a scene: objects that show our results, and all others."""
-    places: dict[bool, set[object]] = {True: set(), False: set()}
-    for item in scene.objects:
-        data = item.data.session_uid if item.data else 0
-        matrix = tuple(value for row in item.matrix_basis for value in row)  # the world's is not known right after undo
-        places[is_own(item)].add((item.session_uid, data, matrix))
-    return frozenset(places[True]), frozenset(places[False])
-
-
-@persistent
-def _on_undo_pre(scene: bpy.types.Scene, _depsgraph: object = None) -> None:
-    global _before_undo
-    _before_undo = _placed(scene)
-
-
-@persistent
-def _on_undo_post(scene: bpy.types.Scene, _depsgraph: object = None) -> None:
-    """After undo Blender reports every object as changed. Where only ours came, went or moved, nothing is stale."""
-    global _own_step
-    own, others = _placed(scene)
-    _own_step = own != _before_undo[0] and others == _before_undo[1]
+    if result.errors is not None:
+        lines.append(f"Error {result.errors[0]:.2e}, refined {result.errors[1]:.2e}")
+    spent = [f"{_STEPS[name]} {value:.1f} s" for name, value in result.seconds.items() if name in _STEPS]
+    return lines + [", ".join(spent[start : start + 2]) for start in range(0, len(spent), 2)]
 
 
 @persistent
 def _on_load(_path: str) -> None:
     _results.clear()
-
-
-def _handlers() -> list[tuple[list[Any], Callable[..., None]]]:
-    """Blender's lists of handlers, and what we add to them."""
-    lists = bpy.app.handlers
-    return [
-        (lists.depsgraph_update_post, _on_change),
-        (lists.undo_pre, _on_undo_pre),
-        (lists.redo_pre, _on_undo_pre),
-        (lists.undo_post, _on_undo_post),
-        (lists.redo_post, _on_undo_post),
-        (lists.load_post, _on_load),
-    ]
+    _estimates.clear()
 
 
 def register() -> None:
-    """Listen to changes of scenes."""
-    for handlers, function in _handlers():
-        handlers.append(function)
+    """Drop results when another file is opened."""
+    bpy.app.handlers.load_post.append(_on_load)
 
 
 def unregister() -> None:
-    """Stop listening and free all results."""
-    for handlers, function in reversed(_handlers()):
-        handlers.remove(function)
-    _results.clear()
+    """Free all results."""
+    bpy.app.handlers.load_post.remove(_on_load)
+    _on_load("")

@@ -18,6 +18,7 @@ from .properties import (
     ViewProperties,
     VoxelizeProperties,
 )
+from .seen import seen
 from .tell import tell
 
 
@@ -34,7 +35,7 @@ class PATCHNET_OT_run_all(
     """Voxelize, bake, encode and refine, with a report of what every strategy reaches"""
 
     bl_idname = "patchnet.run_all"
-    bl_label = "Run All"
+    bl_label = "Preview Selection"
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Run the job, keep its results, show the first camera's pictures."""
@@ -45,14 +46,23 @@ class PATCHNET_OT_run_all(
         first = result.views[0]
         results.keep(
             context.scene,
-            results.SceneResult(
-                octree=result.coded.octree,
-                scope=settings.scope,
-                layout=result.layout,
-                light=settings.light,
-                coded=result.coded,
-                lookahead_share=first.frame.lookahead_share,
+            seen(
+                results.SceneResult(
+                    octree=result.coded.octree,
+                    scope=settings.scope,
+                    layout=result.layout,
+                    light=settings.light,
+                    coded=result.coded,
+                    seconds=result.report["timings_s"],
+                    encoder=result.report["encoder"],
+                ),
+                first,
+                compared=True,
             ),
+            "octree",
+            "light",
+            "codes",
+            "view",
         )
         show_view(first)
         for warning in result.warnings:

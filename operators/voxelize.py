@@ -34,10 +34,13 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
             cameras = track_cameras(context, names, size, bounds)
         else:
             cameras = [] if fixed else choose_cameras(depsgraph, names, size, bounds)
-        choice = yield from choose_grid(source, cameras, settings)
-        octree = yield from build(source, choice.grid, unlit(source, settings), settings, UNLIT, choice.layout)
-        made = results.SceneResult(octree=octree, scope=settings.scope, layout=choice.layout)
-        results.keep(context.scene, made)
+        seconds: dict[str, float] = {}
+        with results.timed(seconds, "depth"):
+            choice = yield from choose_grid(source, cameras, settings)
+        with results.timed(seconds, "voxelize"):
+            octree = yield from build(source, choice.grid, unlit(source, settings), settings, UNLIT, choice.layout)
+        made = results.SceneResult(octree=octree, scope=settings.scope, layout=choice.layout, seconds=seconds)
+        results.keep(context.scene, made, "octree")
         for warning in (*source.warnings, *choice.warnings):
             tell(self, "WARNING", warning)
         side = f"side {octree.grid.voxel_world:.4g}" + (" and more" if choice.layout else "")

@@ -22,6 +22,7 @@ import numpy as np
 from ...patchnet_addon.errors import SettingError
 from ...patchnet_addon.light.charts import Charts
 from ...patchnet_addon.progress import Progress, Steps
+from ..devices import AUTOMATIC, bakes_on_gpu
 from ..scene.scene_mesh import SceneMesh
 from .bake_key import bake_key
 from .baker import Baker
@@ -48,6 +49,7 @@ def bake_luminance(
     fronts_only: bool = False,
     max_texels: int = MAX_TEXELS,
     kept: KeptPages | None = None,
+    device: str = AUTOMATIC,
 ) -> Steps[Atlas]:
     """Diffuse light with global illumination, and emission, on all triangles of `source`.
 
@@ -55,7 +57,8 @@ def bake_luminance(
     `max_texels`.
     color: whether the atlas has it (`Atlas.texels`). fronts_only: of sheets, only the side that normals show is lit.
     samples: paths a texel and side. kept: finished pages are taken from there and left there.
-    Raises SceneError if Cycles is not there or cannot bake.
+    device: one of `DEVICES`; automatic is a GPU where the preferences of Cycles enable one.
+    Raises SceneError if Cycles is not there or cannot bake, SettingError for a GPU that is not enabled.
     """
     from ...patchnet_addon.light.atlas import COLOR_CHANNELS, Atlas
     from ...patchnet_addon.light.charts import layout_charts
@@ -65,11 +68,12 @@ def bake_luminance(
     side = page_side(source.triangle_count)
     charts = yield from layout_charts(source, texel_world, samples=samples, max_texels=max_texels, page_side=side)
     channels = COLOR_CHANNELS if color else 2
-    baker = Baker(context, source, charts, seed, channels, fronts_only)
+    baker = Baker(context, source, charts, seed, channels, fronts_only, device)
     pages = np.zeros((charts.page_count, charts.page_side**2, channels), np.float32)
     if kept is not None:
         yield Progress(0, 1, "Looking for finished pages")
-        kept.open(bake_key(context, source, charts, samples, seed, color, fronts_only))
+        on_gpu = bakes_on_gpu(context, device)
+        kept.open(bake_key(context, source, charts, samples, seed, color, fronts_only, on_gpu))
         if there := len(kept.pages()):
             yield Progress(there, charts.page_count, f"Resuming: {there} of {charts.page_count} pages are there")
     for page in range(charts.page_count):

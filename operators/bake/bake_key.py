@@ -12,7 +12,6 @@ import numpy as np
 from ...patchnet_addon.light.charts import Charts
 from ..own import is_own
 from ..scene.scene_mesh import SceneMesh
-from .devices import gpu_is_enabled
 from .digest import Digest, names
 
 _CHART_ARRAYS = (
@@ -30,6 +29,7 @@ def bake_key(
     seed: int,
     color: bool = False,
     fronts_only: bool = False,
+    on_gpu: bool = False,
 ) -> str:
     """32 hex digits over surface, charts, samples, and all of the scene that a bake could show.
 
@@ -39,7 +39,7 @@ def bake_key(
     """
     digest = Digest()
     digest.text(_code_hash(), bpy.app.version_string, bpy.app.build_hash, samples, seed, color, fronts_only, _devices())
-    digest.text(gpu_is_enabled(context))
+    digest.text(on_gpu)
     digest.text(charts.texel_world, charts.page_side, charts.page_count)
     for name in _CHART_ARRAYS:
         digest.array(name, getattr(charts, name))

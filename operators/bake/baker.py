@@ -13,6 +13,7 @@ import numpy as np
 from ...patchnet_addon.errors import SceneError
 from ...patchnet_addon.light.charts import Charts
 from ...patchnet_addon.progress import Progress, Steps
+from ..devices import AUTOMATIC, bakes_on_gpu
 from ..scene.light_links import Links
 from ..scene.scene_mesh import SceneMesh
 from ..window_job import when_job_ended, window_is_alive
@@ -20,7 +21,6 @@ from .bake_call import run as _run
 from .bake_call import run_as_job
 from .bake_materials import bake_materials
 from .closed_runs import ClosedPieces
-from .devices import gpu_is_enabled
 from .light_links import lit_as
 from .object_data import attributes_needed, lost_inputs
 from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
@@ -51,12 +51,15 @@ class Baker:
         seed: int,
         channels: int = 2,
         fronts_only: bool = False,
+        device: str = AUTOMATIC,
     ) -> None:
+        """`device` is one of `DEVICES`. Raises SettingError for a GPU that is not there."""
         self._context = context
         self._source = source
         self._charts = charts
         self._seed = seed
         self._channels = channels
+        self._on_gpu = bakes_on_gpu(context, device)
         self._closed = ClosedPieces()
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
         self._attributes = attributes_needed(used)
@@ -154,7 +157,7 @@ class Baker:
         stack = ExitStack()
         try:
             stack.enter_context(object_mode(self._context))
-            stack.enter_context(_cycles(self._context, samples, self._seed))
+            stack.enter_context(_cycles(self._context, samples, self._seed, self._on_gpu))
             images, materials, parts = [], [], []
             for part, back in ((fronts, False), (backs, True)):
                 used, mine = np.unique(part.materials, return_inverse=True)
@@ -208,12 +211,11 @@ def _lost(name: str, nodes: tuple[str, ...]) -> str:
 
 
 @contextmanager
-def _cycles(context: bpy.types.Context, samples: int, seed: int) -> Iterator[None]:
-    """Settings for an unbiased bake, on GPUs where they are enabled; the user's bounces and light stay."""
+def _cycles(context: bpy.types.Context, samples: int, seed: int, on_gpu: bool) -> Iterator[None]:
+    """Settings for an unbiased bake; the user's bounces and light stay."""
     scene = context.scene
     if not hasattr(scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose the two-lights shading")
-    on_gpu = gpu_is_enabled(context)
     with ExitStack() as stack:
         stack.enter_context(changed(scene.render, engine="CYCLES"))
         if not on_gpu:  # a GPU wants large tiles, and is done with them soon
@@ -223,7 +225,7 @@ def _cycles(context: bpy.types.Context, samples: int, seed: int) -> Iterator[Non
                 scene.cycles,
                 samples=samples,
                 seed=seed,
-                device="GPU" if on_gpu else scene.cycles.device,
+                device="GPU" if on_gpu else "CPU",
                 use_animated_seed=False,
                 use_adaptive_sampling=False,
                 use_denoising=False,

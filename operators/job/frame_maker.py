@@ -12,6 +12,7 @@ import bpy
 
 from ...patchnet_addon.progress import Progress, Steps
 from ..cameras import choose_cameras
+from ..importance import importance_key
 from ..scene import SceneMesh
 from .run import JobResult, run_job, write_result
 from .settings import CYCLES, Bounds, JobSettings
@@ -67,11 +68,12 @@ class JobMaker(FrameMaker):
         """Raises WeightsFileError."""
         self._settings = replace(settings, out=None)
         self._weights: Weights = load_network(settings.weights)
+        self._painted = importance_key(settings.importance)
         self.scope, self.exposure, self.bakes = settings.scope, settings.exposure, settings.light == CYCLES
 
     def settings_text(self, common: Common) -> str:
-        """The job's settings, with the weights by their contents."""
-        return f"{replace(self._of_frame(common), weights=None)!r} {self._weights.hash}"
+        """The job's settings, with weights and importance by their contents."""
+        return f"{replace(self._of_frame(common), weights=None)!r} {self._weights.hash} {self._painted}"
 
     def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
         """Octree, codes, pictures and report."""

@@ -23,7 +23,7 @@ from ..images import save_png
 from ..scene import read_scene
 from .output_folder import output_folder
 from .settings import JobSettings
-from .stages import build, choose_grid, encode, lit, load_network
+from .stages import build, choose_grid, encode_as_set, lit, load_network
 from .stopwatch import Stopwatch
 from .versions import machine, versions
 from .views import View, overview, save_view, view
@@ -83,13 +83,13 @@ def _compute(
     with watch.stage("voxelize"):
         octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout)
     with watch.stage("codes"):
-        coded = yield from encode(octree, weights)
+        coded, encoding = yield from encode_as_set(octree, weights, settings)
     views = []
     for camera in cameras:
         with watch.stage("views"):
             views.append((yield from view(coded, camera, settings, compare=True)))
-    warnings = (*source.warnings, *choice.warnings, *assumed)
-    report = job_report(coded, views, settings, watch.seconds, warnings)
+    warnings = (*source.warnings, *choice.warnings, *assumed, *encoding.warnings)
+    report = job_report(coded, views, settings, watch.seconds, warnings) | {"encoder": encoding.text}
     return JobResult(coded, tuple(views), report, warnings, choice.layout)
 
 

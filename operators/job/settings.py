@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,8 @@ from ...patchnet_addon.image.colormaps import COLORMAPS
 from ...patchnet_addon.octree.grid import MAX_DEPTH
 from ...patchnet_addon.octree.mesh import MeshSource
 from ...patchnet_addon.sampling.registry import DEFAULT, strategy
+from ..devices import AUTOMATIC, DEVICES
+from ..importance import Importance
 from ..scene.placements import VISIBLE
 
 CYCLES = "cycles"
@@ -40,6 +42,9 @@ class JobSettings:
     budget: share of active pixels to refine. heatmap_maximum: None takes the strategy's own.
     weights: file; None for the shipped ones. out: folder for files; None writes none.
     bounds: lower and upper corner, in world units, that the octree's cube is put around; None takes the surface's own.
+    importance: what was painted to matter; None where all pixels matter alike.
+    device: of the bake; encoder_device: of the network where torch is there. torch_python: another Python that has
+    torch. They decide who computes, and not what: they count for no frame's key.
     daylight: whether sun and sky are added for the bake; None adds them to a scene without light.
     """
 
@@ -65,6 +70,10 @@ class JobSettings:
     out: Path | None = None
     bounds: Bounds | None = None
     daylight: bool | None = None
+    importance: Importance | None = None
+    device: str = field(default=AUTOMATIC, repr=False)
+    encoder_device: str = field(default=AUTOMATIC, repr=False)
+    torch_python: Path | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         strategy(self.strategy)
@@ -94,6 +103,9 @@ class JobSettings:
             raise SettingError(f"The heatmap's maximum {self.heatmap_maximum} must be a positive number")
         if self.colormap not in COLORMAPS:
             raise SettingError(f"There is no colour map {self.colormap!r}: choose one of {', '.join(COLORMAPS)}")
+        for name in (self.device, self.encoder_device):
+            if name not in DEVICES:
+                raise SettingError(f"There is no device {name!r}: choose one of {', '.join(DEVICES)}")
         if min(self.size) < 0 or max(self.size) > MAX_SIZE_PX:
             raise SettingError(f"Picture size {self.size[0]} x {self.size[1]} is outside 0 to {MAX_SIZE_PX} pixels")
 

@@ -19,6 +19,7 @@ from ...patchnet_addon.progress import Progress, Steps, labelled
 from ...patchnet_addon.tracing.camera import Camera
 from ..daylight import has_light, in_daylight
 from ..scene import SceneMesh
+from .encoder import Encoding, chosen_encoder
 from .settings import CYCLES, JobSettings
 from .versions import versions
 
@@ -123,6 +124,7 @@ def lit(
         color=settings.color,
         fronts_only=settings.fronts_only,
         kept=kept,
+        device=settings.device,
     )
     atlas = yield from baking if bright else in_daylight(context.scene, baking)
     return atlas_shade(atlas, source), (*atlas.warnings, *(() if bright else (NO_LIGHT,)))
@@ -170,8 +172,19 @@ def load_network(path: Path | None) -> Weights:
 
 
 def encode(octree: Octree, weights: Weights) -> Steps[CodedOctree]:
-    """Codes for all voxels with look-ahead."""
+    """Codes for all voxels with look-ahead, on the CPU."""
     from ...patchnet_addon.codes.encode import encode_octree
 
     yield Progress(0, 1, "Encoding")
     return (yield from encode_octree(octree, weights))
+
+
+def encode_as_set(octree: Octree, weights: Weights, settings: JobSettings) -> Steps[tuple[CodedOctree, Encoding]]:
+    """Codes for all voxels with look-ahead, and who computed them by the settings' devices. Raises SettingError."""
+    from ...patchnet_addon.codes.encode import encode_octree
+
+    yield Progress(0, 1, "Encoding")
+    with chosen_encoder(weights, settings) as chosen:
+        steps = encode_octree(octree, weights, encoder=chosen.encoder)
+        coded = yield from labelled(steps, f"{{}} with {chosen.text}")
+    return coded, chosen

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,13 @@ from ...patchnet_addon.image.tone import shown
 from ...patchnet_addon.progress import Steps, labelled
 from ...patchnet_addon.sampling.errors import mse_at
 from ...patchnet_addon.sampling.frame import Frame
-from ...patchnet_addon.sampling.refine import refine, refined_colors, refined_picture, urgency
+from ...patchnet_addon.sampling.refine import priority, refinable, refine, refined_colors, refined_picture, urgency
 from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
 from ...patchnet_addon.sampling.report import frame_report
 from ...patchnet_addon.sampling.trace import trace_frame
 from ...patchnet_addon.tracing.camera import Camera
 from ..images import save_exr, save_png, show_image
+from ..importance import pixel_importance
 from .settings import JobSettings
 
 ERROR_MAXIMUM = 0.5  # luminance error at the end of the error picture's legend
@@ -60,16 +61,22 @@ class View:
 def view(coded: CodedOctree, camera: Camera, settings: JobSettings, *, compare: bool) -> Steps[View]:
     """Preview, priority, refinement, reference and errors of one camera.
 
-    compare: measure all strategies, the exact oracles too, not only the chosen one.
+    compare: measure all strategies, the exact oracles too, not only the chosen one. All of them rank by what the
+    settings' importance makes of their scores. Raises SettingError if what was painted is not there.
     """
     chosen = strategy(settings.strategy)
     strategies = list(STRATEGIES.values()) if compare else [chosen, STRATEGIES["optimal"]]
     steps = trace_frame(coded.octree, camera, strategies, coded=coded)
     frame = yield from labelled(steps, f"{camera.name}: {{}}")
+    if settings.importance is not None:
+        looked_up = pixel_importance(settings.importance, settings.scope, coded.octree.grid, frame)
+        frame = replace(frame, importance=(yield from labelled(looked_up, f"{camera.name}: {{}}")))
     report = frame_report(frame, camera.name, settings.budget, strategies)
+    if settings.importance is not None:
+        report["refinable_pixels"] = refinable(frame)
     score = chosen.scores(frame)
     pictures = _pictures(frame, score, settings, camera.name)
-    return View(camera, settings.strategy, frame, frame.picture(score), pictures, report)
+    return View(camera, settings.strategy, frame, frame.picture(priority(frame, score)), pictures, report)
 
 
 def _pictures(frame: Frame, score: np.ndarray, settings: JobSettings, name: str) -> dict[str, np.ndarray]:
@@ -86,14 +93,15 @@ def _pictures(frame: Frame, score: np.ndarray, settings: JobSettings, name: str)
     picture, ramp = frame.picture, settings.colormap
     maximum = settings.heatmap_maximum or chosen.maximum
     preview, first = picture(frame.preview), picture(urgency(frame, score, settings.budget))
+    urgent = picture(priority(frame, score))
     looks = {"preview": frame.preview, "refined": refined, "reference": frame.reference}
     if frame.preview_color is not None and frame.reference_color is not None:
         colors = refined_colors(frame, mask)
         looks = {"preview": frame.preview_color, "refined": colors, "reference": frame.reference_color}
     return {
         "preview": shown(picture(looks["preview"])),
-        "priority": colormap(picture(score) / np.float32(maximum), ramp),
-        "heatmap": heatmap(picture(score), maximum, chosen.quantity, map_name=ramp, title=f"{name}: {chosen.name}"),
+        "priority": colormap(urgent / np.float32(maximum), ramp),
+        "heatmap": heatmap(urgent, maximum, chosen.quantity, map_name=ramp, title=f"{name}: {chosen.name}"),
         "order": tint(preview, first),
         "overlay": overlay(preview, first, settings.budget, title=f"{name}: order of refinement"),
         "refined": shown(picture(looks["refined"])),

@@ -110,22 +110,7 @@ def layout_charts(
     page_side: pages are this large, or larger if the largest triangle asks for it (at most 4096), or smaller.
     Raises SettingError for texels that are no length.
     """
-    wanted = np.broadcast_to(np.asarray(texel_world, np.float32), source.triangle_count)
-    if not (np.isfinite(wanted).all() and (wanted > 0).all()):
-        raise SettingError(f"Texel size {wanted.min()} must be a positive length")
-    origin = np.empty(source.triangle_count, np.int8)
-    along = np.empty(source.triangle_count, np.int8)
-    logs = np.empty((source.triangle_count, 2), np.float32)  # of the legs, longer first, in texels
-    for batch in source.batches():
-        part = slice(batch.first_triangle, batch.first_triangle + len(batch))
-        origin[part], along[part], logs[part] = _legs(batch.corners_world)
-        yield Progress(part.stop, source.triangle_count, "Laying out charts")
-    logs -= np.log2(wanted)[:, None]
-    limit, growth = int(np.log2(MAX_PAGE_SIDE)), 1.0
-    sides = _chart_sides(logs, growth, limit)
-    while texel_count(sides) > max_texels and sides.any():
-        growth *= 2.0**0.25
-        sides = _chart_sides(logs, growth, limit)
+    wanted, origin, along, sides, growth = yield from _rectangles(source, texel_world, max_texels)
     shares, crowding = np.zeros(source.triangle_count, np.uint8), None
     if samples > 1:
         crowding = yield from crowding_of(source, wanted * np.float32(growth), _own_texels(sides))
@@ -148,6 +133,35 @@ def layout_charts(
         page_size=packing.size,
         group=neighbours,
     )
+
+
+def texels_wanted(source: MeshSource, texel_world: float | np.ndarray, max_texels: int = 1 << 25) -> Steps[int]:
+    """How many texels `layout_charts` would give all triangles together, without laying them out."""
+    _, _, _, sides, _ = yield from _rectangles(source, texel_world, max_texels)
+    return int(_own_texels(sides).sum())
+
+
+def _rectangles(
+    source: MeshSource, texel_world: float | np.ndarray, max_texels: int
+) -> Steps[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]]:
+    """Sides of texels that are wanted (T,), corners `origin` and `along` (T,), log2 of rectangles (T, 2), growth."""
+    wanted = np.broadcast_to(np.asarray(texel_world, np.float32), source.triangle_count)
+    if not (np.isfinite(wanted).all() and (wanted > 0).all()):
+        raise SettingError(f"Texel size {wanted.min()} must be a positive length")
+    origin = np.empty(source.triangle_count, np.int8)
+    along = np.empty(source.triangle_count, np.int8)
+    logs = np.empty((source.triangle_count, 2), np.float32)  # of the legs, longer first, in texels
+    for batch in source.batches():
+        part = slice(batch.first_triangle, batch.first_triangle + len(batch))
+        origin[part], along[part], logs[part] = _legs(batch.corners_world)
+        yield Progress(part.stop, source.triangle_count, "Laying out charts")
+    logs -= np.log2(wanted)[:, None]
+    limit, growth = int(np.log2(MAX_PAGE_SIDE)), 1.0
+    sides = _chart_sides(logs, growth, limit)
+    while texel_count(sides) > max_texels and sides.any():
+        growth *= 2.0**0.25
+        sides = _chart_sides(logs, growth, limit)
+    return wanted, origin, along, sides, growth
 
 
 def _own_texels(sides: np.ndarray) -> np.ndarray:

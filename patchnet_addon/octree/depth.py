@@ -71,15 +71,25 @@ def wanted_depth(coarse: Octree, cameras: Sequence[Camera], share: float = LOOK_
     """
     wanted = MIN_DEPTH
     for camera in cameras:
-        hits = first_hits(coarse, camera)
-        z = hits.z_world[hits.hit]
-        if len(z) == 0:
-            continue
-        # The coarse voxel may stand up to its diagonal before the surface; the nearest it can be is what counts.
-        side = 2.0 * camera.pixel_side(np.maximum(z, 1e-9)) / coarse.grid.side_world  # (n,) in cube sides
-        stop = np.floor(-np.log2(side)) + 1
-        wanted = max(wanted, int(np.quantile(np.maximum(stop, 0), share, method="higher")) + LOOK_AHEAD)
+        stop = stop_levels(coarse, camera)
+        if len(stop):
+            wanted = max(wanted, int(np.quantile(stop, share, method="higher")) + LOOK_AHEAD)
     return min(wanted, MAX_DEPTH)
+
+
+def stop_levels(coarse: Octree, camera: Camera) -> np.ndarray:
+    """(n,) level at which the ray of each pixel that hits something stops, in an octree that is deep enough."""
+    hits = first_hits(coarse, camera)
+    z = hits.z_world[hits.hit]
+    # The coarse voxel may stand up to its diagonal before the surface; the nearest it can be is what counts.
+    side = 2.0 * camera.pixel_side(np.maximum(z, 1e-9)) / coarse.grid.side_world  # (n,) in cube sides
+    return np.maximum(np.floor(-np.log2(side)) + 1, 0)
+
+
+def expected_share(coarse: Octree, cameras: Sequence[Camera], depth: int) -> float | None:
+    """Share of hit pixels that will have look-ahead at a depth, in the camera with least of it; None without hits."""
+    shares = [np.mean(stop + LOOK_AHEAD <= depth) for camera in cameras if len(stop := stop_levels(coarse, camera))]
+    return float(min(shares)) if shares else None
 
 
 def estimate(coarse: Octree, depth: int, *, color: bool = False) -> tuple[int, int, int]:

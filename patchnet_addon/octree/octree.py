@@ -66,6 +66,10 @@ class Octree:
         arrays = (self.child_mask, self.first_child, self.area_world, self.luminance, self.normal, self.chroma)
         return sum(array.nbytes for array in arrays if array is not None)
 
+    def free_keys(self) -> None:
+        """Forget the cells that `keys` has computed; it computes them again."""
+        self._keys.clear()
+
     def level(self, level: int) -> slice:
         """Node indices of one level."""
         return slice(int(self.level_start[level]), int(self.level_start[level + 1]))

@@ -7,7 +7,7 @@ import pytest
 from mathutils import Euler, Vector
 
 from patchnet.operators.bake import bake_luminance, baker
-from patchnet.operators.bake.devices import gpu_is_enabled
+from patchnet.operators.devices import gpu_is_enabled
 from patchnet.operators.scene import SceneMesh, read_scene
 from patchnet.patchnet_addon.errors import SceneError, SettingError
 from patchnet.patchnet_addon.light.atlas import Atlas, atlas_shade
@@ -341,7 +341,7 @@ def test_gpus_bake_where_they_are_enabled(enabled: bool, monkeypatch: pytest.Mon
         run(context, target)
 
     monkeypatch.setattr(baker, "_run", look)
-    monkeypatch.setattr(baker, "gpu_is_enabled", lambda context: enabled or gpu_is_enabled(context))
+    monkeypatch.setattr(baker, "bakes_on_gpu", lambda context, device: enabled or gpu_is_enabled(context))
     source = read_scene(bpy.context.evaluated_depsgraph_get())
     drain(bake_luminance(bpy.context, source, 0.5, 1))
     assert set(devices) == {"GPU" if enabled or gpu_is_enabled(bpy.context) else "CPU"}

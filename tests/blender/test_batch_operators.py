@@ -87,8 +87,8 @@ def test_each_says_so_in_the_log(done: subprocess.CompletedProcess[str], files: 
     said = events(done)
     started = [line["command"] for line in said if line["event"] == "start"]
     assert started == [
-        "Voxelize", "Bake Light", "Precompute Codes", "Render Preview", "Show Voxels", "Export Voxels", "Run All",
-        "Bake Animation", "Bake Animation",
+        "Voxelize", "Bake Light", "Precompute Codes", "Render Preview", "Show Voxels", "Export Voxels",
+        "Preview Selection", "Bake Animation", "Bake Animation",
     ]  # fmt: skip
     assert all(line["file"].endswith("small.blend") for line in said if line["event"] == "start")
     results = [line for line in said if line["event"] == "result"]

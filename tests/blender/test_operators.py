@@ -23,10 +23,6 @@ from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.blender.job_scene import SMALL, build, drop_result_images, random_weights
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
-OPERATORS = (
-    "run_all", "voxelize", "bake_light", "precompute_codes", "render_preview", "show_voxels", "export_octree",
-    "clear_results",
-)  # fmt: skip
 FILES = {"preview.png", "heatmap.png", "overlay.png", "priority.exr", "refined.png", "reference.png", "error.png"}
 
 
@@ -271,41 +267,3 @@ def test_images_of_the_person_are_left_alone() -> None:
     assert ours != own and tuple(own.size) == (4, 4) and tuple(ours.size) == (5, 3)
     again = show_image("PatchNet Preview", np.ones((6, 5), np.float32))
     assert again == ours and tuple(again.size) == (5, 6)
-
-
-def test_panels_draw_without_computing(scene: bpy.types.Scene) -> None:
-    from patchnet.operators import panel
-
-    class Layout:
-        """Stands in for the layout of a window: it takes every call and remembers texts."""
-
-        def __init__(self) -> None:
-            self.texts: list[str] = []
-
-        def __getattr__(self, name: str):
-            def call(*args: object, **keywords: object) -> "Layout":
-                self.texts += [str(value) for value in (*args, *keywords.values())]
-                return self
-
-            return call
-
-    bpy.ops.patchnet.voxelize(depth=4)
-    texts: list[str] = []
-    for item in panel.CLASSES:
-        layout = Layout()
-        owner = type(
-            "Drawn", (), {name: getattr(item, name) for name in ("operator", "settings") if hasattr(item, name)}
-        )
-        drawn = owner()
-        drawn.layout = layout
-        if hasattr(item, "visible_settings"):
-            drawn.visible_settings = lambda values, item=item, drawn=drawn: item.visible_settings(drawn, values)
-        if item is panel.PATCHNET_PT_light:
-            panel._Step.draw(drawn, bpy.context)
-        else:
-            item.draw(drawn, bpy.context)
-        texts += layout.texts
-    text = " ".join(texts)
-    for operator in OPERATORS:
-        assert f"patchnet.{operator}" in text
-    assert "Depth 4" in text and "voxels" in text

@@ -174,7 +174,7 @@ def change_and_undo(_buttons: dict[str, tuple[int, int]]):
 
 
 def all_at_once(buttons: dict[str, tuple[int, int]]):
-    """Run All does everything, with files."""
+    """Preview Selection does everything, with files."""
     window = clicks.window()
     window.scene.patchnet.out = str(OUT / "run-all")
     seen["run_all"] = yield from job(buttons["patchnet.run_all"])

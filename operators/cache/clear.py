@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Room on the disk."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..job_operator import JobOperator
+from ..preferences import apply_preferences, kept
+from .folder import cache_size, clear_cache
+
+
+class PATCHNET_OT_clear_cache(bpy.types.Operator):
+    """Delete compiled kernels and pages of stopped bakes from the cache folder, and nothing else. Kernels are compiled
+    again when they are needed, and stopped bakes begin anew"""
+
+    bl_idname = "patchnet.clear_cache"
+    bl_label = "Clear Cache"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        """Nobody may be at work with it."""
+        if JobOperator.running:
+            cls.poll_message_set(f"{JobOperator.running} is running: wait for it, or press Esc over the window")
+            return False
+        return True
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask first."""
+        return context.window_manager.invoke_confirm(self, event)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Delete, and say what is left."""
+        from ...patchnet_addon.kernels import user_cache_folder
+
+        apply_preferences(context)
+        root = user_cache_folder()
+        freed = clear_cache(root)
+        kept.cache = cache_size(root).text()
+        self.report({"INFO"}, f"{freed / 2**20:.1f} MiB were freed in {root}")
+        return {"FINISHED"}
+
+
+CLASSES = (PATCHNET_OT_clear_cache,)

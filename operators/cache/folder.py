@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What PatchNet put into its cache folder: compiled kernels, and pages of bakes that were stopped.
+
+Only files that look like those are counted and deleted. A person may have chosen a folder that holds other things.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+KERNELS, BAKES = "kernels", "bakes"
+_HASH = re.compile(r"[0-9a-f]{16}")
+_KEY = re.compile(r"[0-9a-f]{32}")
+_KERNEL_FILE = re.compile(r".+\.(nbi|nbc)")
+_PAGE_FILE = re.compile(r"\.?page-\d{5}\.safetensors(\.[0-9a-f]{8}\.tmp)?")
+
+
+@dataclass(frozen=True)
+class CacheSize:
+    """Bytes of compiled kernels and of pages of bakes."""
+
+    kernels: int = 0
+    bakes: int = 0
+
+    @property
+    def total(self) -> int:
+        """Bytes of both."""
+        return self.kernels + self.bakes
+
+    def text(self) -> str:
+        """In words."""
+        return f"{self.total / 2**20:.1f} MiB: kernels {self.kernels / 2**20:.1f}, bakes {self.bakes / 2**20:.1f}"
+
+
+def cache_size(root: Path) -> CacheSize:
+    """How much of `root` is ours."""
+    return CacheSize(*(sum(_size(path) for path in files(root)) for files in (kernel_files, page_files)))
+
+
+def kernel_files(root: Path) -> Iterator[Path]:
+    """Compiled kernels: root / kernels / 16 hex digits / a folder a module / *.nbi, *.nbc."""
+    for version in _folders(root / KERNELS, _HASH):
+        for folder, _, names in os.walk(version):
+            for name in names:
+                if _KERNEL_FILE.fullmatch(name):
+                    yield Path(folder) / name
+
+
+def page_files(root: Path) -> Iterator[Path]:
+    """Pages of bakes: root / bakes / 32 hex digits / page-00007.safetensors."""
+    for bake in _folders(root / BAKES, _KEY):
+        yield from (path for path in sorted(bake.iterdir()) if _PAGE_FILE.fullmatch(path.name) and path.is_file())
+
+
+def clear_cache(root: Path) -> int:
+    """Delete what is ours, and folders that are empty then; the bytes that were freed.
+
+    Nothing breaks: kernels are compiled again at the next start, and a bake that runs elsewhere bakes its pages again.
+    """
+    freed = 0
+    for path in [*kernel_files(root), *page_files(root)]:
+        size = _size(path)
+        with contextlib.suppress(OSError):
+            path.unlink()
+            freed += size
+    for folder in (root / KERNELS, root / BAKES):
+        _remove_empty(folder)
+    return freed
+
+
+def _folders(parent: Path, pattern: re.Pattern[str]) -> Iterator[Path]:
+    if parent.is_dir() and not parent.is_symlink():
+        for path in sorted(parent.iterdir()):
+            if path.is_dir() and not path.is_symlink() and pattern.fullmatch(path.name):
+                yield path
+
+
+def _remove_empty(folder: Path) -> None:
+    if not folder.is_dir() or folder.is_symlink():
+        return
+    for path, _, _ in os.walk(folder, topdown=False):
+        with contextlib.suppress(OSError):  # not empty
+            os.rmdir(path)
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether the Python of the preferences has torch."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..patchnet_addon.errors import SettingError
+from .preferences import kept, preferences
+from .properties import absolute_path
+from .tell import tell
+
+
+class PATCHNET_OT_check_python(bpy.types.Operator):
+    """Run the Python above, and say which torch it has"""
+
+    bl_idname = "patchnet.check_python"
+    bl_label = "Check Python"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """There must be one."""
+        if not preferences(context).torch_python:
+            cls.poll_message_set("No Python is chosen: without one, codes are computed by Blender's own")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Ask it, and keep the answer for the preferences."""
+        from ..patchnet_addon.network.other_python import ask_python
+
+        try:
+            path = absolute_path(preferences(context).torch_python)
+            assert path is not None
+            kept.python = ask_python(path)
+        except SettingError as error:
+            kept.python = str(error)
+            tell(self, "ERROR", str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, kept.python)
+        return {"FINISHED"}
+
+
+CLASSES = (PATCHNET_OT_check_python,)

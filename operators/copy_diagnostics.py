@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What somebody needs to know who is asked for help."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..patchnet_addon.log import LOG
+from . import results
+from .devices import gpu_is_enabled
+from .job.versions import machine, versions
+from .preferences import preferences
+
+_MOST = 20
+
+
+class _Last(logging.Handler):
+    """Remembers the last warnings and errors."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.said: deque[str] = deque(maxlen=_MOST)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        trace = getattr(record, "fields", {}).get("traceback", "")
+        self.said.append(f"{record.levelname}: {record.getMessage()}" + (f"\n{trace}" if trace else ""))
+
+
+_last = _Last()
+
+
+class PATCHNET_OT_copy_diagnostics(bpy.types.Operator):
+    """Copy versions, machine, settings and the last errors to the clipboard, to be pasted where help is asked for"""
+
+    bl_idname = "patchnet.copy_diagnostics"
+    bl_label = "Copy Diagnostics"
+    bl_options = {"REGISTER"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Copy the text."""
+        context.window_manager.clipboard = diagnostics(context)
+        self.report({"INFO"}, "Diagnostics are on the clipboard")
+        return {"FINISHED"}
+
+
+def diagnostics(context: bpy.types.Context) -> str:
+    """The text; the person's own folder is written as ~."""
+    result = results.result_of(context.scene)
+    values = {
+        "versions": versions(),
+        "machine": machine() | {"gpu_for_cycles": gpu_is_enabled(context)},
+        "preferences": vars(preferences(context)),
+        "settings": _settings(context.scene.patchnet),
+        "result": result.summary if result else None,
+        "stale": {name: result.why(name) for name in sorted(result.stale)} if result else None,
+        "last warnings and errors": list(_last.said),
+    }
+    return json.dumps(values, indent=1, default=str).replace(str(Path.home()), "~")
+
+
+def _settings(values: bpy.types.PropertyGroup) -> dict[str, Any]:
+    found = {}
+    for item in values.bl_rna.properties:
+        if item.identifier not in ("rna_type", "name"):
+            value = getattr(values, item.identifier)
+            found[item.identifier] = list(value) if getattr(item, "is_array", False) else value
+    return found
+
+
+def register() -> None:
+    """Listen to the log."""
+    LOG.addHandler(_last)
+
+
+def unregister() -> None:
+    """Stop listening."""
+    LOG.removeHandler(_last)
+
+
+CLASSES = (PATCHNET_OT_copy_diagnostics,)

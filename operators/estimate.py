@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What Preview Selection will take, before it runs."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..patchnet_addon.progress import Steps
+from . import results
+from .job.settings import JobSettings
+from .job_operator import JobOperator
+from .properties import CameraProperties, LightProperties, VoxelizeProperties
+from .step_settings import ESTIMATED, recorded
+from .tell import tell
+
+
+class PATCHNET_OT_estimate(VoxelizeProperties, LightProperties, CameraProperties, JobOperator, bpy.types.Operator):
+    """Say how deep the octree would be, what memory and files it would take, and how much of the pictures would have
+    look-ahead, without building it"""
+
+    bl_idname = "patchnet.estimate"
+    bl_label = "Estimate"
+
+    def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
+        """Look, and keep what was found for the panel."""
+        from .job.estimate import estimate_job
+
+        found = yield from estimate_job(context, settings)
+        found.settings = recorded(context.scene.patchnet, *ESTIMATED)
+        results.keep_estimate(context.scene, found)
+        if found.too_large:
+            tell(self, "WARNING", "The octree would not fit into memory: choose a smaller depth or fewer objects")
+        return ", ".join(found.lines[:3])
+
+
+CLASSES = (PATCHNET_OT_estimate,)

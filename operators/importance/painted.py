@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where importance was painted, as one value, checked when it is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...patchnet_addon.errors import SettingError
+
+NOTHING = "NONE"
+IMAGE = "IMAGE"
+VERTEX_GROUP = "VERTEX_GROUP"
+
+
+@dataclass(frozen=True)
+class Importance:
+    """One of three sources.
+
+    image: name of an image of the open file, painted in an Image Editor and stretched over each view.
+    file: the same as a file. vertex_group: name of a group that voxelized objects have; objects without it weigh 0.
+    """
+
+    image: str = ""
+    file: Path | None = None
+    vertex_group: str = ""
+
+    def __post_init__(self) -> None:
+        if sum(map(bool, (self.image, self.file, self.vertex_group))) != 1:
+            raise SettingError("Importance needs one source: choose an image, or a vertex group")
+
+    @classmethod
+    def chosen(cls, kind: str, image: str, vertex_group: str) -> Importance | None:
+        """By the settings of a scene; None for none. Raises SettingError if the chosen source is not named."""
+        if kind == NOTHING:
+            return None
+        name = image if kind == IMAGE else vertex_group
+        if not name:
+            what = "image" if kind == IMAGE else "vertex group"
+            raise SettingError(f"Importance is to come from a painted {what}, but none is named: choose one, or none")
+        return cls(image=name) if kind == IMAGE else cls(vertex_group=name)

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light and samples, and the frames of an animation."""
+
+from __future__ import annotations
+
+import bpy
+
+from .tab import SubPanel, Tab, draw_settings, draw_stale, split
+
+
+class PATCHNET_PT_light(SubPanel, bpy.types.Panel):
+    """Where the light of the voxels comes from."""
+
+    bl_label = "Light"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Settings, the button, what baking leaves out."""
+        layout = split(self.layout)
+        draw_settings(layout, context.scene.patchnet, "light")
+        layout.operator("patchnet.bake_light", icon="LIGHT")
+        draw_stale(layout, context.scene, "light")
+        layout.label(text="Diffuse light only, no gloss", icon="INFO")
+
+
+class PATCHNET_PT_animation(Tab, bpy.types.Panel):
+    """All frames, each with its own octree and pictures."""
+
+    bl_label = "Animation"
+    bl_parent_id = "PATCHNET_PT_light"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The scene's frames, the settings, and the button."""
+        layout = split(self.layout)
+        column = layout.column(align=True)
+        for name, text in (("frame_start", "Frame Start"), ("frame_end", "End"), ("frame_step", "Step")):
+            column.prop(context.scene, name, text=text)
+        for name in ("skip_existing", "same_grid"):
+            layout.prop(context.scene.patchnet, name)
+        layout.operator("patchnet.bake_animation", icon="RENDER_ANIMATION")
+        if not context.scene.patchnet.out:
+            layout.label(text="Choose the output folder above", icon="INFO")
+
+
+CLASSES = (PATCHNET_PT_light, PATCHNET_PT_animation)

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Objects and resolution."""
+
+from __future__ import annotations
+
+import bpy
+
+from .tab import SubPanel, draw_settings, draw_stale, split
+
+
+class PATCHNET_PT_octree(SubPanel, bpy.types.Panel):
+    """Which objects become voxels, and how fine ones."""
+
+    bl_label = "Octree"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Settings, the button, what does not fit."""
+        layout = split(self.layout)
+        draw_settings(layout, context.scene.patchnet, "octree")
+        layout.operator("patchnet.voxelize", icon="MESH_GRID")
+        draw_stale(layout, context.scene, "surface")
+
+
+CLASSES = (PATCHNET_PT_octree,)

@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A first look within seconds: small pictures, coarse voxels, few paths."""
+
+import bpy
+
+settings = bpy.context.scene.patchnet
+settings.resolution = "DEPTH"
+settings.depth = 7
+settings.light = "cycles"
+settings.samples = 1
+settings.texel_voxels = 4.0
+settings.color = False
+settings.size = (96, 0)
+settings.strategy = "patchnet-behind"
+settings.budget = 0.3

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures at the render's resolution: voxels are fine only where the cameras look."""
+
+import bpy
+
+settings = bpy.context.scene.patchnet
+settings.resolution = "FIT"
+settings.depth = 9
+settings.track = False
+settings.light = "cycles"
+settings.samples = 16
+settings.texel_voxels = 2.0
+settings.color = False
+settings.size = (0, 0)
+settings.strategy = "patchnet-behind"
+settings.budget = 0.3

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings of a new scene."""
+
+import bpy
+
+settings = bpy.context.scene.patchnet
+settings.resolution = "AUTO"
+settings.depth = 9
+settings.track = False
+settings.light = "cycles"
+settings.samples = 8
+settings.texel_voxels = 2.0
+settings.color = False
+settings.size = (192, 0)
+settings.strategy = "patchnet-behind"
+settings.budget = 0.3

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Presets of the settings, in Blender's own preset menu: those that are shipped, and a person's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bl_operators.presets import AddPresetBase  # type: ignore[import-not-found]
+from bl_ui.utils import PresetPanel
+from bpy.props import StringProperty
+
+_FOLDER = "patchnet"
+_VALUES = (
+    "resolution", "depth", "voxel_size", "track", "light", "samples", "texel_voxels", "color", "size", "strategy",
+    "budget",
+)  # fmt: skip
+
+
+class PATCHNET_PT_presets(PresetPanel, bpy.types.Panel):
+    """Settings by name."""
+
+    bl_label = "PatchNet Presets"
+    preset_subdir = _FOLDER
+    preset_operator = "patchnet.apply_preset"
+    preset_add_operator = "patchnet.add_preset"
+
+
+class PATCHNET_OT_apply_preset(bpy.types.Operator):
+    """Set resolution, light, pictures and budget to those of the preset"""
+
+    bl_idname = "patchnet.apply_preset"
+    bl_label = "Apply Preset"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        """Run the preset's lines."""
+        path = Path(self.filepath)
+        if path.suffix != ".py" or not path.is_file():
+            self.report({"ERROR"}, f"There is no preset {path}: choose one of the menu")
+            return {"CANCELLED"}
+        bpy.utils.execfile(str(path))
+        PATCHNET_PT_presets.bl_label = bpy.path.display_name(path.name, title_case=False)
+        return {"FINISHED"}
+
+
+class PATCHNET_OT_add_preset(AddPresetBase, bpy.types.Operator):
+    """Add the present settings to the presets, or remove the chosen preset"""
+
+    bl_idname = "patchnet.add_preset"
+    bl_label = "Add PatchNet Preset"
+    preset_menu = "PATCHNET_PT_presets"
+    preset_subdir = _FOLDER
+    preset_defines = ["settings = bpy.context.scene.patchnet"]
+    preset_values = [f"settings.{name}" for name in _VALUES]
+
+
+def register() -> None:
+    """Let Blender find the presets that are shipped."""
+    bpy.utils.register_preset_path(str(Path(__file__).parent))
+
+
+def unregister() -> None:
+    """Take them away."""
+    bpy.utils.unregister_preset_path(str(Path(__file__).parent))
+
+
+CLASSES = (PATCHNET_OT_apply_preset, PATCHNET_OT_add_preset)

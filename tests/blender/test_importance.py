@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Painted importance: images, files and vertex groups, in the panel's operators and on the command line."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+import patchnet
+from patchnet.commands import main
+from patchnet.operators.images import save_png
+from patchnet.operators.importance import Importance, importance_key, pixel_importance
+from patchnet.operators.job.run import run_job
+from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.job.views import PRIORITY_IMAGE, View
+from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.sampling.refine import refine
+from patchnet.tests.blender.job_scene import SMALL, build, random_weights
+
+WIDTH, HEIGHT = SMALL["size"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    patchnet.register()
+    yield
+    patchnet.unregister()
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return random_weights(tmp_path_factory.mktemp("weights"))
+
+
+@pytest.fixture(autouse=True)
+def scene() -> None:
+    build()
+
+
+def look(weights: Path, importance: Importance | None, **values: object) -> View:
+    settings = JobSettings(**{"light": "two-lights", "weights": weights, **SMALL, "importance": importance, **values})
+    return drain(run_job(bpy.context, settings)).views[0]
+
+
+def painted(name: str = "Mask", size: tuple[int, int] = (WIDTH, HEIGHT)) -> bpy.types.Image:
+    """The left half white, the rest black."""
+    image = bpy.data.images.new(name, *size)
+    pixels = np.zeros((size[1], size[0], 4), np.float32)
+    pixels[..., 3] = 1.0
+    pixels[:, : size[0] // 2, :3] = 1.0
+    image.pixels.foreach_set(pixels.ravel())
+    return image
+
+
+@pytest.mark.parametrize("scale", [1, 4])
+def test_image(weights: Path, scale: int) -> None:
+    painted(size=(WIDTH * scale, HEIGHT * scale))
+    plain, masked = look(weights, None), look(weights, Importance(image="Mask"))
+    left = np.arange(WIDTH) < WIDTH // 2
+    assert plain.priority[:, ~left].max() > 0
+    np.testing.assert_array_equal(masked.priority[:, left][:, :-1], plain.priority[:, left][:, :-1])
+    assert not masked.priority[:, ~left][:, 1:].any()
+    frame = masked.frame
+    order = refine(frame, plain.priority.ravel(), 0.3).reshape(HEIGHT, WIDTH)
+    assert order[:, left].any() and not order[:, ~left][:, 1:].any()
+    counted = masked.report["refinable_pixels"]
+    assert 0 < counted < masked.report["active_pixels"] == plain.report["active_pixels"]
+    assert masked.report["mse_unrefined"] == pytest.approx(plain.report["mse_unrefined"])
+    assert masked.report["mse"]["optimal"] >= plain.report["mse"]["optimal"]
+
+
+def test_row_0_of_an_image_is_the_lowest_of_the_picture(weights: Path) -> None:
+    image = painted()
+    pixels = np.zeros((HEIGHT, WIDTH, 4), np.float32)
+    pixels[: HEIGHT // 2] = 1.0
+    image.pixels.foreach_set(pixels.ravel())
+    masked = look(weights, Importance(image="Mask"))
+    assert masked.priority[: HEIGHT // 2].any() and not masked.priority[HEIGHT // 2 :].any()
+
+
+def group(name: str, weight: float, item: str = "Slab") -> None:
+    target = bpy.data.objects[item]
+    target.vertex_groups.new(name=name).add(range(len(target.data.vertices)), weight, "REPLACE")
+
+
+def test_vertex_group_follows_objects(weights: Path) -> None:
+    group("Matters", 0.5)
+    plain, masked = look(weights, None), look(weights, Importance(vertex_group="Matters"))
+    given = masked.frame.importance
+    assert set(np.unique(given)) == {np.float32(0.0), np.float32(0.5)}
+    np.testing.assert_allclose(masked.priority.ravel(), plain.priority.ravel() * given)
+    # The slab stands behind the laths: who hits it is farther away.
+    z, hit = masked.frame.hits.z_world, masked.frame.hit
+    behind = hit & (z > 5.3)
+    assert behind.any() and (given[behind] == 0.5).all() and (given[hit & (z < 5.0)] == 0.0).all()
+
+
+def test_weights_are_interpolated_and_go_with_the_object(weights: Path) -> None:
+    slab = bpy.data.objects["Slab"]
+    group("Matters", 0.0)
+    right = [vertex.index for vertex in slab.data.vertices if vertex.co.x > 0]
+    slab.vertex_groups["Matters"].add(right, 1.0, "REPLACE")
+    slab.location.x = 0.4
+    bpy.context.view_layer.update()
+    settings = JobSettings(
+        light="two-lights", weights=weights, scope="SELECTED", importance=Importance(vertex_group="Matters"), **SMALL
+    )
+    result = drain(run_job(bpy.context, settings))
+    frame, grid = result.views[0].frame, result.coded.octree.grid
+    hit = np.flatnonzero(frame.hit)
+    sides = np.exp2(-frame.hits.level[hit].astype(float))[:, None]
+    x = grid.to_world((frame.hits.cell[hit] + 0.5) * sides)[:, 0]
+    expected = np.clip((x + 0.6) / 2.0, 0.0, 1.0)  # the slab reaches from -0.6 to 1.4 now
+    assert np.abs(frame.importance[hit] - expected).max() < 0.05
+    assert np.ptp(expected) > 0.5
+
+
+def test_modifiers_and_instances_are_looked_up(weights: Path) -> None:
+    group("Matters", 1.0, "Lath 0")
+    array = bpy.data.objects["Lath 0"].modifiers.new("Rows", "ARRAY")
+    array.count, array.use_relative_offset, array.use_constant_offset = 2, False, True
+    array.constant_offset_displace = (1.0, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    frame = look(weights, Importance(vertex_group="Matters"), size=(48, 16)).frame
+    near = frame.picture(np.where(frame.hit & (frame.hits.z_world < 5.0), frame.importance, 0.0))
+    columns = np.flatnonzero(near[4:12].max(axis=0))
+    assert len(columns) >= 2 and (np.diff(columns) > 1).any()  # two bars with a gap
+
+
+@pytest.mark.parametrize(
+    ("importance", "message"),
+    [
+        (Importance(image="Nobody"), "no image 'Nobody'"),
+        (Importance(vertex_group="Nobody"), "No voxelized object has the vertex group 'Nobody'"),
+        (Importance(file=Path("/nowhere/mask.png")), "does not exist"),
+    ],
+)
+def test_what_is_not_there(weights: Path, importance: Importance, message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        look(weights, importance)
+
+
+def test_operators_use_the_setting(weights: Path) -> None:
+    settings = bpy.context.scene.patchnet
+    settings.weights, settings.importance = str(weights), "IMAGE"
+    with pytest.raises(RuntimeError, match="none is named"):
+        bpy.ops.patchnet.run_all(light="two-lights", **SMALL)
+    painted()
+    settings.importance_image = "Mask"
+    assert bpy.ops.patchnet.run_all(light="two-lights", **SMALL) == {"FINISHED"}
+    image = bpy.data.images[PRIORITY_IMAGE]
+    values = np.empty(WIDTH * HEIGHT * 4, np.float32)
+    image.pixels.foreach_get(values)
+    shown = values.reshape(HEIGHT, WIDTH, 4)[..., 0]
+    assert shown[:, : WIDTH // 2].any() and not shown[:, WIDTH // 2 + 1 :].any()
+
+
+def test_strokes_count_for_frames(tmp_path: Path) -> None:
+    painted()
+    group("Matters", 0.5)
+    first = [importance_key(Importance(image="Mask")), importance_key(Importance(vertex_group="Matters"))]
+    assert first == [importance_key(Importance(image="Mask")), importance_key(Importance(vertex_group="Matters"))]
+    bpy.data.images["Mask"].pixels[0] = 0.3
+    bpy.data.objects["Slab"].vertex_groups["Matters"].add([0], 0.6, "REPLACE")
+    second = [importance_key(Importance(image="Mask")), importance_key(Importance(vertex_group="Matters"))]
+    assert all(one != other for one, other in zip(first, second, strict=True))
+
+
+def test_command_line(weights: Path, tmp_path: Path) -> None:
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    mask = np.zeros((HEIGHT, WIDTH), np.float32)
+    mask[:, : WIDTH // 2] = 1.0
+    save_png(tmp_path / "mask.png", mask)
+    arguments = ["run", str(tmp_path / "scene.blend"), "--light", "two-lights", "--weights", str(weights)]
+    arguments += ["--depth", "7", "--size", str(WIDTH), str(HEIGHT), "--out", str(tmp_path / "out")]
+    assert main([*arguments, "--mask", str(tmp_path / "mask.png")]) == 0
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    (frame,) = report["frames"]
+    assert 0 < frame["refinable_pixels"] < frame["active_pixels"]
+    assert main([*arguments, "--mask", str(tmp_path / "none.png")]) == 2
+
+
+def test_pixels_outside_a_silhouette_take_their_neighbours(weights: Path) -> None:
+    group("Matters", 1.0)
+    view = look(weights, None, scope="SELECTED")
+    settings = Importance(vertex_group="Matters")
+    grid = drain(run_job(bpy.context, JobSettings(light="two-lights", weights=weights, scope="SELECTED", **SMALL)))
+    given = drain(pixel_importance(settings, "SELECTED", grid.coded.octree.grid, view.frame))
+    np.testing.assert_array_equal(given > 0, view.frame.active)

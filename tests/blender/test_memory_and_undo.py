@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Memory that jobs give back, and results across undo and redo."""
+
+import gc
+import tracemalloc
+from collections.abc import Iterator
+
+import bpy
+import numpy as np
+import pytest
+
+import patchnet
+from patchnet.operators import results
+from patchnet.tests.blender.job_scene import SMALL, build, drop_result_images, random_weights
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    patchnet.register()
+    yield
+    patchnet.unregister()
+
+
+@pytest.fixture(autouse=True)
+def scene(tmp_path_factory: pytest.TempPathFactory) -> bpy.types.Scene:
+    build()
+    bpy.context.scene.patchnet.weights = str(random_weights(tmp_path_factory.mktemp("weights")))
+    return bpy.context.scene
+
+
+def run(**values: object) -> None:
+    assert bpy.ops.patchnet.run_all(**{"light": "two-lights", **SMALL, **values}) == {"FINISHED"}
+
+
+def array_bytes() -> int:
+    """Bytes of all NumPy arrays made since tracing began."""
+    gc.collect()
+    mine = tracemalloc.DomainFilter(inclusive=True, domain=np.lib.tracemalloc_domain)
+    return sum(item.size for item in tracemalloc.take_snapshot().filter_traces([mine]).statistics("filename"))
+
+
+def test_a_job_holds_its_result_and_nothing_else(scene: bpy.types.Scene) -> None:
+    run()  # compiles, and fills caches that stay
+    bpy.ops.patchnet.clear_results()
+    tracemalloc.start()
+    try:
+        run()
+        result = results.voxels_of(scene)
+        assert results.held_bytes() == result.nbytes > 1_000_000
+        spare = 200_000 + sum(array.nbytes for layer in result.coded.weights.arrays().values() for array in [layer])
+        assert array_bytes() <= result.nbytes + spare
+        del result
+        bpy.ops.patchnet.clear_results()
+        assert results.held_bytes() == 0 and array_bytes() < 200_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_failed_and_new_jobs_hold_nothing_more(scene: bpy.types.Scene) -> None:
+    run()
+    once = results.held_bytes()
+    run()
+    assert results.held_bytes() == once
+    with pytest.raises(RuntimeError):
+        run(cameras="Nobody")
+    assert results.held_bytes() == once
+
+
+def push(name: str) -> None:
+    assert bpy.ops.ed.undo_push(message=name) == {"FINISHED"}
+
+
+def current() -> bpy.types.Scene:
+    return bpy.context.scene
+
+
+def undo() -> None:
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    bpy.context.view_layer.update()
+
+
+def redo() -> None:
+    assert bpy.ops.ed.redo() == {"FINISHED"}
+    bpy.context.view_layer.update()
+
+
+def test_unrelated_edits_leave_results_current() -> None:
+    push("start")
+    run()
+    octree = results.voxels_of(current()).octree
+    current().camera.data.lens = 35.0
+    bpy.data.objects["Slab"].select_set(False)
+    push("lens")
+    undo()
+    assert results.voxels_of(current()).octree is octree and results.voxels_of(current()).stale == set()
+    redo()
+    assert results.voxels_of(current()).octree is octree and results.voxels_of(current()).stale == set()
+
+
+def test_undo_of_a_move_makes_results_fit_again() -> None:
+    push("start")
+    run()
+    bpy.data.objects["Lath 1"].location.x += 0.3
+    bpy.context.view_layer.update()
+    push("move")
+    assert results.voxels_of(current()).stale == {"surface"}
+    undo()
+    assert results.voxels_of(current()).stale == set()
+    redo()
+    assert results.voxels_of(current()).stale == {"surface"}
+    assert results.voxels_of(current()).why("surface")
+
+
+@pytest.mark.parametrize(
+    ("step", "change"),
+    [
+        ("surface", lambda: setattr(bpy.data.meshes["Slab"].vertices[0].co, "x", -1.3)),
+        ("surface", lambda: bpy.data.objects["Slab"].modifiers.new("Shell", "SOLIDIFY")),
+        ("light", lambda: setattr(bpy.data.lights["Lamp"], "energy", 9.0)),
+        ("light", lambda: setattr(principled("Slab").inputs["Base Color"], "default_value", (1, 0, 0, 1))),
+    ],
+)
+def test_undo_to_before_a_result(step: str, change) -> None:
+    """What was computed after a change does not fit any more when the change is undone."""
+    push("start")
+    change()
+    bpy.context.view_layer.update()
+    push("change")
+    run()
+    assert results.voxels_of(current()).stale == set()
+    undo()
+    assert results.voxels_of(current()).stale == {step}
+    assert results.voxels_of(current()).why(step) == "undo or redo"
+    redo()
+    assert results.voxels_of(current()).stale == set()
+
+
+def principled(name: str) -> bpy.types.Node:
+    return bpy.data.materials[name].node_tree.nodes["Principled BSDF"]
+
+
+def test_changes_after_an_undo_are_noticed() -> None:
+    push("start")
+    run()
+    current().camera.data.lens = 35.0
+    push("lens")
+    undo()
+    bpy.data.objects["Lath 1"].location.x += 0.3
+    bpy.context.view_layer.update()
+    bpy.data.objects["Lath 2"].location.x += 0.3
+    bpy.context.view_layer.update()
+    assert results.voxels_of(current()).stale == {"surface"}
+
+
+def test_pictures_and_voxels_that_an_undo_takes_away() -> None:
+    drop_result_images()
+    push("start")
+    run()
+    assert results.voxels_of(current()).pictures
+    bpy.ops.patchnet.show_voxels("EXEC_DEFAULT", True)
+    assert "PatchNet Voxels" in bpy.data.objects
+    undo()
+    assert "PatchNet Voxels" not in bpy.data.objects
+    assert results.voxels_of(current()).stale == set()
+    shown = any("patchnet_result" in image for image in bpy.data.images)
+    assert results.voxels_of(current()).pictures == shown
+    redo()
+    assert "PatchNet Voxels" in bpy.data.objects and results.voxels_of(current()).stale == set()
+
+
+def test_presets_are_undone() -> None:
+    current().patchnet.samples = 9
+    push("start")
+    (folder,) = [path for path in bpy.utils.preset_paths("patchnet") if "operators" in path]
+    bpy.ops.patchnet.apply_preset("EXEC_DEFAULT", True, filepath=f"{folder}/draft.py")
+    assert current().patchnet.samples == 1
+    undo()
+    assert current().patchnet.samples == 9
+
+
+def test_scene_that_an_undo_removes() -> None:
+    push("start")
+    scene = bpy.data.scenes.new("Other")
+    number = scene.session_uid
+    push("scene")
+    undo()
+    assert results._results.get(number) is None and "Other" not in bpy.data.scenes

@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sidebar tab: what it shows, before and after, what is stale and why, estimates, presets, comparison."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import pytest
+
+import patchnet
+from patchnet.operators import panels, presets_menu, results
+from patchnet.operators.panels.compare import PATCHNET_PT_compare
+from patchnet.operators.panels.main import PATCHNET_PT_main
+from patchnet.operators.panels.network import PATCHNET_PT_network
+from patchnet.operators.panels.octree import PATCHNET_PT_octree
+from patchnet.operators.panels.preview import PATCHNET_PT_preview
+from patchnet.operators.panels.statistics import PATCHNET_PT_statistics
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.tests.blender.drawn import drawn
+from patchnet.tests.blender.job_scene import SMALL, build, drop_result_images, random_weights
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+OPERATORS = {
+    "run_all", "estimate", "voxelize", "bake_light", "bake_animation", "precompute_codes", "render_preview", "compare",
+    "show_voxels", "export_octree", "clear_results",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    patchnet.register()
+    yield
+    patchnet.unregister()
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(random_weights(tmp_path_factory.mktemp("weights")))
+
+
+@pytest.fixture(autouse=True)
+def scene(weights: str) -> bpy.types.Scene:
+    build()
+    bpy.context.scene.patchnet.weights = weights
+    return bpy.context.scene
+
+
+def everything() -> str:
+    classes = [item for item in panels.CLASSES if item is not presets_menu.PATCHNET_PT_presets]
+    return "\n".join(text for item in classes for text in drawn(item))
+
+
+def small_preview(**values: object) -> results.SceneResult:
+    assert bpy.ops.patchnet.run_all(**{"light": "two-lights", **SMALL, **values}) == {"FINISHED"}
+    return results.voxels_of(bpy.context.scene)
+
+
+def update() -> None:
+    bpy.context.view_layer.update()
+
+
+def test_order_and_names() -> None:
+    titles = [item.bl_label for item in panels.CLASSES if getattr(item, "bl_parent_id", "") == "PATCHNET_PT_main"]
+    assert titles == ["Octree", "Light", "Network", "Preview", "Compare", "Export", "Statistics"]
+    assert {item.bl_category for item in panels.CLASSES if hasattr(item, "bl_category")} == {"PatchNet"}
+    assert bpy.ops.patchnet.run_all.get_rna_type().name == "Preview Selection"
+
+
+def test_all_panels_draw_in_every_state(scene: bpy.types.Scene) -> None:
+    before = everything()
+    assert "Nothing computed yet" in before and "Not compared yet" in before
+    bpy.ops.patchnet.voxelize(depth=4)
+    assert "Depth 4" in everything()
+    small_preview()
+    text = everything()
+    assert {f"patchnet.{name}" for name in OPERATORS} <= set(text.splitlines())
+    for light in ("cycles", "two-lights"):
+        for resolution in ("AUTO", "FIT", "DEPTH", "VOXEL_SIZE"):
+            for importance in ("NONE", "IMAGE", "VERTEX_GROUP"):
+                scene.patchnet.light, scene.patchnet.resolution = light, resolution
+                scene.patchnet.importance = importance
+                assert ("depth" in everything().splitlines()) == (resolution == "DEPTH")
+
+
+def test_drawing_changes_nothing(scene: bpy.types.Scene) -> None:
+    small_preview()
+    before = scene_snapshot()
+    everything()
+    assert_unchanged(before)
+
+
+def test_every_setting_and_operator_says_what_it_is() -> None:
+    for item in bpy.context.scene.patchnet.bl_rna.properties:
+        if item.identifier not in ("rna_type", "name"):
+            assert item.name and item.description, item.identifier
+    for name in dir(bpy.ops.patchnet):
+        kind = getattr(bpy.ops.patchnet, name).get_rna_type()
+        assert kind.name and kind.description, name
+
+
+def test_polls_are_sentences() -> None:
+    for name in ("voxelize", "bake_light", "precompute_codes", "render_preview", "compare", "show_voxels"):
+        try:
+            getattr(bpy.ops.patchnet, name)("EXEC_DEFAULT", **({"depth": 4} if name == "voxelize" else {}))
+            results.forget(bpy.context.scene)
+        except RuntimeError as error:
+            said = str(error).partition("poll() ")[2].strip()
+            assert said[:1].isupper() and len(said.split()) > 4, f"{name}: {error}"
+        else:
+            assert name == "voxelize"
+
+
+def test_estimate(scene: bpy.types.Scene) -> None:
+    before = scene_snapshot()
+    assert bpy.ops.patchnet.estimate(depth=7, size=(24, 16), samples=4) == {"FINISHED"}
+    assert_unchanged(before)
+    found = results.estimate_of(scene)
+    assert results.result_of(scene) is None and found.depth == 7 and not found.too_large
+    made = small_preview()
+    assert found.leaves == pytest.approx(made.octree.leaf_count, rel=0.3)
+    assert found.octree_bytes == pytest.approx(made.octree.nbytes, rel=0.3)
+    assert found.codes_bytes == pytest.approx(made.coded.nbytes, rel=0.6)
+    assert found.lookahead_share == pytest.approx(made.lookahead_share, abs=0.1)
+    assert found.peak_bytes > found.octree_bytes and found.paths == 4 * found.texels > 0
+    text = drawn(PATCHNET_PT_main)
+    assert any("6 objects" in line and "'Eye' at 24 x 16" in line for line in text)
+    for line in found.lines:
+        assert line in text
+
+
+def test_estimate_knows_its_texels(scene: bpy.types.Scene) -> None:
+    from patchnet.operators.scene import read_scene
+    from patchnet.patchnet_addon.light.charts import layout_charts, texels_wanted
+    from patchnet.patchnet_addon.light.path_counts import own_texels
+    from patchnet.patchnet_addon.progress import drain
+
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    laid_out = own_texels(drain(layout_charts(source, 0.05))).sum()
+    assert drain(texels_wanted(source, 0.05)) == pytest.approx(laid_out, rel=0.1)
+
+
+def test_estimate_says_what_does_not_fit(scene: bpy.types.Scene) -> None:
+    assert bpy.ops.patchnet.estimate(depth=14, size=(24, 16), memory=0.25) == {"FINISHED"}
+    assert results.estimate_of(scene).too_large
+    assert "Does not fit into memory" in drawn(PATCHNET_PT_main)
+    assert bpy.ops.patchnet.estimate(resolution="FIT", size=(24, 16)) == {"FINISHED"}
+    assert results.estimate_of(scene).fitted and not results.estimate_of(scene).too_large
+
+
+def test_estimate_becomes_stale_and_says_why(scene: bpy.types.Scene) -> None:
+    bpy.ops.patchnet.estimate(size=(24, 16))
+    assert not any("Estimate again" in line for line in drawn(PATCHNET_PT_main))
+    scene.patchnet.budget = 0.5  # has no part in it
+    assert not any("Estimate again" in line for line in drawn(PATCHNET_PT_main))
+    scene.patchnet.resolution = "FIT"
+    assert "Estimate again: setting 'Resolution' changed" in drawn(PATCHNET_PT_main)
+    scene.patchnet.resolution = "AUTO"
+    bpy.data.objects["Lath 2"].location.x += 0.1
+    update()
+    assert "Estimate again: 'Lath 2' moved" in drawn(PATCHNET_PT_main)
+
+
+def test_stale_says_why(scene: bpy.types.Scene) -> None:
+    small_preview()
+    assert not any(line.endswith(" again") for line in everything().splitlines())
+    scene.camera.location.x += 0.5
+    update()
+    assert "Camera 'Eye' moved: render again" in drawn(PATCHNET_PT_preview)
+    assert results.voxels_of(scene).stale == set()
+    bpy.data.lights["Lamp"].energy = 1.0
+    bpy.data.materials["Slab"].diffuse_color = (1, 0, 0, 1)
+    for index in range(5):
+        bpy.data.objects[f"Lath {index}"].location.x += 0.1
+    update()
+    result = results.voxels_of(scene)
+    assert result.stale == {"surface", "light"}
+    assert "lamp 'Lamp' changed" in result.why("light") and "material 'Slab' changed" in result.why("light")
+    assert result.why("surface").count("moved") == 3 and result.why("surface").endswith("and more")
+    assert any(line.startswith("'Lath 0' moved") and "voxelize again" in line for line in drawn(PATCHNET_PT_octree))
+
+
+def test_changed_settings_are_named(scene: bpy.types.Scene) -> None:
+    small_preview()
+    scene.patchnet.resolution = "VOXEL_SIZE"
+    assert "Setting 'Resolution' changed: voxelize again" in drawn(PATCHNET_PT_octree)
+    scene.patchnet.resolution = "AUTO"
+    assert not any("again" in line for line in drawn(PATCHNET_PT_octree))
+    scene.patchnet.weights = ""
+    assert "Setting 'Weights' changed: precompute again" in drawn(PATCHNET_PT_network)
+    scene.patchnet.budget = 0.1
+    assert "Setting 'Budget' changed: render again" in drawn(PATCHNET_PT_preview)
+
+
+def test_statistics(scene: bpy.types.Scene) -> None:
+    result = small_preview()
+    text = "\n".join(drawn(PATCHNET_PT_statistics))
+    for part in (
+        f"{result.octree.leaf_count:,} voxels", f"{result.octree.node_count:,} nodes", "MiB in memory",
+        f"Look-ahead on {result.lookahead_share:.1%}", "Voxels", "Codes", "Views", "by NumPy on the CPU",
+        f"Error {result.errors[0]:.2e}, refined {result.errors[1]:.2e}",
+    ):  # fmt: skip
+        assert part in text
+    assert set(result.seconds) >= {"read", "depth", "light", "voxelize", "codes", "views"}
+
+
+def test_compare(scene: bpy.types.Scene) -> None:
+    first = small_preview().comparison
+    bpy.ops.patchnet.render_preview(size=(24, 16))
+    assert results.voxels_of(scene).comparison is None
+    before = scene_snapshot()
+    assert bpy.ops.patchnet.compare(size=(24, 16)) == {"FINISHED"}
+    drop_result_images()
+    again = results.voxels_of(scene).comparison
+    assert again == first and {row.name for row in again.rows} == set(STRATEGIES)
+    assert again.rows[0].name == "optimal" and all(row.error <= again.unrefined for row in again.rows)
+    text = drawn(PATCHNET_PT_compare)
+    for row in again.rows:
+        assert f"{row.error:.2e}" in text
+    assert "Eye, 24 x 16" in text and f"{again.unrefined:.2e}" in text
+    after = scene_snapshot()
+    assert {name for name in after if name.startswith("objects")} == {
+        name for name in before if name.startswith("objects")
+    }
+
+
+def test_device(scene: bpy.types.Scene) -> None:
+    from patchnet.operators.devices import gpu_is_enabled
+
+    if gpu_is_enabled(bpy.context):
+        pytest.skip("a GPU is enabled here")
+    with pytest.raises(RuntimeError, match=r"no GPU to bake on: enable one in the preferences"):
+        bpy.ops.patchnet.run_all(depth=4, size=(16, 16), device="GPU")
+    bpy.ops.patchnet.estimate(depth=4, size=(16, 16), device="CPU")
+    assert "Bake on: CPU" in results.estimate_of(scene).lines
+    with pytest.raises(RuntimeError, match=r"cannot be used by PyTorch here|needs PyTorch"):
+        bpy.ops.patchnet.run_all(light="two-lights", depth=4, size=(16, 16), encoder_device="GPU")
+
+
+def shipped() -> dict[str, Path]:
+    (folder,) = [path for path in map(Path, bpy.utils.preset_paths("patchnet")) if "operators" in path.parts]
+    return {path.stem: path for path in folder.glob("*.py")}
+
+
+def test_presets_are_shipped_and_apply(scene: bpy.types.Scene) -> None:
+    assert set(shipped()) == {"draft", "standard", "large_pictures", "paper"}
+    settings = scene.patchnet
+    defaults = {name: value_of(settings, name) for name in presets_menu._VALUES}
+    for name, path in shipped().items():
+        assert bpy.ops.patchnet.apply_preset(filepath=str(path)) == {"FINISHED"}
+        assert (defaults == {key: value_of(settings, key) for key in presets_menu._VALUES}) == (name == "standard")
+    bpy.ops.patchnet.apply_preset(filepath=str(shipped()["large_pictures"]))
+    assert settings.resolution == "FIT" and tuple(settings.size) == (0, 0)
+    bpy.ops.patchnet.apply_preset(filepath=str(shipped()["paper"]))
+    assert settings.light == "two-lights" and settings.strategy == "patchnet"
+    with pytest.raises(RuntimeError, match="no preset"):
+        bpy.ops.patchnet.apply_preset(filepath="/nowhere.py")
+
+
+def value_of(settings: bpy.types.PropertyGroup, name: str) -> object:
+    value = getattr(settings, name)
+    return tuple(value) if name == "size" else value
+
+
+def test_presets_of_the_person(scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bpy.utils, "user_resource", lambda kind, path="", create=False: made(tmp_path / path))
+    scene.patchnet.samples, scene.patchnet.budget = 77, 0.25
+    assert bpy.ops.patchnet.add_preset(name="Mine") == {"FINISHED"}
+    (path,) = tmp_path.rglob("*.py")
+    scene.patchnet.samples, scene.patchnet.budget = 1, 1.0
+    bpy.ops.patchnet.apply_preset(filepath=str(path))
+    assert scene.patchnet.samples == 77 and scene.patchnet.budget == pytest.approx(0.25)
+
+
+def made(path: Path) -> str:
+    path.mkdir(parents=True, exist_ok=True)
+    return str(path)

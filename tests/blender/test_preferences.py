@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Preferences: the cache and what is deleted from it, another Python, diagnostics."""
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+import patchnet
+from patchnet.operators import preferences, results
+from patchnet.operators.cache.folder import cache_size, clear_cache
+from patchnet.operators.copy_diagnostics import diagnostics
+from patchnet.operators.job.encoder import chosen_encoder
+from patchnet.operators.job.run import run_job
+from patchnet.operators.job.settings import JobSettings
+from patchnet.patchnet_addon.light.kept_pages import KeptPages
+from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.progress import drain
+from patchnet.tests.blender.drawn import drawn
+from patchnet.tests.blender.job_scene import SMALL, build, random_weights
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    patchnet.register()
+    yield
+    patchnet.unregister()
+
+
+@pytest.fixture(autouse=True)
+def scene() -> None:
+    build()
+
+
+def fill(root: Path) -> set[Path]:
+    """A cache as it is made, in a folder that holds a person's own things as well; those."""
+    kernels = root / "kernels" / ("0123456789abcdef") / "octree_1a"
+    kernels.mkdir(parents=True)
+    for name in ("clip.area-12.py311.nbi", "clip.area-12.py311.1.nbc"):
+        (kernels / name).write_bytes(b"x" * 1000)
+    pages = KeptPages(root / "bakes")
+    pages.open("0123456789abcdef" * 2)
+    pages.save(3, np.ones((16, 2), np.float32))
+    own = {
+        root / "holiday.jpg", root / "kernels" / "notes.txt", root / "kernels" / "0123456789abcdef" / "mine.txt",
+        root / "bakes" / "cake.txt", root / "bakes" / "page-00001.safetensors",
+        root / "bakes" / ("0123456789abcdef" * 2) / "mine.safetensors",
+        root / "bakes" / "bread" / "page-00001.safetensors",
+    }  # fmt: skip
+    for path in own:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("mine")
+    return own
+
+
+def test_cache_is_measured_and_cleared_without_touching_other_files(tmp_path: Path) -> None:
+    own = fill(tmp_path)
+    size = cache_size(tmp_path)
+    assert size.kernels == 2000 and 128 < size.bakes < 4000
+    assert clear_cache(tmp_path) == size.total
+    assert {path for path in tmp_path.rglob("*") if path.is_file()} == own
+    assert cache_size(tmp_path).total == 0 == clear_cache(tmp_path)
+
+
+def test_links_are_not_followed(tmp_path: Path) -> None:
+    outside = tmp_path / "outside"
+    fill(outside)
+    root = tmp_path / "cache"
+    root.mkdir()
+    (root / "kernels").symlink_to(outside / "kernels", target_is_directory=True)
+    (root / "bakes").mkdir()
+    (root / "bakes" / ("f" * 32)).symlink_to(outside / "bakes" / ("0123456789abcdef" * 2), target_is_directory=True)
+    before = cache_size(outside)
+    assert clear_cache(root) == 0 and cache_size(outside) == before
+    assert clear_cache(tmp_path / "nothing") == 0
+
+
+def test_operators_of_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path))
+    own = fill(tmp_path)
+    assert bpy.ops.patchnet.measure_cache() == {"FINISHED"}
+    assert preferences.kept.cache == cache_size(tmp_path).text()
+    assert bpy.ops.patchnet.clear_cache() == {"FINISHED"}
+    assert preferences.kept.cache.startswith("0.0 MiB") and all(path.exists() for path in own)
+
+
+def test_preferences_draw() -> None:
+    preferences.kept.cache, preferences.kept.python = "", ""
+    texts = drawn(preferences.PatchNetPreferences, torch_python="")
+    assert "Size not measured" in texts and "patchnet.clear_cache" in texts and "patchnet.copy_diagnostics" in texts
+    preferences.kept.cache = "1.0 MiB"
+    assert {"1.0 MiB", "Not checked"} <= set(drawn(preferences.PatchNetPreferences, torch_python="/bin/python"))
+
+
+def test_diagnostics(tmp_path: Path) -> None:
+    weights = random_weights(tmp_path)
+    bpy.context.scene.patchnet.weights = str(weights)
+    bpy.ops.patchnet.run_all(light="two-lights", **SMALL)
+    with pytest.raises(RuntimeError, match="Nobody"):
+        bpy.ops.patchnet.run_all(cameras="Nobody", **SMALL)
+    text = diagnostics(bpy.context)
+    said = json.loads(text)
+    assert said["versions"]["blender"] == bpy.app.version_string and said["machine"]["cores"] > 0
+    assert said["settings"]["light"] == "cycles" and said["result"] == results.voxels_of(bpy.context.scene).summary
+    assert any("Nobody" in line for line in said["last warnings and errors"])
+    assert str(Path.home()) not in text
+    assert bpy.ops.patchnet.copy_diagnostics() == {"FINISHED"}
+
+
+def test_another_python_encodes(tmp_path: Path) -> None:
+    pytest.importorskip("torch")
+    weights = random_weights(tmp_path)
+    settings = JobSettings(light="two-lights", weights=weights, **SMALL)
+    mine = drain(run_job(bpy.context, settings))
+    other = drain(run_job(bpy.context, JobSettings(**{**vars(settings), "torch_python": Path(sys.executable)})))
+    assert "another Python" in other.report["encoder"] and mine.report["encoder"] == "NumPy on the CPU"
+    np.testing.assert_allclose(other.coded.codes.astype(float), mine.coded.codes.astype(float), atol=2e-2, rtol=2e-3)
+    assert other.warnings == mine.warnings
+
+
+def test_python_that_cannot_encode_is_named_and_replaced(tmp_path: Path) -> None:
+    missing = tmp_path / "python"
+    weights = Weights.random(3)
+    with chosen_encoder(weights, JobSettings(torch_python=missing)) as chosen:
+        assert chosen.text == "NumPy on the CPU"
+    (warning,) = chosen.warnings
+    assert str(missing) in warning and "NumPy instead" in warning
+
+
+def test_checking_a_python_needs_one() -> None:
+    with pytest.raises(RuntimeError, match="No Python is chosen"):
+        bpy.ops.patchnet.check_python()
