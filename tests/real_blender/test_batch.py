@@ -45,7 +45,7 @@ def test_bad_input_is_an_exit_code_and_a_sentence(installed: Blender, courtyard:
 
 @pytest.fixture(scope="module")
 def cube(installed: Blender, out: Path) -> Path:
-    """Blender's own first scene. UVs of the courtyard's basin come out otherwise now and then: frames would not be the same."""
+    """Blender's own first scene. In the courtyard, UVs of the basin differ between two starts now and then."""
     path = out / "cube.blend"
     installed.execute(f"import bpy; bpy.ops.wm.save_as_mainfile(filepath={str(path)!r})")
     return path
