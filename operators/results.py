@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -152,6 +153,7 @@ def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str) -> None:
     result.octree.free_keys()
     result.summary = _summary(result)
     _results[scene.session_uid] = result
+    _redraw_viewports()
 
 
 def without_view(result: SceneResult) -> SceneResult:
@@ -164,6 +166,17 @@ def without_view(result: SceneResult) -> SceneResult:
 def forget(scene: bpy.types.Scene) -> None:
     """Free the memory that results of `scene` take."""
     _results.pop(scene.session_uid, None)
+    _redraw_viewports()
+
+
+def _redraw_viewports() -> None:
+    """Viewports may show results: the render engine's shading mode does. A render beside a window leaves them alone."""
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
 
 
 def estimate_of(scene: bpy.types.Scene) -> Estimate | None:

@@ -58,8 +58,10 @@ def octree_of_frame(
     here = kept is not None and kept.octree.provenance.get("frame") == scene.frame_current
     if kept is not None and ((here and not animation) or not may_change(scene)):
         return (yield from _coded(scene, kept, settings))
-    yield Progress(0, 1, "Looking at the scene")
-    key = surface_key(depsgraph, settings)
+    key = ""
+    if animation or kept is not None or number in _made:  # else nothing is there to compare with, nor will be
+        yield Progress(0, 1, "Looking at the scene")
+        key = surface_key(depsgraph, settings)
     if kept is not None and here:
         _kept[number] = _Known(kept, key)
     for known in (_kept.get(number), _made.get(number)):
@@ -67,7 +69,8 @@ def octree_of_frame(
             return (yield from _coded(scene, known.result, settings))
     _made.pop(number, None)  # before the next one takes memory
     result = yield from _compute(depsgraph, camera, settings, nothing_there=results.result_of(scene) is None)
-    _made[number] = _Known(result, key)
+    if key:
+        _made[number] = _Known(result, key)
     if kept is None:
         results.keep(scene, result)
     return (yield from _coded(scene, result, settings))

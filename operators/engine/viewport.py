@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import bpy
@@ -34,6 +35,7 @@ class Viewport:
         self._preparation: Preparation | None = None
         self._prepared_for: tuple[Any, ...] = ()
         self._texture: PictureTexture | None = None
+        self._asked = 0.0  # when to be drawn again was asked for
 
     def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context) -> None:
         """Work for a moment, draw what is there, and ask to be drawn again while there is more to do."""
@@ -68,13 +70,15 @@ class Viewport:
         if state != self._state or self._preview is None:
             picture = AdaptivePicture(octree, camera, chosen, coded)
             self._state, self._preview = state, ViewportPreview(picture, values.budget, world)
+            self._asked = time.perf_counter()  # the first picture comes soon
         preview = self._preview
         if not preview.done or self._texture is None:
-            preview.work()
+            preview.work(time.perf_counter() - self._asked)  # as long as drawing itself takes
             self._texture = PictureTexture(preview.pixels())
         self._texture.draw(engine, context.scene)
         engine.update_stats("PatchNet", f"{preview.status}, {_STALE}" if result.stale else preview.status)
         if not preview.done:
+            self._asked = time.perf_counter()
             engine.tag_redraw()
 
     def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:

@@ -13,10 +13,12 @@ from ...patchnet_addon.progress import Progress, Steps, drain
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from .passes import combined
 
-SLICE_S = 0.04  # of work for each time that the view is drawn
+SLICE_S = 0.04  # of work for each time that the view is drawn, at least
+LONGEST_SLICE_S = 0.2  # where drawing takes as long
 COARSE = 4  # pixels of the view on a side of one of the first picture's
 _QUICK_SIDE, _FINE_SIDE = 4, 32  # rays per pixel side, first everywhere in the budget, then again
 _FIRST_PACE = (1 << 13, 1 << 16)
+_SMALLEST_PACE = (1 << 11, 1 << 13)
 _LARGEST_PACE = (1 << 16, 1 << 20)
 
 
@@ -34,8 +36,9 @@ class ViewportPreview:
         self._pace = Pace(*_FIRST_PACE)
         self.steps = self._all()
 
-    def work(self, seconds: float = SLICE_S) -> None:
+    def work(self, seconds: float) -> None:
         """Do what fits into a slice of time; at least one step. Raises PatchNetError."""
+        seconds = min(max(seconds, SLICE_S), LONGEST_SLICE_S)
         end = time.perf_counter() + seconds
         while not self.done:
             start = time.perf_counter()
@@ -80,8 +83,8 @@ class ViewportPreview:
     def _keep_pace(self, took: float, slice_s: float) -> None:
         factor = 0.5 if took > slice_s else 2.0 if took < slice_s / 4 else 1.0
         pace = self._pace
-        pace.band_pixels = int(np.clip(pace.band_pixels * factor, 512, _LARGEST_PACE[0]))
-        pace.batch_rays = int(np.clip(pace.batch_rays * factor, _FINE_SIDE**2, _LARGEST_PACE[1]))
+        pace.band_pixels = int(np.clip(pace.band_pixels * factor, _SMALLEST_PACE[0], _LARGEST_PACE[0]))
+        pace.batch_rays = int(np.clip(pace.batch_rays * factor, _SMALLEST_PACE[1], _LARGEST_PACE[1]))
 
 
 class Preparation:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..codes.predict import Prediction
     from ..tracing.render import Hits
 
-BAND_PIXELS = 1 << 18  # traced at once
+BAND_PIXELS = 1 << 16  # traced at once
 BATCH_RAYS = 1 << 20  # of refined pixels at once
 REFINED_SIDE = 32  # rays per pixel side
 

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Somebody looks through the render engine in a Blender window: the shading mode of a viewport, and F12.
+
+    blender --enable-event-simulate -p 0 0 1500 1000 courtyard.blend -P engine_window.py -- OUT
+
+Writes OUT/engine.json, a value for each thing that was seen, and screenshots beside it. test_engine_window.py judges
+them.
+"""
+
+import json
+import sys
+import time
+from pathlib import Path
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).parent))
+import clicks
+
+OUT = Path(sys.argv[sys.argv.index("--") + 1])
+PACKAGE = "bl_ext.user_default.patchnet"
+
+seen: dict[str, object] = {}
+
+
+def module(name: str):
+    """A module of the installed extension."""
+    return sys.modules[f"{PACKAGE}.operators.{name}"]
+
+
+def watched(viewports: list) -> None:
+    """Keep every viewport that draws, to ask it for its state."""
+    kind = module("engine.viewport").Viewport
+    before = kind.draw
+
+    def draw(self, engine, context):
+        start = time.perf_counter()
+        before(self, engine, context)
+        took = time.perf_counter() - start
+        if self not in viewports:
+            viewports.append(self)
+        self.longest = max(getattr(self, "longest", 0.0), took)
+
+    kind.draw = draw
+
+
+def show(mode: str) -> None:
+    """Shading mode of the 3D viewport."""
+    clicks.area("VIEW_3D").spaces.active.shading.type = mode
+
+
+def settle(viewport, what: str, seconds: float = 120.0):
+    """Wait until the preview of a viewport has spent its budget; how often it was drawn different meanwhile."""
+    yield from clicks.wait_for(lambda: viewport._preview is not None and viewport._preview.done, what, seconds)
+
+
+def without_voxels():
+    """The shading mode says what to do."""
+    show("RENDERED")
+    yield 1.5
+    yield from clicks.screenshot(OUT / "engine-no-voxels.png")
+
+
+def preview():
+    """Refining while the view stands still, starting anew when it moves, done in the end."""
+    import importlib
+
+    importlib.import_module(f"{PACKAGE}.operators.engine.viewport")
+    viewports: list = []
+    watched(viewports)
+    values = clicks.window().scene.patchnet
+    values.resolution, values.depth, values.scope = "DEPTH", 7, "VISIBLE"
+    values.light, values.color, values.budget = "two-lights", True, 0.005
+    for step in ("voxelize", "bake_light", "precompute_codes"):
+        getattr(bpy.ops.patchnet, step)()
+    yield from clicks.wait_for(lambda: viewports and viewports[0]._preview is not None, "a preview begins")
+    viewport = viewports[0]
+    viewport.longest = 0.0
+    first = viewport._preview
+    seen["coarse at first"] = bool((first.picture.samples == 0).any())
+    yield from clicks.wait_for(lambda: first.picture.frame is not None, "every pixel is traced")
+    yield from clicks.screenshot(OUT / "engine-traced.png")
+    x, y = clicks.over_viewport()
+    yield from clicks.move(x, y)
+    clicks.window().event_simulate(type="WHEELUPMOUSE", value="PRESS", x=x, y=y)
+    yield from clicks.wait_for(lambda: viewport._preview is not first, "another view is another preview")
+    yield from settle(viewport, "the preview spends its budget")
+    picture = viewport._preview.picture
+    seen["finest"], seen["refined share"] = int(picture.samples.max()), float((picture.samples == 1024).mean())
+    seen["longest draw_s"] = round(viewport.longest, 2)
+    yield from clicks.screenshot(OUT / "engine-refined.png")
+    first = picture = None
+    show("SOLID")
+    yield 1.0
+    seen["references left"] = sys.getrefcount(viewports[0])
+
+
+def final_renders():
+    """F12 in a job of Blender's own, beside a window that lives, with voxels and without.
+
+    Esc cannot be tried: Blender's jobs hear it from the window system only, not from events that are simulated.
+    """
+    scene = clicks.window().scene
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 320, 200, 100
+    yield from render("render")
+    yield 0.5
+    seen["windows"] = [[area.type for area in window.screen.areas] for window in bpy.context.window_manager.windows]
+    yield from clicks.screenshot(OUT / "engine-render.png")
+    scene.patchnet.light = "cycles"
+    bpy.ops.patchnet.clear_results()
+    yield from render("render without voxels")
+    yield 0.5
+    yield from clicks.screenshot(OUT / "engine-error.png")
+
+
+def render(name: str):
+    """Press F12 and wait until the job ends; how it ended, and how long it took."""
+    ended: list[str] = []
+    notes = [(bpy.app.handlers.render_complete, "complete"), (bpy.app.handlers.render_cancel, "cancel")]
+    added = [(handlers, lambda *_, word=word: ended.append(word)) for handlers, word in notes]
+    for handlers, note in added:
+        handlers.append(note)
+    yield from clicks.key("F12", *clicks.over_viewport())
+    yield from clicks.wait_for(lambda: bool(ended) or bpy.app.is_job_running("RENDER"), f"{name} starts")
+    start = time.monotonic()
+    yield from clicks.wait_for(lambda: bool(ended) and not bpy.app.is_job_running("RENDER"), f"{name} ends")
+    seen[name] = {"ended": ended[-1], "seconds": round(time.monotonic() - start, 1)}
+    for handlers, note in added:
+        handlers.remove(note)
+
+
+def session():
+    """The whole visit."""
+    scene = clicks.window().scene
+    scene.render.engine = "PATCHNET"
+    for part in (without_voxels, preview, final_renders):
+        yield from part()
+        save("stopped on the way")
+
+
+def save(problem: str) -> None:
+    """Write what was seen so far."""
+    (OUT / "engine.json").write_text(json.dumps(seen | {"problem": problem}, indent=1))
+
+
+def finish(problem: str) -> None:
+    """Write what was seen and leave."""
+    save(problem)
+    bpy.ops.wm.quit_blender()
+
+
+bpy.context.preferences.view.show_splash = False
+bpy.context.preferences.view.ui_scale = 1.0
+clicks.play(session(), finish)

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine in a real Blender with a window; engine_window.py is what happened there."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from patchnet.tests.real_blender.executable import Blender
+
+
+@pytest.fixture(scope="module")
+def seen(installed: Blender, courtyard: Path, out: Path) -> dict:
+    """What engine_window.py saw in the window."""
+    done = installed.run_window(courtyard, "-P", Path(__file__).with_name("engine_window.py"), "--", out)
+    (out / "engine.log").write_text(done.stdout + done.stderr)
+    report = out / "engine.json"
+    assert report.exists(), f"Blender ended with code {done.returncode} before the visit did: see {out / 'engine.log'}"
+    found: dict = json.loads(report.read_text())
+    assert not found["problem"], found["problem"]
+    return found | {"said": done.stdout + done.stderr}
+
+
+def test_the_viewport_refines_while_it_stands_still(seen: dict) -> None:
+    assert seen["coarse at first"]
+    assert seen["finest"] == 1024 and 0.0 < seen["refined share"] < 0.005
+
+
+def test_leaving_the_shading_mode_frees_the_picture(seen: dict) -> None:
+    assert seen["references left"] == 3  # the script's list, its variable, and the question itself
+
+
+def test_f12_renders_beside_the_window(seen: dict) -> None:
+    assert seen["render"]["ended"] == "complete" and ["IMAGE_EDITOR"] in seen["windows"]
+
+
+def test_without_voxels_nothing_breaks(seen: dict, out: Path) -> None:
+    """What the status bar says then is in a screenshot: scripts cannot read it."""
+    assert seen["render without voxels"]["ended"] in ("complete", "cancel") and "Traceback" not in seen["said"]
+    for name in ("no-voxels", "traced", "refined", "render", "error"):
+        assert (out / f"engine-{name}.png").stat().st_size > 5000
