@@ -8,6 +8,7 @@ import atexit
 import bpy
 
 from . import (
+    add_demo_scene,
     bake_animation,
     bake_light,
     check_python,
@@ -33,7 +34,7 @@ from .cache import clear as clear_cache
 from .cache import measure as measure_cache
 
 # Have register() and unregister() of their own.
-_BEFORE = (preferences, properties, results, staleness, presets_menu, copy_diagnostics)
+_BEFORE = (preferences, properties, results, staleness, presets_menu, copy_diagnostics, add_demo_scene)
 _OPERATORS = (
     voxelize,
     bake_light,

@@ -18,10 +18,12 @@ from patchnet.tests.blender.job_scene import build, random_weights
 
 # In an order in which each finds what it needs. WEIGHTS and OUT are filled in.
 CALLS = {
+    "estimate": "depth=5, light='two-lights', scope='VISIBLE'",
     "voxelize": "depth=5, resolution='DEPTH', scope='VISIBLE'",
     "bake_light": "light='two-lights', exposure=0.5",
     "precompute_codes": "weights=WEIGHTS",
     "render_preview": "size=(16, 16), cameras='Eye', budget=0.5",
+    "compare": "size=(16, 16), cameras='Eye', budget=0.5",
     "show_voxels": "level=3, display='POINTS'",
     "export_octree": "filepath=OUT + '/voxels.safetensors', level=4",
     "clear_results": "",
@@ -29,12 +31,16 @@ CALLS = {
     "bake_animation": "frame_start=2, frame_end=4, frame_step=2, depth=4, light='two-lights', size=(16, 16), "
     "weights=WEIGHTS, out=OUT + '/frames', skip_existing=True",
 }
+LAST = {"copy_diagnostics": "", "add_demo_scene": ""}  # another scene is shown in the end
+ELSEWHERE = {"clear_cache"}  # test_preferences.py, on a cache of its own
 PREPARE = """
 import sys, bpy, patchnet
 patchnet.register()
 bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
 WEIGHTS, OUT = sys.argv[2:4]
-ours = sorted(name.removeprefix("PATCHNET_OT_").lower() for name in dir(bpy.types) if name.startswith("PATCHNET_OT_"))
+names = [name for name in dir(bpy.types) if name.startswith("PATCHNET_OT_")]
+public = [name for name in names if "INTERNAL" not in getattr(bpy.types, name).bl_options]
+ours = sorted(name.removeprefix("PATCHNET_OT_").lower() for name in public)
 """
 
 
@@ -64,13 +70,14 @@ def done(files: Path) -> subprocess.CompletedProcess[str]:
     """All operators, one after the other; the animation twice."""
     calls = [f"assert bpy.ops.patchnet.{name}({values}) == {{'FINISHED'}}" for name, values in CALLS.items()]
     state = "print('HERE', ours, [item.name for item in bpy.data.objects], bpy.context.scene.frame_current)"
-    return batch("\n".join([*calls, calls[-1], state, "patchnet.unregister()"]), files)
+    last = [f"assert bpy.ops.patchnet.{name}({values}) == {{'FINISHED'}}" for name, values in LAST.items()]
+    return batch("\n".join([*calls, calls[-1], state, *last, "patchnet.unregister()"]), files)
 
 
 def test_every_operator_finishes(done: subprocess.CompletedProcess[str]) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     state = next(line for line in done.stdout.splitlines() if line.startswith("HERE"))
-    assert str(sorted(CALLS)) in state, "an operator is not called here"
+    assert str(sorted({*CALLS, *LAST, *ELSEWHERE})) in state, "an operator is not called here"
     assert "'PatchNet Voxels'" in state and state.endswith(" 1")
 
 
@@ -87,15 +94,15 @@ def test_each_says_so_in_the_log(done: subprocess.CompletedProcess[str], files: 
     said = events(done)
     started = [line["command"] for line in said if line["event"] == "start"]
     assert started == [
-        "Voxelize", "Bake Light", "Precompute Codes", "Render Preview", "Show Voxels", "Export Voxels",
-        "Preview Selection", "Bake Animation", "Bake Animation",
+        "Estimate", "Voxelize", "Bake Light", "Precompute Codes", "Render Preview", "Compare Strategies", "Show Voxels",
+        "Export Voxels", "Preview Selection", "Bake Animation", "Bake Animation", "PatchNet Demo Scene",
     ]  # fmt: skip
     assert all(line["file"].endswith("small.blend") for line in said if line["event"] == "start")
     results = [line for line in said if line["event"] == "result"]
     assert len(results) == len(started) and not [line for line in said if line["event"] == "error"]
     paths = [Path(line["file"]) for line in results if "file" in line]
     assert paths == [files / "out" / name for name in ("voxels.safetensors", "all", "frames", "frames")]
-    assert results[-1]["message"].startswith("0 frames made, 2 were there")
+    assert results[-2]["message"].startswith("0 frames made, 2 were there")
     stages = {line["stage"] for line in said if line["event"] == "stage"}
     assert {"Reading the scene", "Encoding", "Writing files", "skipped"} <= stages
 
