@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..patchnet_addon.errors import PatchNetError, SettingError
+from .cycles import add_cycles, cycles_settings, print_cycles
 from .frames import add_frames, bake_with_bars, check_frames, print_frames
 from .lines import say_note, say_result
 from .scene_argument import add_scene, open_given, scene_path
@@ -63,6 +64,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--heatmap-max", type=float, help="priority at the end of the heatmap's legend")
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
     parser.add_argument("--weights", type=Path, help="weights file instead of the one that is shipped")
+    add_cycles(parser)
 
 
 def add_fronts_only(parser: argparse.ArgumentParser) -> None:
@@ -147,6 +149,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         colormap=args.colormap,
         weights=args.weights,
         out=out,
+        cycles=cycles_settings(args),
         importance=None if args.mask is None else Importance(file=args.mask.absolute()),
     )
 
@@ -183,6 +186,7 @@ def print_result(result: JobResult, settings: JobSettings) -> None:
         for name, value in sorted(frame["mse"].items(), key=lambda item: item[1]):
             marker = " <" if name == settings.strategy else ""
             print(f"  {name:<24} {value:.2e}{marker}")
+        print_cycles(frame.get("cycles"))
     views = [
         {"camera": frame["camera"], "mse_unrefined": frame["mse_unrefined"], "mse": frame["mse"][settings.strategy]}
         for frame in result.report["frames"]

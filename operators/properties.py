@@ -21,7 +21,9 @@ from bpy.props import (
 
 from ..patchnet_addon.errors import SettingError
 from ..patchnet_addon.octree.grid import MAX_DEPTH
+from ..patchnet_addon.sampling.regions import DEFAULT_MOST, DEFAULT_TILE
 from ..patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
+from .cycles_refine.settings import COMBINED, DIFFUSE, CyclesSettings
 from .devices import AUTOMATIC, CPU, GPU
 from .importance import IMAGE, NOTHING, VERTEX_GROUP, Importance
 from .job.settings import CYCLES, TWO_LIGHTS, JobSettings
@@ -264,6 +266,48 @@ class DisplayProperties(LevelProperties):
     )
 
 
+class CyclesRefineProperties:
+    """What Cycles renders of a preview."""
+
+    cycles_budget: FloatProperty(
+        name="Pixels",
+        description="Share of the picture's pixels that Cycles renders, in rectangles where priority is highest",
+        default=0.2,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    cycles_samples: IntProperty(
+        name="Cycles Samples", description="Cycles samples of each of these pixels", default=64, min=1, max=65536
+    )
+    cycles_light: EnumProperty(
+        name="Passes",
+        description="What Cycles' pixels show",
+        items=[
+            (DIFFUSE, "Diffuse", "Diffuse light and emission, as the voxels around them do"),
+            (COMBINED, "Combined", "All light, gloss and glass too; regions with gloss then stand out"),
+        ],
+        default=DIFFUSE,
+    )
+    cycles_tile: IntProperty(
+        name="Tile",
+        description="Side in pixels of the tiles that regions are made of: smaller ones follow the heatmap closer",
+        default=DEFAULT_TILE,
+        min=1,
+        soft_min=4,
+        max=1024,
+    )
+    cycles_regions: IntProperty(
+        name="Max Regions", description="Regions at most", default=DEFAULT_MOST, min=1, soft_max=32, max=256
+    )
+    cycles_compare: BoolProperty(
+        name="Compare with a Full Render",
+        description="Also render the whole picture with as many samples, and a reference with four times as many, and "
+        "measure time and errors of both: takes far longer",
+        default=False,
+    )
+
+
 class PatchNetSettings(
     VoxelizeProperties,
     CameraProperties,
@@ -273,6 +317,7 @@ class PatchNetSettings(
     OutputProperties,
     AnimationProperties,
     DisplayProperties,
+    CyclesRefineProperties,
     bpy.types.PropertyGroup,
 ):
     """Settings that a scene remembers; operators use them for whatever is not given to themselves."""
@@ -328,6 +373,22 @@ def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope:
         importance=Importance.chosen(value("importance"), value("importance_image"), value("importance_group")),
         device=value("device"),
         encoder_device=value("encoder_device"),
+    )
+
+
+def cycles_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> CyclesSettings:
+    """Settings of a refinement by Cycles, from the operator where they are set, else from the scene."""
+
+    def value(name: str) -> Any:
+        return setting(context, operator, f"cycles_{name}")
+
+    return CyclesSettings(
+        budget=value("budget"),
+        samples=value("samples"),
+        tile=value("tile"),
+        most=value("regions"),
+        light=value("light"),
+        compare=value("compare"),
     )
 
 

@@ -18,7 +18,10 @@ from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import save_octree
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
 from ...patchnet_addon.progress import Progress, Steps
+from ...patchnet_addon.sampling.registry import strategy
 from ..cameras import choose_cameras, track_cameras
+from ..cycles_refine.pictures import save_cycles
+from ..cycles_refine.refine import CyclesView, refine_view
 from ..images import save_png
 from ..scene import read_scene
 from .output_folder import output_folder
@@ -40,6 +43,7 @@ class JobResult:
     """What a job made.
 
     warnings: sentences about what had to be assumed or left out. layout: levels of the leaves, if not all on one.
+    cycles: of each view, where regions by Cycles were wanted.
     """
 
     coded: CodedOctree
@@ -47,6 +51,7 @@ class JobResult:
     report: dict[str, Any]
     warnings: tuple[str, ...]
     layout: LeafLevels | None = None
+    cycles: tuple[CyclesView, ...] = ()
 
 
 def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResult]:
@@ -84,13 +89,18 @@ def _compute(
         octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout)
     with watch.stage("codes"):
         coded, encoding = yield from encode_as_set(octree, weights, settings)
-    views = []
+    views: list[View] = []
+    cycles: list[CyclesView] = []
     for camera in cameras:
         with watch.stage("views"):
             views.append((yield from view(coded, camera, settings, compare=True)))
+        if settings.cycles is not None:
+            with watch.stage("cycles"):
+                cycles.append((yield from refine_view(context, octree, views[-1], settings, settings.cycles)))
+            views[-1].report["cycles"] = cycles[-1].report
     warnings = (*source.warnings, *choice.warnings, *assumed, *encoding.warnings)
     report = job_report(coded, views, settings, watch.seconds, warnings) | {"encoder": encoding.text}
-    return JobResult(coded, tuple(views), report, warnings, choice.layout)
+    return JobResult(coded, tuple(views), report, warnings, choice.layout, tuple(cycles))
 
 
 def job_report(
@@ -136,6 +146,8 @@ def write_result(folder: Path, result: JobResult) -> None:
     save_codes(result.coded, folder / "codes.safetensors")
     for item in result.views:
         save_view(item, folder)
+    for refined in result.cycles:
+        save_cycles(refined, folder, strategy(result.report["strategy"]).maximum)
     save_png(folder / OVERVIEW_NAME, overview(result.views))
     text = json.dumps(result.report, indent=2, allow_nan=False)
     (folder / REPORT_NAME).write_text(text + "\n", encoding="utf-8")

@@ -13,6 +13,7 @@ from ...patchnet_addon.image.colormaps import COLORMAPS
 from ...patchnet_addon.octree.grid import MAX_DEPTH
 from ...patchnet_addon.octree.mesh import MeshSource
 from ...patchnet_addon.sampling.registry import DEFAULT, strategy
+from ..cycles_refine.settings import CyclesSettings
 from ..devices import AUTOMATIC, DEVICES
 from ..importance import Importance
 from ..scene.placements import VISIBLE
@@ -46,6 +47,7 @@ class JobSettings:
     device: of the bake; encoder_device: of the network where torch is there. torch_python: another Python that has
     torch. They decide who computes, and not what: they count for no frame's key.
     daylight: whether sun and sky are added for the bake; None adds them to a scene without light.
+    cycles: how Cycles renders the worst regions over the preview; None renders none.
     """
 
     scope: str = VISIBLE
@@ -70,6 +72,7 @@ class JobSettings:
     out: Path | None = None
     bounds: Bounds | None = None
     daylight: bool | None = None
+    cycles: CyclesSettings | None = None
     importance: Importance | None = None
     device: str = field(default=AUTOMATIC, repr=False)
     encoder_device: str = field(default=AUTOMATIC, repr=False)
@@ -91,6 +94,8 @@ class JobSettings:
             raise SettingError(f"Voxel size {self.voxel_world} must be a positive length")
         if self.light not in (CYCLES, TWO_LIGHTS):
             raise SettingError(f"There is no light {self.light!r}: choose {CYCLES} or {TWO_LIGHTS}")
+        if self.cycles is not None and self.light != CYCLES:
+            raise SettingError(f"Regions by Cycles need voxels in Cycles' light, not {self.light}: choose {CYCLES}")
         if self.samples < 1:
             raise SettingError(f"{self.samples} samples per texel are too few: choose at least 1")
         if self.exposure is not None and not (np.isfinite(self.exposure) and self.exposure > 0):

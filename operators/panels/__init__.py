@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sidebar tab PatchNet, a file for each of its panels."""
 
-from . import compare, export, light, main, network, octree, preview, statistics
+from . import compare, cycles_refine, export, light, main, network, octree, preview, statistics
 
-_ORDER = (main, octree, light, network, preview, compare, export, statistics)
+_ORDER = (main, octree, light, network, preview, compare, cycles_refine, export, statistics)
 CLASSES = tuple(item for module in _ORDER for item in module.CLASSES)

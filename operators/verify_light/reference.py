@@ -60,15 +60,15 @@ def render_reference(context: bpy.types.Context, camera: Camera, samples: int, s
         path = Path(folder) / "reference.exr"
         with prepared(context, camera, samples, seed, path) as (scene, layer):
             add_passes(layer)
-            render(scene, layer, path)
+            render(scene, path)
         return _reference(read_exr(path))
 
 
 def camera_render_seconds(context: bpy.types.Context, camera: Camera, samples: int, seed: int) -> float:
     """Wall seconds of Blender's call that renders the scene with nothing but the combined pass, and writes no file."""
-    with prepared(context, camera, samples, seed, Path()) as (scene, layer):
+    with prepared(context, camera, samples, seed, Path()) as (scene, _):
         start = time.perf_counter()
-        bpy.ops.render.render(scene=scene.name, layer=layer.name)
+        bpy.ops.render.render(scene=scene.name)
         return time.perf_counter() - start
 
 

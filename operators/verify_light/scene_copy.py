@@ -33,17 +33,22 @@ def prepared(
         _set_up(scene, camera, samples, seed, path)
         stack.enter_context(_lamps_unseen(scene))
         stack.enter_context(_seen_through(scene, camera))
-        yield scene, scene.view_layers[context.view_layer.name]
+        layer = scene.view_layers[context.view_layer.name]
+        # Rather than asking for one layer: Blender 5.2 cannot write a second such render of a scene of many layers.
+        scene.render.use_single_layer = False
+        for other in scene.view_layers:
+            other.use = other == layer
+        yield scene, layer
 
 
-def render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, path: Path) -> None:
-    """Render the copy's one view layer into `path`, a new file.
+def render(scene: bpy.types.Scene, path: Path) -> None:
+    """Render the copy's view layer into `path`, a new file.
 
     Raises SceneError if Cycles does not render, StoppedError if a person stopped it in a window.
     """
     path.unlink(missing_ok=True)
     try:
-        bpy.ops.render.render(write_still=True, scene=scene.name, layer=layer.name)
+        bpy.ops.render.render(write_still=True, scene=scene.name)
     except RuntimeError as cause:
         raise SceneError(f"Cycles cannot render the scene ({str(cause).strip().removeprefix('Error: ')})") from cause
     if not path.is_file():

@@ -134,7 +134,7 @@ def _bought(tiles: _Tiles, price: float, most: int, overhead_px: float) -> list[
     """At most `most` disjoint boxes whose priority is worth more than their price, the greatest surplus first."""
     surplus = tiles.priority - price * tiles.pixels
     taken = np.zeros(surplus.shape, bool)
-    boxes = []
+    boxes: list[Box] = []
     while len(boxes) < most:
         value, box = best_rectangle(surplus, taken)
         if box is None or (value <= price * overhead_px and boxes) or tiles.sums(box)[0] <= 0:

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Make cycles-refine.jpg: preview, regions over the heatmap, Cycles over the preview, and a full render by Cycles.
+
+    python docs/pictures/make_cycles_refine.py [WIDTH HEIGHT SAMPLES BUDGET]
+
+The figures are those of the machine it runs on; they are printed too. Needs the extras `blender` and `bench`.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import bpy  # noqa: TID251
+from PIL import Image
+
+from patchnet.__main__ import leave
+from patchnet.commands.run import run_with_bars
+from patchnet.operators.cycles_refine.pictures import comparison_sheet
+from patchnet.operators.cycles_refine.settings import CyclesSettings
+from patchnet.operators.demo_scene import build_courtyard
+from patchnet.operators.job.settings import JobSettings
+from patchnet.patchnet_addon.image.tone import to_bytes
+from patchnet.patchnet_addon.sampling.registry import strategy
+
+CAMERA = "Middle"
+
+
+def main() -> None:
+    """Write cycles-refine.jpg beside this file."""
+    width, height, samples, budget = (*sys.argv[1:], *("240", "180", "16", "0.2")[len(sys.argv) - 1 :])
+    bpy.ops.wm.read_homefile(use_empty=True)
+    build_courtyard(bpy.context.scene)
+    bpy.context.view_layer.update()
+    settings = JobSettings(
+        cameras=(CAMERA,),
+        size=(int(width), int(height)),
+        samples=4,
+        color=True,
+        cycles=CyclesSettings(float(budget), int(samples), compare=True),
+    )
+    result = run_with_bars(settings)
+    (view,) = result.cycles
+    print(json.dumps(view.report, indent=2))
+    sheet = comparison_sheet(view, strategy(settings.strategy).maximum)
+    Image.fromarray(to_bytes(sheet[::-1])).save(Path(__file__).with_name("cycles-refine.jpg"), quality=80)
+    leave(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The worst regions by Cycles."""
+
+from __future__ import annotations
+
+import bpy
+
+from .tab import SubPanel, split
+
+
+class PATCHNET_PT_cycles_refine(SubPanel, bpy.types.Panel):
+    """How much Cycles renders over the preview, and how well."""
+
+    bl_label = "Refine with Cycles"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Settings, then the button."""
+        layout = split(self.layout)
+        for name in ("budget", "samples", "light", "tile", "regions", "compare"):
+            layout.prop(context.scene.patchnet, f"cycles_{name}")
+        layout.operator("patchnet.refine_with_cycles", icon="RENDER_REGION")
+
+
+CLASSES = (PATCHNET_PT_cycles_refine,)

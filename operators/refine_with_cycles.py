@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The preview's worst regions rendered by Cycles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import bpy
+
+from ..patchnet_addon.progress import Steps
+from . import results
+from .job.settings import JobSettings
+from .job_operator import JobOperator
+from .properties import CameraProperties, CyclesRefineProperties, ViewProperties, cycles_settings
+from .render_preview import look
+from .scene.placements import SELECTED
+from .tell import tell
+
+if TYPE_CHECKING:
+    from .cycles_refine.refine import CyclesView
+
+
+class PATCHNET_OT_refine_with_cycles(
+    CameraProperties, ViewProperties, CyclesRefineProperties, JobOperator, bpy.types.Operator
+):
+    """Render the regions where the preview of the first camera is worst with Cycles, over the preview"""
+
+    bl_idname = "patchnet.refine_with_cycles"
+    bl_label = "Refine with Cycles"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """There must be codes."""
+        result = results.result_of(context.scene)
+        if result is None or result.coded is None:
+            cls.poll_message_set(results.NO_CODES)
+            return False
+        return super().poll(context)
+
+    def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
+        """Trace, score, choose regions, render them, show."""
+        from .cycles_refine.pictures import show_cycles
+        from .cycles_refine.refine import check_light, refine_view
+
+        wanted = cycles_settings(context, self)
+        octree, scope = results.codes_of(context.scene).octree, results.voxels_of(context.scene).scope
+        check_light(octree)
+        seen = yield from look(context, settings, compare=False)
+        view = yield from refine_view(context, octree, seen, settings, wanted)
+        show_cycles(view)
+        if scope == SELECTED:
+            tell(self, "WARNING", "Cycles renders all objects, but the voxels are those of the selected ones")
+        return summary(view)
+
+
+def summary(view: CyclesView) -> str:
+    """A sentence with the figures of a view."""
+    report = view.report
+    seconds = report["seconds"]
+    count = len(view.regions)
+    text = (
+        f"{view.camera.name}: Cycles rendered {report['pixels_share']:.1%} of the pixels in {count} "
+        f"region{'s' if count != 1 else ''} with {report['priority_share']:.0%} of the priority, "
+        f"{seconds['regions']:.1f} s"
+    )
+    if view.full is None:
+        return text
+    mse = report["mse"]
+    errors = f"error {mse['preview']:.2e} -> {mse['composited']:.2e}, of the full render {mse['full']:.2e}"
+    return f"{text}, all of them {seconds['full']:.1f} s; {errors}"
+
+
+CLASSES = (PATCHNET_OT_refine_with_cycles,)
