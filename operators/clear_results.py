@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import results
+from . import overlay, results
 from .job_operator import JobOperator
 from .memory import give_back
 
@@ -31,6 +31,7 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Forget the scene's results."""
         results.forget(context.scene)
+        overlay.forget(context)
         give_back()
         return {"FINISHED"}
 

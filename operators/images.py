@@ -39,6 +39,12 @@ def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.type
     return image
 
 
+def drop_image(name: str) -> None:
+    """Remove the result image `name`, if there is one."""
+    for image in [item for item in bpy.data.images if item.get(OWNER) == name]:
+        bpy.data.images.remove(image)
+
+
 def is_shown() -> bool:
     """Whether a picture of ours is among Blender's images."""
     return any(OWNER in image for image in bpy.data.images)

@@ -14,6 +14,7 @@ from ..patchnet_addon.log import set_up
 
 ROOT_PACKAGE = __package__.rpartition(".")[0]  # "patchnet", or "bl_ext.<repository>.patchnet" in Blender
 IS_EXTENSION = ROOT_PACKAGE.startswith("bl_ext.")
+OPEN_WINDOW, OPEN_EDITOR, OPEN_NEVER = "WINDOW", "EDITOR", "NEVER"
 _LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
 
 
@@ -56,6 +57,20 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
         items=[(name, name.capitalize(), "") for name in COLORMAPS],
         default=COLORMAPS[0],
     )
+    open_pictures: EnumProperty(
+        name="Open Pictures",
+        description="Where the heatmap comes up when a view is done",
+        items=[
+            (
+                OPEN_WINDOW,
+                "Image Editor or New Window",
+                "An Image Editor that is open and shows nothing of your own, else a new window as for renders",
+            ),
+            (OPEN_EDITOR, "Open Image Editor", "An Image Editor that is open and shows nothing of your own"),
+            (OPEN_NEVER, "Nowhere", "Pictures are among the images, and come up nowhere"),
+        ],
+        default=OPEN_WINDOW,
+    )
     log_level: EnumProperty(
         name="Log Level",
         description="What is written to the terminal",
@@ -76,7 +91,7 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
         row = layout.row()
         row.label(text=kept.python or ("Not checked" if self.torch_python else "Codes are computed without torch"))
         row.operator("patchnet.check_python", text="Check")
-        for name in ("colormap", "log_level"):
+        for name in ("colormap", "open_pictures", "log_level"):
             layout.prop(self, name)
         layout.operator("patchnet.copy_diagnostics", icon="COPYDOWN")
 
@@ -89,6 +104,7 @@ class Preferences:
     colormap: str = COLORMAPS[0]
     log_level: str = "WARNING"
     torch_python: str = ""
+    open_pictures: str = OPEN_WINDOW
 
 
 def preferences(context: bpy.types.Context) -> Preferences:
@@ -97,7 +113,9 @@ def preferences(context: bpy.types.Context) -> Preferences:
     if addon is None or addon.preferences is None:
         return Preferences()
     values = addon.preferences
-    return Preferences(values.cache_folder, values.colormap, values.log_level, values.torch_python)
+    return Preferences(
+        values.cache_folder, values.colormap, values.log_level, values.torch_python, values.open_pictures
+    )
 
 
 def apply_preferences(context: bpy.types.Context) -> None:

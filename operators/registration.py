@@ -18,6 +18,7 @@ from . import (
     engine,
     estimate,
     export_octree,
+    overlay,
     panels,
     precompute_codes,
     preferences,
@@ -64,6 +65,7 @@ def register() -> None:
         module.register()
     for item in _CLASSES:
         bpy.utils.register_class(item)
+    overlay.register()
     engine.register()
     # Blender disables its extensions before it exits. Whatever else is still registered then makes it hang.
     if not preferences.IS_EXTENSION:
@@ -74,6 +76,7 @@ def unregister() -> None:
     """Forget everything, last first."""
     atexit.unregister(unregister)
     engine.unregister()
+    overlay.unregister()
     for item in reversed(_CLASSES):
         bpy.utils.unregister_class(item)
     for module in reversed(_BEFORE):

@@ -9,10 +9,10 @@ import bpy
 import numpy as np
 
 from ..patchnet_addon.progress import Steps
-from . import results
+from . import overlay, results
 from .cameras import choose_cameras
 from .job.settings import JobSettings
-from .job.views import View, show_view, view
+from .job.views import View, view
 from .job_operator import JobOperator
 from .properties import CameraProperties, ViewProperties
 from .seen import seen
@@ -55,7 +55,7 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     with results.timed(seconds, "views"):
         result = yield from view(coded, camera, settings, compare=compare)
     results.keep(context.scene, seen(replace(before, seconds=seconds), result, compared=compare), "view")
-    show_view(result)
+    overlay.show(context, [result], settings)
     return result
 
 

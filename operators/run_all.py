@@ -6,9 +6,8 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.progress import Steps
-from . import results
+from . import overlay, results
 from .job.settings import JobSettings
-from .job.views import show_view
 from .job_operator import JobOperator
 from .properties import (
     CameraProperties,
@@ -64,7 +63,7 @@ class PATCHNET_OT_run_all(
             "codes",
             "view",
         )
-        show_view(first)
+        overlay.show(context, result.views, settings)
         for warning in result.warnings:
             tell(self, "WARNING", warning)
         left = first.report["mse"][settings.strategy]

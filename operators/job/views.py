@@ -24,22 +24,14 @@ from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
 from ...patchnet_addon.sampling.report import frame_report
 from ...patchnet_addon.sampling.trace import trace_frame
 from ...patchnet_addon.tracing.camera import Camera
-from ..images import save_exr, save_png, show_image
+from ..images import save_exr, save_png
 from ..importance import pixel_importance
 from .settings import JobSettings
 
 ERROR_MAXIMUM = 0.5  # luminance error at the end of the error picture's legend
 
-# File and Blender image of each picture, in the order in which a person would look at them.
-PICTURES = {
-    "preview": "PatchNet Preview",
-    "heatmap": "PatchNet Heatmap",
-    "overlay": "PatchNet Overlay",
-    "refined": "PatchNet Refined",
-    "reference": "PatchNet Reference",
-    "error": "PatchNet Error",
-}
-PRIORITY_IMAGE = "PatchNet Refinement"
+# Each picture that is a file and a Blender image, in the order in which a person would look at them.
+PICTURES = ("preview", "heatmap", "overlay", "refined", "reference", "error")
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,13 +112,6 @@ def overview(views: Sequence[View]) -> np.ndarray:
         names.append(f"{item.camera.name}: mse {item.report['mse_unrefined']:.5f} -> {left:.5f}")
     titles = ("preview", "priority", "refined first: red", "refined", "reference")
     return contact_sheet(rows, names, titles)
-
-
-def show_view(result: View) -> None:
-    """Put the view's pictures into Blender's images."""
-    for name, image in PICTURES.items():
-        show_image(image, result.pictures[name])
-    show_image(PRIORITY_IMAGE, result.priority, raw=True)
 
 
 def save_view(result: View, folder: Path) -> None:

@@ -18,12 +18,17 @@ from .tone import gray
 VIEW_HEIGHT_PX = 540  # small pictures are magnified by a whole factor to about this height
 _PAPER = 0.11  # sRGB value of the legend's ground
 _INK = 0.9
+_GAP_PX = 8
 
 
 def magnify(picture: np.ndarray) -> np.ndarray:
     """`picture` with every pixel repeated a whole number of times, to about 540 rows; larger ones stay."""
-    factor = max(1, round(VIEW_HEIGHT_PX / picture.shape[0]))
+    factor = _magnification(picture.shape[0])
     return picture.repeat(factor, axis=0).repeat(factor, axis=1)
+
+
+def _magnification(rows: int) -> int:
+    return max(1, round(VIEW_HEIGHT_PX / rows))
 
 
 def heatmap(
@@ -74,10 +79,10 @@ def with_legend(
     quantity: str,
 ) -> np.ndarray:
     """Views side by side under their titles, above one bar of colours with ticks and the name of the quantity."""
-    gap, width = 8, sum(view.shape[1] for view in views) + 8 * (len(views) - 1)
+    gap, width = _GAP_PX, sum(view.shape[1] for view in views) + _GAP_PX * (len(views) - 1)
     scale = 2 if max(text_width(text) for text in (*titles, quantity)) * 2 + 16 <= views[0].shape[1] else 1
     line = GLYPH_HEIGHT * scale
-    foot, head, height = 4 * gap + 2 * line + 8 * scale, line + 2 * gap, views[0].shape[0]
+    (foot, head), height = _margins(scale), views[0].shape[0]
     page = np.full((foot + height + head, width, 3), _PAPER, np.float32)
     left = 0
     for view, title in zip(views, titles, strict=True):
@@ -87,6 +92,29 @@ def with_legend(
     _draw_bar(page, ramp, ticks, gap, 3 * gap + 2 * line - scale, 6 * scale, scale)
     draw_text(page, quantity, (width - text_width(quantity) * scale) // 2, gap, scale, _INK)
     return page
+
+
+def places_on_page(
+    page_px: tuple[int, int], size_px: tuple[int, int], count: int
+) -> tuple[tuple[float, float, float, float], ...]:
+    """Where `count` pictures of size_px (width, height) lie on a page of `with_legend`, in shares of the page's sides:
+    left, bottom, right, top. Nothing if the page is not one of theirs."""
+    factor = _magnification(size_px[1])
+    width, height = size_px[0] * factor, size_px[1] * factor
+    if page_px[0] != count * width + (count - 1) * _GAP_PX:
+        return ()
+    for foot, head in (_margins(1), _margins(2)):
+        if foot + height + head == page_px[1]:
+            lefts = [index * (width + _GAP_PX) for index in range(count)]
+            sides = foot / page_px[1], (foot + height) / page_px[1]
+            return tuple((left / page_px[0], sides[0], (left + width) / page_px[0], sides[1]) for left in lefts)
+    return ()
+
+
+def _margins(scale: int) -> tuple[int, int]:
+    """Rows below and above the pictures on a page, for its legend and its titles."""
+    line = GLYPH_HEIGHT * scale
+    return 4 * _GAP_PX + 2 * line + 8 * scale, line + 2 * _GAP_PX
 
 
 def _draw_bar(

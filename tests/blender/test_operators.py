@@ -16,7 +16,8 @@ from patchnet.operators import results
 from patchnet.operators.images import show_image
 from patchnet.operators.job.run import run_job
 from patchnet.operators.job.settings import JobSettings
-from patchnet.operators.job.views import PICTURES, PRIORITY_IMAGE
+from patchnet.operators.job.views import PICTURES
+from patchnet.operators.overlay.result_images import image_name
 from patchnet.patchnet_addon.codes.file import load_codes
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import load_octree
@@ -72,9 +73,9 @@ def test_steps_one_by_one(scene: bpy.types.Scene) -> None:
     assert_unchanged(before)
     assert bpy.ops.patchnet.render_preview(size=(24, 16)) == {"FINISHED"}
     assert results.voxels_of(scene).lookahead_share > 0.95
-    for name in PICTURES.values():
-        assert bpy.data.images[name].colorspace_settings.name == "sRGB"
-    raw = bpy.data.images[PRIORITY_IMAGE]
+    for name in PICTURES:
+        assert bpy.data.images[image_name("Eye", name)].colorspace_settings.name == "sRGB"
+    raw = bpy.data.images["PatchNet Eye priority"]
     assert tuple(raw.size) == (24, 16) and raw.is_float and raw.colorspace_settings.name == "Non-Color"
     drop_result_images()
     assert_unchanged(before)
@@ -82,8 +83,8 @@ def test_steps_one_by_one(scene: bpy.types.Scene) -> None:
 
 def test_operator_and_script_do_the_same(scene: bpy.types.Scene, weights: str) -> None:
     assert run_small() == {"FINISHED"}
-    shown = {name: pixels(bpy.data.images[image])[..., :3] for name, image in PICTURES.items()}
-    raw = pixels(bpy.data.images[PRIORITY_IMAGE])[..., 0]
+    shown = {name: pixels(bpy.data.images[image_name("Eye", name)])[..., :3] for name in PICTURES}
+    raw = pixels(bpy.data.images["PatchNet Eye priority"])[..., 0]
     settings = JobSettings(depth=7, size=(24, 16), light="two-lights", weights=Path(weights))
     view = drain(run_job(bpy.context, settings)).views[0]
     np.testing.assert_array_equal(raw, view.priority)
@@ -96,7 +97,7 @@ def test_run_all_with_cycles(scene: bpy.types.Scene, tmp_path: Path, weights: st
     before = scene_snapshot()
     assert bpy.ops.patchnet.run_all(samples=1, depth=5, size=(24, 16), out=str(out)) == {"FINISHED"}
     assert results.voxels_of(scene).light == "cycles"
-    refinement = pixels(bpy.data.images[PRIORITY_IMAGE])[..., 0]
+    refinement = pixels(bpy.data.images["PatchNet Eye priority"])[..., 0]
     drop_result_images()
     assert_unchanged(before)
     assert {path.name for path in out.iterdir()} == {
@@ -124,9 +125,11 @@ def test_run_all_with_cycles(scene: bpy.types.Scene, tmp_path: Path, weights: st
 
 def test_pictures_are_written_as_they_are_shown(scene: bpy.types.Scene, tmp_path: Path) -> None:
     run_small(out=str(tmp_path))
-    for name, image in PICTURES.items():
+    for name in PICTURES:
         saved = bpy.data.images.load(str(tmp_path / "Eye" / f"{name}.png"))
-        np.testing.assert_allclose(pixels(saved)[..., :3], pixels(bpy.data.images[image])[..., :3], atol=1e-6)
+        np.testing.assert_allclose(
+            pixels(saved)[..., :3], pixels(bpy.data.images[image_name("Eye", name)])[..., :3], atol=1e-6
+        )
 
 
 def test_scene_without_light_is_lit_and_says_so(weights: str, capfd: pytest.CaptureFixture[str]) -> None:
@@ -259,12 +262,12 @@ def test_stopping_anywhere_leaves_nothing_behind(light: str, weights: str, tmp_p
         reports = list(itertools.islice(steps, stop + 1))
         steps.close()
         assert_unchanged(before)
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
-
-
         if len(reports) <= stop:  # it goes on with the pages of the one that was stopped before, and so has less to say
             assert stop > count // 2
             shutil.rmtree(tmp_path / "stopped")
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
 def test_images_of_the_person_are_left_alone() -> None:
     own = bpy.data.images.new("PatchNet Preview", 4, 4)
     ours = show_image("PatchNet Preview", np.zeros((3, 5), np.float32))

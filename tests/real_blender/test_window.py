@@ -3,7 +3,7 @@
 
 from pathlib import Path
 
-IMAGES = {"PatchNet Preview", "PatchNet Heatmap", "PatchNet Overlay", "PatchNet Refined", "PatchNet Refinement"}
+IMAGES = {f"PatchNet Far {name}" for name in ("preview", "heatmap", "overlay", "refined", "priority", "coverage")}
 STEPS = ("voxelize", "bake_light", "precompute_codes", "render_preview", "run_all")
 
 

@@ -182,7 +182,7 @@ def all_at_once(buttons: dict[str, tuple[int, int]]):
     shown = clicks.area("VIEW_3D")
     shown.type = "IMAGE_EDITOR"
     yield 0.3
-    shown.spaces.active.image = bpy.data.images.get("PatchNet Heatmap")
+    shown.spaces.active.image = bpy.data.images.get("PatchNet Far heatmap")
     with bpy.context.temp_override(window=window, area=shown, region=clicks.region("WINDOW", "IMAGE_EDITOR")):
         bpy.ops.image.view_all(fit_view=True)
     yield from clicks.screenshot(OUT / "window-heatmap.png")

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures where people look: named images, an Image Editor that comes up, and the overlay over camera view and images.
+
+`show` is what operators call when a view is there. Blender's drawing callbacks live only while something is shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..job.settings import JobSettings
+from ..job.views import View
+from . import drag_wipe, handlers, inspect_pixels, kept, open_pictures, panel, settings, toggle
+from .result_images import show_images
+from .shown_view import view_to_show
+
+_MODULES = (toggle, drag_wipe, inspect_pixels, panel)
+_CLASSES = tuple(item for module in _MODULES for item in module.CLASSES)
+
+
+def show(context: bpy.types.Context, views: Sequence[View], job: JobSettings) -> None:
+    """Put the pictures of views into images, and where the person looks; the first one's heatmap comes up."""
+    heatmaps = []
+    for view in views:
+        made = view_to_show(view, job, context.scene.patchnet.heatmap_maximum)
+        heatmaps.append(show_images(view, made)["heatmap"])
+        if not bpy.app.background:  # nobody looks
+            kept.keep(context.scene, made)
+    open_pictures.open_picture(context, heatmaps[0])
+    handlers.refresh(context)
+
+
+def forget(context: bpy.types.Context) -> None:
+    """Free what overlay and inspection hold of a scene."""
+    kept.forget(context.scene)
+    inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
+    handlers.switch_off(context)
+
+
+@persistent
+def _on_load_pre(_path: str) -> None:
+    """What is shown belongs to the file that is being closed."""
+    inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
+    handlers.switch_off(bpy.context)
+    kept.forget_all()
+
+
+def register() -> None:
+    """Settings, operators, panels; after the main panel."""
+    settings.register()
+    for item in _CLASSES:
+        bpy.utils.register_class(item)
+    bpy.app.handlers.load_pre.append(_on_load_pre)
+
+
+def unregister() -> None:
+    """The reverse, with all callbacks and textures."""
+    bpy.app.handlers.load_pre.remove(_on_load_pre)
+    handlers.unregister()
+    kept.forget_all()
+    inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
+    for item in reversed(_CLASSES):
+        bpy.utils.unregister_class(item)
+    settings.unregister()

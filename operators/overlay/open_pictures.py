@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""New pictures come up where a person looks, without taking an editor from them that shows something of theirs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+from ..own import is_own
+from ..preferences import OPEN_NEVER, OPEN_WINDOW, preferences
+
+
+def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> bool:
+    """Show `image` in a free Image Editor, or as the preferences have it; whether that was done. Not in background."""
+    chosen = preferences(context).open_pictures
+    if bpy.app.background or chosen == OPEN_NEVER:
+        return False
+    manager = context.window_manager
+    if any(item == image for item in _images(manager)):
+        return True
+    found = next(_free_editors(manager), None)
+    if found is None and chosen == OPEN_WINDOW:
+        found = _new_window(context)
+    if found is None:
+        return False
+    window, area = found
+    area.spaces.active.image = image
+    _fit(window, area)
+    area.tag_redraw()
+    return True
+
+
+def is_free(image: bpy.types.Image | None) -> bool:
+    """Whether an Image Editor that shows this may show another picture: none, a render, or a result of ours."""
+    return image is None or image.type in {"RENDER_RESULT", "COMPOSITING"} or is_own(image)
+
+
+def _editors(manager: bpy.types.WindowManager) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
+    for window in manager.windows:
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR" and area.ui_type == "IMAGE_EDITOR":
+                yield window, area
+
+
+def _images(manager: bpy.types.WindowManager) -> Iterator[bpy.types.Image | None]:
+    return (area.spaces.active.image for _, area in _editors(manager))
+
+
+def _free_editors(manager: bpy.types.WindowManager) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
+    """Those that a person does not use, the largest first: neither pinned nor in a mode that edits or masks."""
+    found = [
+        (window, area)
+        for window, area in _editors(manager)
+        if is_free(area.spaces.active.image)
+        and area.spaces.active.mode == "VIEW"
+        and not (area.spaces.active.use_image_pin and area.spaces.active.image is not None)
+    ]
+    return iter(sorted(found, key=lambda item: -item[1].width * item[1].height))
+
+
+def _new_window(context: bpy.types.Context) -> tuple[bpy.types.Window, bpy.types.Area] | None:
+    """A window with an Image Editor alone, as renders open one."""
+    before = {window.as_pointer() for window in context.window_manager.windows}
+    with context.temp_override(window=context.window or context.window_manager.windows[0]):
+        bpy.ops.wm.window_new()
+    for window in context.window_manager.windows:
+        if window.as_pointer() not in before:
+            area = max(window.screen.areas, key=lambda item: item.width * item.height)
+            area.ui_type = "IMAGE_EDITOR"
+            return window, area
+    return None
+
+
+def _fit(window: bpy.types.Window, area: bpy.types.Area) -> None:
+    """The whole picture at once."""
+    region = next((item for item in area.regions if item.type == "WINDOW"), None)
+    if region is None or min(region.width, region.height) < 2:
+        return
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        if bpy.ops.image.view_all.poll():
+            bpy.ops.image.view_all(fit_view=True)

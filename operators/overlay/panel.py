@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the overlay is switched on and set: in the sidebars of 3D viewport and Image Editor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import bpy
+
+from . import handlers, kept
+from .inspect_pixels import PATCHNET_OT_inspect_pixels
+from .settings import overlay_settings
+from .toggle import NO_VIEW
+
+if TYPE_CHECKING:
+    from bpy.types import Panel as _Panel
+else:
+    _Panel = object  # Blender wants its own class among the direct bases of each panel
+
+
+class _OverlayPanel(_Panel):
+    bl_region_type = "UI"
+    bl_category = "PatchNet"
+    shown_by = ""  # the setting that switches the overlay of this editor
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The switch, the pictures, the wipe, the inspection."""
+        layout, values = self.layout, overlay_settings(context)
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        on = getattr(values, self.shown_by)
+        layout.operator("patchnet.toggle_overlay", icon="OVERLAY", depress=on)
+        if handlers.problem:
+            layout.label(text=handlers.problem, icon="ERROR")
+        elif not kept.has_views(context.scene):
+            layout.label(text=NO_VIEW, icon="INFO")
+        column = layout.column()
+        column.active = on
+        column.prop(values, "picture")
+        column.prop(values, "opacity")
+        column.prop(values, "legend")
+        column.prop(values, "use_wipe")
+        wipe = column.column()
+        wipe.active = values.use_wipe
+        wipe.prop(values, "other")
+        wipe.prop(values, "wipe")
+        layout.operator("patchnet.drag_wipe", icon="ARROW_LEFTRIGHT")
+        running = PATCHNET_OT_inspect_pixels.runs_in(context.window)
+        layout.operator("patchnet.inspect_pixels", icon="EYEDROPPER", depress=running)
+
+
+class PATCHNET_PT_overlay(_OverlayPanel, bpy.types.Panel):
+    """The overlay in the camera's view."""
+
+    bl_label = "Overlay"
+    bl_space_type = "VIEW_3D"
+    bl_parent_id = "PATCHNET_PT_main"
+    bl_options = {"DEFAULT_CLOSED"}
+    shown_by = "show_viewport"
+
+
+class PATCHNET_PT_image_overlay(_OverlayPanel, bpy.types.Panel):
+    """The overlay over images."""
+
+    bl_label = "Overlay"
+    bl_space_type = "IMAGE_EDITOR"
+    shown_by = "show_editor"
+
+
+CLASSES = (PATCHNET_PT_overlay, PATCHNET_PT_image_overlay)

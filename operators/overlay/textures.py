@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures on the graphics card: those that were drawn last, and no more than a few."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from typing import Any
+
+import numpy as np
+
+from .shown_view import ShownView
+
+_MOST = 6  # two sides of a wipe in three editors
+_textures: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
+
+
+def texture_of(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
+    """The gpu.types.GPUTexture of a view's picture, made when it is first drawn."""
+    key = (view.number, name, *((maximum, ramp) if name not in view.looks else ()))
+    if key not in _textures:
+        _textures[key] = _upload(view.picture(name, maximum, ramp))
+        while len(_textures) > _MOST:
+            _textures.popitem(last=False)
+    _textures.move_to_end(key)
+    return _textures[key]
+
+
+def free_textures() -> None:
+    """Give the graphics card its memory back."""
+    _textures.clear()
+
+
+def held() -> int:
+    """Number of textures that are held."""
+    return len(_textures)
+
+
+def _upload(picture: np.ndarray) -> Any:
+    """A texture of sRGB colours (H, W, 3), one texel a pixel."""
+    import gpu
+
+    height, width = picture.shape[:2]
+    pixels = np.ones((height, width, 4), np.float32)
+    pixels[..., :3] = picture
+    data = gpu.types.Buffer("FLOAT", pixels.size, pixels.ravel())
+    return gpu.types.GPUTexture((width, height), format="RGBA8", data=data)

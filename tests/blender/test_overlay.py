@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The overlay without a window: where pictures lie, what is said of pixels, which views are kept, named images."""
+
+import dataclasses
+from collections.abc import Iterator
+
+import bpy
+import numpy as np
+import pytest
+
+import patchnet
+from patchnet.operators import overlay, results
+from patchnet.operators.cameras import tracing_camera
+from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.job.views import ERROR_MAXIMUM, View, view
+from patchnet.operators.overlay import framed, handlers, kept, open_pictures, places, shown_view
+from patchnet.operators.overlay.places import Rect
+from patchnet.operators.overlay.result_images import RAW, image_name, show_images
+from patchnet.patchnet_addon.image.colormaps import colormap
+from patchnet.patchnet_addon.image.heatmap import heatmap, places_on_page, with_legend
+from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.tests.blender.job_scene import build
+
+SIZE = (24, 16)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    patchnet.register()
+    yield
+    patchnet.unregister()
+
+
+@pytest.fixture(scope="module")
+def made() -> tuple[View, JobSettings]:
+    """A view of the small scene; nothing of it is kept yet."""
+    build()
+    job = JobSettings(depth=6, size=SIZE, light="two-lights", budget=0.4)
+    scene = bpy.context.scene
+    bpy.ops.patchnet.voxelize(depth=6)
+    bpy.ops.patchnet.precompute_codes()
+    camera = tracing_camera(scene.camera, scene, SIZE)
+    return drain(view(results.codes_of(scene), camera, job, compare=False)), job
+
+
+def window_matrix(camera: bpy.types.Object, size: tuple[int, int]) -> np.ndarray:
+    """Projection of a viewport of that size that shows exactly what the camera's picture does."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    return np.array(camera.calc_matrix_camera(depsgraph, x=size[0], y=size[1]))
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+@pytest.mark.parametrize("fit", ["AUTO", "HORIZONTAL", "VERTICAL"])
+def test_frame_is_where_blender_has_it(kind: str, fit: str) -> None:
+    build()
+    scene, eye = bpy.context.scene, bpy.context.scene.camera
+    scene.render.resolution_x, scene.render.resolution_y = 120, 80
+    eye.data.type, eye.data.sensor_fit = kind, fit
+    eye.data.shift_x, eye.data.shift_y = 0.2, -0.1
+    camera = tracing_camera(eye, scene, SIZE)
+    rect = places.frame_rect(camera, window_matrix(eye, (120, 80)), 600, 400)
+    np.testing.assert_allclose(rect, (0, 0, 600, 400), atol=1e-2)
+    zoomed = np.diag([0.5, 0.5, 1.0, 1.0])  # of the viewport: half as large, and moved to the right
+    zoomed[0, 3] = 0.25
+    matrix = zoomed @ window_matrix(eye, (120, 80))
+    rect = places.frame_rect(camera, matrix, 600, 400)
+    np.testing.assert_allclose(rect, (225, 100, 525, 300), atol=1e-2)
+
+
+def test_frame_of_another_aspect_stays_its_own() -> None:
+    build()
+    scene, eye = bpy.context.scene, bpy.context.scene.camera
+    scene.render.resolution_x, scene.render.resolution_y = 120, 80
+    square = tracing_camera(eye, scene, (20, 20))
+    rect = places.frame_rect(square, window_matrix(eye, (120, 80)), 600, 400)
+    np.testing.assert_allclose(rect, (0, -100, 600, 500), atol=1e-2)
+
+
+def test_frame_behind_the_eye_is_nowhere() -> None:
+    build()
+    camera = tracing_camera(bpy.context.scene.camera, bpy.context.scene, SIZE)
+    assert places.frame_rect(camera, np.diag([1.0, 1.0, 1.0, -1.0]), 600, 400) is None
+    assert places.frame_rect(camera, np.full((4, 4), np.nan), 600, 400) is None
+
+
+def test_image_rect() -> None:
+    rect = places.image_rect((-0.5, -1.0), (1.5, 1.0), 400, 300)
+    np.testing.assert_allclose(rect, (100, 150, 300, 300))
+    assert places.image_rect((0, 0), (0, 1), 400, 300) is None
+
+
+def test_pixel_under_a_point() -> None:
+    rect = Rect(100, 50, 340, 210)  # 10 pixels of the region a pixel of the picture
+    assert places.pixel_at(rect, SIZE, 100, 50) == (0, 0)
+    assert places.pixel_at(rect, SIZE, 109.9, 59.9) == (0, 0)
+    assert places.pixel_at(rect, SIZE, 110, 60) == (1, 1)
+    assert places.pixel_at(rect, SIZE, 339.9, 209.9) == (23, 15)
+    for outside in ((99.9, 60), (340, 60), (200, 210), (200, 49)):
+        assert places.pixel_at(rect, SIZE, *outside) is None
+
+
+def test_wipe() -> None:
+    rect = Rect(100, 0, 300, 80)
+    left, right = places.sides_of_wipe(rect, 0.25)
+    assert left == Rect(100, 0, 150, 80) and right == Rect(150, 0, 300, 80)
+    assert places.sides_of_wipe(rect, 0.0)[0].empty and places.sides_of_wipe(rect, 1.0)[1].empty
+    assert places.wipe_at(rect, 150) == 0.25
+    assert places.wipe_at(rect, 0) == 0.0 and places.wipe_at(rect, 999) == 1.0
+
+
+def test_what_bars_leave_of_a_region() -> None:
+    region = Rect(0, 0, 800, 600)
+    bars = [Rect(0, 570, 800, 600), Rect(0, 0, 800, 20), Rect(0, 20, 50, 570), Rect(600, 20, 800, 570)]
+    assert places.visible_rect(region, bars) == Rect(50, 20, 600, 570)
+    assert places.visible_rect(region, [Rect(900, 0, 1000, 600)]) == region
+
+
+def test_box_beside_the_mouse_stays_inside() -> None:
+    within = Rect(0, 0, 400, 300)
+    assert places.beside((100, 200), (80, 60), 10, within) == (110, 130)
+    assert places.beside((390, 200), (80, 60), 10, within) == (300, 130)
+    assert places.beside((100, 20), (80, 60), 10, within) == (110, 30)
+
+
+def test_ticks_end_at_the_configured_maximum() -> None:
+    assert places.tick_values(0.2, 3) == [(0.0, "0"), (0.5, "0.1"), (1.0, "0.2")]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("size", [(192, 128), (24, 16), (900, 700)])
+def test_picture_is_found_on_its_page(size: tuple[int, int], count: int) -> None:
+    marked = np.zeros((size[1], size[0]), np.float32)
+    marked[0, 0] = marked[-1, -1] = 1.0
+    page = heatmap(marked, 1.0, "priority")
+    if count == 2:
+        one = np.full((size[1], size[0], 3), 0.5, np.float32)
+        one = one.repeat(max(1, round(540 / size[1])), axis=0).repeat(max(1, round(540 / size[1])), axis=1)
+        page = with_legend([one, one], ["a", "b"], lambda place: colormap(place), ["", ""], "error")
+    found = places_on_page((page.shape[1], page.shape[0]), size, count)
+    assert len(found) == count
+    if count == 1:
+        sides = zip(found[0], page.shape[1::-1] * 2, strict=True)
+        left, bottom, right, top = (round(share * side) for share, side in sides)
+        factor = max(1, round(540 / size[1]))
+        np.testing.assert_allclose(page[bottom, left], colormap(np.array(1.0)))
+        np.testing.assert_allclose(page[top - 1, right - 1], colormap(np.array(1.0)))
+        assert (right - left, top - bottom) == (size[0] * factor, size[1] * factor)
+    assert places_on_page((page.shape[1] + 1, page.shape[0]), size, count) == ()
+
+
+def test_what_is_known_of_a_pixel(made: tuple[View, JobSettings]) -> None:
+    result, job = made
+    shown = shown_view.view_to_show(result, job, 0.0)
+    frame = result.frame
+    picture = {name: frame.picture(values) for name, values in (("l1", frame.preview), ("l32", frame.reference))}
+    np.testing.assert_array_equal(shown.values["preview luminance"], picture["l1"])
+    refined = shown.values["samples"] == 1024
+    assert refined.sum() == round(0.4 * frame.active.sum())
+    np.testing.assert_array_equal(shown.values["refined luminance"], np.where(refined, picture["l32"], picture["l1"]))
+    miss = ~frame.picture(frame.hit)
+    assert (shown.values["level"][miss] == -1).all() and (shown.values["level"][~miss] >= 0).all()
+    row, column = np.argwhere(refined)[0]
+    said = shown.said_of(int(column), int(row), 0.25)
+    assert said[0] == f"Pixel {column}, {row}" and said[-1] == "Samples 1024"
+    assert said[1] == f"Priority {result.priority[row, column]:.4g} of 0.25"
+    assert said[2] == f"Coverage {frame.picture(frame.prediction.coverage)[row, column]:.3f}"
+
+
+def test_heatmap_ends_at_the_configured_maximum(made: tuple[View, JobSettings]) -> None:
+    result, job = made
+    own = STRATEGIES[job.strategy].maximum
+    shown = shown_view.view_to_show(result, dataclasses.replace(job, heatmap_maximum=0.1), 0.0)
+    assert shown.maximum_now(0.0) == 0.1  # as it was made
+    assert shown.maximum_now(0.3) == 0.3  # as it was set since
+    later = shown_view.view_to_show(result, dataclasses.replace(job, heatmap_maximum=0.1), 0.1)
+    assert later.maximum_now(0.1) == 0.1 and later.maximum_now(0.0) == own
+    np.testing.assert_array_equal(
+        shown.picture("HEATMAP", 0.3, "turbo"), colormap(result.priority / np.float32(0.3), "turbo")
+    )
+    assert shown.legend("HEATMAP", 0.3)[0] == 0.3
+    assert shown.legend("REFINED_ERROR", 0.3) == (ERROR_MAXIMUM, "luminance error")
+    assert shown.legend("REFERENCE", 0.3) is None
+    np.testing.assert_allclose(shown.picture("REFINED", 1.0, "viridis"), result.pictures["refined"], atol=0.51 / 255)
+
+
+def test_images_are_named_after_the_camera(made: tuple[View, JobSettings]) -> None:
+    result, job = made
+    shown = shown_view.view_to_show(result, job, 0.0)
+    images = show_images(result, shown)
+    assert image_name("Eye", "priority") == "PatchNet Eye priority"
+    for name in RAW:
+        image = bpy.data.images[image_name("Eye", name)]
+        assert image.is_float and image.colorspace_settings.name == "Non-Color" and tuple(image.size) == SIZE
+        values = np.empty(SIZE[0] * SIZE[1] * 4, np.float32)
+        image.pixels.foreach_get(values)
+        np.testing.assert_array_equal(values.reshape(SIZE[1], SIZE[0], 4)[..., 0], shown.values[name])
+    unknown = {name: values for name, values in shown.values.items() if name != "coverage"}
+    with results.quiet():  # as in operators: removing an image makes Blender report every lamp
+        show_images(result, dataclasses.replace(shown, values=unknown))
+    assert image_name("Eye", "coverage") not in bpy.data.images
+    assert "Coverage not computed" in dataclasses.replace(shown, values=unknown).said_of(0, 0, 1.0)
+    kept.keep(bpy.context.scene, shown)
+    assert kept.view_of_image(bpy.context.scene, images["heatmap"]) == (shown, "heatmap")
+    assert kept.view_of_image(bpy.context.scene, bpy.data.images.new("Own", 4, 4)) is None
+    long = image_name("Ü" * 60, "reference luminance")
+    assert len(long.encode()) <= 63 and long.endswith("reference luminance")
+    assert image_name("C" * 60 + "1", "level") != image_name("C" * 60 + "2", "level")
+
+
+def test_views_say_when_they_are_out_of_date(made: tuple[View, JobSettings]) -> None:
+    result, job = made
+    scene = bpy.context.scene
+    shown = shown_view.view_to_show(result, job, 0.0)
+    kept.keep(scene, shown)
+    assert kept.why_stale(scene, shown) == ""
+    where = scene.camera.location.x
+    scene.camera.location.x += 0.5
+    bpy.context.view_layer.update()
+    assert kept.why_stale(scene, shown) == "the camera changed"
+    scene.camera.location.x = where
+    bpy.context.view_layer.update()
+    assert kept.why_stale(scene, shown) == ""
+    scene.camera.data.lens *= 2
+    assert kept.why_stale(scene, shown) == "the camera changed"
+    scene.camera.data.lens /= 2
+    bpy.data.objects["Slab"].location.x += 1.0
+    bpy.context.view_layer.update()
+    assert kept.why_stale(scene, shown) == "'Slab' moved"
+    bpy.ops.patchnet.voxelize(depth=6)
+    assert kept.why_stale(scene, shown) == "voxels were made anew"
+    overlay.forget(bpy.context)
+    assert not kept.has_views(scene)
+
+
+def test_nothing_is_shown_in_background(made: tuple[View, JobSettings]) -> None:
+    result, job = made
+    overlay.forget(bpy.context)
+    overlay.show(bpy.context, [result], job)
+    assert not kept.has_views(bpy.context.scene) and not handlers.is_drawing()
+    bpy.context.window_manager.patchnet_overlay.show_viewport = True
+    assert not handlers.is_drawing()
+    bpy.context.window_manager.patchnet_overlay.show_viewport = False
+    for operator in (bpy.ops.patchnet.drag_wipe, bpy.ops.patchnet.inspect_pixels):
+        assert not operator.poll()
+    with pytest.raises(RuntimeError, match="no pictures yet: run Render Preview"):
+        bpy.ops.patchnet.toggle_overlay()
+    assert not open_pictures.open_picture(bpy.context, bpy.data.images.new("Any", 4, 4))
+
+
+def test_editors_with_a_picture_of_the_person_are_not_free() -> None:
+    assert open_pictures.is_free(None)
+    assert not open_pictures.is_free(bpy.data.images.new("Painting", 4, 4))
+
+
+def test_views_go_with_their_file(made: tuple[View, JobSettings]) -> None:
+    result, job = made
+    kept.keep(bpy.context.scene, shown_view.view_to_show(result, job, 0.0))
+    build()
+    assert not kept._views
+
+
+def test_a_page_has_the_same_places_as_its_image(made: tuple[View, JobSettings]) -> None:
+    result, _ = made
+    for name, count in framed.PAGES.items():
+        page = result.pictures[name]
+        assert len(places_on_page((page.shape[1], page.shape[0]), SIZE, count)) == count

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Somebody looks at results in a Blender window: overlay in the camera's view and in an Image Editor, wipe, inspection.
+
+    blender --enable-event-simulate -p 0 0 1500 1100 -P overlay_window.py -- OUT
+
+Writes OUT/overlay.json, a value for each thing that was seen, and screenshots beside it. test_overlay.py judges them.
+"""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).parent))
+import clicks
+
+OUT = Path(sys.argv[sys.argv.index("--") + 1])
+PACKAGE = "bl_ext.user_default.patchnet"
+SIZE = (48, 32)
+SAMPLES = ((0.15, 0.5), (0.3, 0.55), (0.7, 0.5), (0.8, 0.6))  # places in the frame, off legends and titles
+
+seen: dict[str, object] = {}
+
+
+def overlay(name: str):
+    """A module of the installed extension's overlay."""
+    return sys.modules[f"{PACKAGE}.operators.overlay.{name}"]
+
+
+def build() -> None:
+    """Laths before a slab, seen by a camera with shift."""
+    for item in list(bpy.data.objects):
+        bpy.data.objects.remove(item)
+    bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 0.6, 0), scale=(2.6, 0.1, 2.2))
+    for index in range(7):
+        bpy.ops.mesh.primitive_cube_add(size=1, location=(-1.2 + 0.4 * index, -0.5, 0), scale=(0.06, 0.06, 2))
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.45, location=(0.3, -0.1, -0.3))
+    bpy.ops.object.select_all(action="SELECT")
+    camera = bpy.data.cameras.new("Eye")
+    camera.shift_x, camera.lens = 0.05, 40.0
+    eye = bpy.data.objects.new("Eye", camera)
+    eye.location, eye.rotation_euler = (0.6, -5.0, 0.9), (math.radians(80), 0.0, 0.1)
+    scene = clicks.window().scene
+    scene.collection.objects.link(eye)
+    scene.camera = eye
+    scene.render.resolution_x, scene.render.resolution_y = 960, 640
+    for name, value in {"resolution": "DEPTH", "depth": 7, "size": SIZE, "light": "two-lights"}.items():
+        setattr(scene.patchnet, name, value)
+
+
+def in_area(kind: str, operator, *arguments: object, **settings: object):
+    """Call an operator in the largest area of a kind."""
+    pane = clicks.region("WINDOW", kind)
+    with bpy.context.temp_override(window=clicks.window(), area=clicks.area(kind), region=pane):
+        return operator(*arguments, **settings)
+
+
+def shot(name: str):
+    """A screenshot, and its file."""
+    yield from clicks.screenshot(OUT / f"{name}.png")
+    return OUT / f"{name}.png"
+
+
+def color_at(path: Path, x: float, y: float) -> list[int]:
+    """Bytes of the screenshot's pixel at a point of the window, from its lower left."""
+    row = clicks.window().height - 1 - int(y)
+    done = subprocess.run(
+        ["convert", str(path), "-crop", f"1x1+{int(x)}+{row}", "-depth", "8", "rgb:-"], capture_output=True, check=True
+    )
+    return list(done.stdout[:3])
+
+
+def compare(path: Path, kind: str, names: tuple[str, str]) -> list[list[list[int]]]:
+    """Colours on the screen and in the pictures, at places left and right of the wipe in the middle."""
+    framed, drawing = overlay("framed"), overlay("drawing")
+    scene, region = clicks.window().scene, clicks.region("WINDOW", kind)
+    found = framed.framed(scene, clicks.area(kind), region)
+    rect, view = found.rect, found.view
+    pairs = []
+    for share_x, share_y in SAMPLES:
+        column, row = int(share_x * SIZE[0]), int(share_y * SIZE[1])
+        x = rect.left + (column + 0.5) / SIZE[0] * rect.width + region.x
+        y = rect.bottom + (row + 0.5) / SIZE[1] * rect.height + region.y
+        picture = view.picture(names[share_x > 0.5], drawing.maximum_of(scene, view), "viridis")
+        pairs.append([color_at(path, x, y), [round(float(value) * 255) for value in picture[row, column]]])
+    return pairs
+
+
+def into_camera():
+    """The viewport looks through the camera, zoomed out a little and moved aside, in solid shading."""
+    space = clicks.area("VIEW_3D").spaces.active
+    space.shading.type = "SOLID"
+    space.show_region_ui = True
+    in_area("VIEW_3D", bpy.ops.view3d.view_camera)
+    yield 0.5
+    space.region_3d.view_camera_zoom, space.region_3d.view_camera_offset = 8.0, (0.04, 0.02)
+    yield 0.3
+    clicks.region("UI").active_panel_category = "PatchNet"
+
+
+def in_viewport():
+    """Heatmap left, refined right, over the camera's frame."""
+    values = bpy.context.window_manager.patchnet_overlay
+    in_area("VIEW_3D", bpy.ops.patchnet.toggle_overlay)
+    values.use_wipe, values.wipe, values.picture, values.other = True, 0.5, "HEATMAP", "REFINED"
+    path = yield from shot("overlay-viewport")
+    seen["viewport"] = compare(path, "VIEW_3D", ("HEATMAP", "REFINED"))
+    values.opacity = 0.0
+    path = yield from shot("overlay-transparent")
+    seen["transparent"] = compare(path, "VIEW_3D", ("HEATMAP", "REFINED"))
+    values.opacity = 1.0
+
+
+def inspect():
+    """The pixel under the mouse; a right click ends it."""
+    framed, drawing = overlay("framed"), overlay("drawing")
+    region = clicks.region("WINDOW")
+    rect = framed.framed(clicks.window().scene, clicks.area("VIEW_3D"), region).rect
+    x, y = int(region.x + rect.left + 0.3 * rect.width), int(region.y + rect.bottom + 0.55 * rect.height)
+    in_area("VIEW_3D", bpy.ops.patchnet.inspect_pixels, "INVOKE_DEFAULT")
+    yield from clicks.move(x, y)
+    yield from clicks.move(x + 1, y)
+    seen["inspected"] = [pixel.lines for pixel in drawing.inspected.values()]
+    yield from shot("overlay-inspect")
+    yield from clicks.key("RIGHTMOUSE", x, y)
+    yield 0.2
+    seen["inspection ended"] = not drawing.inspected
+
+
+def drag():
+    """The wipe follows the mouse; Esc brings it back, a click leaves it."""
+    values = bpy.context.window_manager.patchnet_overlay
+    region = clicks.region("WINDOW")
+    rect = overlay("framed").framed(clicks.window().scene, clicks.area("VIEW_3D"), region).rect
+    y = int(region.y + rect.bottom + 0.5 * rect.height)
+    seen["wiped"] = []
+    for share, end in ((0.25, "ESC"), (0.75, "LEFTMOUSE")):
+        in_area("VIEW_3D", bpy.ops.patchnet.drag_wipe, "INVOKE_DEFAULT")
+        x = int(region.x + rect.left + share * rect.width)
+        yield from clicks.move(x - 5, y)
+        yield from clicks.move(x, y)
+        dragged = values.wipe
+        yield from clicks.key(end, x, y)
+        yield 0.1
+        seen["wiped"].append([round(dragged, 2), round(values.wipe, 2)])
+    values.wipe = 0.5
+
+
+def in_image_editor():
+    """The same over the picture in an Image Editor."""
+    values = bpy.context.window_manager.patchnet_overlay
+    clicks.area("VIEW_3D").type = "IMAGE_EDITOR"
+    yield 0.3
+    space = clicks.area("IMAGE_EDITOR").spaces.active
+    space.image = bpy.data.images["PatchNet Eye preview"]
+    in_area("IMAGE_EDITOR", bpy.ops.image.view_all, fit_view=True)
+    in_area("IMAGE_EDITOR", bpy.ops.patchnet.toggle_overlay)
+    values.picture, values.other = "REFINED_ERROR", "HEATMAP"
+    path = yield from shot("overlay-image")
+    seen["image"] = compare(path, "IMAGE_EDITOR", ("REFINED_ERROR", "HEATMAP"))
+    space.image = bpy.data.images["PatchNet Eye heatmap"]
+    in_area("IMAGE_EDITOR", bpy.ops.image.view_all, fit_view=True)
+    path = yield from shot("overlay-page")
+    seen["page"] = compare(path, "IMAGE_EDITOR", ("REFINED_ERROR", "HEATMAP"))
+
+
+def automatic():
+    """A preview comes up in an Image Editor that is free, and does not take one that shows something else."""
+    space = clicks.area("IMAGE_EDITOR").spaces.active
+    own = bpy.data.images.new("Painting", 4, 4)
+    space.image = own
+    preferences = bpy.context.preferences.addons[PACKAGE].preferences
+    preferences.open_pictures = "EDITOR"
+    in_area("IMAGE_EDITOR", bpy.ops.patchnet.render_preview)
+    seen["kept"] = space.image.name
+    space.image = None
+    in_area("IMAGE_EDITOR", bpy.ops.patchnet.render_preview)
+    seen["opened"] = space.image.name if space.image else ""
+    space.image = own
+    preferences.open_pictures = "WINDOW"
+    before = len(bpy.context.window_manager.windows)
+    in_area("IMAGE_EDITOR", bpy.ops.patchnet.render_preview)
+    yield 0.5
+    seen["windows"] = len(bpy.context.window_manager.windows) - before
+    new = bpy.context.window_manager.windows[-1]
+    shown = [area.spaces.active.image.name for area in new.screen.areas if area.type == "IMAGE_EDITOR"]
+    seen["in new window"] = shown
+    yield from shot("overlay-window")
+    with bpy.context.temp_override(window=new):
+        bpy.ops.wm.window_close()
+    clicks.area("IMAGE_EDITOR").type = "VIEW_3D"
+    yield 0.3
+
+
+def end():
+    """A moved camera is marked; free memory ends all."""
+    handlers, textures, kept = overlay("handlers"), overlay("textures"), overlay("kept")
+    scene = clicks.window().scene
+    scene.camera.location.x += 0.3
+    yield from shot("overlay-stale")
+    seen["stale"] = kept.why_stale(scene, kept.view_of_camera(scene, "Eye"))
+    seen["drawing"] = [handlers.is_drawing(), textures.held() > 0, handlers.problem]
+    in_area("VIEW_3D", bpy.ops.patchnet.clear_results)
+    seen["cleared"] = [handlers.is_drawing(), textures.held(), kept.has_views(scene)]
+
+
+def session():
+    """The whole visit."""
+    build()
+    yield 0.5
+    bpy.context.preferences.addons[PACKAGE].preferences.open_pictures = "NEVER"
+    in_area("VIEW_3D", bpy.ops.patchnet.run_all)
+    for part in (into_camera, in_viewport, inspect, drag, in_image_editor, automatic, end):
+        yield from part()
+        save(f"stopped after {part.__name__}")
+
+
+def save(problem: str) -> None:
+    """Write what was seen so far: also a Blender that crashes leaves it."""
+    (OUT / "overlay.json").write_text(json.dumps(seen | {"problem": problem}, indent=1))
+
+
+def finish(problem: str) -> None:
+    """Write what was seen and leave."""
+    save(problem)
+    bpy.ops.wm.quit_blender()
+
+
+bpy.context.preferences.view.show_splash = False
+bpy.context.preferences.view.ui_scale = 1.0
+clicks.play(session(), finish)

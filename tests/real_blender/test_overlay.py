@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures where people look, in a real window: what overlay_window.py saw on the screen is what the pictures hold."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from patchnet.tests.real_blender.executable import Blender
+
+
+@pytest.fixture(scope="module")
+def seen(installed: Blender, out: Path) -> dict:
+    """What overlay_window.py saw."""
+    done = installed.run_window("-P", Path(__file__).with_name("overlay_window.py"), "--", out)
+    (out / "overlay.log").write_text(done.stdout + done.stderr)
+    found: dict = json.loads((out / "overlay.json").read_text())
+    assert found["problem"] == "" and "Traceback" not in done.stdout + done.stderr
+    return found
+
+
+@pytest.mark.parametrize("where", ["viewport", "image", "page"])
+def test_screen_shows_the_pictures(seen: dict, where: str) -> None:
+    on_screen, in_picture = np.array(seen[where], int).swapaxes(0, 1)
+    assert np.abs(on_screen - in_picture).max() <= 3  # bytes, after two encodings
+
+
+def test_opacity_uncovers_the_viewport(seen: dict) -> None:
+    on_screen, in_picture = np.array(seen["transparent"], int).swapaxes(0, 1)
+    assert (np.abs(on_screen - in_picture).max(axis=1) > 10).all()
+
+
+def test_pixel_under_the_mouse(seen: dict) -> None:
+    (lines,) = seen["inspected"]
+    assert lines[0] == "Pixel 14, 17"
+    words = [line.split()[0] for line in lines]
+    assert words == ["Pixel", "Priority", "Coverage", "Preview", "Refined", "Reference", "Level", "Samples"]
+    assert seen["inspection ended"]
+
+
+def test_wipe_follows_the_mouse(seen: dict) -> None:
+    (escaped, back), (clicked, left) = seen["wiped"]
+    assert abs(escaped - 0.25) < 0.02 and back == 0.5
+    assert abs(clicked - 0.75) < 0.02 and left == clicked
+
+
+def test_pictures_come_up_in_free_editors_only(seen: dict) -> None:
+    assert seen["kept"] == "Painting" and seen["opened"] == "PatchNet Eye heatmap"
+    assert seen["windows"] == 1 and seen["in new window"] == ["PatchNet Eye heatmap"]
+
+
+def test_nothing_is_left(seen: dict) -> None:
+    assert seen["stale"] == "the camera changed"
+    assert seen["drawing"] == [True, True, ""]
+    assert seen["cleared"] == [False, 0, False]
