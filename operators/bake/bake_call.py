@@ -8,7 +8,6 @@ too, between two objects.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -39,7 +38,7 @@ def run(context: bpy.types.Context, target: bpy.types.Object) -> None:
 
 
 def run_as_job(
-    context: bpy.types.Context, target: bpy.types.Object, images: Sequence[bpy.types.Image], at: Progress
+    context: bpy.types.Context, target: bpy.types.Object, image: bpy.types.Image, at: Progress
 ) -> Steps[None]:
     """As `run`, in a window: reports `at` as waiting until the job has ended. Raises StoppedError after Esc.
 
@@ -65,7 +64,7 @@ def run_as_job(
         handlers.object_bake_cancel.remove(cancel)
     if "cancel" in outcome:
         raise StoppedError(_STOPPED)
-    if "complete" not in outcome or not all(image.is_dirty for image in images):
+    if "complete" not in outcome or not image.is_dirty:
         raise SceneError("Cycles cannot bake the light of the scene: Blender's status bar or terminal says why")
 
 

@@ -105,11 +105,16 @@ class Baker:
         return page_triangles(self._source, self._charts, page, self._closed, self._attributes)
 
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
-        """(N,) bool: triangles whose back was left out and whose front gets no light; a lamp may be inside."""
+        """(N,) bool: triangles whose back was left out and whose front gets no light; a lamp may be inside.
+
+        Where another triangle of a closed piece gets light from outside, the dark ones of it are only hidden.
+        """
         from ...patchnet_addon.light.chart_lookup import group_means
 
         means = group_means(self._charts, front, part.triangles, page)[:, 0]
-        return (part.closed | self._one_sided[part.materials]) & (means <= 1e-6 * means.max(initial=0.0))
+        dark = means <= 1e-6 * means.max(initial=0.0)
+        hidden = part.closed & np.isin(part.pieces, part.pieces[~dark])
+        return (part.closed | self._one_sided[part.materials]) & dark & ~hidden
 
     def merged(self, page: int, triangles: np.ndarray, front: np.ndarray, back: np.ndarray) -> np.ndarray:
         """The page (side * side, C) with both sides of `triangles` averaged, or the lit one where the other is dark."""
@@ -158,13 +163,15 @@ class Baker:
         try:
             stack.enter_context(object_mode(self._context))
             stack.enter_context(_cycles(self._context, samples, self._seed, self._on_gpu))
-            images, materials, parts = [], [], []
+            # One image for both: Cycles reads the scene once for each.
+            image = stack.enter_context(_image(size, 2 if len(fronts) and len(backs) else 1))
+            materials, parts = [], []
             for part, back in ((fronts, False), (backs, True)):
                 used, mine = np.unique(part.materials, return_inverse=True)
+                part = part.on_image(image.size[1] // int(size[1]), upper=back)
                 parts.append(replace(part, materials=mine.reshape(-1).astype(np.int32)))
-                images.append(stack.enter_context(_image(size)) if len(part) else None)
                 own = [names[number] for number in used]
-                materials.append(stack.enter_context(bake_materials(own, images[-1], back, through)))
+                materials.append(stack.enter_context(bake_materials(own, image, back, through)))
             mesh = stack.enter_context(_mesh())
             lift_world = -self._offset_world if through else self._offset_world
             turned = parts[1].turned(len(materials[0]))
@@ -173,10 +180,12 @@ class Baker:
             stack.enter_context(lit_as(target, links))
             if window_is_alive():
                 target.hide_set(True)  # from the person's eyes, not from the bake
-                yield from run_as_job(self._context, target, [image for image in images if image], at)
+                yield from run_as_job(self._context, target, image, at)
             else:
                 _run(self._context, target)
-            return [_shine(image, self._charts.page_side, self._channels) for image in images]
+            sides = _shine(image, int(size[1]), self._charts.page_side, self._channels)
+            dark = np.zeros_like(sides[0])
+            return [sides[0] if len(fronts) else dark, sides[-1] if len(backs) else dark]
         finally:
             when_job_ended(stack.close)
 
@@ -189,20 +198,18 @@ class Baker:
         return int(np.count_nonzero(mine[texel_owners(self._charts, page)]))
 
 
-def _shine(image: bpy.types.Image | None, side: int, channels: int) -> np.ndarray:
-    """Texels (side * side, channels) float32 of a page whose lower left is a baked image."""
-    page = np.zeros((side, side, channels), np.float32)
-    if image is None:
-        return page.reshape(-1, channels)
-    width, height = image.size
-    pixels = np.empty(width * height * 4, np.float32)
+def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> list[np.ndarray]:
+    """Texels (side * side, channels) float32 of the pages whose lower left lie above each other on a baked image."""
+    width, rows = image.size
+    pixels = np.empty(width * rows * 4, np.float32)
     image.pixels.foreach_get(pixels)
-    pixels = np.nan_to_num(pixels.reshape(height, width, 4), posinf=0.0, neginf=0.0)
-    page[:height, :width, 0] = np.maximum(pixels[..., :3] @ _LUMINANCE, 0.0)
-    page[:height, :width, 1] = np.clip(pixels[..., 3], 0.0, 1.0)
+    pixels = np.nan_to_num(pixels.reshape(-1, height, width, 4), posinf=0.0, neginf=0.0)
+    pages = np.zeros((len(pixels), side, side, channels), np.float32)
+    pages[:, :height, :width, 0] = np.maximum(pixels[..., :3] @ _LUMINANCE, 0.0)
+    pages[:, :height, :width, 1] = np.clip(pixels[..., 3], 0.0, 1.0)
     if channels > 2:
-        page[:height, :width, 2:] = np.maximum(pixels[..., (0, 2)], 0.0)
-    return page.reshape(-1, channels)
+        pages[:, :height, :width, 2:] = np.maximum(pixels[..., (0, 2)], 0.0)
+    return list(pages.reshape(len(pages), -1, channels))
 
 
 def _lost(name: str, nodes: tuple[str, ...]) -> str:
@@ -244,8 +251,9 @@ def _tile_side() -> int:
 
 
 @contextmanager
-def _image(size: np.ndarray) -> Iterator[bpy.types.Image]:
-    width, height = (int(texels) for texels in size)
+def _image(size: np.ndarray, pages: int) -> Iterator[bpy.types.Image]:
+    """An image for `pages` pages of width and height (2,), one above the other."""
+    width, height = int(size[0]), int(size[1]) * pages
     image = bpy.data.images.new("PatchNet Bake", width, height, alpha=True, float_buffer=True, is_data=True)
     try:
         yield image

@@ -35,12 +35,17 @@ class PageTriangles:
     uvs: np.ndarray
     chart_uvs: np.ndarray
     materials: np.ndarray
-    closed: np.ndarray
+    pieces: np.ndarray
     links: np.ndarray
     layers: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.triangles)
+
+    @property
+    def closed(self) -> np.ndarray:
+        """(N,) bool: whose inner side is enclosed."""
+        return self.pieces >= 0
 
     def only(self, chosen: np.ndarray) -> PageTriangles:
         """The triangles where `chosen` (N,) is true."""
@@ -48,6 +53,12 @@ class PageTriangles:
             **{name: getattr(self, name)[chosen] for name in _COLUMNS},
             layers={name: values[chosen] for name, values in self.layers.items()},
         )
+
+    def on_image(self, pages: int, *, upper: bool) -> PageTriangles:
+        """The same on an image of so many pages above each other: on the upper or the lower one."""
+        bottom = (pages - 1) / pages if upper else 0.0
+        uvs = (self.chart_uvs * np.array([1.0, 1.0 / pages]) + np.array([0.0, bottom])).astype(np.float32)
+        return replace(self, chart_uvs=uvs)
 
     def turned(self, material_shift: int) -> PageTriangles:
         """The same triangles facing the other way, their material indices raised by `material_shift`."""
@@ -63,7 +74,7 @@ class PageTriangles:
         )
 
 
-_COLUMNS = ("triangles", "corners_world", "normals_world", "uvs", "chart_uvs", "materials", "closed", "links")
+_COLUMNS = ("triangles", "corners_world", "normals_world", "uvs", "chart_uvs", "materials", "pieces", "links")
 
 
 def joined(parts: Sequence[PageTriangles]) -> PageTriangles:
@@ -114,7 +125,7 @@ def _part(
         uvs=uvs[mask],
         chart_uvs=_on_page(charts, triangles),
         materials=run.materials()[mask],
-        closed=closed.of(run)[mask],
+        pieces=closed.of(run)[mask],
         links=np.repeat(run.placements.links[run.lo : run.hi], run.last - run.first)[mask],
         layers={name: run.per_corner(values)[mask] for name, values in mesh.layers.items()}
         | {name: attribute_values(run, name)[mask] for name in sorted(attributes)},

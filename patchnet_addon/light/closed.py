@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which triangles belong to closed surfaces, whose inner side nobody sees."""
+"""Which triangles belong to which closed surface, whose inner side nobody sees."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 from ..kernels import serial_kernel
 
 
-def closed_triangles(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(T,) bool: the triangle's connected piece is closed and consistently oriented.
+def closed_pieces(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(T,) int32: number of the triangle's connected piece if that is closed and consistently oriented, otherwise -1.
 
     vertices: (V, 3), those at the same place count as one. triangles: (T, 3) int32.
     A piece is closed if every edge in it belongs to two triangles that run along it in opposite directions.
-    Triangles of zero area are left out, they are never closed.
+    Triangles of zero area are left out, they are never closed. Numbers are below T.
     """
     _, place = np.unique(np.ascontiguousarray(vertices).view([("", vertices.dtype)] * 3).ravel(), return_inverse=True)
     welded = place.reshape(-1)[triangles].astype(np.int64)  # (T, 3)
@@ -28,8 +28,9 @@ def closed_triangles(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     root = _pieces(welded, count)[welded[:, 0]]
     open_pieces = np.zeros(count, bool)
     open_pieces[root[~matched]] = True
-    result = np.zeros(len(triangles), bool)
-    result[distinct] = ~open_pieces[root]
+    _, number = np.unique(root, return_inverse=True)
+    result = np.full(len(triangles), -1, np.int32)
+    result[distinct] = np.where(open_pieces[root], -1, number.reshape(-1))
     return result
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.light.albedo import albedo_shade
-from patchnet.patchnet_addon.light.closed import closed_triangles
+from patchnet.patchnet_addon.light.closed import closed_pieces
 from patchnet.patchnet_addon.light.exposure import quantile_exposure
 from patchnet.patchnet_addon.light.textures import TextureTable, cut_coverage
 from patchnet.patchnet_addon.light.two_lights import two_lights_shade
@@ -209,18 +209,18 @@ def test_closed_pieces() -> None:
     faces = [(a, *edge) for a, b, c, d in quads for edge in ((b, c), (c, d))]
     box = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
     triangles = np.array(faces, np.int32)
-    assert closed_triangles(box, triangles).all()
+    assert (closed_pieces(box, triangles) == 0).all()
     soup = box[triangles].reshape(-1, 3)  # every corner a vertex of its own
     apart = np.arange(36, dtype=np.int32).reshape(-1, 3)
-    assert closed_triangles(soup, apart).all()
-    assert not closed_triangles(box, triangles[:-1]).any(), "a gap opens the piece"
+    assert (closed_pieces(soup, apart) == 0).all()
+    assert (closed_pieces(box, triangles[:-1]) == -1).all(), "a gap opens the piece"
     flipped = triangles.copy()
     flipped[3] = flipped[3, ::-1]
-    assert not closed_triangles(box, flipped).any(), "sides must agree"
+    assert (closed_pieces(box, flipped) == -1).all(), "sides must agree"
     two = np.concatenate([soup, soup[:33] + 5]), np.concatenate([apart, apart[:11] + 36])
-    assert closed_triangles(*two).tolist() == [True] * 12 + [False] * 11
+    assert closed_pieces(*two).tolist() == [0] * 12 + [-1] * 11
     point = np.concatenate([triangles, [[0, 0, 1]]]).astype(np.int32)
-    assert closed_triangles(box, point).tolist() == [True] * 12 + [False]
+    assert closed_pieces(box, point).tolist() == [0] * 12 + [-1]
 
 
 def test_exposure() -> None:
