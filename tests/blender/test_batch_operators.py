@@ -32,7 +32,8 @@ CALLS = {
     "weights=WEIGHTS, out=OUT + '/frames', skip_existing=True",
 }
 LAST = {"copy_diagnostics": "", "add_demo_scene": ""}  # another scene is shown in the end
-ELSEWHERE = {"clear_cache"}  # test_preferences.py, on a cache of its own
+# test_preferences.py, on a cache of its own; test_cycles_refine.py, with light that was baked
+ELSEWHERE = {"clear_cache", "refine_with_cycles"}
 PREPARE = """
 import sys, bpy, patchnet
 patchnet.register()
