@@ -4,6 +4,7 @@
     blender --enable-event-simulate -p 0 0 1500 1100 -P overlay_window.py -- OUT
 
 Writes OUT/overlay.json, a value for each thing that was seen, and screenshots beside it. test_overlay.py judges them.
+docs/pictures/overlay.jpg is the viewport in overlay-inspect.png.
 """
 
 import json
