@@ -16,7 +16,7 @@ from ..patchnet_addon.errors import SettingError
 from .frames import add_frames, bake_with_bars, check_frames, print_frames
 from .lines import make_parent, say_note, say_result
 from .quiet import quiet_stdout
-from .run import add_color, add_exposure, add_fronts_only, require_blender
+from .run import add_both_sides, add_color, add_exposure, require_blender
 from .scene_argument import add_scene, open_given, scene_path
 from .stage_clock import StageClock
 
@@ -47,7 +47,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in leaf voxels (2)")
     add_exposure(parser)
     add_color(parser)
-    add_fronts_only(parser)
+    add_both_sides(parser)
     parser.add_argument(
         "--rotate", type=int, default=0, metavar="SEED",
         help="turn the lit surface by a random rotation; two-lights then shines from a random direction (0: upright)",
@@ -184,7 +184,7 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
         "fitted": layout is not None,
         "exposure": "automatic" if args.exposure is None else "given",
         "color": args.color,
-        "fronts_only": args.fronts_only,
+        "both_sides": args.both_sides,
         "versions": versions(),
     }
     if args.light == "cycles":
@@ -231,7 +231,7 @@ def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarra
     if not lit:
         say_note(NO_LIGHT, file=sys.stderr)
     baking = bake_luminance(
-        bpy.context, source, texel_world, args.samples, color=args.color, fronts_only=args.fronts_only, kept=kept
+        bpy.context, source, texel_world, args.samples, color=args.color, both_sides=args.both_sides, kept=kept
     )
     atlas = yield from baking if lit else in_daylight(bpy.context.scene, baking)
     return atlas_shade(atlas, source)

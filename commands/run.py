@@ -54,8 +54,8 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
         help="pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution (192 192)",
     )  # fmt: skip
     add_color(parser)
+    add_both_sides(parser)
     parser.add_argument("--budget", type=float, default=0.3, help="share of active pixels to refine, 0 to 1 (0.3)")
-    add_fronts_only(parser)
     parser.add_argument("--strategy", default="patchnet-behind", help="what is refined first (patchnet-behind)")
     parser.add_argument(
         "--mask", type=Path, metavar="IMAGE",
@@ -67,10 +67,12 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     add_cycles(parser)
 
 
-def add_fronts_only(parser: argparse.ArgumentParser) -> None:
-    """`--fronts-only`."""
+def add_both_sides(parser: argparse.ArgumentParser) -> None:
+    """`--both-sides`."""
     parser.add_argument(
-        "--fronts-only", action="store_true", help="of sheets, light only the side that normals show (mean of both)"
+        "--both-sides",
+        action="store_true",
+        help="opaque sheets have the mean of both sides (the side that normals show)",
     )
 
 
@@ -138,8 +140,8 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         light=args.light,
         samples=args.samples,
         exposure=args.exposure,
+        both_sides=args.both_sides,
         color=args.color,
-        fronts_only=args.fronts_only,
         texel_voxels=args.texel_voxels,
         cameras=tuple(name.strip() for name in args.cameras.split(",") if name.strip()),
         size=tuple(args.size),

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .lines import say_note, say_result
-from .run import add_fronts_only, require_blender
+from .run import add_both_sides, require_blender
 from .scene_argument import add_scene, open_given
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument(
         "--size", type=int, nargs=2, default=(256, 256), metavar=("W", "H"), help="pixels; 0 follows the render aspect"
     )
-    add_fronts_only(parser)
+    add_both_sides(parser)
     parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="of the octree (cycles)")
     parser.add_argument("--samples", type=int, default=64, help="Cycles samples per baked texel (64)")
     parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in finest voxels (2)")
@@ -78,7 +78,7 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
         depth=args.depth,
         light=args.light,
         samples=args.samples,
-        fronts_only=args.fronts_only,
+        both_sides=args.both_sides,
         texel_voxels=args.texel_voxels,
         cameras=names,
         size=tuple(args.size),

@@ -122,10 +122,10 @@ class LightProperties:
         min=0.0,
         precision=4,
     )
-    fronts_only: BoolProperty(
-        name="Fronts Only",
-        description="Light sheets from the side that their normals show, as materials with Backface Culling always "
-        "are; otherwise voxels hold the mean of both sides",
+    both_sides: BoolProperty(
+        name="Both Sides",
+        description="Voxels of opaque sheets hold the mean of both sides, for meshes whose normals point anywhere; "
+        "otherwise the side that normals show. Leaves and other cut-outs always hold the mean",
         default=False,
     )
     color: BoolProperty(
@@ -359,7 +359,7 @@ def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope:
         light=value("light"),
         samples=value("samples"),
         exposure=value("exposure") or None,
-        fronts_only=value("fronts_only"),
+        both_sides=value("both_sides"),
         color=value("color"),
         texel_voxels=value("texel_voxels"),
         cameras=tuple(name.strip() for name in value("cameras").split(",") if name.strip()),

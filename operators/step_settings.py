@@ -22,7 +22,7 @@ def step_settings(values: bpy.types.PropertyGroup, step: str) -> tuple[str, ...]
     if step == "octree":
         return ("scope", "resolution", *_RESOLUTION.get(values.resolution, ()), "memory")
     if step == "light":
-        baked = ("samples", "texel_voxels", "fronts_only", "device") if values.light == CYCLES else ()
+        baked = ("samples", "texel_voxels", "both_sides", "device") if values.light == CYCLES else ()
         return ("light", *baked, "exposure", "color")
     if step == "codes":
         return ("weights", "encoder_device")

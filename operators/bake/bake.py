@@ -6,9 +6,9 @@ surface by far less than a voxel and invisible to all rays, so that it neither s
 computes the light that arrives on it. So instances stay instances, and memory is bounded by the page. Between two
 pages the scene is exactly as before.
 
-Both sides of sheets are baked, unless a material culls backfaces or only fronts are asked for. Closed surfaces, whose
-inner side nobody sees, only from outside. A side that gets next to no light beside the other does not count: it is
-enclosed, although the surface has a gap.
+Opaque surfaces are baked on the side that their normals show, on the other where that is dark. Both sides count of
+cut-outs and of what is translucent, and of all sheets if asked for; not of closed surfaces, whose inner side nobody
+sees. A side that gets next to no light beside the other does not count: it is enclosed, although the surface has a gap.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def bake_luminance(
     seed: int = 0,
     *,
     color: bool = False,
-    fronts_only: bool = False,
+    both_sides: bool = False,
     max_texels: int = MAX_TEXELS,
     kept: KeptPages | None = None,
     device: str = AUTOMATIC,
@@ -55,7 +55,7 @@ def bake_luminance(
 
     texel_world: side of a texel, about that of a leaf, one for all or (T,); texels grow if there would be more than
     `max_texels`.
-    color: whether the atlas has it (`Atlas.texels`). fronts_only: of sheets, only the side that normals show is lit.
+    color: whether the atlas has it (`Atlas.texels`). both_sides: of opaque sheets, both sides are lit.
     samples: paths a texel and side. kept: finished pages are taken from there and left there.
     device: one of `DEVICES`; automatic is a GPU where the preferences of Cycles enable one.
     Raises SceneError if Cycles is not there or cannot bake, SettingError for a GPU that is not enabled.
@@ -68,12 +68,12 @@ def bake_luminance(
     side = page_side(source.triangle_count)
     charts = yield from layout_charts(source, texel_world, samples=samples, max_texels=max_texels, page_side=side)
     channels = COLOR_CHANNELS if color else 2
-    baker = Baker(context, source, charts, seed, channels, fronts_only, device)
+    baker = Baker(context, source, charts, seed, channels, both_sides, device)
     pages = np.zeros((charts.page_count, charts.page_side**2, channels), np.float32)
     if kept is not None:
         yield Progress(0, 1, "Looking for finished pages")
         on_gpu = bakes_on_gpu(context, device)
-        kept.open(bake_key(context, source, charts, samples, seed, color, fronts_only, on_gpu))
+        kept.open(bake_key(context, source, charts, samples, seed, color, both_sides, on_gpu))
         if there := len(kept.pages()):
             yield Progress(there, charts.page_count, f"Resuming: {there} of {charts.page_count} pages are there")
     for page in range(charts.page_count):

@@ -28,7 +28,7 @@ def bake_key(
     samples: int,
     seed: int,
     color: bool = False,
-    fronts_only: bool = False,
+    both_sides: bool = False,
     on_gpu: bool = False,
 ) -> str:
     """32 hex digits over surface, charts, samples, and all of the scene that a bake could show.
@@ -38,7 +38,7 @@ def bake_key(
     their settings.
     """
     digest = Digest()
-    digest.text(_code_hash(), bpy.app.version_string, bpy.app.build_hash, samples, seed, color, fronts_only, _devices())
+    digest.text(_code_hash(), bpy.app.version_string, bpy.app.build_hash, samples, seed, color, both_sides, _devices())
     digest.text(on_gpu)
     digest.text(charts.texel_world, charts.page_side, charts.page_count)
     for name in _CHART_ARRAYS:

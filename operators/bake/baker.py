@@ -12,6 +12,7 @@ import numpy as np
 
 from ...patchnet_addon.errors import SceneError
 from ...patchnet_addon.light.charts import Charts
+from ...patchnet_addon.octree.mesh import Material
 from ...patchnet_addon.progress import Progress, Steps
 from ..devices import AUTOMATIC, bakes_on_gpu
 from ..scene.light_links import Links
@@ -38,9 +39,9 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 class Baker:
     """Bakes sides of pages; holds nothing of Blender's between two calls but the context.
 
-    channels: of its texels, 2 or 4, see `Atlas`. fronts_only: of sheets, backs count only where fronts get no light;
-    so it is with materials that cull backfaces, too. warnings: sentences about what cannot be baked. paths_traced: how
-    many paths the last page took.
+    channels: of its texels, 2 or 4, see `Atlas`. both_sides: backs of opaque sheets count like fronts; else, and always
+    with materials that cull backfaces, only where fronts get no light. warnings: sentences about what cannot be baked.
+    paths_traced: how many paths the last page took.
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class Baker:
         charts: Charts,
         seed: int,
         channels: int = 2,
-        fronts_only: bool = False,
+        both_sides: bool = False,
         device: str = AUTOMATIC,
     ) -> None:
         """`device` is one of `DEVICES`. Raises SettingError for a GPU that is not there."""
@@ -64,9 +65,11 @@ class Baker:
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
         self._attributes = attributes_needed(used)
         culling = {material.name_full for material in used if material.use_backface_culling}
-        self._one_sided = np.array([fronts_only or name in culling for name in source.material_names])
         translucent = {material.name_full for material in used if is_translucent(material)}
         self._translucent = np.array([name in translucent for name in source.material_names])
+        self._one_sided = np.array([name in culling for name in source.material_names])
+        if not both_sides:
+            self._one_sided |= np.array([is_opaque(material) for material in source.materials]) & ~self._translucent
         self.paths_traced = 0
         turned = source.turned_materials
         self.warnings = tuple(
@@ -210,6 +213,11 @@ def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> lis
     if channels > 2:
         pages[:, :height, :width, 2:] = np.maximum(pixels[..., (0, 2)], 0.0)
     return list(pages.reshape(len(pages), -1, channels))
+
+
+def is_opaque(material: Material) -> bool:
+    """Whether a surface has no gaps: leaves and grilles have, and are meant to be seen from both sides."""
+    return material.alpha >= 1.0 and material.alpha_texture is None
 
 
 def _lost(name: str, nodes: tuple[str, ...]) -> str:

@@ -35,8 +35,8 @@ class JobSettings:
     memory_bytes: what the octree may take while it is built; None for all that is free.
     light: "cycles" bakes global illumination with `samples` per texel, "two-lights" is methods 7.3.
     exposure: factor on luminance; None chooses it by the surface (methods 7.1).
+    both_sides: of opaque sheets, voxels hold the mean of both sides; else the light of the side that normals show.
     color: keep colour beside luminance, for pictures and exports; two bytes a node (methods 7.2d).
-    fronts_only: of sheets, only the side that normals show is lit; else voxels hold the mean of both.
     texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
     cameras: names, or ("all",), or ("auto",); empty for the scene's active camera.
     size: pictures in pixels; a height of 0 follows the render aspect, (0, 0) is the render resolution.
@@ -59,9 +59,9 @@ class JobSettings:
     light: str = CYCLES
     samples: int = 8
     exposure: float | None = None
+    both_sides: bool = False
     color: bool = False
     texel_voxels: float = 2.0
-    fronts_only: bool = False
     cameras: tuple[str, ...] = ()
     size: tuple[int, int] = (192, 0)
     budget: float = 0.3

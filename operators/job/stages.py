@@ -122,7 +122,7 @@ def lit(
         texel_world,
         settings.samples,
         color=settings.color,
-        fronts_only=settings.fronts_only,
+        both_sides=settings.both_sides,
         kept=kept,
         device=settings.device,
     )
@@ -158,7 +158,7 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
         "scope": settings.scope,
         "light": light,
         "color": settings.color,
-        "fronts_only": settings.fronts_only,
+        "both_sides": settings.both_sides,
         "versions": versions(),
     }
     return values | ({"samples": settings.samples, "texel_voxels": settings.texel_voxels} if light == CYCLES else {})

@@ -118,7 +118,7 @@ def test_sides_of_sheets() -> None:
     assert values["Up"].mean() == pytest.approx(lit, rel=1e-3), "the dark side of a sheet does not count"
     assert values["Down"].mean() == pytest.approx(lit, rel=1e-3), "even if it is the front"
     sun(1.0, (np.pi, 0.0, 0.0))
-    values = shaded(*baked())
+    values = shaded(*baked(both_sides=True))
     for name in ("Up", "Down"):
         assert values[name].mean() == pytest.approx(lit * (1.0 + 1.0 / 3.0) / 2.0, rel=1e-3), (
             "the mean of two lit sides"
@@ -132,11 +132,11 @@ def test_fronts_alone(by_material: bool) -> None:
     lamps = [sun(3.0), sun(1.0, (np.pi, 0.0, 0.0))]
     for index, name in enumerate(("Up", "Down")):
         square(name, material, up=name == "Up").location = (10 * index, 0, 0)
-    values = shaded(*baked(fronts_only=not by_material))
+    values = shaded(*baked(both_sides=by_material))
     assert values["Up"].mean() == pytest.approx(3.0 * 0.5 / np.pi, rel=1e-3)
     assert values["Down"].mean() == pytest.approx(1.0 * 0.5 / np.pi, rel=1e-3)
     bpy.data.objects.remove(lamps[1])
-    values = shaded(*baked(fronts_only=not by_material))
+    values = shaded(*baked(both_sides=by_material))
     assert values["Down"].mean() == pytest.approx(3.0 * 0.5 / np.pi, rel=1e-3), "a dark front is no front"
 
 
@@ -157,7 +157,7 @@ def test_closed_boxes_that_are_lit_from_inside() -> None:
     sheet = square("Sheet", material)
     sheet.location.x, sheet.scale = 20, (0.5, 0.5, 0.5)
     bpy.context.scene.cycles.diffuse_bounces = 0
-    values = shaded(*baked(0.25, 64))
+    values = shaded(*baked(0.25, 64, both_sides=True))
     # The lamp's 40 W fall on 24 square metres.
     assert values["Cube"].mean() == pytest.approx(40.0 / 24.0 * 0.5 / np.pi, rel=0.02)
     assert values["Cube.001"].min() > 0.0
