@@ -31,7 +31,7 @@ class Estimate:
     leaves, octree_bytes, codes_bytes, peak_bytes: of building it; free_bytes: what may be used.
     lookahead_share: of hit pixels in the camera with least of it, None where no camera sees anything.
     texels, paths: of the bake, both 0 without one; paths of one side of the surface.
-    device, encoder: what will compute, in words. made_for: in words.
+    device, encoder: what will compute, in words. made_for: surface and views, in words.
     settings: values of the scene's settings. stale_because: what changed since, "" if nothing did.
     """
 
@@ -49,7 +49,7 @@ class Estimate:
     paths: int
     device: str
     encoder: str
-    made_for: str
+    made_for: tuple[str, str]
     settings: dict[str, Any] = field(default_factory=dict)
     stale_because: str = ""
     lines: list[str] = field(default_factory=list)
@@ -119,12 +119,12 @@ def _texels(source: SceneMesh, grid: Grid, settings: JobSettings) -> Steps[int]:
     return (yield from texels_wanted(source, texel_world, MAX_TEXELS))
 
 
-def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> str:
+def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> tuple[str, str]:
     names = {name for part in source.parts for name in part.objects}
     objects = f"'{names.pop()}'" if len(names) == 1 else f"{len(names):,} objects"
     views = f"camera '{cameras[0].name}'" if len(cameras) == 1 else f"{len(cameras)} cameras"
     size = f"{cameras[0].width_px} x {cameras[0].height_px}"
-    return f"{objects}, {source.triangle_count:,} triangles, {views} at {size}"
+    return f"{objects}, {source.triangle_count:,} triangles", f"{views[:1].upper()}{views[1:]} at {size}"
 
 
 def estimate_lines(found: Estimate) -> list[str]:
@@ -132,17 +132,18 @@ def estimate_lines(found: Estimate) -> list[str]:
     most = "Up to depth" if found.fitted else "Depth"
     lines = [f"{most} {found.depth}, voxel side {found.voxel_world:.4g}"]
     if found.fitted:
-        lines.append("Voxels: as many as cameras need and memory allows")
-        lines.append(f"Memory while building: at most {_bytes(found.free_bytes)}")
+        lines.append("As many voxels as cameras need")
+        lines.append(f"Building takes at most {_bytes(found.free_bytes)}")
     else:
         lines.append(f"About {_count(found.leaves)} voxels")
-        lines.append(f"Memory while building: about {_bytes(found.peak_bytes)} of {_bytes(found.free_bytes)}")
-        lines.append(f"Files: octree {_bytes(found.octree_bytes)}, codes {_bytes(found.codes_bytes)}")
+        lines.append(f"Building takes {_bytes(found.peak_bytes)} of {_bytes(found.free_bytes)}")
+        lines.append(f"Octree {_bytes(found.octree_bytes)}, codes {_bytes(found.codes_bytes)}")
     share = found.lookahead_share
     lines.append("No camera sees anything" if share is None else f"Look-ahead on {share:.0%} of pixels")
     if found.texels:
         about = "at most" if found.fitted else "about"
-        lines.append(f"Bake: {about} {_count(found.texels)} texels, {_count(found.paths)} paths")
+        lines.append(f"Bake: {about} {_count(found.texels)} texels")
+        lines.append(f"Paths of a side: {_count(found.paths)}")
         lines.append(f"Bake on: {found.device}")
     lines.append(f"Codes: {found.encoder}")
     return lines

@@ -43,10 +43,11 @@ def _draw_estimate(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         return
     box = layout.box().column(align=True)
     setting = changed(scene.patchnet, found.settings, *ESTIMATED)
-    why = f"setting '{setting}' changed" if setting else found.stale_because
+    why = f"'{setting}' changed" if setting else found.stale_because
     if why:
         box.label(text=f"Estimate again: {why}", icon="ERROR")
-    box.label(text=f"For {found.made_for}")
+    for line in found.made_for:
+        box.label(text=line)
     for line in found.lines:
         row = box.row()
         row.active = not why

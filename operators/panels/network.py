@@ -28,7 +28,7 @@ class PATCHNET_PT_network(SubPanel, bpy.types.Panel):
         before = result.made_with.get("codes")
         name = changed(context.scene.patchnet, before, "codes") if before is not None else ""
         if name:
-            layout.label(text=f"Setting '{name}' changed: precompute again", icon="ERROR")
+            layout.label(text=f"'{name}' changed: precompute again", icon="ERROR")
 
 
 CLASSES = (PATCHNET_PT_network,)

@@ -76,5 +76,5 @@ def stale_text(result: SceneResult, scene: bpy.types.Scene, step: str) -> str:
     why = result.why(step)
     if not why and settings in result.made_with:
         name = changed(scene.patchnet, result.made_with[settings], settings)
-        why = f"setting '{name}' changed" if name else ""
+        why = f"'{name}' changed" if name else ""
     return f"{why[:1].upper()}{why[1:]}: {advice}" if why else ""

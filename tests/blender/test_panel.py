@@ -123,7 +123,7 @@ def test_estimate(scene: bpy.types.Scene) -> None:
     assert found.lookahead_share == pytest.approx(made.lookahead_share, abs=0.1)
     assert found.peak_bytes > found.octree_bytes and found.paths == 4 * found.texels > 0
     text = drawn(PATCHNET_PT_main)
-    assert any("6 objects" in line and "'Eye' at 24 x 16" in line for line in text)
+    assert "6 objects, 72 triangles" in text and "Camera 'Eye' at 24 x 16" in text
     for line in found.lines:
         assert line in text
 
@@ -153,7 +153,7 @@ def test_estimate_becomes_stale_and_says_why(scene: bpy.types.Scene) -> None:
     scene.patchnet.budget = 0.5  # has no part in it
     assert not any("Estimate again" in line for line in drawn(PATCHNET_PT_main))
     scene.patchnet.resolution = "FIT"
-    assert "Estimate again: setting 'Resolution' changed" in drawn(PATCHNET_PT_main)
+    assert "Estimate again: 'Resolution' changed" in drawn(PATCHNET_PT_main)
     scene.patchnet.resolution = "AUTO"
     bpy.data.objects["Lath 2"].location.x += 0.1
     update()
@@ -182,13 +182,13 @@ def test_stale_says_why(scene: bpy.types.Scene) -> None:
 def test_changed_settings_are_named(scene: bpy.types.Scene) -> None:
     small_preview()
     scene.patchnet.resolution = "VOXEL_SIZE"
-    assert "Setting 'Resolution' changed: voxelize again" in drawn(PATCHNET_PT_octree)
+    assert "'Resolution' changed: voxelize again" in drawn(PATCHNET_PT_octree)
     scene.patchnet.resolution = "AUTO"
     assert not any("again" in line for line in drawn(PATCHNET_PT_octree))
     scene.patchnet.weights = ""
-    assert "Setting 'Weights' changed: precompute again" in drawn(PATCHNET_PT_network)
+    assert "'Weights' changed: precompute again" in drawn(PATCHNET_PT_network)
     scene.patchnet.budget = 0.1
-    assert "Setting 'Budget' changed: render again" in drawn(PATCHNET_PT_preview)
+    assert "'Budget' changed: render again" in drawn(PATCHNET_PT_preview)
 
 
 def test_statistics(scene: bpy.types.Scene) -> None:

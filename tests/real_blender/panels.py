@@ -50,6 +50,7 @@ def prepare():
     settings = clicks.window().scene.patchnet
     for name, value in SMALL.items():
         setattr(settings, name, value)
+    open_all()
     if not clicks.area("VIEW_3D").spaces.active.show_region_ui:
         yield from clicks.key("N", *clicks.over_viewport())
     yield 0.5
@@ -58,19 +59,30 @@ def prepare():
     yield from clicks.screenshot(OUT / "panel-empty.png", side_box())
     call("estimate")
     call("run_all")
-    settings.importance = "IMAGE"
-    settings.importance_image = "PatchNet Preview"
+    settings.light, settings.importance = "cycles", "IMAGE"
+    settings.importance_image = "Mask"
     yield 0.3
 
 
+def tabs() -> list[type]:
+    """The panels of the tab."""
+    return [item for item in module("panels").CLASSES if hasattr(item, "bl_category")]
+
+
+def open_all() -> None:
+    """All panels are open when they are drawn first; afterwards Blender remembers."""
+    for item in reversed(tabs()):
+        bpy.utils.unregister_class(item)
+    for item in tabs():
+        item.bl_options = set()
+        bpy.utils.register_class(item)
+
+
 def one_by_one():
-    """Every sub-panel with all its parts open, the others away."""
-    classes = [item for item in module("panels").CLASSES if hasattr(item, "bl_category")]
+    """Every sub-panel with all its parts, the others away."""
+    classes = tabs()
     for item in reversed(classes):
         bpy.utils.unregister_class(item)
-    for item in classes:
-        if getattr(item, "bl_options", None):
-            item.bl_options = set()
     for item in [each for each in classes if getattr(each, "bl_parent_id", "") in ("", "PATCHNET_PT_main")]:
         name = item.__name__.removeprefix("PATCHNET_PT_")
         parts = [each for each in classes if each is item or each.__name__ == "PATCHNET_PT_main"]
@@ -92,7 +104,7 @@ def one_by_one():
 def undo_and_redo():
     """A move makes the result stale, undo makes it fit again, and so on, with keys."""
     settings = clicks.window().scene.patchnet
-    settings.importance = "NONE"
+    settings.light, settings.importance = "two-lights", "NONE"
     name = next(item.name for item in clicks.window().scene.objects if item.type == "MESH" and item.visible_get())
     x, y = clicks.over_viewport()
     for item in clicks.window().view_layer.objects:
