@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Paths per second of a bake against Cycles' camera renders of the same scene, page and render in turns.
 
-Both are whole calls, reading the scene included. Renders take as many paths as the page before them, from cameras that
-are placed in the scene. Beside that: how full the pages are, and how many paths voxels get.
+Both are whole calls, reading the scene included, in processor seconds of all cores together. Renders take as many paths
+as the page before them, from cameras that are placed in the scene. Beside that: how full the pages are, and how many
+paths voxels get.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from ...training.benchmarks.timing import Comparison
 
 HELP = "the bake against camera renders: paths per second, filling of pages, paths per voxel"
-_VIEWS = 4
+_VIEWS = 8
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,8 +81,11 @@ def _cameras(source: Any, grid: Any) -> Any:
 
 
 def _compared(scene: str, args: argparse.Namespace, source: Any, charts: Any, counts: Any, rates: Any) -> Comparison:
+    from dataclasses import asdict
+
     import numpy as np
 
+    from ...operators.verify_light.rates import rate
     from ...patchnet_addon.light.path_counts import own_texels
     from ...training.benchmarks.timing import Comparison
 
@@ -103,10 +107,12 @@ def _compared(scene: str, args: argparse.Namespace, source: Any, charts: Any, co
         "paths_a_side": int((own * samples).sum()),
         "paths_a_side_without_sharing": int(own.sum() * args.samples),
         "paths_5_and_50_percentile": quantiles,
-        "turns": [list(turn) for turn in rates.turns],
+        "pages": [asdict(turn) for turn in rates.pages],
+        "renders": [asdict(turn) for turn in rates.renders],
+        "clock": "processor",
     }
-    ratio = rates.bake / rates.render
-    return Comparison("bake", rates.bake / 1e6, rates.render / 1e6, ratio, details, unit="million paths/s")
+    ours, peer = rate(rates.pages) / 1e6, rate(rates.renders) / 1e6
+    return Comparison("bake", ours, peer, ours / peer, details, unit="million paths per processor second")
 
 
 def text(values: dict[str, Any]) -> str:
@@ -119,7 +125,8 @@ def text(values: dict[str, Any]) -> str:
     return (
         f"{values['scene']} at depth {values['depth']}: {values['triangles']:,} triangles, "
         f"{values['leaves']:,} leaves\n"
-        f"Bake {values['ours']:.3f} million paths/s, camera renders {values['peer']:.3f}: ratio {values['ratio']:.2f}\n"
+        f"Bake {values['ours']:.3f} million paths per processor second, camera renders {values['peer']:.3f}: ratio "
+        f"{values['ratio']:.2f}\n"
         f"{values['atlas_use']:.0%} of texels on pages lie in a triangle\n"
         f"{values['paths_a_side'] / 1e6:.1f} M paths a side; if no triangles shared, "
         f"{values['paths_a_side_without_sharing'] / 1e6:.1f} M\n\n"

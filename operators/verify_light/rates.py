@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -15,29 +16,31 @@ from ...patchnet_addon.progress import Progress, Steps, drain
 from ...patchnet_addon.tracing.camera import Camera
 from ..bake.baker import Baker
 from ..scene.scene_mesh import SceneMesh
-from .reference import camera_render_seconds
+from .scene_copy import prepared
 
 _LEAST_PX, _MOST_PX = 64, 2048
 
 
 @dataclass(frozen=True)
+class Turn:
+    """A page that was baked, or a picture: paths, and processor and wall seconds of the whole call."""
+
+    paths: int
+    processor_s: float
+    wall_s: float
+
+
+@dataclass(frozen=True)
 class Rates:
-    """What both took, in turns: paths and wall seconds of whole calls, reading the scene included.
+    """What pages took, and the render after each of them, reading the scene included."""
 
-    turns: paths and seconds of a page, paths and seconds of the render after it.
-    """
+    pages: tuple[Turn, ...]
+    renders: tuple[Turn, ...]
 
-    turns: tuple[tuple[int, float, int, float], ...]
 
-    @property
-    def bake(self) -> float:
-        """Paths per second of the bake."""
-        return sum(turn[0] for turn in self.turns) / sum(turn[1] for turn in self.turns)
-
-    @property
-    def render(self) -> float:
-        """Paths per second of the renders."""
-        return sum(turn[2] for turn in self.turns) / sum(turn[3] for turn in self.turns)
+def rate(turns: Sequence[Turn]) -> float:
+    """Paths per processor second, of all cores together: other programs' load changes it least."""
+    return sum(turn.paths for turn in turns) / sum(turn.processor_s for turn in turns)
 
 
 def measure_rates(
@@ -45,19 +48,32 @@ def measure_rates(
 ) -> Steps[Rates]:
     """Bake each page with something on it, and render about as many paths through one camera after the other."""
     baker = Baker(context, source, charts, seed)
-    turns: list[tuple[int, float, int, float]] = []
+    pages: list[Turn] = []
+    renders: list[Turn] = []
     for page in range(charts.page_count):
         yield Progress(page, charts.page_count, "Measuring")
-        start = time.perf_counter()
+        clock = _Clock()
         drain(baker.page(page))
-        seconds = time.perf_counter() - start
         if not baker.paths_traced:
             continue
+        pages.append(clock.turn(baker.paths_traced))
         samples = int(charts.page_samples[page])
-        camera = _with_pixels(cameras[len(turns) % len(cameras)], baker.paths_traced / samples)
-        rendered = camera.width_px * camera.height_px * samples
-        turns.append((baker.paths_traced, seconds, rendered, camera_render_seconds(context, camera, samples, page)))
-    return Rates(tuple(turns))
+        camera = _with_pixels(cameras[len(renders) % len(cameras)], baker.paths_traced / samples)
+        with prepared(context, camera, samples, page, Path()) as (scene, _):
+            clock = _Clock()
+            bpy.ops.render.render(scene=scene.name)
+            renders.append(clock.turn(camera.width_px * camera.height_px * samples))
+    return Rates(tuple(pages), tuple(renders))
+
+
+class _Clock:
+    """Measures from now on."""
+
+    def __init__(self) -> None:
+        self._wall, self._processor = time.perf_counter(), time.process_time()
+
+    def turn(self, paths: int) -> Turn:
+        return Turn(paths, time.process_time() - self._processor, time.perf_counter() - self._wall)
 
 
 def _with_pixels(camera: Camera, pixels: float) -> Camera:

@@ -8,7 +8,6 @@ bake of these parts computes. They come out of a multi-layer EXR, so that neithe
 from __future__ import annotations
 
 import tempfile
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,14 +61,6 @@ def render_reference(context: bpy.types.Context, camera: Camera, samples: int, s
             add_passes(layer)
             render(scene, path)
         return _reference(read_exr(path))
-
-
-def camera_render_seconds(context: bpy.types.Context, camera: Camera, samples: int, seed: int) -> float:
-    """Wall seconds of Blender's call that renders the scene with nothing but the combined pass, and writes no file."""
-    with prepared(context, camera, samples, seed, Path()) as (scene, _):
-        start = time.perf_counter()
-        bpy.ops.render.render(scene=scene.name)
-        return time.perf_counter() - start
 
 
 def add_passes(layer: bpy.types.ViewLayer) -> None:

@@ -13,10 +13,11 @@ def test_rates_of_bake_and_renders(capsys: pytest.CaptureFixture[str]) -> None:
     values = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert values["ours"] > 0 and values["peer"] > 0
     assert values["ratio"] == pytest.approx(values["ours"] / values["peer"])
-    baked = sum(turn[0] for turn in values["turns"])
+    baked = sum(turn["paths"] for turn in values["pages"])
     assert baked >= values["paths_a_side"] > 0.6 * values["atlas_use"] * 1000
-    for paths, seconds, rendered, render_seconds in values["turns"]:
-        assert min(seconds, render_seconds) > 0 and 0.8 < rendered / paths < 1.25
+    for page, render in zip(values["pages"], values["renders"], strict=True):
+        assert min(page["processor_s"], page["wall_s"], render["processor_s"], render["wall_s"]) > 0
+        assert 0.8 < render["paths"] / page["paths"] < 1.25
     assert 0.5 < values["atlas_use"] <= 1.0
     low, middle = values["paths_5_and_50_percentile"]["leaf"]
     assert 0 < low <= middle < values["paths_5_and_50_percentile"]["stop"][1]
