@@ -26,14 +26,14 @@ class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
         found = result.comparison
         draw_stale(layout, context.scene, "view")
         layout.label(text=found.view)
+        layout.label(text=f"Mean squared error, budget {found.budget:.0%}")
         table = layout.box().column(align=True)
-        _row(table, "Strategy", f"Error at {found.budget:.0%}", "Left")
-        _row(table, "Unrefined", f"{found.unrefined:.2e}", "100 %")
+        _row(table, "Strategy", "Error", "Left")
+        _row(table, "Unrefined", f"{found.unrefined:.2e}", "100%")
         for row in found.rows:
             left = f"{row.error / found.unrefined:.0%}" if found.unrefined else "-"
             marked = "> " if row.name == context.scene.patchnet.strategy else ""
             _row(table, f"{marked}{row.title}", f"{row.error:.2e}", left)
-        layout.label(text="Mean squared error against the reference", icon="INFO")
 
 
 def _row(layout: bpy.types.UILayout, name: str, error: str, share: str) -> None:
