@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Screenshots of PatchNet in a Blender window, for the documentation; make_screens.py starts it.
+
+    blender --enable-event-simulate -p 0 0 1500 1100 -P screens.py -- OUT
+
+Adds the demo scene, previews it, and writes OUT/*.png; OUT/screens.txt holds the traceback of what went wrong, or "".
+"""
+
+import sys
+from pathlib import Path
+
+import bpy  # noqa: TID251
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "real_blender"))
+import clicks  # noqa: E402
+
+OUT = Path(sys.argv[sys.argv.index("--") + 1])
+PACKAGE = "bl_ext.user_default.patchnet"
+SETTINGS = {
+    "resolution": "DEPTH", "depth": 9, "samples": 4, "texel_voxels": 4.0, "color": True, "size": (96, 96),
+}  # fmt: skip
+JOB_S = 900.0  # at most, on a busy machine
+CAMERA = "Far"
+SIDE_PX = 320
+
+
+def module(name: str):
+    """A module of the installed extension."""
+    return sys.modules[f"{PACKAGE}.operators.{name}"]
+
+
+def in_area(kind: str, operator, *arguments: object, **settings: object):
+    """Call an operator in the largest area of a kind."""
+    pane = clicks.region("WINDOW", kind)
+    with bpy.context.temp_override(window=clicks.window(), area=clicks.area(kind), region=pane):
+        return operator(*arguments, **settings)
+
+
+def box(item) -> tuple[int, int, int, int]:
+    """An area or region, as a box for screenshots."""
+    return item.x, item.y, item.width, item.height
+
+
+def widen_sidebar():
+    """Drag the sidebar's edge, as a person does, until its lines fit."""
+    side = clicks.region("UI")
+    x, y = side.x, side.y + side.height // 3
+    target = side.x + side.width - SIDE_PX
+    window = clicks.window()
+    yield from clicks.move(x, y)
+    window.event_simulate(type="LEFTMOUSE", value="PRESS", x=x, y=y)
+    yield 0.2
+    for step in range(1, 6):
+        yield from clicks.move(x + (target - x) * step // 5, y)
+    window.event_simulate(type="LEFTMOUSE", value="RELEASE", x=target, y=y)
+    yield 0.5
+
+
+def open_scene():
+    """The demo scene, its camera, the tab."""
+    in_area("VIEW_3D", bpy.ops.patchnet.add_demo_scene)
+    yield 0.5
+    scene = clicks.window().scene
+    scene.camera = scene.objects[CAMERA]
+    for name, value in SETTINGS.items():
+        setattr(scene.patchnet, name, value)
+    space = clicks.area("VIEW_3D").spaces.active
+    space.shading.type, space.shading.color_type, space.overlay.show_overlays = "SOLID", "TEXTURE", False
+    in_area("VIEW_3D", bpy.ops.view3d.view_camera)
+    space.show_region_ui = True
+    yield 0.5
+    clicks.region("UI").active_panel_category = "PatchNet"
+    yield 0.5
+    yield from widen_sidebar()
+    in_area("VIEW_3D", bpy.ops.view3d.view_center_camera)
+    yield 0.3
+
+
+def preview():
+    """The estimate, then everything, with a picture on the way."""
+    preferences = bpy.context.preferences.addons[PACKAGE].preferences
+    if hasattr(preferences, "open_pictures"):
+        preferences.open_pictures = "NEVER"
+    in_area("VIEW_3D", bpy.ops.patchnet.estimate)
+    job = module("job_operator").JobOperator
+    in_area("VIEW_3D", bpy.ops.patchnet.run_all, "INVOKE_DEFAULT")
+    yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes", JOB_S)
+    yield 2.0
+    yield from clicks.screenshot(OUT / "window-progress.png")
+    yield from clicks.wait_for(lambda: not job.running, "the preview is made", JOB_S)
+    yield 0.5
+    in_area("VIEW_3D", bpy.ops.patchnet.compare, "INVOKE_DEFAULT")
+    yield 0.5
+    yield from clicks.wait_for(lambda: not job.running, "strategies are compared", JOB_S)
+    yield from clicks.screenshot(OUT / "window.png")
+
+
+def panels():
+    """Each panel of the tab with its children, alone."""
+    found = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("PATCHNET_PT_")]
+    ours = [
+        each for each in found if getattr(each, "bl_category", "") == "PatchNet" and each.bl_space_type == "VIEW_3D"
+    ]
+    parents = {each.__name__: getattr(each, "bl_parent_id", "") for each in ours}
+    top = [each for each in ours if parents[each.__name__] in ("", "PATCHNET_PT_main")]
+    parts = {item: [item, *(each for each in ours if parents[each.__name__] == item.__name__)] for item in top}
+    main = next(item for item in top if item.__name__ == "PATCHNET_PT_main")
+    parts[main] = [main]
+    for item in sorted(
+        ours, key=lambda each: parents[each.__name__] in parents and parents[each.__name__] != main.__name__
+    )[::-1]:
+        bpy.utils.unregister_class(item)
+    for item in top:
+        for each in parts[item]:
+            each.bl_options = set()
+            each.bl_parent_id = "" if each is item else item.__name__
+            bpy.utils.register_class(each)
+        clicks.area("VIEW_3D").tag_redraw()
+        yield 0.3
+        clicks.region("UI").active_panel_category = "PatchNet"
+        name = item.__name__.removeprefix("PATCHNET_PT_").replace("_", "-")
+        yield from clicks.screenshot(OUT / f"panel-{name}.png", box(clicks.region("UI")))
+        for each in reversed(parts[item]):
+            bpy.utils.unregister_class(each)
+    for item in (main, *(each for each in top if each is not main), *(each for each in ours if each not in top)):
+        item.bl_parent_id = parents[item.__name__]
+        bpy.utils.register_class(item)
+    yield 0.5
+
+
+def overlay():
+    """Heatmap and preview with a wipe, over the camera's view and in an Image Editor."""
+    if not hasattr(bpy.types.WindowManager, "patchnet_overlay"):
+        return
+    values = bpy.context.window_manager.patchnet_overlay
+    in_area("VIEW_3D", bpy.ops.patchnet.toggle_overlay)
+    values.use_wipe, values.wipe, values.picture, values.other = True, 0.5, "HEATMAP", "REFINED"
+    yield from clicks.screenshot(OUT / "overlay-view.png", box(clicks.area("VIEW_3D")))
+    in_area("VIEW_3D", bpy.ops.patchnet.toggle_overlay)
+
+
+def image_editor(image: str, name: str):
+    """An image in an Image Editor in the viewport's place."""
+    area = clicks.area("VIEW_3D")
+    area.type = "IMAGE_EDITOR"
+    yield 0.3
+    area.spaces.active.image = bpy.data.images[image]
+    in_area("IMAGE_EDITOR", bpy.ops.image.view_all, fit_view=True)
+    yield from clicks.screenshot(OUT / f"{name}.png", box(clicks.area("IMAGE_EDITOR")))
+    area.type = "VIEW_3D"
+    yield 0.3
+
+
+def engine():
+    """A final render, and the viewport in the engine's shading mode."""
+    scene = clicks.window().scene
+    scene.render.engine = "PATCHNET"
+    bpy.context.preferences.view.render_display_type = "NONE"
+    ended: list[bool] = []
+    note = lambda *_: ended.append(True)  # noqa: E731
+    bpy.app.handlers.render_complete.append(note)
+    in_area("VIEW_3D", bpy.ops.render.render, "INVOKE_DEFAULT")
+    yield from clicks.wait_for(lambda: bool(ended) and not bpy.app.is_job_running("RENDER"), "it is rendered", JOB_S)
+    bpy.app.handlers.render_complete.remove(note)
+    yield from image_editor("Render Result", "render-result")
+    clicks.area("VIEW_3D").spaces.active.shading.type = "RENDERED"
+    yield 45.0
+    yield from clicks.screenshot(OUT / "viewport-rendered.png", box(clicks.area("VIEW_3D")))
+    clicks.area("VIEW_3D").spaces.active.shading.type = "SOLID"
+
+
+def preferences():
+    """The add-on's preferences in their own window."""
+    bpy.ops.patchnet.measure_cache()
+    bpy.context.window_manager.addon_search = "PatchNet"
+    bpy.ops.preferences.addon_expand(module=PACKAGE)
+    bpy.ops.screen.userpref_show(section="ADDONS")
+    yield 2.0
+    yield from clicks.screenshot(OUT / "preferences.png")
+
+
+def session():
+    """The whole visit."""
+    yield from open_scene()
+    yield from preview()
+    yield from overlay()
+    heatmap = next(item.name for item in bpy.data.images if item.name.lower().endswith("heatmap"))
+    yield from image_editor(heatmap, "image-editor")
+    yield from panels()
+    yield from engine()
+    yield from preferences()
+
+
+def finish(problem: str) -> None:
+    """Say what went wrong and leave."""
+    (OUT / "screens.txt").write_text(problem)
+    bpy.ops.wm.quit_blender()
+
+
+bpy.context.preferences.view.show_splash = False
+bpy.context.preferences.view.ui_scale = 1.0
+bpy.context.preferences.system.use_region_overlap = False  # so that the sidebar hides nothing of the view
+clicks.play(session(), finish)
