@@ -24,7 +24,7 @@ from ..job.stages import build, choose_grid, encode, lit, load_network
 from ..scene import read_scene
 from .surface_key import may_change, surface_key
 
-_BUTTON = "press Run All in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
+_BUTTON = "press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
 
 
 @dataclass(frozen=True)
