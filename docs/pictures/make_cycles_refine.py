@@ -36,7 +36,9 @@ def main() -> None:
     settings = JobSettings(
         cameras=(CAMERA,),
         size=(int(width), int(height)),
+        fit=True,
         samples=4,
+        texel_voxels=3.0,
         color=True,
         cycles=CyclesSettings(float(budget), int(samples), compare=True),
     )

@@ -54,13 +54,13 @@ def comparison_sheet(view: CyclesView, maximum: float, map_name: str = COLORMAPS
     """(h, w, 3): preview, regions over the heatmap, composited and full render, with the figures as titles."""
     assert view.full is not None
     report = view.report
-    mse, seconds = report["mse"], report["seconds"]
+    mse, seconds, count = report["mse"], report["seconds"], len(view.regions)
     regions = outlined(colormap(view.priority / np.float32(maximum), map_name), view.regions)
     titles = [
         f"Preview mse {mse[PREVIEW]:.5f}",
-        f"{len(view.regions)} regions, {report['pixels_share']:.1%}",
-        f"+Cycles {seconds['regions']:.1f} s {mse[COMPOSITED]:.5f}",
-        f"Full {seconds['full']:.1f} s {mse[FULL]:.5f}",
+        f"{count} region{'s' if count != 1 else ''}, {report['pixels_share']:.1%}",
+        f"Cycles {seconds['regions']:.1f} s mse {mse[COMPOSITED]:.5f}",
+        f"Full {seconds['full']:.1f} s mse {mse[FULL]:.5f}",
     ]
     row = [shown(view.preview), regions, shown(view.composited), shown(view.full)]
     name = f"{view.camera.name}: {report['samples']} samples, mse against {report['reference_samples']} samples"

@@ -25,8 +25,9 @@ from ..verify_light.reference import add_passes, baked_light, combined_light
 from ..verify_light.scene_copy import prepared, render
 from .settings import COMBINED
 
-# What a call costs beside its pixels, as paths: 0.05 s at 0.2 M paths/s, both measured on two CPU cores.
-OVERHEAD_PATHS = 10_000
+# What a call costs beside its pixels, as paths: 0.03 to 0.07 s at 0.03 M paths/s, on the demo courtyard and two busy
+# CPU cores.
+OVERHEAD_PATHS = 1_500
 _PART_S = 1.0  # of work between two reports
 _FIRST_PATHS = 50_000
 _INSIDE = 0.25  # of a pixel, so that borders, which Blender keeps as float32 shares, are cut to the right one
