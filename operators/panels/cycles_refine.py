@@ -19,7 +19,7 @@ class PATCHNET_PT_cycles_refine(SubPanel, bpy.types.Panel):
         layout = split(self.layout)
         for name in ("budget", "samples", "light", "tile", "regions", "compare"):
             layout.prop(context.scene.patchnet, f"cycles_{name}")
-        layout.operator("patchnet.refine_with_cycles", icon="RENDER_REGION")
+        layout.operator("patchnet.refine_with_cycles", icon="RENDER_STILL")
 
 
 CLASSES = (PATCHNET_PT_cycles_refine,)
