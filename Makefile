@@ -4,7 +4,8 @@
 #   make test     lint, types and all tests
 #   make lint     lint and types alone
 #   make test-blender   the extension in a real Blender 5.2, with a window: BLENDER=/path/to/blender, or one is fetched
-#   make zip      the extension for Blender 4.5 and 5.2 on this platform, with its wheels, into dist/
+#   make zip      the extension with its wheels into dist/: a zip for each platform and Python
+#   make zip-platform   one zip a platform with the wheels of Blender 4.5 and 5.2, for extensions.blender.org
 #   make clean    remove results and builds, keep the environments
 #
 # PYTHON=/path/to/python3.11 chooses the interpreter.
@@ -17,7 +18,7 @@ VENV_52 := .venv-5.2
 STAMP_52 := $(VENV_52)/.installed
 INPUTS := pyproject.toml setup.py constraints.txt
 
-.PHONY: demo test test-blender lint zip clean system environment environment-5.2
+.PHONY: demo test test-blender lint zip zip-platform clean system environment environment-5.2
 
 demo: environment
 	$(VENV)/bin/patchnet demo --out out/demo
@@ -34,7 +35,10 @@ lint: environment
 	$(VENV)/bin/mypy
 
 zip: environment
-	$(VENV)/bin/python .ci/build_extension.py --out dist --wheels 3.11 3.13
+	$(VENV)/bin/python .ci/build_extension.py --out dist --wheels all --platform all
+
+zip-platform: environment
+	$(VENV)/bin/python .ci/build_extension.py --out dist --wheels 3.11 3.13 --together --platform all
 
 clean:
 	rm -rf out dist build *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis

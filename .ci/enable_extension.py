@@ -9,15 +9,22 @@ needed. Prints one line a check, and `N passed, N failed` at the end.
 """
 
 import os
+import statistics
 import subprocess
 import sys
 import sysconfig
 import tempfile
+import time
+import traceback
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import NoReturn
 
 HIDDEN = ("numba", "llvmlite", "safetensors", "torch", "torchgen", "functorch", "tqdm", "PIL", "matplotlib", "scipy")
 MODULE = "bl_ext.user_default.patchnet"
+ENABLING_S = 0.2  # of processor time: the clock would also count what else the machine does
+ENABLED_TIMES = 5
 
 
 def only_what_blender_has(folder: Path) -> Path:
@@ -83,14 +90,27 @@ def switch(archive: str) -> None:
     """Disable and enable leave no trace and lose nothing."""
     import addon_utils
     import bpy
+    from extension_traces import traces, watch
 
+    watch()
     bpy.ops.wm.read_userpref()
-    before = patchnet_operators()
+    before = traces()
     for _ in range(2):
         addon_utils.disable(MODULE, default_set=True)
-        expect(patchnet_operators() == [], f"disabling removes all operators, but {patchnet_operators()} are left")
+        expect(traces() == {}, f"disabling leaves nothing behind, but {traces()}")
         addon_utils.enable(MODULE, default_set=True)
-        expect(patchnet_operators() == before, "enabling brings all operators back")
+        expect(traces() == before, f"enabling brings everything back: {before}, but {traces()}")
+    expect_enabled()
+
+
+def cost(archive: str) -> None:
+    """What enabling costs at a start of Blender: the import of the add-on and its registration."""
+    import addon_utils
+
+    addon_utils.extensions_refresh()
+    start = time.process_time()
+    addon_utils.enable(MODULE, default_set=True, refresh_handled=True)
+    print(f"cost: {time.process_time() - start:.3f}")
     expect_enabled()
 
 
@@ -112,20 +132,29 @@ def use(archive: str) -> None:
         expect(not missing, f"all files are written, but not {missing}")
 
 
-STEPS: tuple[Callable[[str], None], ...] = (install, start_again, switch, use)
+STEPS: tuple[Callable[[str], None], ...] = (install, start_again, switch, cost, use)
 
 
-def run_step(step: Callable[[str], None], archive: Path, environment: dict[str, str]) -> bool:
-    """Run one step in a fresh process; whether it succeeded."""
+def run_step(step: Callable[[str], None], archive: Path, environment: dict[str, str]) -> tuple[bool, str]:
+    """Run one step in a fresh process; whether it succeeded, and what it said."""
     command = [sys.executable, "-S", __file__, "--step", step.__name__, str(archive)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     said = done.stdout + done.stderr
     # Blender prints what fails in register() and unregister(), and goes on.
     good = done.returncode == 0 and "Traceback" not in said
-    print(f"{archive.name}: {step.__name__}: {'passed' if good else f'FAILED, code {done.returncode}'}", flush=True)
     if not good:
         print(said, flush=True)
-    return good
+    return good, said
+
+
+def run_cost(archive: Path, environment: dict[str, str]) -> tuple[bool, str]:
+    """Enable the extension in several fresh processes: whether the median is within the budget, and a sentence."""
+    runs = [run_step(cost, archive, environment) for _ in range(ENABLED_TIMES)]
+    took = [float(line.removeprefix("cost: ")) for _, said in runs for line in said.splitlines() if "cost: " in line]
+    if not all(good for good, _ in runs) or len(took) < ENABLED_TIMES:
+        return False, "not every enabling succeeded"
+    middle = statistics.median(took)
+    return middle < ENABLING_S, f"median {middle:.3f} s of processor time, budget {ENABLING_S} s"
 
 
 def main() -> int:
@@ -136,15 +165,34 @@ def main() -> int:
         resources = Path(temporary) / "resources"
         resources.mkdir()
         environment = {**os.environ, "PYTHONPATH": str(modules), "BLENDER_USER_RESOURCES": str(resources)}
-        passed = sum([run_step(step, archive, environment) for step in STEPS])
+        passed = 0
+        for step in STEPS:
+            good, said = (run_cost if step is cost else partial(run_step, step))(archive, environment)
+            note = f" ({said})" if step is cost else ""
+            print(f"{archive.name}: {step.__name__}: {'passed' if good else 'FAILED'}{note}", flush=True)
+            passed += good
     print(f"{passed} passed, {len(STEPS) - passed} failed")
     return int(passed < len(STEPS))
 
 
+def be_step(name: str, archive: str) -> NoReturn:
+    """Do a step, and end the process at once: unloading Blender may hang."""
+    import bpy  # noqa: F401  makes Blender's own modules importable
+
+    code = 1
+    try:
+        next(step for step in STEPS if step.__name__ == name)(archive)
+        code = 0
+    except SystemExit as stop:
+        print(stop)
+    except Exception:  # noqa: BLE001  whatever it is, it is told
+        traceback.print_exc()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
 if __name__ == "__main__":
     if sys.argv[1] == "--step":
-        import bpy  # noqa: F401  makes Blender's own modules importable
-
-        next(step for step in STEPS if step.__name__ == sys.argv[2])(sys.argv[3])
-    else:
-        sys.exit(main())
+        be_step(*sys.argv[2:])
+    sys.exit(main())
