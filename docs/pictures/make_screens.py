@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Make the screenshots of the documentation from a real Blender, with the extension installed from its zip.
 
-    python docs/pictures/make_screens.py [NAME ...]
+    python docs/pictures/make_screens.py [--parts PART ...] [NAME ...]
 
-BLENDER=/path/to/blender, or BLENDER_ROOT as for `make test-blender`. Everything lies in out/screens; NAMEs, without
-".png", are the pictures that are taken over from there, by default all. Needs xvfb-run, ImageMagick and Pillow.
+BLENDER=/path/to/blender, or BLENDER_ROOT as for `make test-blender`. Everything lies in out/screens. PARTs are those of
+screens.py, NAMEs the pictures that are taken over from there, without ".png"; by default all. Needs xvfb-run,
+ImageMagick and Pillow.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import shutil
 import subprocess
@@ -24,6 +26,7 @@ OUT = ROOT / "out" / "screens"
 HERE = Path(__file__).parent
 MOST_BYTES = 300_000
 MOST_PX = 1200
+PREFERENCES = (278, 388, 972, 660)  # left, upper, right, lower: without the path of the installed file
 
 
 def blender() -> Blender:
@@ -58,6 +61,8 @@ def take_over(path: Path) -> None:
     picture = Image.open(path).convert("RGB")
     if path.stem.startswith("panel-"):
         picture = Image.fromarray(without_margin(np.asarray(picture)))
+    if path.stem == "preferences":
+        picture = picture.crop(PREFERENCES)
     picture.thumbnail((MOST_PX, MOST_PX))
     made = HERE / path.name
     picture.quantize(256, dither=Image.Dither.NONE).save(made, optimize=True)
@@ -71,15 +76,18 @@ def take_over(path: Path) -> None:
 
 def main() -> None:
     """Everything, from an empty folder."""
-    names = sys.argv[1:]
+    parser = argparse.ArgumentParser(description="Make the screenshots of the documentation.")
+    parser.add_argument("names", nargs="*")
+    parser.add_argument("--parts", nargs="+", default=[])
+    args = parser.parse_args()
     shutil.rmtree(OUT, ignore_errors=True)
     OUT.mkdir(parents=True)
     program = blender()
     install(program)
-    done = program.run_window("-P", HERE / "screens.py", "--", OUT, seconds=3000.0)
+    done = program.run_window("-P", HERE / "screens.py", "--", OUT, *args.parts, seconds=3000.0)
     (OUT / "screens.log").write_text(done.stdout + done.stderr)
     for path in sorted(OUT.glob("*.png")):
-        if not names or path.stem in names:
+        if not args.names or path.stem in args.names:
             take_over(path)
     problem = OUT / "screens.txt"
     if not problem.exists() or problem.read_text():

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Screenshots of PatchNet in a Blender window, for the documentation; make_screens.py starts it.
 
-    blender --enable-event-simulate -p 0 0 1500 1100 -P screens.py -- OUT
+    blender --enable-event-simulate -p 0 0 1500 1100 -P screens.py -- OUT [PART ...]
 
 Adds the demo scene, previews it, and writes OUT/*.png; OUT/screens.txt holds the traceback of what went wrong, or "".
+PARTs are functions of this file, by default all of `PARTS`.
 """
 
 import sys
@@ -140,6 +141,12 @@ def overlay():
     in_area("VIEW_3D", bpy.ops.patchnet.toggle_overlay)
 
 
+def heatmap():
+    """The first thing that comes up."""
+    name = next(item.name for item in bpy.data.images if item.name.lower().endswith("heatmap"))
+    yield from image_editor(name, "image-editor")
+
+
 def image_editor(image: str, name: str):
     """An image in an Image Editor in the viewport's place."""
     area = clicks.area("VIEW_3D")
@@ -166,12 +173,14 @@ def engine():
     yield from image_editor("Render Result", "render-result")
     clicks.area("VIEW_3D").spaces.active.shading.type = "RENDERED"
     yield 45.0
-    yield from clicks.screenshot(OUT / "viewport-rendered.png", box(clicks.area("VIEW_3D")))
+    yield from clicks.screenshot(OUT / "viewport-rendered.png", box(clicks.region("WINDOW")))
     clicks.area("VIEW_3D").spaces.active.shading.type = "SOLID"
 
 
 def preferences():
     """The add-on's preferences in their own window."""
+    values = bpy.context.preferences.addons[PACKAGE].preferences
+    values.open_pictures = values.bl_rna.properties["open_pictures"].default
     bpy.ops.patchnet.measure_cache()
     bpy.context.window_manager.addon_search = "PatchNet"
     bpy.ops.preferences.addon_expand(module=PACKAGE)
@@ -180,16 +189,16 @@ def preferences():
     yield from clicks.screenshot(OUT / "preferences.png")
 
 
+PARTS = (preview, overlay, heatmap, engine, panels, preferences)
+
+
 def session():
-    """The whole visit."""
+    """The whole visit, or some of its parts."""
     yield from open_scene()
-    yield from preview()
-    yield from overlay()
-    heatmap = next(item.name for item in bpy.data.images if item.name.lower().endswith("heatmap"))
-    yield from image_editor(heatmap, "image-editor")
-    yield from panels()
-    yield from engine()
-    yield from preferences()
+    names = sys.argv[sys.argv.index("--") + 2 :]
+    for part in PARTS:
+        if not names or part.__name__ in names:
+            yield from part()
 
 
 def finish(problem: str) -> None:
