@@ -101,6 +101,20 @@ NOTES = {
     ),
     "copy_diagnostics": Note("text on the clipboard", "bpy.ops.patchnet.copy_diagnostics()"),
 }
+# Of the panel with the button, at the first operator of each.
+PICTURES = {
+    "run_all": "panel-main.png",
+    "voxelize": "panel-octree.png",
+    "bake_light": "panel-light.png",
+    "precompute_codes": "panel-network.png",
+    "render_preview": "panel-preview.png",
+    "compare": "panel-compare.png",
+    "refine_with_cycles": "panel-cycles-refine.png",
+    "show_voxels": "panel-export.png",
+    "clear_results": "panel-statistics.png",
+    "toggle_overlay": "panel-overlay.png",
+    "clear_cache": "preferences.jpg",
+}
 _GROUPS = tuple(
     item
     for item in vars(properties).values()
@@ -185,6 +199,9 @@ def section(name: str, kind: type) -> Iterator[str]:
     yield ""
     yield from wrapped(f"{' '.join(rna.description.split())}.")
     yield ""
+    if name in PICTURES:
+        yield f'<img src="pictures/{PICTURES[name]}" alt="Where {rna.name} is">'
+        yield ""
     said = refusal(name)
     answer = f"refused: {said}" if said else "runs"
     yield from item_of(f"In a scene without results: {answer}.")
