@@ -15,7 +15,8 @@ from patchnet.operators.images import save_png
 from patchnet.operators.importance import Importance, importance_key, pixel_importance
 from patchnet.operators.job.run import run_job
 from patchnet.operators.job.settings import JobSettings
-from patchnet.operators.job.views import PRIORITY_IMAGE, View
+from patchnet.operators.job.views import View
+from patchnet.operators.overlay.result_images import image_name
 from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refine
@@ -152,7 +153,7 @@ def test_operators_use_the_setting(weights: Path) -> None:
     painted()
     settings.importance_image = "Mask"
     assert bpy.ops.patchnet.run_all(light="two-lights", **SMALL) == {"FINISHED"}
-    image = bpy.data.images[PRIORITY_IMAGE]
+    image = bpy.data.images[image_name("Eye", "priority")]
     values = np.empty(WIDTH * HEIGHT * 4, np.float32)
     image.pixels.foreach_get(values)
     shown = values.reshape(HEIGHT, WIDTH, 4)[..., 0]
