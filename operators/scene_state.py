@@ -73,6 +73,7 @@ def _add_data(data: bpy.types.ID, surface: Digest, light: Digest) -> None:
     data.polygons.foreach_get("material_index", faces)
     light.array("materials", faces)
     for layer in data.uv_layers:
-        values = np.empty(len(data.loops) * 2, np.float32)
-        layer.uv.foreach_get("vector", values)
+        values = np.empty(len(layer.uv) * 2, np.float32)  # none while the mesh is edited
+        if len(values):
+            layer.uv.foreach_get("vector", values)
         light.array(layer.name, values)

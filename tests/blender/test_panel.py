@@ -61,7 +61,7 @@ def update() -> None:
 
 def test_order_and_names() -> None:
     titles = [item.bl_label for item in panels.CLASSES if getattr(item, "bl_parent_id", "") == "PATCHNET_PT_main"]
-    assert titles == ["Octree", "Light", "Network", "Preview", "Compare", "Export", "Statistics"]
+    assert titles == ["Octree", "Light", "Network", "Preview", "Compare", "Refine with Cycles", "Export", "Statistics"]
     assert {item.bl_category for item in panels.CLASSES if hasattr(item, "bl_category")} == {"PatchNet"}
     assert bpy.ops.patchnet.run_all.get_rna_type().name == "Preview Selection"
 
