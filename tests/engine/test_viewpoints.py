@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cameras that place themselves: in free space, inside rooms rather than outside, the same every time."""
 
+from collections.abc import Iterator
+
+import numba
 import numpy as np
 import pytest
 
@@ -33,6 +36,15 @@ def octree_of(triangles: np.ndarray, depth: int = 7, luminance: float = 0.5) -> 
         return np.full(count, luminance, np.float32), np.ones(count, np.float32)
 
     return drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), shade, exposure=1.0))
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Thousands of pictures of 32 x 24: threads for each cost more than they save, beside other work 20 times so."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")
