@@ -15,6 +15,7 @@ import bpy
 
 Session = Generator[float, None, None]
 _MOMENT_S = 0.05  # enough for the window to handle an event and to draw
+_MOVED_PX = 80
 _ROW_STEP_PX = 10  # less than half the height of a button
 
 
@@ -78,13 +79,13 @@ def over_viewport() -> tuple[int, int]:
     return pane.x + pane.width // 3, pane.y + pane.height // 4
 
 
-def scroll_down(kind: str, notches: int = 30) -> Session:
+def scroll(kind: str, wheel: str = "WHEELDOWNMOUSE", notches: int = 30) -> Session:
     """Turn the wheel over a region of the viewport, to its end if there are enough notches."""
     pane = region(kind)
     x, y = pane.x + pane.width // 2, pane.y + pane.height // 2
     yield from move(x, y)
     for _ in range(notches):
-        window().event_simulate(type="WHEELDOWNMOUSE", value="PRESS", x=x, y=y)
+        window().event_simulate(type=wheel, value="PRESS", x=x, y=y)
         yield _MOMENT_S
 
 
@@ -97,15 +98,36 @@ def find_buttons(wanted: set[str]) -> Generator[float, None, dict[str, tuple[int
     x = side.x + side.width // 2
     found: dict[str, tuple[int, int]] = {}
     for y in range(side.y + side.height - 12, side.y + 8, -_ROW_STEP_PX):
-        bpy.context.window_manager.clipboard = ""
-        yield from move(x, y)
-        yield from key("C", x, y, ctrl=True)
-        text = bpy.context.window_manager.clipboard
-        if text.startswith("bpy.ops."):
-            found.setdefault(text.removeprefix("bpy.ops.").partition("(")[0], (x, y))
+        name = yield from _button_at(x, y)
+        if name:
+            found.setdefault(name, (x, y))
         if wanted <= set(found):
             break
     return found
+
+
+def find_again(name: str, point: tuple[int, int]) -> Generator[float, None, tuple[int, int]]:
+    """Where a button is now that was at a point: lines that panels got or lost meanwhile move it, also out of sight."""
+    x, y = point
+    for distance in range(0, _MOVED_PX, _ROW_STEP_PX):
+        for place in (y - distance, y + distance):
+            if (yield from _button_at(x, place)) == name:
+                return x, place
+    for wheel, notches in [("WHEELDOWNMOUSE", 5), ("WHEELUPMOUSE", 40), *[("WHEELDOWNMOUSE", 5)] * 6]:
+        yield from scroll("UI", wheel, notches)
+        found = yield from find_buttons({name})
+        if name in found:
+            return found[name]
+    raise RuntimeError(f"The button {name} is not in the sidebar")
+
+
+def _button_at(x: int, y: int) -> Generator[float, None, str]:
+    """Identifier of the operator whose button is at a point, or nothing."""
+    bpy.context.window_manager.clipboard = ""
+    yield from move(x, y)
+    yield from key("C", x, y, ctrl=True)
+    text = bpy.context.window_manager.clipboard
+    return text.removeprefix("bpy.ops.").partition("(")[0] if text.startswith("bpy.ops.") else ""
 
 
 def click(point: tuple[int, int]) -> Session:

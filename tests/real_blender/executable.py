@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-SCREEN = (1500, 1100)
+SCREEN = (1500, 1500)  # as high as the tab with all its lines
 
 
 @dataclass(frozen=True)

@@ -153,4 +153,5 @@ def finish(problem: str) -> None:
 
 bpy.context.preferences.view.show_splash = False
 bpy.context.preferences.view.ui_scale = 1.0
+bpy.context.preferences.addons[PACKAGE].preferences.open_pictures = "NEVER"  # a window would cover this one
 clicks.play(session(), finish)

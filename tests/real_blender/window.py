@@ -54,9 +54,9 @@ def blocks() -> dict[str, list[str]]:
     return named | {"selected": sorted(item.name for item in layer.objects if item.select_get())}
 
 
-def job(point: tuple[int, int], seconds: float = 200.0):
+def job(buttons: dict[str, tuple[int, int]], name: str, seconds: float = 200.0):
     """Click a button and wait for its job; the longest time that the window stood still meanwhile."""
-    yield from clicks.click(point)
+    yield from clicks.click((yield from clicks.find_again(name, buttons[name])))
     yield from clicks.wait_for(lambda: bool(running()), "the button starts its job", 60.0)
     start = last = time.monotonic()
     longest = 0.0
@@ -118,17 +118,17 @@ def step_by_step(buttons: dict[str, tuple[int, int]]):
     seen["selected"] = len(blocks()["selected"])
     yield from clicks.screenshot(OUT / "window-selected.png")
     before = blocks()
-    seen["voxelize"] = yield from job(buttons["patchnet.voxelize"])
+    seen["voxelize"] = yield from job(buttons, "patchnet.voxelize")
     seen["octree"] = {"voxels": result().octree.leaf_count, "depth": result().octree.depth}
     settings.samples = 65536  # hours for a single page, beside which the window lives
-    seen["stopped bake"] = yield from stopped_job(buttons["patchnet.bake_light"])
+    seen["stopped bake"] = yield from stopped_job(buttons, "patchnet.bake_light")
     seen["stopped bake"] |= {"light": result().light, "unchanged": blocks() == before}
     settings.samples = 1
-    seen["bake_light"] = yield from job(buttons["patchnet.bake_light"])
+    seen["bake_light"] = yield from job(buttons, "patchnet.bake_light")
     seen["light"] = result().light
-    seen["precompute_codes"] = yield from job(buttons["patchnet.precompute_codes"])
+    seen["precompute_codes"] = yield from job(buttons, "patchnet.precompute_codes")
     seen["codes"] = len(result().coded.codes)
-    seen["render_preview"] = yield from job(buttons["patchnet.render_preview"])
+    seen["render_preview"] = yield from job(buttons, "patchnet.render_preview")
     seen["pictures"] = pictures()
     seen["summary"] = list(result().summary)
     seen["stale after own work"] = sorted(result().stale)
@@ -139,9 +139,9 @@ def step_by_step(buttons: dict[str, tuple[int, int]]):
     yield from clicks.screenshot(OUT / "panel-result.png", side_box())
 
 
-def stopped_job(point: tuple[int, int]):
+def stopped_job(buttons: dict[str, tuple[int, int]], name: str):
     """Start a bake that would take hours, look at its progress while Cycles is at work, press Esc."""
-    yield from clicks.click(point)
+    yield from clicks.click((yield from clicks.find_again(name, buttons[name])))
     yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes beside the window", 120.0)
     yield 1.5
     yield from clicks.screenshot(OUT / "window-progress.png")
@@ -177,7 +177,7 @@ def all_at_once(buttons: dict[str, tuple[int, int]]):
     """Preview Selection does everything, with files."""
     window = clicks.window()
     window.scene.patchnet.out = str(OUT / "run-all")
-    seen["run_all"] = yield from job(buttons["patchnet.run_all"])
+    seen["run_all"] = yield from job(buttons, "patchnet.run_all")
     seen["files"] = sorted(str(path.relative_to(OUT / "run-all")) for path in (OUT / "run-all").rglob("*.*"))
     shown = clicks.area("VIEW_3D")
     shown.type = "IMAGE_EDITOR"
@@ -192,7 +192,7 @@ def all_at_once(buttons: dict[str, tuple[int, int]]):
 
 def free_memory(_buttons: dict[str, tuple[int, int]]):
     """The last button, which was not there in the beginning, gives the memory back."""
-    yield from clicks.scroll_down("UI")  # the tab is longer than the window by now
+    yield from clicks.scroll("UI")  # the tab is longer than the window by now
     buttons = yield from clicks.find_buttons({"patchnet.clear_results"})
     yield from clicks.click(buttons["patchnet.clear_results"])
     yield 0.3
