@@ -70,11 +70,15 @@ def folders(root: Path) -> list[Path]:
 
 
 def test_resumed_bake_has_the_same_bits(tmp_path: Path, calls: list[str]) -> None:
+    slab = bpy.data.objects["Slab"].copy()  # one more, for more pages
+    slab.location.x += 5.0
+    bpy.context.scene.collection.objects.link(slab)
+    bpy.context.view_layer.update()
     before = scene_snapshot()
     whole, _ = bake(None)
     assert whole is not None
     count, all_calls = whole.charts.page_count, len(calls)
-    assert count >= 4
+    assert count >= 5
     with pytest.raises(KeyboardInterrupt), KeptPages(tmp_path) as kept:
         bake(kept, stop_at=3)
         raise KeyboardInterrupt

@@ -55,7 +55,7 @@ def test_steps_of_ours_stop_and_say_so(installed: Blender, courtyard: Path) -> N
     done = installed.run(
         *batch(courtyard, f"bpy.ops.patchnet.voxelize(depth=4); {soon}; bpy.ops.patchnet.voxelize(depth=12)")
     )
-    assert done.returncode in (1, 130)  # 130 where a step did not end in time
+    assert done.returncode == 1
     assert "Voxelize was stopped: nothing was changed" in done.stdout + done.stderr
 
 
