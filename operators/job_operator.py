@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import bpy
 
+from ..patchnet_addon.beside import attended
 from ..patchnet_addon.errors import PatchNetError, StoppedError
 from ..patchnet_addon.interrupt import prompt_interrupt
 from ..patchnet_addon.log import unexpected
@@ -159,7 +160,7 @@ class JobOperator(_Operator):
         if not self._progress.waiting:
             self._quiet.enter_context(results.quiet())
         try:
-            with in_window(alive):
+            with in_window(alive), attended() if alive or bpy.app.background else nullcontext():
                 progress = next(steps)
         except StopIteration as stop:
             tell(self, "INFO", stop.value, file=self._file)

@@ -38,7 +38,8 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         with results.timed(seconds, "depth"):
             choice = yield from choose_grid(source, cameras, settings)
         with results.timed(seconds, "voxelize"):
-            octree = yield from build(source, choice.grid, unlit(source, settings), settings, UNLIT, choice.layout)
+            shade = yield from unlit(source, settings)
+            octree = yield from build(source, choice.grid, shade, settings, UNLIT, choice.layout)
         made = results.SceneResult(octree=octree, scope=settings.scope, layout=choice.layout, seconds=seconds)
         results.keep(context.scene, made, "octree")
         for warning in (*source.warnings, *choice.warnings):

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
+from ...patchnet_addon.beside import beside
 from ...patchnet_addon.errors import SettingError
 from ...patchnet_addon.light.charts import Charts
 from ...patchnet_addon.progress import Progress, Steps
@@ -61,12 +62,13 @@ def bake_luminance(
     Raises SceneError if Cycles is not there or cannot bake, SettingError for a GPU that is not enabled.
     """
     from ...patchnet_addon.light.atlas import COLOR_CHANNELS, Atlas
-    from ...patchnet_addon.light.charts import layout_charts
 
     if samples < 1:
         raise SettingError(f"{samples} samples per texel are too few: choose at least 1")
     side = page_side(source.triangle_count)
-    charts = yield from layout_charts(source, texel_world, samples=samples, max_texels=max_texels, page_side=side)
+    charts = yield from beside(
+        lambda: _charts(source, texel_world, samples, max_texels, side), Progress(0, 1, "Laying out charts")
+    )
     channels = COLOR_CHANNELS if color else 2
     baker = Baker(context, source, charts, seed, channels, both_sides, device)
     pages = np.zeros((charts.page_count, charts.page_side**2, channels), np.float32)
@@ -86,6 +88,14 @@ def bake_luminance(
             pages[page] = finished
     yield Progress(charts.page_count, charts.page_count, "Baking light")
     return Atlas(charts, pages.reshape(-1, channels), samples, (*baker.warnings, *_coarse(charts, max_texels)))
+
+
+def _charts(
+    source: SceneMesh, texel_world: float | np.ndarray, samples: int, max_texels: int, side: int
+) -> Steps[Charts]:
+    from ...patchnet_addon.light.charts import layout_charts
+
+    return layout_charts(source, texel_world, samples=samples, max_texels=max_texels, page_side=side)
 
 
 def page_side(triangle_count: int) -> int:

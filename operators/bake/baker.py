@@ -10,6 +10,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ...patchnet_addon.beside import computed
 from ...patchnet_addon.errors import SceneError
 from ...patchnet_addon.light.charts import Charts
 from ...patchnet_addon.octree.mesh import Material
@@ -85,22 +86,19 @@ class Baker:
         """The texels (side * side, C) of a page."""
         count, self.paths_traced = self._charts.page_count, 0
         at = Progress(page, count, "Baking light")
-        yield at
-        part = self.triangles(page)
+        part = yield from computed(lambda: self.triangles(page), at)
         if len(part) == 0:
             return np.zeros((self._charts.page_side**2, self._channels), np.float32)
-        yield at  # here and below: on large pages each of these takes a second or more, and a window waits
+        yield at  # what is baked is set up after it: between two steps the scene is as it was
         sheets = part.only(~part.closed & ~self._one_sided[part.materials])
         front, back = yield from self.bake(page, part, sheets, at)
-        yield at
-        texels = self.merged(page, sheets.triangles, front, back)
-        yield at
-        lit_inside = part.only(self.black(page, part, front))
+        texels = yield from computed(lambda: self.merged(page, sheets.triangles, front, back), at)
+        lit_inside = yield from computed(lambda: part.only(self.black(page, part, front)), at)
         if len(lit_inside):
             at = replace(at, done=page + 0.5)
             yield at
             _, back = yield from self.bake(page, part.only(np.zeros(len(part), bool)), lit_inside, at)
-            texels = self.merged(page, lit_inside.triangles, texels, back)
+            texels = yield from computed(lambda: self.merged(page, lit_inside.triangles, texels, back), at)
         return texels
 
     def triangles(self, page: int) -> PageTriangles:
@@ -161,7 +159,8 @@ class Baker:
         """
         names = self._source.material_names
         samples, size = int(self._charts.page_samples[page]), self._charts.page_size[page]
-        self.paths_traced += samples * sum(self._texels(page, part) for part in (fronts, backs))
+        texels = yield from computed(lambda: sum(self._texels(page, part) for part in (fronts, backs)), at)
+        self.paths_traced += samples * texels
         stack = ExitStack()
         try:
             stack.enter_context(object_mode(self._context))

@@ -9,6 +9,7 @@ from typing import Any
 
 import bpy
 
+from ...patchnet_addon.beside import beside
 from ...patchnet_addon.octree.grid import MAX_DEPTH, Grid
 from ...patchnet_addon.progress import Progress, Steps, labelled
 from ...patchnet_addon.tracing.camera import Camera
@@ -62,13 +63,18 @@ class Estimate:
 
 def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Estimate]:
     """Look at the scene as the job would, and build nothing but a coarse octree. Raises PatchNetError."""
-    from ...patchnet_addon.octree.depth import available_memory, choose_depth, coarse_octree, estimate, expected_share
-
     yield Progress(0, 1, "Reading the scene")
     source = read_scene(context.evaluated_depsgraph_get(), settings.scope)
     depsgraph = context.evaluated_depsgraph_get()
+    cameras = choose_cameras(depsgraph, settings.cameras, settings.size, settings.bounds_world(source))
+    device = device_text(context, settings.device) if settings.light == CYCLES else ""
+    return (yield from beside(lambda: _estimate(source, cameras, settings, device), Progress(0, 1, "Estimating")))
+
+
+def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings, device: str) -> Steps[Estimate]:
+    from ...patchnet_addon.octree.depth import available_memory, choose_depth, coarse_octree, estimate, expected_share
+
     bounds = settings.bounds_world(source)
-    cameras = choose_cameras(depsgraph, settings.cameras, settings.size, bounds)
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds), "Estimating")
     free = settings.memory_bytes or available_memory()
     yield Progress(1, 3, "Estimating: what cameras see")
@@ -93,7 +99,7 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
         lookahead_share=expected_share(coarse, cameras, depth),
         texels=texels,
         paths=texels * settings.samples,
-        device=device_text(context, settings.device) if settings.light == CYCLES else "",
+        device=device,
         encoder=encoder_text(settings),
         made_for=_made_for(source, cameras),
     )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
+from ...patchnet_addon.beside import beside, computed
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.grid import MAX_DEPTH, Grid
@@ -24,10 +25,13 @@ from .settings import CYCLES, JobSettings
 from .versions import versions
 
 if TYPE_CHECKING:  # nothing needs them before something is built
+    from ...patchnet_addon.light.atlas import Atlas
     from ...patchnet_addon.light.kept_pages import KeptPages
+    from ...patchnet_addon.network.encode import Encoder
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
 
 UNLIT = "none"  # light of an octree that shows the surface's own colour
+_TEXTURES, _ENCODING = "Reading textures", "Encoding"
 NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 
 
@@ -45,10 +49,14 @@ def choose_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSett
 
     Raises MemoryEstimateError, before anything is built, if a given depth would not fit.
     """
+    make = _fitted_grid if settings.fit else _even_grid
+    return (yield from beside(lambda: make(source, cameras, settings), Progress(0, 1, "Finding the depth")))
+
+
+def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
+    """All leaves on one level."""
     from ...patchnet_addon.octree.depth import choose_depth, coarse_octree
 
-    if settings.fit:
-        return (yield from _fitted_grid(source, cameras, settings))
     bounds_world = settings.bounds_world(source)
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Finding the depth")
     if settings.voxel_world is not None:
@@ -85,11 +93,9 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
     return GridChoice(replace(grid, depth=fitted.layout.deepest), fitted.layout, warnings)
 
 
-def unlit(source: MeshSource, settings: JobSettings) -> Shade:
+def unlit(source: MeshSource, settings: JobSettings) -> Steps[Shade]:
     """The surface's own colour, before any light is baked."""
-    from ...patchnet_addon.light.albedo import albedo_shade
-
-    return albedo_shade(source, color=settings.color)
+    return computed(lambda: _albedo(source, settings), Progress(0, 1, _TEXTURES))
 
 
 def lit(
@@ -106,16 +112,14 @@ def lit(
     kept: where a bake finds pages of one that was stopped, and leaves its own.
     """
     if settings.light != CYCLES:
-        from ...patchnet_addon.light.two_lights import two_lights_shade
-
-        return two_lights_shade(source, color=settings.color), ()
-    from ...patchnet_addon.light.atlas import atlas_shade
-    from ...patchnet_addon.light.texel_sizes import texel_sizes
+        return (yield from computed(lambda: _two_lights(source, settings), Progress(0, 1, _TEXTURES))), ()
     from ..bake import bake_luminance
 
     added = settings.daylight
     bright = has_light(context.evaluated_depsgraph_get()) if added is None else not added
-    texel_world = texel_sizes(source, grid, layout, settings.texel_voxels)
+    texel_world = yield from computed(
+        lambda: _texel_sizes(source, grid, layout, settings), Progress(0, 1, "Measuring the surface")
+    )
     baking = bake_luminance(
         context,
         source,
@@ -127,7 +131,32 @@ def lit(
         device=settings.device,
     )
     atlas = yield from baking if bright else in_daylight(context.scene, baking)
-    return atlas_shade(atlas, source), (*atlas.warnings, *(() if bright else (NO_LIGHT,)))
+    shade = yield from computed(lambda: _baked(atlas, source), Progress(0, 1, _TEXTURES))
+    return shade, (*atlas.warnings, *(() if bright else (NO_LIGHT,)))
+
+
+def _albedo(source: MeshSource, settings: JobSettings) -> Shade:
+    from ...patchnet_addon.light.albedo import albedo_shade
+
+    return albedo_shade(source, color=settings.color)
+
+
+def _two_lights(source: MeshSource, settings: JobSettings) -> Shade:
+    from ...patchnet_addon.light.two_lights import two_lights_shade
+
+    return two_lights_shade(source, color=settings.color)
+
+
+def _texel_sizes(source: SceneMesh, grid: Grid, layout: LeafLevels | None, settings: JobSettings) -> Any:
+    from ...patchnet_addon.light.texel_sizes import texel_sizes
+
+    return texel_sizes(source, grid, layout, settings.texel_voxels)
+
+
+def _baked(atlas: Atlas, source: MeshSource) -> Shade:
+    from ...patchnet_addon.light.atlas import atlas_shade
+
+    return atlas_shade(atlas, source)
 
 
 def build(
@@ -139,13 +168,17 @@ def build(
     layout: LeafLevels | None = None,
 ) -> Steps[Octree]:
     """The octree of a surface; `light` says in its file what `shade` is, `layout` how deep its leaves are."""
-    from ...patchnet_addon.octree.build import build_octree
-
     provenance = _provenance(source, settings, light) | {"fitted": layout is not None}
     exposure = settings.exposure if light != UNLIT else None  # a colour without light is not exposed
     if light != UNLIT:
         provenance["exposure"] = "automatic" if exposure is None else "given"
-    return (yield from build_octree(source, grid, shade, layout=layout, exposure=exposure, provenance=provenance))
+
+    def make() -> Steps[Octree]:
+        from ...patchnet_addon.octree.build import build_octree
+
+        return build_octree(source, grid, shade, layout=layout, exposure=exposure, provenance=provenance)
+
+    return (yield from beside(make, Progress(0, 1, "Voxelizing")))
 
 
 def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[str, Any]:
@@ -173,18 +206,19 @@ def load_network(path: Path | None) -> Weights:
 
 def encode(octree: Octree, weights: Weights) -> Steps[CodedOctree]:
     """Codes for all voxels with look-ahead, on the CPU."""
-    from ...patchnet_addon.codes.encode import encode_octree
-
-    yield Progress(0, 1, "Encoding")
-    return (yield from encode_octree(octree, weights))
+    return (yield from beside(lambda: _encoded(octree, weights), Progress(0, 1, _ENCODING)))
 
 
 def encode_as_set(octree: Octree, weights: Weights, settings: JobSettings) -> Steps[tuple[CodedOctree, Encoding]]:
     """Codes for all voxels with look-ahead, and who computed them by the settings' devices. Raises SettingError."""
-    from ...patchnet_addon.codes.encode import encode_octree
-
-    yield Progress(0, 1, "Encoding")
+    yield Progress(0, 1, _ENCODING)
     with chosen_encoder(weights, settings) as chosen:
-        steps = encode_octree(octree, weights, encoder=chosen.encoder)
+        steps = beside(lambda: _encoded(octree, weights, chosen.encoder), Progress(0, 1, _ENCODING))
         coded = yield from labelled(steps, f"{{}} with {chosen.text}")
     return coded, chosen
+
+
+def _encoded(octree: Octree, weights: Weights, encoder: Encoder | None = None) -> Steps[CodedOctree]:
+    from ...patchnet_addon.codes.encode import encode_octree
+
+    return encode_octree(octree, weights, encoder=encoder)

@@ -11,17 +11,19 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...patchnet_addon.beside import beside, computed
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import error_picture, heatmap, overlay, tint
 from ...patchnet_addon.image.tone import shown
-from ...patchnet_addon.progress import Steps, labelled
+from ...patchnet_addon.progress import Progress, Steps, labelled
 from ...patchnet_addon.sampling.errors import mse_at
 from ...patchnet_addon.sampling.frame import Frame
 from ...patchnet_addon.sampling.refine import priority, refinable, refine, refined_colors, refined_picture, urgency
 from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
 from ...patchnet_addon.sampling.report import frame_report
+from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_frame
 from ...patchnet_addon.tracing.camera import Camera
 from ..images import save_exr, save_png
@@ -58,15 +60,25 @@ def view(coded: CodedOctree, camera: Camera, settings: JobSettings, *, compare: 
     """
     chosen = strategy(settings.strategy)
     strategies = list(STRATEGIES.values()) if compare else [chosen, STRATEGIES["optimal"]]
-    steps = trace_frame(coded.octree, camera, strategies, coded=coded)
-    frame = yield from labelled(steps, f"{camera.name}: {{}}")
+    tracing = beside(
+        lambda: trace_frame(coded.octree, camera, strategies, coded=coded), Progress(0, 1, "Tracing the preview")
+    )
+    frame = yield from labelled(tracing, f"{camera.name}: {{}}")
     if settings.importance is not None:
         looked_up = pixel_importance(settings.importance, settings.scope, coded.octree.grid, frame)
         frame = replace(frame, importance=(yield from labelled(looked_up, f"{camera.name}: {{}}")))
+    measuring = computed(
+        lambda: _measured(frame, camera, strategies, settings), Progress(0, 1, f"{camera.name}: Measuring errors")
+    )
+    return (yield from measuring)
+
+
+def _measured(frame: Frame, camera: Camera, strategies: Sequence[Strategy], settings: JobSettings) -> View:
+    """Figures and pictures of a traced frame."""
     report = frame_report(frame, camera.name, settings.budget, strategies)
     if settings.importance is not None:
         report["refinable_pixels"] = refinable(frame)
-    score = chosen.scores(frame)
+    score = strategy(settings.strategy).scores(frame)
     pictures = _pictures(frame, score, settings, camera.name)
     return View(camera, settings.strategy, frame, frame.picture(priority(frame, score)), pictures, report)
 

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Engine steps in a thread beside whoever waits for them and may stop them: a window, or Ctrl-C.
+
+A single step can take long: kernels are compiled when they are called for the first time, for up to half a minute in
+all, and one of a large octree computes for seconds. Nothing of Python's acts meanwhile in the thread that it keeps
+busy. So where somebody waits, that is another thread; the one who waits is told how far it is.
+
+Work that was stopped is let go of: it ends with the step that it is in, and its result is dropped. So only what
+touches neither Blender nor files of its own may be beside.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextvars
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Generic
+
+from .progress import Progress, Result, Steps
+
+_LOOK_S = 0.01  # between two looks at the thread; a window is drawn between them
+_STACK_BYTES = 16 << 20  # compilers recurse; some platforms give threads but half a mebibyte
+_PATIENCE_S = 2.0  # with a kernel that still runs when the process ends
+
+_attended: contextvars.ContextVar[bool] = contextvars.ContextVar("_attended", default=False)
+_let_go: list[threading.Thread] = []
+
+
+@contextmanager
+def attended() -> Iterator[None]:
+    """Somebody waits for the steps that are pulled within the block, and wants to be asked often whether to go on."""
+    token = _attended.set(True)
+    try:
+        yield
+    finally:
+        _attended.reset(token)
+
+
+def beside(make: Callable[[], Steps[Result]], at: Progress) -> Steps[Result]:
+    """The steps that `make` gives, with the same reports, result and errors; beside those who wait, if somebody does.
+
+    make: is called where the steps are. at: the first report, when they have not said anything yet.
+    """
+    if not _attended.get():
+        return (yield from make())
+    work = _Work(make, replace(at, waiting=True))
+    try:
+        while not work.ended.wait(_LOOK_S):
+            yield work.report
+    finally:
+        work.let_go()
+    return work.result()
+
+
+def computed(function: Callable[[], Result], at: Progress) -> Steps[Result]:
+    """The result of `function`, computed beside those who wait; every report is `at`."""
+
+    def steps() -> Steps[Result]:
+        yield at
+        return function()
+
+    return beside(steps, at)
+
+
+class _Work(Generic[Result]):
+    """Steps in a thread; `report` is the latest, `ended` is set after the last."""
+
+    def __init__(self, make: Callable[[], Steps[Result]], report: Progress) -> None:
+        self.report = report
+        self.ended = threading.Event()
+        self._make: Callable[[], Steps[Result]] | None = make
+        self._stop = False
+        self._results: list[Result] = []
+        self._error: BaseException | None = None
+        context = contextvars.copy_context()
+        before = threading.stack_size(_STACK_BYTES)
+        try:
+            self._thread = threading.Thread(target=context.run, args=(self._run,), name="PatchNet", daemon=True)
+            self._thread.start()
+        finally:
+            threading.stack_size(before)
+
+    def let_go(self) -> None:
+        """Take no more steps. What the present one still does is nobody's."""
+        self._stop = True
+        if not self.ended.is_set():
+            _let_go[:] = [thread for thread in _let_go if thread.is_alive()] + [self._thread]
+
+    def result(self) -> Result:
+        """What the steps gave, or the error that ended them; once, so that no memory is held for longer."""
+        if self._error is not None:
+            raise self._error
+        return self._results.pop()
+
+    def _run(self) -> None:
+        _attended.set(False)  # of this thread's copy: nothing here waits for others
+        assert self._make is not None
+        try:
+            steps, self._make = self._make(), None
+            try:
+                while not self._stop:
+                    self.report = replace(next(steps), waiting=True)
+            except StopIteration as stop:
+                self._results.append(stop.value)
+            finally:
+                steps.close()
+        except BaseException as error:  # noqa: BLE001 - whoever waits raises it
+            self._error = error
+        finally:
+            self.ended.set()
+
+
+@atexit.register
+def _wait_for_kernels() -> None:
+    """A process that ends under a running kernel may crash."""
+    deadline = time.monotonic() + _PATIENCE_S
+    for thread in _let_go:
+        thread.join(max(0.0, deadline - time.monotonic()))

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Engine steps beside those who wait for them."""
+
+import threading
+import time
+from collections.abc import Callable
+
+import pytest
+
+from patchnet.patchnet_addon.beside import attended, beside, computed
+from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.progress import Progress, Result, Steps, drain
+
+_LONG_S = 30.0  # never waited for
+
+
+def attended_drain(steps: Steps[Result], on_report: Callable[[Progress], None] = lambda _: None) -> Result:
+    """As somebody who waits pulls them."""
+    try:
+        while True:
+            with attended():
+                report = next(steps)
+            on_report(report)
+    except StopIteration as stop:
+        return stop.value
+    finally:
+        steps.close()
+
+
+class Slow:
+    """Steps that go on when they are allowed to, and tell where they were."""
+
+    def __init__(self) -> None:
+        self.go, self.began, self.closed = threading.Event(), threading.Event(), threading.Event()
+        self.thread: threading.Thread | None = None
+
+    def steps(self) -> Steps[int]:
+        self.thread = threading.current_thread()
+        try:
+            yield Progress(1, 3, "First")
+            self.began.set()
+            assert self.go.wait(_LONG_S)
+            yield Progress(2, 3, "Second")
+            return 5
+        finally:
+            self.closed.set()
+
+
+def test_who_waits_is_asked_while_a_step_takes_long() -> None:
+    slow, reports = Slow(), []
+
+    def see(report: Progress) -> None:
+        reports.append(report)
+        if slow.began.is_set() and len(reports) > 20:
+            slow.go.set()
+
+    assert attended_drain(beside(slow.steps, Progress(0, 1, "Start")), see) == 5
+    assert len(reports) > 20
+    assert all(report.waiting for report in reports)
+    assert {report.label for report in reports} <= {"Start", "First", "Second"}
+    assert slow.thread is not threading.main_thread()
+
+
+def test_stopping_does_not_wait_for_the_step() -> None:
+    slow = Slow()
+    steps = beside(slow.steps, Progress(0, 1, "Start"))
+    with attended():
+        while not slow.began.is_set():
+            next(steps)
+    steps.close()
+    assert not slow.closed.is_set()
+    slow.go.set()
+    assert slow.closed.wait(_LONG_S)  # and takes no more of them
+
+
+def test_nobody_waits() -> None:
+    slow, reports = Slow(), []
+    slow.go.set()
+    assert drain(beside(slow.steps, Progress(0, 1, "Start")), reports.append) == 5
+    assert slow.thread is threading.main_thread()
+    assert reports == [Progress(1, 3, "First"), Progress(2, 3, "Second")]
+
+
+@pytest.mark.parametrize("pull", [drain, attended_drain])
+def test_errors_arrive(pull: Callable[[Steps[None]], None]) -> None:
+    def steps() -> Steps[None]:
+        yield Progress(0, 1, "Start")
+        raise SettingError("Depth 99 is too deep")
+
+    with pytest.raises(SettingError, match="Depth 99"):
+        pull(beside(steps, Progress(0, 1, "Start")))
+
+
+@pytest.mark.parametrize("pull", [drain, attended_drain])
+def test_errors_before_the_first_step_arrive(pull: Callable[[Steps[None]], None]) -> None:
+    def make() -> Steps[None]:
+        raise MemoryError
+
+    with pytest.raises(MemoryError):
+        pull(beside(make, Progress(0, 1, "Start")))
+
+
+def test_one_thread_for_steps_within_steps() -> None:
+    threads: list[threading.Thread] = []
+
+    def inner() -> int:
+        threads.append(threading.current_thread())
+        return 7
+
+    def outer() -> Steps[int]:
+        threads.append(threading.current_thread())
+        return (yield from computed(inner, Progress(0, 1, "Inner")))
+
+    assert attended_drain(beside(outer, Progress(0, 1, "Outer"))) == 7
+    assert len(set(threads)) == 1 and threads[0] is not threading.main_thread()
+
+
+def test_reports_of_what_is_computed() -> None:
+    at, reports = Progress(3, 8, "Baking light"), []
+    assert attended_drain(computed(lambda: time.sleep(0.1) or 2, at), reports.append) == 2
+    assert reports and all((report.done, report.total, report.label) == (3, 8, "Baking light") for report in reports)
