@@ -27,8 +27,11 @@ def build_full(folder: Path, mode: str = "OBJECT") -> None:
     scene.frame_set(3)
     slab = bpy.data.objects["Slab"]
     bpy.context.view_layer.objects.active = slab
-    if mode != "OBJECT":
-        bpy.ops.object.mode_set(mode=mode)
+    # Blender remembers a tool for each mode that was ever entered, and nothing can make it forget one: whoever is in
+    # a mode has been in object mode too.
+    for visited in (mode, "OBJECT", mode):
+        if slab.mode != visited:
+            bpy.ops.object.mode_set(mode=visited)
     bpy.context.view_layer.update()
 
 
