@@ -10,6 +10,7 @@ import bpy
 
 from .. import results
 from ..job_operator import JobOperator
+from ..panels.tab import draw_setting, draw_settings, split
 from .engine import ENGINE
 
 # Panels of EEVEE's that edit what a bake sees.
@@ -45,12 +46,11 @@ class PATCHNET_PT_render_refinement(_RenderPanel, bpy.types.Panel):
     bl_label = "Refinement"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Strategy and budget, which views in the sidebar have, too."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        """Strategy, budget and painted importance, which views in the sidebar have, too."""
+        layout = split(self.layout)
         for name in ("strategy", "budget"):
-            layout.prop(context.scene.patchnet, name)
+            draw_setting(layout, context.scene.patchnet, name)
+        draw_settings(layout, context.scene.patchnet, "importance")
 
 
 class PATCHNET_PT_render_octree(_RenderPanel, bpy.types.Panel):

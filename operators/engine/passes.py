@@ -6,7 +6,7 @@
 | Combined | RGBA | scene-linear light as Cycles' has it, weighed by alpha, over the world unless film is transparent |
 | Depth | Z | distance along the camera's axis, as Cycles'; 1e10 where nothing was met |
 | Normal | XYZ | mean normal of the voxel in world space, towards the camera, unit length; 0 where there is none |
-| Priority | X | the strategy's score, for which pixels are refined first |
+| Priority | X | what pixels are refined by: the strategy's score, times painted importance |
 | Coverage | X | share of the pixel that the network expects to be covered; 1 without look-ahead, 0 beside objects |
 | Sample Count | X | rays traced for the pixel's colour: 1, or 1024 where refined |
 | Level | X | level of the octree that the pixel's voxel is on; -1 where nothing was met |
@@ -61,13 +61,14 @@ def combined(picture: AdaptivePicture, world: np.ndarray | None) -> np.ndarray:
 def pass_pixels(picture: AdaptivePicture, world: np.ndarray | None) -> dict[str, np.ndarray]:
     """Pixels (P, C) float32 of each pass that is known by now: only Combined as long as pixels are being traced."""
     known = {"Combined": combined(picture, world)}
-    if picture.frame is None or picture.score is None:
+    priority = picture.priority
+    if picture.frame is None or priority is None:
         return known
     hits = picture.frame.hits
     values = {
         "Depth": np.where(hits.hit, hits.z_world, np.float32(NO_DEPTH)),
         "Normal": _normals(picture),
-        "Priority": picture.score,
+        "Priority": priority,
         "Coverage": _coverage(picture.frame),
         "Sample Count": picture.samples,
         "Level": np.where(hits.hit, hits.level, -1),

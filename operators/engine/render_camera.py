@@ -10,13 +10,17 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.errors import SceneError
+from ...patchnet_addon.sampling.importance import Place
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
 from ...patchnet_addon.tracing.part import camera_part
 from ..cameras import tracing_camera
 
 
-def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, size_px: tuple[int, int]) -> Camera:
-    """The view of an evaluated camera object at the render resolution, or what the render border leaves of it.
+def render_camera(
+    scene: bpy.types.Scene, camera: bpy.types.Object | None, size_px: tuple[int, int]
+) -> tuple[Camera, Place]:
+    """The view of an evaluated camera object at the render resolution, or what the render border leaves of it; and
+    where the whole picture lies on that.
 
     scene: evaluated. Raises SceneError without a camera and for panoramic ones, SettingError for an empty border.
     """
@@ -25,10 +29,10 @@ def render_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, size_
     whole = tracing_camera(camera, scene, size_px)
     render = scene.render
     if not render.use_border:
-        return whole
+        return whole, Place(0, 0, *size_px)
     left, right = (int(side * size_px[0]) for side in (render.border_min_x, render.border_max_x))  # as Blender rounds
     bottom, top = (int(side * size_px[1]) for side in (render.border_min_y, render.border_max_y))
-    return camera_part(whole, left, bottom, right - left, top - bottom)
+    return camera_part(whole, left, bottom, right - left, top - bottom), Place(-left, -bottom, *size_px)
 
 
 def viewport_camera(
@@ -63,6 +67,19 @@ def viewport_camera(
         name="Viewport",
     )
     return camera if perspective else _before_all(camera, bounds_world)
+
+
+def camera_place(context: bpy.types.Context) -> Place | None:
+    """Where a viewport that looks through a camera shows its picture; None for one that does not."""
+    view, region = context.region_data, context.region
+    item = context.space_data.camera
+    if view.view_perspective != "CAMERA" or item is None or item.type != "CAMERA":
+        return None
+    corners = np.array(item.data.view_frame(scene=context.scene), np.float64)  # (4, 3), as the camera sees them
+    seen = np.concatenate([corners, np.ones((4, 1))], axis=1) @ np.array(view.window_matrix, np.float64).T
+    pixels = (seen[:, :2] / seen[:, 3:] + 1.0) / 2.0 * (region.width, region.height)
+    (left, bottom), (right, top) = (np.rint(pixels.min(axis=0)).astype(int), np.rint(pixels.max(axis=0)).astype(int))
+    return Place(int(left), int(bottom), max(int(right - left), 1), max(int(top - bottom), 1))
 
 
 def _before_all(camera: Camera, bounds_world: np.ndarray) -> Camera:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 
 import bpy
 import numpy as np
@@ -13,8 +14,10 @@ from ...patchnet_addon.progress import Progress, Result, Steps
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
+from ..importance import read_strokes
 from ..preferences import apply_preferences
 from ..properties import scene_settings
+from ..scene.placements import VISIBLE
 from .frame_octree import octree_of_frame
 from .passes import pass_pixels
 from .render_camera import render_camera
@@ -33,12 +36,16 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     settings = scene_settings(scene.original)
     chosen = strategy(settings.strategy)
     eye = engine.camera_override or (scene.camera and scene.camera.evaluated_get(depsgraph))
-    camera = render_camera(scene, eye, (engine.resolution_x, engine.resolution_y))
+    camera, place = render_camera(scene, eye, (engine.resolution_x, engine.resolution_y))
+    strokes = None
+    if settings.importance is not None:  # what is missing is said before anything is made
+        strokes = read_strokes(settings.importance, VISIBLE, depsgraph)  # what was voxelized may not be selected now
     world = None if scene.render.film_transparent else _background(engine, scene)
     _mention_left_out(engine, scene)
     making = octree_of_frame(depsgraph, camera, settings, animation=engine.is_animation)
     coded = pull(engine, making, 0.0, 0.3)
-    picture = AdaptivePicture(coded.octree, camera, chosen, coded)
+    importance = None if strokes is None else partial(strokes.weights, coded.octree.grid, place=place)
+    picture = AdaptivePicture(coded.octree, camera, chosen, coded, importance)
     output = _Output(engine, depsgraph.view_layer.name, camera, picture, world)
     try:
         pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import Any
 
 import bpy
@@ -16,7 +17,8 @@ from ...patchnet_addon.tracing.camera import Camera
 from .. import results
 from ..preferences import apply_preferences
 from .drawing import PictureTexture, draw_message
-from .render_camera import viewport_camera
+from .render_camera import camera_place, viewport_camera
+from .viewport_mask import ViewportMask
 from .viewport_preview import Preparation, ViewportPreview
 from .world import world_color
 
@@ -36,6 +38,7 @@ class Viewport:
         self._prepared_for: tuple[Any, ...] = ()
         self._texture: PictureTexture | None = None
         self._asked = 0.0  # when to be drawn again was asked for
+        self.mask = ViewportMask()
 
     def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context) -> None:
         """Work for a moment, draw what is there, and ask to be drawn again while there is more to do."""
@@ -61,14 +64,20 @@ class Viewport:
         bounds = octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
         view = context.region_data
         camera = viewport_camera(view.view_matrix, view.window_matrix, (region.width, region.height), bounds)
-        if not self._prepare(context, AdaptivePicture(octree, camera.with_size(8, 8), chosen, coded)):
+        idle = self._preview is not None and self._preview.done
+        prepared = self._prepare(context, AdaptivePicture(octree, camera.with_size(8, 8), chosen, coded))
+        if not (self.mask.ready(context, idle=idle) and prepared):
             self._message(engine, context, _READY_SOON)
             engine.tag_redraw()
             return
         world = None if context.scene.render.film_transparent else world_color(context.scene.world)
-        state = (id(result), values.strategy, values.budget, None if world is None else world.tobytes(), *_view(camera))
+        strokes = self.mask.strokes
+        place = None if strokes is None else camera_place(context)
+        background = None if world is None else world.tobytes()
+        state = (id(result), values.strategy, values.budget, background, self.mask.version, place, *_view(camera))
         if state != self._state or self._preview is None:
-            picture = AdaptivePicture(octree, camera, chosen, coded)
+            importance = None if strokes is None else partial(strokes.weights, octree.grid, place=place)
+            picture = AdaptivePicture(octree, camera, chosen, coded, importance)
             self._state, self._preview = state, ViewportPreview(picture, values.budget, world)
             self._asked = time.perf_counter()  # the first picture comes soon
         preview = self._preview
@@ -77,7 +86,7 @@ class Viewport:
             self._texture = PictureTexture(preview.pixels())
         self._texture.draw(engine, context.scene)
         engine.update_stats("PatchNet", f"{preview.status}, {_STALE}" if result.stale else preview.status)
-        if not preview.done:
+        if not (idle and preview.done) or self.mask.waiting:  # once more at the end, for strokes made meanwhile
             self._asked = time.perf_counter()
             engine.tag_redraw()
 

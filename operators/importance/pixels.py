@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
@@ -11,24 +13,57 @@ import numpy as np
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.progress import Steps
 from ...patchnet_addon.sampling.frame import Frame
-from ...patchnet_addon.sampling.importance import beside_hits, picture_weights
+from ...patchnet_addon.sampling.importance import Place, beside_hits, picture_weights
+from ..scene.render_geometry import render_geometry
 from .image import painted_file, painted_image
 from .painted import Importance
 
+if TYPE_CHECKING:
+    from .vertex_group import PaintedSurface
 
-def pixel_importance(importance: Importance, scope: str, grid: Grid, frame: Frame) -> Steps[np.ndarray]:
-    """(P,) float32 in [0, 1] for the pixels of a frame of the open scene.
 
-    scope: which objects were voxelized. Raises SettingError if what was painted is not there.
+@dataclass(frozen=True, eq=False)
+class Strokes:
+    """What was painted, read once: from here on nothing asks Blender, so that any thread may look weights up.
+
+    One of `picture`, (h, w) float32 with row 0 at the bottom, and `surface`.
+    """
+
+    picture: np.ndarray | None = None
+    surface: PaintedSurface | None = None
+
+    def weights(self, grid: Grid, frame: Frame, place: Place | None = None) -> Steps[np.ndarray]:
+        """(P,) float32 in [0, 1] for the pixels of a frame of an octree; `place`: what an image is stretched over."""
+        if self.surface is not None:
+            from .vertex_group import vertex_group_weights
+
+            weights = yield from vertex_group_weights(self.surface, grid, frame)
+            return beside_hits(frame.picture(weights), frame.picture(frame.hit)).ravel()
+        assert self.picture is not None
+        return picture_weights(self.picture, frame.height, frame.width, place)
+
+
+def read_strokes(importance: Importance, scope: str, depsgraph: bpy.types.Depsgraph) -> Strokes:
+    """What was painted in the open file.
+
+    scope: which objects were voxelized. depsgraph: gets geometry as renders have it for the moment, unless it is a
+    render's own graph. Raises SettingError if what was painted is not there.
+
+    A render may call this in its own thread: it only reads, meshes of its own graph, and images the way Cycles does.
     """
     if importance.vertex_group:
-        from .vertex_group import PaintedSurface, vertex_group_weights
+        from .vertex_group import PaintedSurface
 
-        surface = PaintedSurface(bpy.context.evaluated_depsgraph_get(), scope, importance.vertex_group)
-        weights = yield from vertex_group_weights(surface, grid, frame)
-        return beside_hits(frame.picture(weights), frame.picture(frame.hit)).ravel()
-    values = painted_image(importance.image) if importance.file is None else painted_file(importance.file)
-    return picture_weights(values, frame.height, frame.width)
+        with render_geometry(depsgraph):
+            return Strokes(surface=PaintedSurface(depsgraph, scope, importance.vertex_group))
+    file = importance.file
+    return Strokes(picture=painted_image(importance.image) if file is None else painted_file(file))
+
+
+def pixel_importance(importance: Importance, scope: str, grid: Grid, frame: Frame) -> Steps[np.ndarray]:
+    """(P,) float32 in [0, 1] for the pixels of a frame of the open scene, as `read_strokes` finds them."""
+    strokes = read_strokes(importance, scope, bpy.context.evaluated_depsgraph_get())
+    return (yield from strokes.weights(grid, frame))
 
 
 def importance_key(importance: Importance | None) -> str:

@@ -17,7 +17,6 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.progress import Progress, Steps
 from ...patchnet_addon.sampling.frame import Frame
 from ..scene.placements import surface_instances
-from ..scene.render_geometry import render_geometry
 
 _LABEL = "Looking up importance"
 _PER_STEP = 4096
@@ -28,17 +27,16 @@ class PaintedSurface:
     """The triangles of all objects that have a vertex group, in world units."""
 
     def __init__(self, depsgraph: bpy.types.Depsgraph, scope: str, group: str) -> None:
-        """Raises SettingError if no object in scope has the group."""
+        """depsgraph: as renders see it. Raises SettingError if no object in scope has the group."""
         points, triangles, weights, first = [], [], [], 0
-        with render_geometry(depsgraph):
-            for instance in surface_instances(depsgraph, scope):
-                if group not in instance.object.vertex_groups:
-                    continue
-                part = _triangles(instance, group)
-                points.append(part[0])
-                triangles.append(part[1] + first)
-                weights.append(part[2])
-                first += len(part[0])
+        for instance in surface_instances(depsgraph, scope):
+            if group not in instance.object.vertex_groups:
+                continue
+            part = _triangles(instance, group)
+            points.append(part[0])
+            triangles.append(part[1] + first)
+            weights.append(part[2])
+            first += len(part[0])
         if not points:
             raise SettingError(f"No voxelized object has the vertex group '{group}': paint one, or choose another")
         self._points, self._triangles = np.concatenate(points), np.concatenate(triangles)

@@ -6,6 +6,7 @@ The picture is there at any time between two steps, as good as it is by then: a 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,7 @@ from ..progress import Progress, Steps
 from ..tracing.camera import Camera
 from ..tracing.part import camera_part
 from .frame import Frame
-from .refine import budget_count, refinement_order
+from .refine import priority, refined_count, refinement_order
 from .registry import STRATEGIES
 from .strategy import Strategy
 from .trace import trace_frame
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 BAND_PIXELS = 1 << 16  # traced at once
 BATCH_RAYS = 1 << 20  # of refined pixels at once
 REFINED_SIDE = 32  # rays per pixel side
+Importance = Callable[[Frame], Steps[np.ndarray]]  # weights (P,) in [0, 1] of a traced frame
 
 
 @dataclass
@@ -47,11 +49,20 @@ class AdaptivePicture:
 
     colors: (P, 3) float32, linear as the octree's, weighed by alpha over black. alpha: (P,) float32, share of the rays
     that met something. samples: (P,) int32, rays per pixel; 0 where nothing is traced yet.
-    frame, score: set once every pixel was traced: what strategies look at, and (P,) float32 priorities.
+    frame, score: set once every pixel was traced: what strategies look at, and (P,) float32 scores.
     """
 
-    def __init__(self, octree: Octree, camera: Camera, strategy: Strategy, coded: CodedOctree | None = None) -> None:
+    def __init__(
+        self,
+        octree: Octree,
+        camera: Camera,
+        strategy: Strategy,
+        coded: CodedOctree | None = None,
+        importance: Importance | None = None,
+    ) -> None:
+        """importance: what makes of the traced frame the weights that multiply scores; None where all matter alike."""
         self.octree, self.camera, self.strategy, self.coded = octree, camera, strategy, coded
+        self._importance = importance
         self.colors = np.zeros((camera.pixel_count, 3), np.float32)
         self.alpha = np.zeros(camera.pixel_count, np.float32)
         self.samples = np.zeros(camera.pixel_count, np.int32)
@@ -59,10 +70,15 @@ class AdaptivePicture:
         self.score: np.ndarray | None = None
         self._order: np.ndarray | None = None
 
-    def trace(self, pace: Pace | None = None) -> Steps[None]:
-        """One ray per pixel, band of rows by band of rows, then the score of all pixels.
+    @property
+    def priority(self) -> np.ndarray | None:
+        """(P,) float32: what pixels are ranked by, their scores times what matters; None before there are scores."""
+        return None if self.frame is None or self.score is None else priority(self.frame, self.score)
 
-        Raises SettingError if the strategy needs codes and there are none.
+    def trace(self, pace: Pace | None = None) -> Steps[None]:
+        """One ray per pixel, band of rows by band of rows, then importance and score of all pixels.
+
+        Raises SettingError if the strategy needs codes and there are none, and what finding importance raises.
         """
         pace, camera, bands = pace or Pace(), self.camera, []
         wanted = [self.strategy] if self.coded is None else [self.strategy, STRATEGIES["patchnet"]]  # for coverage
@@ -75,16 +91,22 @@ class AdaptivePicture:
             bands.append(band)
             self._show(row * camera.width_px, band)
             row += rows
-        self.frame = joined_frames(bands)
+        frame = joined_frames(bands)
+        if self._importance is not None:
+            frame = replace(frame, importance=(yield from self._importance(frame)))
+        self.frame = frame
         self.score = self.strategy.scores(self.frame)
 
     def refine(self, budget: float, side: int = REFINED_SIDE, pace: Pace | None = None) -> Steps[None]:
-        """side x side rays in the share `budget` of the active pixels, those of highest priority first."""
+        """side x side rays in the share `budget` of the active pixels, those of highest priority first.
+
+        Pixels of importance 0 keep their one ray, also where the budget would reach them.
+        """
         assert self.frame is not None and self.score is not None
         pace = pace or Pace()
         if self._order is None:
             self._order = refinement_order(self.frame, self.score)
-        order = self._order[: budget_count(budget, len(self._order))]
+        order = self._order[: refined_count(self.frame, budget, len(self._order))]
         done = 0
         while done < len(order):
             yield Progress(done, len(order), f"Refining {side}x{side}")

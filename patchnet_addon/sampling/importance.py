@@ -7,30 +7,50 @@ figures say so.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 
-def picture_weights(values: np.ndarray, height: int, width: int) -> np.ndarray:
+class Place(NamedTuple):
+    """Where a picture lies on a frame, in pixels of the frame from its lower left; it may reach beyond the frame."""
+
+    left: int
+    bottom: int
+    width: int
+    height: int
+
+
+def picture_weights(values: np.ndarray, height: int, width: int, place: Place | None = None) -> np.ndarray:
     """(height * width,) float32: weights painted on a picture (h, w) of any size, stretched over the frame.
+
+    place: what it is stretched over instead; pixels of the frame that it leaves weigh 0.
 
     Bilinear; where the painted picture has more pixels than the frame, each pixel takes the mean of those under a
     triangle two pixels wide, so that thin strokes count. Values are clamped to [0, 1]; those that are not finite are 0.
     """
     values = np.clip(np.nan_to_num(np.asarray(values, np.float32), posinf=1.0, neginf=0.0), 0.0, 1.0)
-    rows, columns = _bilinear(values.shape[0], height), _bilinear(values.shape[1], width)
+    place = place or Place(0, 0, width, height)
+    rows = _bilinear(values.shape[0], place.height, -place.bottom, height)
+    columns = _bilinear(values.shape[1], place.width, -place.left, width)
     resized = rows @ values @ columns.T
     return np.clip(resized, 0.0, 1.0).astype(np.float32).ravel()
 
 
-def _bilinear(before: int, after: int) -> np.ndarray:
-    """(after, before) float32 matrix that resizes an axis; rows sum to 1, edges are repeated."""
+def _bilinear(before: int, after: int, first: int, count: int) -> np.ndarray:
+    """(count, before) float32: rows from `first` on of the (after, before) matrix that resizes an axis.
+
+    Rows sum to 1, edges are repeated; rows that the matrix does not have are 0.
+    """
     scale = before / after
-    centre = (np.arange(after) + 0.5) * scale - 0.5
+    pixel = first + np.arange(count)
+    centre = (pixel + 0.5) * scale - 0.5
     reach = max(scale, 1.0)
     if scale <= 1.0:
         centre = np.clip(centre, 0.0, before - 1.0)
     weights = np.maximum(1.0 - np.abs(centre[:, None] - np.arange(before)) / reach, 0.0)
-    return (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+    there = ((pixel >= 0) & (pixel < after))[:, None]
+    return (np.where(there, weights, 0.0) / np.where(there, weights.sum(axis=1, keepdims=True), 1.0)).astype(np.float32)
 
 
 def beside_hits(weights: np.ndarray, hit: np.ndarray) -> np.ndarray:

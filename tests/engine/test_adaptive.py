@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures that are refined step by step: chosen pixels, parts of a camera, bands of rows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.progress import Progress, Steps, drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
+from patchnet.patchnet_addon.sampling.frame import Frame
 from patchnet.patchnet_addon.sampling.refine import refine, refined_picture
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_frame
@@ -101,3 +104,25 @@ def test_the_most_urgent_pixels_come_first() -> None:
     done = picture.samples > 1
     assert done.sum() == 5 and picture.score is not None
     assert picture.score[done].min() >= picture.score[~done].max()
+
+
+def halves(frame: Frame) -> Steps[np.ndarray]:
+    """Half of what is on the left matters, nothing on the right."""
+    yield Progress(0, 1, "Looking")
+    return np.tile(np.where(np.arange(frame.width) < frame.width // 2, 0.5, 0.0), frame.height).astype(np.float32)
+
+
+@pytest.mark.parametrize("budget", [0.2, 1.0])
+def test_importance_ranks_and_leaves_out(budget: float) -> None:
+    octree, eye = random_octree(), camera()
+    picture = AdaptivePicture(octree, eye, CHOSEN, importance=halves)
+    assert picture.priority is None
+    drain(picture.trace(Pace(band_pixels=50)))
+    drain(picture.refine(budget))
+    frame = drain(trace_frame(octree, eye, [CHOSEN]))
+    score = CHOSEN.scores(frame)
+    frame = replace(frame, importance=drain(halves(frame)))
+    mask = refine(frame, score, budget)
+    np.testing.assert_array_equal(picture.samples, np.where(mask, 1024, 1))
+    np.testing.assert_array_equal(picture.priority, score * frame.importance)
+    assert 0 < mask.sum() < frame.active.sum() and not mask[frame.importance == 0].any()
