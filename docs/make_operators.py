@@ -20,8 +20,8 @@ import bpy  # noqa: TID251
 
 import patchnet
 from patchnet.__main__ import leave
-from patchnet.operators import properties
 from patchnet.operators.job_operator import JobOperator
+from patchnet.operators.properties import PatchNetSettings
 
 PAGE = Path(__file__).with_name("operators.md")
 
@@ -115,11 +115,6 @@ PICTURES = {
     "toggle_overlay": "panel-overlay.png",
     "clear_cache": "preferences.jpg",
 }
-_GROUPS = tuple(
-    item
-    for item in vars(properties).values()
-    if isinstance(item, type) and item.__name__.endswith("Properties") and item.__module__ == properties.__name__
-)
 
 
 def operators() -> dict[str, type]:
@@ -226,11 +221,18 @@ def section(name: str, kind: type) -> Iterator[str]:
         yield ""
 
 
+def groups(kind: type) -> Iterator[type]:
+    """A class after those it is made of."""
+    for base in kind.__bases__:
+        yield from groups(base)
+    yield kind
+
+
 def settings() -> Iterator[str]:
     """The scene's settings, by the group they are declared in."""
     scene = bpy.types.Scene.bl_rna.properties["patchnet"].fixed_type.properties
     seen: set[str] = set()
-    for group in _GROUPS:
+    for group in groups(PatchNetSettings):
         names = [name for name in getattr(group, "__annotations__", {}) if name in scene and name not in seen]
         seen |= set(names)
         if names:

@@ -6,10 +6,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import bpy
-from bpy.props import IntProperty
 
 from ..patchnet_addon.errors import SettingError
-from ..patchnet_addon.frames import LAST_FRAME, frame_range
+from ..patchnet_addon.frames import frame_range
 from ..patchnet_addon.progress import Steps
 from .job.settings import JobSettings
 from .job_operator import JobOperator
@@ -17,6 +16,7 @@ from .properties import (
     AnimationProperties,
     CameraProperties,
     CodesProperties,
+    FrameProperties,
     LightProperties,
     OutputProperties,
     ViewProperties,
@@ -25,35 +25,6 @@ from .properties import (
     setting,
 )
 from .tell import tell
-
-
-class FrameProperties:
-    """Which frames; those of the scene where they are not given."""
-
-    frame_start: IntProperty(
-        name="Frame Start",
-        description="First frame; the scene's if it is not given",
-        default=1,
-        min=-LAST_FRAME,
-        max=LAST_FRAME,
-        options={"SKIP_SAVE"},
-    )
-    frame_end: IntProperty(
-        name="Frame End",
-        description="Last frame; the scene's if it is not given",
-        default=250,
-        min=-LAST_FRAME,
-        max=LAST_FRAME,
-        options={"SKIP_SAVE"},
-    )
-    frame_step: IntProperty(
-        name="Frame Step",
-        description="Frames from one to the next; the scene's if it is not given",
-        default=1,
-        min=1,
-        max=LAST_FRAME,
-        options={"SKIP_SAVE"},
-    )
 
 
 class PATCHNET_OT_bake_animation(

@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
-import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
+from typing import Any
 
+import bpy
+from bpy.props import BoolProperty, EnumProperty, PointerProperty
+
+from ..properties.shapes import share
 from .shown_view import HEATMAP, PREVIEW, TITLES
 
 NOTHING = "NONE"
@@ -32,53 +35,31 @@ def _changed(_values: bpy.types.PropertyGroup, context: bpy.types.Context) -> No
     handlers.refresh(context)
 
 
+def _switch(name: str, description: str, default: bool = False) -> Any:
+    return BoolProperty(name=name, description=description, default=default, update=_changed)
+
+
+def _picture(name: str, description: str, default: str, *more: tuple[str, str, str]) -> Any:
+    """One of the pictures of a view, or of what else there is."""
+    return EnumProperty(name=name, description=description, items=[*_ITEMS, *more], default=default, update=_changed)
+
+
 class PatchNetOverlaySettings(bpy.types.PropertyGroup):
     """What lies over cameras' views and images."""
 
-    show_viewport: BoolProperty(
-        name="In Viewport", description="Lay the picture over the camera's view", default=False, update=_changed
+    show_viewport: _switch("In Viewport", "Lay the picture over the camera's view")
+    show_editor: _switch("In Image Editor", "Lay the picture over PatchNet's images and over the Render Result")
+    picture: _picture("Picture", "What is shown", HEATMAP)
+    opacity: share("Opacity", "How much the picture hides what is below", 1.0, update=_changed)
+    use_wipe: _switch("Wipe", "Show another picture to the right of a line")
+    wipe: share("Position", "Where the line is, from the left to the right side of the picture", 0.5, update=_changed)
+    other: _picture(
+        "Other Side",
+        "What is shown to the right of the line",
+        PREVIEW,
+        (NOTHING, "Nothing", "The viewport or the image itself"),
     )
-    show_editor: BoolProperty(
-        name="In Image Editor",
-        description="Lay the picture over PatchNet's images and over the Render Result",
-        default=False,
-        update=_changed,
-    )
-    picture: EnumProperty(name="Picture", description="What is shown", items=_ITEMS, default=HEATMAP, update=_changed)
-    opacity: FloatProperty(
-        name="Opacity",
-        description="How much the picture hides what is below",
-        default=1.0,
-        min=0.0,
-        max=1.0,
-        subtype="FACTOR",
-        update=_changed,
-    )
-    use_wipe: BoolProperty(
-        name="Wipe",
-        description="Show another picture to the right of a line",
-        default=False,
-        update=_changed,
-    )
-    wipe: FloatProperty(
-        name="Position",
-        description="Where the line is, from the left to the right side of the picture",
-        default=0.5,
-        min=0.0,
-        max=1.0,
-        subtype="FACTOR",
-        update=_changed,
-    )
-    other: EnumProperty(
-        name="Other Side",
-        description="What is shown to the right of the line",
-        items=[*_ITEMS, (NOTHING, "Nothing", "The viewport or the image itself")],
-        default=PREVIEW,
-        update=_changed,
-    )
-    legend: BoolProperty(
-        name="Legend", description="Titles, and bars with numbers and units", default=True, update=_changed
-    )
+    legend: _switch("Legend", "Titles, and bars with numbers and units", default=True)
 
 
 def overlay_settings(context: bpy.types.Context) -> bpy.types.PropertyGroup:

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every setting once: as the scene's settings, and as properties of the operators that use it.
+
+A class for each room of settings, to be mixed into operators and into the group of the scene.
+"""
+
+from .codes import CodesProperties
+from .cycles_refine import CyclesRefineProperties, cycles_settings
+from .display import DisplayProperties, LevelProperties
+from .given import absolute_path, is_given, setting
+from .job import job_settings, scene_settings
+from .light import LightProperties
+from .output import AnimationProperties, FrameProperties, OutputProperties
+from .scene import PatchNetSettings, register, unregister
+from .view import CameraProperties, ViewProperties
+from .voxelize import VoxelizeProperties
+
+__all__ = [
+    "AnimationProperties",
+    "CameraProperties",
+    "CodesProperties",
+    "CyclesRefineProperties",
+    "DisplayProperties",
+    "FrameProperties",
+    "LevelProperties",
+    "LightProperties",
+    "OutputProperties",
+    "PatchNetSettings",
+    "ViewProperties",
+    "VoxelizeProperties",
+    "absolute_path",
+    "cycles_settings",
+    "is_given",
+    "job_settings",
+    "register",
+    "scene_settings",
+    "setting",
+    "unregister",
+]

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All settings as a scene remembers them."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import PointerProperty
+
+from .codes import CodesProperties
+from .cycles_refine import CyclesRefineProperties
+from .display import DisplayProperties
+from .light import LightProperties
+from .output import AnimationProperties, OutputProperties
+from .view import CameraProperties, ViewProperties
+from .voxelize import VoxelizeProperties
+
+
+class PatchNetSettings(
+    VoxelizeProperties,
+    CameraProperties,
+    LightProperties,
+    CodesProperties,
+    ViewProperties,
+    OutputProperties,
+    AnimationProperties,
+    DisplayProperties,
+    CyclesRefineProperties,
+    bpy.types.PropertyGroup,
+):
+    """Settings that a scene remembers; operators use them for whatever is not given to themselves."""
+
+
+def register() -> None:
+    """Give scenes their settings."""
+    bpy.utils.register_class(PatchNetSettings)
+    bpy.types.Scene.patchnet = PointerProperty(type=PatchNetSettings)
+
+
+def unregister() -> None:
+    """Take the settings away."""
+    del bpy.types.Scene.patchnet
+    bpy.utils.unregister_class(PatchNetSettings)
