@@ -98,7 +98,7 @@ def preview():
 def final_renders():
     """F12 in a job of Blender's own, beside a window that lives, with voxels and without.
 
-    Esc cannot be tried: Blender's jobs hear it from the window system only, not from events that are simulated.
+    Blender's jobs hear Esc from the window system only, not from events that are simulated: see escape_window.py.
     """
     scene = clicks.window().scene
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 320, 200, 100

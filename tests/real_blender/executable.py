@@ -26,11 +26,16 @@ class Blender:
         words = self._words((self.program, *map(str, arguments)))
         return subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
-    def run_window(self, *arguments: str | Path, seconds: float = 400.0) -> subprocess.CompletedProcess[str]:
-        """Run Blender with a window on a virtual screen to its end."""
+    def run_window(
+        self, *arguments: str | Path, seconds: float = 400.0, simulate: bool = True
+    ) -> subprocess.CompletedProcess[str]:
+        """Run Blender with a window on a virtual screen to its end.
+
+        simulate: it hears events that its scripts simulate, and then none of the window system's.
+        """
         width, height = SCREEN
         screen = ("xvfb-run", "-a", "-s", f"-screen 0 {width}x{height}x24")
-        place = ("--enable-event-simulate", "-p", "0", "0", str(width), str(height))
+        place = (*(("--enable-event-simulate",) if simulate else ()), "-p", "0", "0", str(width), str(height))
         return self._start((*screen, self.program, *place, *map(str, arguments)), seconds)
 
     def execute(self, line: str) -> str:

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Somebody presses F12 and then Esc, and F12 again with painted masks, in a window that listens to the window system.
+
+    blender -p 0 0 1500 1000 courtyard.blend -P escape_window.py -- OUT
+
+Writes OUT/escape.json, a value for each thing that was seen, and the renders' passes beside it.
+"""
+
+import json
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+import clicks
+import x_keys
+
+OUT = Path(sys.argv[sys.argv.index("--") + 1])
+ENGINE = "bl_ext.user_default.patchnet.operators.engine"
+
+SIZE = 960, 540  # minutes of work, where all pixels are refined
+
+seen: dict[str, object] = {}
+ended: list[str] = []
+pictures: list = []
+
+
+def prepare() -> clicks.Session:
+    """Voxels, a picture that would take minutes, and a note of how each render ends."""
+    from importlib import import_module
+
+    scene = clicks.window().scene
+    values = scene.patchnet
+    values.resolution, values.depth, values.scope, values.light = "DEPTH", 6, "VISIBLE", "two-lights"
+    values.color, values.strategy = True, "ss-variance"
+    wall = scene.objects["Back wall"]
+    wall.vertex_groups.new(name="Matters").add(range(len(wall.data.vertices)), 1.0, "REPLACE")
+    bpy.context.view_layer.update()
+    for step in ("voxelize", "bake_light", "precompute_codes"):
+        getattr(bpy.ops.patchnet, step)()
+        yield 0.1
+    settings = scene.render.image_settings
+    settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format, settings.color_depth, settings.exr_codec = "OPEN_EXR_MULTILAYER", "32", "NONE"
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = *SIZE, 100
+    module = import_module(f"{ENGINE}.render_frame")
+    whole = module.AdaptivePicture
+
+    class Watched(whole):
+        """Can be asked how far it is."""
+
+        def __init__(self, *values: object) -> None:
+            super().__init__(*values)
+            pictures.append(self)
+
+    module.AdaptivePicture = Watched
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
+    bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
+
+
+def render() -> None:
+    """What F12 calls."""
+    ended.clear()
+    pictures.clear()
+    with bpy.context.temp_override(window=clicks.window()):
+        bpy.ops.render.render("INVOKE_DEFAULT")
+
+
+def escape(name: str) -> clicks.Session:
+    """Press Esc and wait for the render's end; how it ended, and how long that took."""
+    start = time.monotonic()
+    seen["keys went to"] = x_keys.press(x_keys.ESCAPE)
+    yield from clicks.wait_for(over, f"{name}: the render ends")
+    seen[name] = {"ended": list(ended), "seconds": round(time.monotonic() - start, 2)}
+
+
+def over() -> bool:
+    """Whether no render runs any more."""
+    return bool(ended) and not bpy.app.is_job_running("RENDER")
+
+
+def keep(name: str) -> None:
+    """The passes that Blender has now."""
+    bpy.data.images["Render Result"].save_render(str(OUT / f"{name}.exr"))
+
+
+def stop_refining() -> clicks.Session:
+    """Esc while pixels are refined: what was refined by then stays."""
+    clicks.window().scene.patchnet.budget = 1.0
+    render()
+    yield from clicks.wait_for(lambda: pictures and bool((pictures[0].samples == 1024).any()), "pixels are refined")
+    yield from escape("stopped")
+    keep("escape-stopped")
+    np.save(OUT / "escape-samples.npy", pictures[0].samples.reshape(SIZE[::-1]))
+    yield from clicks.screenshot(OUT / "escape-stopped.png")
+
+
+def render_again() -> clicks.Session:
+    """Small ones to their ends, with a mask that is white on the left, and with a vertex group."""
+    scene = clicks.window().scene
+    scene.render.resolution_percentage, scene.patchnet.budget = 10, 0.1
+    image = bpy.data.images.new("Mask", 64, 32)
+    pixels = np.ones((32, 64, 4), np.float32)
+    pixels[:, 32:, :3] = 0.0
+    image.pixels.foreach_set(pixels.ravel())
+    scene.patchnet.importance, scene.patchnet.importance_image = "IMAGE", "Mask"
+    yield from render_to_end("image")
+    scene.patchnet.importance, scene.patchnet.importance_group = "VERTEX_GROUP", "Matters"
+    yield from render_to_end("group")
+
+
+def render_to_end(name: str) -> clicks.Session:
+    """A render that nobody stops."""
+    render()
+    yield from clicks.wait_for(over, f"the render with {name} ends")
+    seen[name] = list(ended)
+    keep(f"escape-{name}")
+
+
+def session() -> clicks.Session:
+    """The whole visit."""
+    clicks.window().scene.render.engine = "PATCHNET"
+    began = time.monotonic()
+    for part in (prepare, stop_refining, render_again):
+        yield from part()
+        seen[f"until {part.__name__}_s"] = round(time.monotonic() - began, 1)
+        save("stopped on the way")
+
+
+def save(problem: str) -> None:
+    """Write what was seen so far."""
+    (OUT / "escape.json").write_text(json.dumps(seen | {"problem": problem}, indent=1))
+
+
+def finish(problem: str) -> None:
+    """Write what was seen and leave."""
+    save(problem)
+    bpy.ops.wm.quit_blender()
+
+
+bpy.context.preferences.view.show_splash = False
+clicks.play(session(), finish)
