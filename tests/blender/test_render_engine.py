@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The render engine in background: what its passes hold, when it needs a new octree, and what it says about errors."""
 
-import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,17 +16,13 @@ from patchnet.operators.engine.engine import ENGINE
 from patchnet.operators.engine.passes import NO_DEPTH, PASSES
 from patchnet.operators.engine.render_frame import pull
 from patchnet.patchnet_addon.errors import StoppedError
-from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.patchnet_addon.progress import Progress, drain
 from patchnet.patchnet_addon.sampling.frame import Frame
 from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_frame
-from patchnet.tests.blender.job_scene import build, random_weights
-
-WIDTH, HEIGHT = 40, 26
-WORLD = (0.1, 0.2, 0.4)
-_numbers = itertools.count()
+from patchnet.tests.blender.engine_scene import HEIGHT, WIDTH, WORLD, build_for_engine, passes_in, rendered
+from patchnet.tests.blender.job_scene import random_weights
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -44,42 +39,7 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.fixture(autouse=True)
 def scene(weights: str, tmp_path: Path) -> bpy.types.Scene:
-    """The small scene before a grey-blue world, to be rendered by our engine into an EXR of all passes."""
-    build()
-    scene = bpy.context.scene
-    values = scene.patchnet
-    values.weights, values.light, values.resolution, values.depth = weights, "two-lights", "DEPTH", 6
-    scene.world = bpy.data.worlds.new("World")
-    if bpy.app.version < (5, 0, 0):
-        scene.world.use_nodes = True
-    background = scene.world.node_tree.nodes["Background"]
-    background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (*WORLD, 1.0), 0.5
-    render = scene.render
-    render.engine = ENGINE
-    render.resolution_x, render.resolution_y, render.resolution_percentage = 2 * WIDTH, 2 * HEIGHT, 50
-    if hasattr(render.image_settings, "media_type"):
-        render.image_settings.media_type = "MULTI_LAYER_IMAGE"
-    render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
-    render.image_settings.color_depth, render.image_settings.exr_codec = "32", "NONE"
-    render.filepath = str(tmp_path / "picture-")
-    return scene
-
-
-def rendered(scene: bpy.types.Scene, **call: object) -> dict[str, np.ndarray]:
-    """The passes (H, W, C) of a still."""
-    path = Path(scene.render.filepath).parent / f"still-{next(_numbers)}.exr"
-    scene.render.filepath = str(path)
-    assert bpy.ops.render.render(write_still=True, **call) == {"FINISHED"}
-    return passes_in(path)
-
-
-def passes_in(path: Path) -> dict[str, np.ndarray]:
-    channels = {tuple(name.split(".")[-2:]): values for name, values in read_exr(path).items()}
-    return {
-        item.name: np.stack([channels[item.name, letter] for letter in item.channels], axis=-1)
-        for item in PASSES
-        if (item.name, item.channels[0]) in channels
-    }
+    return build_for_engine(weights, tmp_path)
 
 
 def kept(scene: bpy.types.Scene) -> results.SceneResult:
@@ -298,19 +258,6 @@ def test_a_stop_cleans_up_at_once() -> None:
     with pytest.raises(StoppedError):
         pull(Stopping(), steps(), 0.0, 1.0)
     assert log == [0, 1, 2, "clean"]
-
-
-def test_the_compositor_knows_the_passes(scene: bpy.types.Scene) -> None:
-    bpy.context.view_layer.update_render_passes()
-    if bpy.app.version < (5, 0, 0):
-        scene.use_nodes = True
-        tree = scene.node_tree
-    else:
-        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
-        scene.compositing_node_group = tree
-    layers = tree.nodes.new("CompositorNodeRLayers")
-    layers.scene = scene
-    assert {item.name for item in PASSES if item.name != "Combined"} <= {socket.name for socket in layers.outputs}
 
 
 def with_our_engine() -> set[str]:

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 import patchnet
-from patchnet.operators.engine.engine import ENGINE
-from patchnet.operators.engine.passes import PASSES
-from patchnet.patchnet_addon.image.exr import read_exr
-from patchnet.tests.blender.job_scene import build, random_weights
+from patchnet.operators import results
+from patchnet.tests.blender.engine_scene import HEIGHT, WIDTH, build_for_engine, rendered
+from patchnet.tests.blender.job_scene import random_weights
 
-WIDTH, HEIGHT = 40, 26
 HALF = WIDTH // 2
 
 
@@ -32,27 +30,12 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.fixture(autouse=True)
 def scene(weights: str, tmp_path: Path) -> bpy.types.Scene:
-    """The small scene, to be rendered by our engine into an EXR of all passes."""
-    build()
-    scene = bpy.context.scene
-    values = scene.patchnet
-    values.weights, values.light, values.resolution, values.depth = weights, "two-lights", "DEPTH", 6
-    render = scene.render
-    render.engine = ENGINE
-    render.resolution_x, render.resolution_y, render.resolution_percentage = WIDTH, HEIGHT, 100
-    if hasattr(render.image_settings, "media_type"):
-        render.image_settings.media_type = "MULTI_LAYER_IMAGE"
-    render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
-    render.image_settings.color_depth, render.image_settings.exr_codec = "32", "NONE"
-    render.filepath = str(tmp_path / "still.exr")
-    return scene
+    return build_for_engine(weights, tmp_path)
 
 
-def rendered(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
+def passes(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
     """The passes (H, W) of a still, of one channel each."""
-    assert bpy.ops.render.render(write_still=True) == {"FINISHED"}
-    channels = {tuple(name.split(".")[-2:]): values for name, values in read_exr(Path(scene.render.filepath)).items()}
-    return {item.name: channels[item.name, item.channels] for item in PASSES if len(item.channels) == 1}
+    return {name: values[..., 0] for name, values in rendered(scene).items() if values.shape[-1] == 1}
 
 
 def painted(scene: bpy.types.Scene, values: np.ndarray, name: str = "Mask") -> None:
@@ -72,22 +55,22 @@ def left_half(gray: float = 1.0) -> np.ndarray:
 
 def test_black_is_never_refined_and_budgets_count_all_active_pixels(scene: bpy.types.Scene) -> None:
     scene.patchnet.budget = 0.3
-    plain = rendered(scene)
+    plain = passes(scene)
     painted(scene, left_half())
-    masked = rendered(scene)
+    masked = passes(scene)
     assert (plain["Sample Count"][:, HALF:] == 1024).any()
     assert (masked["Sample Count"][:, HALF:] == 1).all()
     assert np.array_equal(masked["Priority"], plain["Priority"] * left_half())
     assert (masked["Sample Count"] == 1024).sum() == (plain["Sample Count"] == 1024).sum()
     scene.patchnet.budget = 1.0  # pays for more than what is white
-    assert (rendered(scene)["Sample Count"][:, HALF:] == 1).all()
+    assert (passes(scene)["Sample Count"][:, HALF:] == 1).all()
 
 
 def test_gray_multiplies(scene: bpy.types.Scene) -> None:
-    plain = rendered(scene)
+    plain = passes(scene)
     values = np.random.default_rng(3).random((HEIGHT, WIDTH)).astype(np.float32)
     painted(scene, values)
-    masked = rendered(scene)
+    masked = passes(scene)
     np.testing.assert_allclose(masked["Priority"], plain["Priority"] * values, rtol=1e-5)
     refined = masked["Sample Count"] == 1024
     assert not np.array_equal(refined, plain["Sample Count"] == 1024)
@@ -98,12 +81,12 @@ def test_gray_multiplies(scene: bpy.types.Scene) -> None:
 @pytest.mark.parametrize("crop", [False, True])
 def test_a_border_cuts_the_mask_as_it_cuts_the_picture(scene: bpy.types.Scene, crop: bool) -> None:
     painted(scene, np.random.default_rng(4).random((HEIGHT, WIDTH)).astype(np.float32))
-    whole = rendered(scene)["Priority"]
+    whole = passes(scene)["Priority"]
     render = scene.render
     render.use_border, render.use_crop_to_border = True, crop
     render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.2, 0.71, 0.13, 0.8
     columns, rows = slice(int(0.2 * WIDTH), int(0.71 * WIDTH)), slice(int(0.13 * HEIGHT), int(0.8 * HEIGHT))
-    part = rendered(scene)["Priority"]
+    part = passes(scene)["Priority"]
     inside = part if crop else part[rows, columns]
     np.testing.assert_allclose(inside, whole[rows, columns], rtol=1e-4, atol=1e-5)
     assert whole[rows, columns].any()
@@ -111,16 +94,16 @@ def test_a_border_cuts_the_mask_as_it_cuts_the_picture(scene: bpy.types.Scene, c
 
 def test_a_vertex_group_follows_the_object_and_its_modifiers(scene: bpy.types.Scene) -> None:
     """With a weight of a half; what is off in viewports is painted in renders nevertheless."""
-    plain = rendered(scene)
+    plain = passes(scene)
     slab = scene.objects["Slab"]
     slab.vertex_groups.new(name="Matters").add(range(len(slab.data.vertices)), 0.5, "REPLACE")
     modifier = slab.modifiers.new("Shift", "DISPLACE")
     modifier.direction, modifier.mid_level, modifier.strength, modifier.show_viewport = "Y", 0.0, 0.4, False
     bpy.context.view_layer.update()
-    moved = rendered(scene)
+    moved = passes(scene)
     scene.patchnet.importance, scene.patchnet.importance_group = "VERTEX_GROUP", "Matters"
     scene.patchnet.budget = 1.0
-    masked = rendered(scene)
+    masked = passes(scene)
     assert not np.array_equal(plain["Depth"], moved["Depth"])
     behind = (masked["Depth"] > 5.3) & (masked["Level"] >= 0)
     before = masked["Depth"] < 5.0
@@ -137,4 +120,4 @@ def test_what_is_not_there_is_said_before_anything_is_made(scene: bpy.types.Scen
     scene.patchnet.importance, scene.patchnet.importance_group = "VERTEX_GROUP", "Nobody"
     with pytest.raises(RuntimeError, match="No voxelized object has the vertex group 'Nobody'"):
         bpy.ops.render.render()
-    assert patchnet.operators.results.result_of(scene) is None
+    assert results.result_of(scene) is None

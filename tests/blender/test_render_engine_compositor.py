@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Passes of the engine in the compositor: nodes know them, and files that nodes write hold them pixel for pixel."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+import patchnet
+from patchnet.operators.engine.passes import PASSES
+from patchnet.patchnet_addon.image.exr import read_exr
+from patchnet.tests.blender.engine_scene import build_for_engine, exact_passes, rendered
+from patchnet.tests.blender.job_scene import random_weights
+
+_TREE_OF_SCENE = bpy.app.version < (5, 0, 0)  # since then, a node group that several scenes may use
+_SOCKETS = {"VALUE": "FLOAT"}  # what a File Output node calls them
+_LETTERS = {1: "V", 3: "XYZ", 4: "RGBA"}  # by the number of channels, in its files
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    patchnet.register()
+    yield
+    patchnet.unregister()
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> bpy.types.Scene:
+    return build_for_engine(str(random_weights(tmp_path)), tmp_path)
+
+
+@pytest.fixture
+def layers(scene: bpy.types.Scene) -> bpy.types.Node:
+    """The compositor's node with the passes of the scene's view layer, and the picture that it ends in."""
+    bpy.context.view_layer.update_render_passes()
+    if _TREE_OF_SCENE:
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()
+        end = tree.nodes.new("CompositorNodeComposite")
+    else:
+        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+        scene.compositing_node_group = tree
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        end = tree.nodes.new("NodeGroupOutput")
+    node = tree.nodes.new("CompositorNodeRLayers")
+    node.scene = scene
+    tree.links.new(node.outputs["Image"], end.inputs["Image"])
+    return node
+
+
+def socket_name(name: str) -> str:
+    """What the compositor calls a pass."""
+    return "Image" if name == "Combined" else name
+
+
+def write_passes(layers: bpy.types.Node, folder: Path) -> None:
+    """A File Output node with a layer for each of the passes, into `folder`/nodes*.exr."""
+    tree = layers.id_data
+    node = tree.nodes.new("CompositorNodeOutputFile")
+    exact_passes(node.format)
+    if _TREE_OF_SCENE:
+        node.base_path = str(folder / "nodes")
+        node.layer_slots.clear()
+    else:
+        node.directory, node.file_name = str(folder), "nodes"
+    for item in PASSES:
+        socket = layers.outputs[socket_name(item.name)]
+        if _TREE_OF_SCENE:
+            node.layer_slots.new(item.name)
+        else:
+            node.file_output_items.new(_SOCKETS.get(socket.type, socket.type), item.name)
+        tree.links.new(socket, node.inputs[item.name])
+
+
+def test_nodes_know_the_passes(layers: bpy.types.Node) -> None:
+    there = {socket.name: socket.type for socket in layers.outputs if socket.enabled}
+    kinds = {"COLOR": "RGBA", "VALUE": "VALUE", "VECTOR": "VECTOR"}
+    assert {socket_name(item.name): kinds[item.kind] for item in PASSES}.items() <= there.items()
+
+
+def test_files_of_nodes_hold_the_passes(scene: bpy.types.Scene, layers: bpy.types.Node, tmp_path: Path) -> None:
+    write_passes(layers, tmp_path)
+    own = rendered(scene)
+    (path,) = tmp_path.glob("nodes*.exr")
+    found = read_exr(path)
+    for item in PASSES:
+        letters = _LETTERS[len(item.channels)]
+        written = np.stack([found[f"{item.name}.{letter}"] for letter in letters], axis=-1)
+        assert np.array_equal(written, own[item.name]), item.name
+        assert np.ptp(written[..., :3]) > 0.0, item.name
+
+
+def test_nodes_compute_with_the_passes(scene: bpy.types.Scene, layers: bpy.types.Node, tmp_path: Path) -> None:
+    """Seven minus Level is the same in the file."""
+    write_passes(layers, tmp_path)
+    tree = layers.id_data
+    minus = tree.nodes.new("CompositorNodeMath" if _TREE_OF_SCENE else "ShaderNodeMath")
+    minus.operation = "SUBTRACT"
+    minus.inputs[0].default_value = 7.0
+    tree.links.new(layers.outputs["Level"], minus.inputs[1])
+    node = next(item for item in tree.nodes if item.bl_idname == "CompositorNodeOutputFile")
+    tree.links.new(minus.outputs["Value"], node.inputs["Level"])
+    own = rendered(scene)
+    (path,) = tmp_path.glob("nodes*.exr")
+    assert np.array_equal(read_exr(path)["Level.V"], 7.0 - own["Level"][..., 0])
