@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests with Blender as a Python module end their process like the command does: see `patchnet.__main__.leave`."""
+"""What tests in Blender share. They end their process like the command does: see `patchnet.__main__.leave`."""
 
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
+import bpy
 import pytest
 
+import patchnet
 from patchnet.__main__ import leave
+from patchnet.tests.blender.job_scene import build, random_weights, saved
 
 _status = pytest.StashKey[int]()
 
@@ -20,3 +25,38 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     """Leave without unloading Blender, which may hang; pytest has printed its closing line by now."""
     if "bpy" in sys.modules and _status in config.stash:
         leave(config.stash[_status])
+
+
+@pytest.fixture(scope="module")
+def registered() -> Iterator[None]:
+    """PatchNet is known to Blender while the tests of a file run."""
+    patchnet.register()
+    yield
+    patchnet.unregister()
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file of untrained weights."""
+    return random_weights(tmp_path_factory.mktemp("weights"))
+
+
+@pytest.fixture
+def scene(registered: None, weights: Path) -> bpy.types.Scene:
+    """The small scene, open, which uses those weights."""
+    build()
+    bpy.context.scene.patchnet.weights = str(weights)
+    return bpy.context.scene
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> Path:
+    """The small scene, open, as a .blend file."""
+    build()
+    return saved(tmp_path / "small.blend")
+
+
+@pytest.fixture
+def empty_scene() -> None:
+    """A file with nothing in it, open."""
+    bpy.ops.wm.read_homefile(use_empty=True)

@@ -8,6 +8,7 @@ import bpy
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 
 SMALL = {"depth": 7, "size": (24, 16)}
+QUICK = ["--light", "two-lights", "--size", "16", "16", "--depth", "5"]  # words of a command
 
 
 def box(name: str, low: tuple[float, float, float], high: tuple[float, float, float], gray: float) -> bpy.types.Object:
@@ -47,6 +48,17 @@ def build(light: bool = True, camera: bool = True) -> None:
         item.select_set(item is slab)
     bpy.context.view_layer.objects.active = slab
     bpy.context.view_layer.update()
+
+
+def principled(name: str) -> bpy.types.Node:
+    """The shader of a material."""
+    return bpy.data.materials[name].node_tree.nodes["Principled BSDF"]
+
+
+def saved(path: Path) -> Path:
+    """What is open as a .blend file, and where that is."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
 
 
 def random_weights(folder: Path) -> Path:

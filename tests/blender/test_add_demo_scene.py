@@ -1,24 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The demo scene as people add it to a file of their own: all of it is there, nothing else changes, undo removes it."""
 
-from collections.abc import Iterator
-
 import bpy
 import pytest
 
-import patchnet
 from patchnet.operators.add_demo_scene import NAME
 from patchnet.operators.job_operator import JobOperator
-from patchnet.tests.blender.job_scene import build
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
-
-@pytest.fixture(autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    build()
-    yield
-    patchnet.unregister()
+pytestmark = pytest.mark.usefixtures("scene")
 
 
 def test_a_scene_of_its_own_is_shown_and_selected() -> None:

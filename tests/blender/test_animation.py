@@ -2,14 +2,12 @@
 """Frames of an animation: each as the scene is then, finished ones are skipped, the scene stays as it was."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet.operators import results
 from patchnet.operators.job.animation import AnimationResult, FramePlan, bake_frames
 from patchnet.operators.job.frame_maker import JobMaker
@@ -18,31 +16,16 @@ from patchnet.patchnet_addon.errors import PatchNetError, SettingError
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.progress import drain
-from patchnet.tests.blender.job_scene import box, build, drop_result_images, random_weights
+from patchnet.tests.blender.job_scene import box, drop_result_images, random_weights
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 QUICK = {"light": "two-lights", "size": (16, 16), "depth": 5}
 LIT = {"light": "cycles", "samples": 2, "texel_voxels": 4.0, "size": (16, 16), "depth": 5}
 
 
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return random_weights(tmp_path_factory.mktemp("weights"))
-
-
 @pytest.fixture(autouse=True)
-def scene(weights: Path) -> bpy.types.Scene:
+def scene(scene: bpy.types.Scene) -> bpy.types.Scene:
     """The small scene, with a slab that moves within frames 1 to 3 and stays within the bounds of frame 1."""
-    build()
-    scene = bpy.context.scene
-    scene.patchnet.weights = str(weights)
     scene.frame_start, scene.frame_end, scene.frame_step = 1, 3, 1
     keyed(bpy.data.objects["Slab"], "location", {1: (0, 0, 0), 3: (0, -0.8, 0)})
     return scene

@@ -13,15 +13,10 @@ from patchnet.patchnet_addon.errors import SceneError, SettingError
 from patchnet.patchnet_addon.light.atlas import Atlas, atlas_shade
 from patchnet.patchnet_addon.octree.mesh import Fragments
 from patchnet.patchnet_addon.progress import drain
+from patchnet.tests.blender.light_scene import CUBE_FACES, SQUARE
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
-SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
-CUBE_FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-
-
-@pytest.fixture(autouse=True)
-def empty_scene() -> None:
-    bpy.ops.wm.read_homefile(use_empty=True)
+pytestmark = pytest.mark.usefixtures("empty_scene")
 
 
 def diffuse(color: tuple[float, float, float] = (0.5, 0.5, 0.5), emission: float = 0.0) -> bpy.types.Material:

@@ -10,10 +10,7 @@ from patchnet.operators.scene import read_scene
 from patchnet.patchnet_addon.progress import drain
 from patchnet.tests.blender.light_scene import assert_agrees, compare, lamp, material, shader, shown, simple, slab
 
-
-@pytest.fixture(autouse=True)
-def empty_scene() -> None:
-    bpy.ops.wm.read_homefile(use_empty=True)
+pytestmark = pytest.mark.usefixtures("empty_scene")
 
 
 def paint(kind: str, output: str = "", **settings: object) -> bpy.types.Material:

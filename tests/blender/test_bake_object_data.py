@@ -13,15 +13,12 @@ from patchnet.operators.scene import SceneMesh, read_scene
 from patchnet.patchnet_addon.light.atlas import Atlas, atlas_shade
 from patchnet.patchnet_addon.octree.mesh import Fragments
 from patchnet.patchnet_addon.progress import drain
+from patchnet.tests.blender.light_scene import SQUARE
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
+pytestmark = pytest.mark.usefixtures("empty_scene")
+
 REC709 = np.array([0.2126, 0.7152, 0.0722])
-SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
-
-
-@pytest.fixture(autouse=True)
-def empty_scene() -> None:
-    bpy.ops.wm.read_homefile(use_empty=True)
 
 
 def glowing(color: Callable[[bpy.types.NodeTree], bpy.types.NodeSocket], in_group: bool = False) -> bpy.types.Material:

@@ -24,12 +24,9 @@ from patchnet.tests.blender.light_scene import (
     world,
 )  # fmt: skip
 
+pytestmark = pytest.mark.usefixtures("empty_scene")
+
 SHADOW = 0.9  # contrast of a shadow
-
-
-@pytest.fixture(autouse=True)
-def empty_scene() -> None:
-    bpy.ops.wm.read_homefile(use_empty=True)
 
 
 def sun() -> bpy.types.Object:

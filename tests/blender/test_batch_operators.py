@@ -10,11 +10,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import bpy
 import pytest
 
 from patchnet.patchnet_addon.octree.file import load_octree
-from patchnet.tests.blender.job_scene import build, random_weights
+from patchnet.tests.blender.job_scene import build, random_weights, saved
 
 # In an order in which each finds what it needs. WEIGHTS and OUT are filled in.
 CALLS = {
@@ -52,7 +51,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("batch")
     (folder / "out").mkdir()
     build()
-    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "small.blend"))
+    saved(folder / "small.blend")
     random_weights(folder)
     return folder
 

@@ -7,7 +7,6 @@ Blender as a Python module has no command line, so these call what Blender calls
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
@@ -19,10 +18,10 @@ from patchnet.commands import blender_command, progress_bars
 from patchnet.commands.blender_command import execute
 from patchnet.patchnet_addon import log
 from patchnet.patchnet_addon.octree.file import load_octree
-from patchnet.tests.blender.job_scene import build, random_weights
+from patchnet.tests.blender.job_scene import QUICK, build, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
-QUICK = ["--light", "two-lights", "--size", "16", "16", "--depth", "5"]
+pytestmark = pytest.mark.usefixtures("text_log")
 
 AT_EXIT = """
 import bpy, patchnet
@@ -34,25 +33,12 @@ print("registered")
 """
 
 
-@pytest.fixture(autouse=True)
-def text_afterwards() -> Iterator[None]:
-    yield
-    log.set_up(log.TEXT)
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return str(random_weights(tmp_path_factory.mktemp("weights")))
-
-
 @pytest.fixture
 def scene_file(tmp_path: Path) -> Path:
     """The small scene as a .blend file, which is open; it has frames 1 to 3."""
     build()
     bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 3
-    path = tmp_path / "small.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    return path
+    return saved(tmp_path / "small.blend")
 
 
 def json_lines(text: str) -> list[dict]:
@@ -60,9 +46,9 @@ def json_lines(text: str) -> list[dict]:
     return [json.loads(line) for line in text.splitlines() if line.startswith("{")]
 
 
-def test_run_of_the_open_file(scene_file: Path, weights: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_of_the_open_file(scene_file: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = scene_snapshot()
-    assert execute(["run", "--out", "//out", "--weights", weights, *QUICK]) == 0
+    assert execute(["run", "--out", "//out", "--weights", str(weights), *QUICK]) == 0
     report = json.loads((scene_file.parent / "out" / "report.json").read_text())
     assert report["octree"]["depth"] == 5 and report["light"]["file"] == "small.blend"
     assert "Results are in" in capsys.readouterr().out
@@ -81,10 +67,10 @@ def test_changes_after_opening_count(scene_file: Path, tmp_path: Path) -> None:
 
 
 def test_frames_of_a_named_file(
-    scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]
+    scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
-    words = ["run", str(scene_file), "--out", str(tmp_path / "out"), "--weights", weights, *QUICK]
+    words = ["run", str(scene_file), "--out", str(tmp_path / "out"), "--weights", str(weights), *QUICK]
     assert execute([*words, "--frames", "1-3x2"]) == 0
     assert execute([*words, "--frames", "1-2", "--log-format", "json"]) == 0
     said = json_lines(capsys.readouterr().err)
@@ -187,11 +173,11 @@ def test_help_names_the_program(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_lines_where_there_is_no_tqdm(
-    scene_file: Path, tmp_path: Path, weights: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    scene_file: Path, tmp_path: Path, weights: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(progress_bars.importlib.util, "find_spec", lambda name: None)
     monkeypatch.setitem(sys.modules, "tqdm", None)
-    assert execute(["run", "--out", str(tmp_path / "out"), "--weights", weights, *QUICK]) == 0
+    assert execute(["run", "--out", str(tmp_path / "out"), "--weights", str(weights), *QUICK]) == 0
     said = capsys.readouterr().err.splitlines()
     assert "Reading the scene" in said and "Encoding" in said and len(said) == len(set(said))
 

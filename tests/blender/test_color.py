@@ -2,14 +2,12 @@
 """Colour from scene to picture: a red and a green wall under white light look as in Cycles; luminance is untouched."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet import commands
 from patchnet.operators import results
 from patchnet.operators.bake import bake_luminance
@@ -27,15 +25,10 @@ from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_frame
 from patchnet.tests.blender.job_scene import box, random_weights
 
+pytestmark = pytest.mark.usefixtures("registered")
+
 SIZE = (48, 32)
 WALLS = {"red": (0.8, 0.05, 0.05), "green": (0.1, 0.6, 0.1), "stripes": (1.0, 1.0, 1.0)}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
 
 
 @pytest.fixture(autouse=True)

@@ -16,14 +16,11 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.progress import drain
 
+pytestmark = pytest.mark.usefixtures("empty_scene")
+
 SIZE = 32
 DEPTH = 5
 CUTOFF = 0.4
-
-
-@pytest.fixture(autouse=True)
-def empty_scene() -> None:
-    bpy.ops.wm.read_homefile(use_empty=True)
 
 
 def opacity() -> np.ndarray:

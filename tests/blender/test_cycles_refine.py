@@ -2,14 +2,12 @@
 """Regions by Cycles are bit for bit a full render's pixels, all others the preview's, and the scene stays as it was."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet import commands
 from patchnet.operators.cycles_refine import region_renders as renders
 from patchnet.operators.cycles_refine.refine import CyclesView, cycles_view
@@ -20,24 +18,14 @@ from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.progress import Steps, drain
 from patchnet.patchnet_addon.sampling.regions import region_mask
 from patchnet.tests.blender.full_scene import build_full
-from patchnet.tests.blender.job_scene import build, drop_result_images, random_weights
+from patchnet.tests.blender.job_scene import build, drop_result_images, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+pytestmark = pytest.mark.usefixtures("registered")
 
 SIZE = (40, 24)
 CYCLES = CyclesSettings(budget=0.4, samples=4, tile=8, most=3, compare=True)
 STOPS = 6
-
-
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return random_weights(tmp_path_factory.mktemp("weights"))
 
 
 def job(weights: Path, cycles: CyclesSettings | None = CYCLES, **values: object) -> JobSettings:
@@ -166,8 +154,7 @@ def test_the_command_writes_pictures_and_figures(
     weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     build()
-    scene, out = tmp_path / "small.blend", tmp_path / "out"
-    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    scene, out = saved(tmp_path / "small.blend"), tmp_path / "out"
     arguments = ["--depth", "7", "--samples", "1", "--size", "40", "24", "--weights", str(weights)]
     cycles = ["--cycles-budget", "0.4", "--cycles-samples", "2", "--cycles-tile", "8", "--cycles-compare"]
     assert commands.main(["run", str(scene), "--out", str(out), *arguments, *cycles]) == 0

@@ -2,26 +2,19 @@
 """The operator reference is what the operators are, and every line that it shows runs."""
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import pytest
 
-import patchnet
 from patchnet.docs import make_operators
 from patchnet.tests.blender.job_scene import build
+
+pytestmark = pytest.mark.usefixtures("registered")
 
 DOCS = Path(make_operators.__file__).parent
 LINES = {name: note.line for name, note in make_operators.NOTES.items() if note.line}
 LINK = re.compile(r"\]\((?!https?:)([^)#\s]+)|src=\"([^\"]+)\"")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
 
 
 def test_operators_page_is_what_the_script_makes() -> None:

@@ -4,14 +4,12 @@
 The .vdb tests need a module `openvdb` or `pyopenvdb` beside bpy, whose wheels have none.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet.operators import results
 from patchnet.patchnet_addon.octree.export.vdb import vdb_module_name
 from patchnet.patchnet_addon.octree.file import load_octree
@@ -22,18 +20,10 @@ from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapsh
 needs_vdb = pytest.mark.skipif(not vdb_module_name(), reason="this Blender has no openvdb module")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
 @pytest.fixture(autouse=True)
-def scene() -> bpy.types.Scene:
-    build()
+def scene(scene: bpy.types.Scene) -> bpy.types.Scene:
     bpy.ops.patchnet.voxelize(depth=6)
-    return bpy.context.scene
+    return scene
 
 
 def cloud(level: int) -> VoxelCloud:

@@ -1,34 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Exposure, chosen or given: by the panel's settings, the operators and the commands, and kept in the file."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet import commands
 from patchnet.operators import results
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.tests.blender.job_scene import build, random_weights
 
-
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
-@pytest.fixture
-def scene_file(tmp_path: Path) -> Path:
-    build()
-    path = tmp_path / "small.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    return path
+pytestmark = pytest.mark.usefixtures("registered")
 
 
 def leaf_luminance(octree: Octree) -> np.ndarray:

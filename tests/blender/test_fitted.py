@@ -2,14 +2,12 @@
 """Camera-fitted octrees through the operators and the command: look-ahead everywhere, light and codes of any leaf."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet import commands
 from patchnet.operators import results
 from patchnet.operators.cameras import track_cameras
@@ -19,31 +17,17 @@ from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.progress import drain
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.tests.blender.job_scene import build, drop_result_images, random_weights
+from patchnet.tests.blender.job_scene import drop_result_images, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 SIZE = (100, 60)
 LENS_MM = 240.0  # a long lens, so that few pixels need leaves on levels 8 to 10 of the small scene
 
 
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return random_weights(tmp_path_factory.mktemp("weights"))
-
-
 @pytest.fixture(autouse=True)
-def scene(weights: Path) -> bpy.types.Scene:
-    build()
-    bpy.context.scene.patchnet.weights = str(weights)
-    bpy.context.scene.camera.data.lens = LENS_MM
-    return bpy.context.scene
+def scene(scene: bpy.types.Scene) -> bpy.types.Scene:
+    scene.camera.data.lens = LENS_MM
+    return scene
 
 
 def move_camera(scene: bpy.types.Scene) -> None:
@@ -107,8 +91,7 @@ def test_a_camera_that_stands_still_is_one_view(scene: bpy.types.Scene) -> None:
 
 
 def test_command(tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "small.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    path = saved(tmp_path / "small.blend")
     out = tmp_path / "out"
     words = ["--light", "two-lights", "--size", *map(str, SIZE), "--weights", str(weights), "--out", str(out)]
     assert commands.main(["run", str(path), "--depth", "fit", "--memory", "4", *words]) == 0

@@ -14,14 +14,7 @@ import pytest
 
 from patchnet import commands
 from patchnet.patchnet_addon.octree.file import load_octree
-from patchnet.tests.blender.job_scene import build, random_weights
-
-QUICK = ["--light", "two-lights", "--size", "16", "16", "--depth", "5"]
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return str(random_weights(tmp_path_factory.mktemp("weights")))
+from patchnet.tests.blender.job_scene import QUICK, build, saved
 
 
 @pytest.fixture
@@ -33,9 +26,7 @@ def scene_file(tmp_path: Path) -> Path:
         slab.location.y = y
         slab.keyframe_insert("location", frame=frame)
     bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 3
-    path = tmp_path / "small.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    return path
+    return saved(tmp_path / "small.blend")
 
 
 def times(out: Path) -> list[int]:
@@ -43,9 +34,9 @@ def times(out: Path) -> list[int]:
     return [path.stat().st_mtime_ns for path in sorted(out.glob("frame-*/octree.safetensors"))]
 
 
-def test_run(scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
-    words = ["run", str(scene_file), "--out", str(out), "--weights", weights, *QUICK]
+    words = ["run", str(scene_file), "--out", str(out), "--weights", str(weights), *QUICK]
     assert commands.main([*words, "--frames", "1,3"]) == 0
     printed = capsys.readouterr().out
     assert "Frame 1: depth 5, " in printed and "Eye error" in printed and "2 frames made; results are in" in printed
@@ -94,17 +85,19 @@ def test_octree(scene_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     ],
 )
 def test_bad_frames_end_with_one_sentence(
-    words: list[str], said: str, scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]
+    words: list[str], said: str, scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert commands.main(["run", str(scene_file), "--out", str(tmp_path / "out"), "--weights", weights, *words]) == 2
+    assert (
+        commands.main(["run", str(scene_file), "--out", str(tmp_path / "out"), "--weights", str(weights), *words]) == 2
+    )
     lines = capsys.readouterr().err.strip().splitlines()
     assert lines[-1].startswith("patchnet: error: ") and said in lines[-1] and not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_killed_command_goes_on(how: signal.Signals, scene_file: Path, tmp_path: Path, weights: str) -> None:
+def test_killed_command_goes_on(how: signal.Signals, scene_file: Path, tmp_path: Path, weights: Path) -> None:
     whole, out = tmp_path / "whole", tmp_path / "out"
-    words = ["run", str(scene_file), "--weights", weights, "--frames", "1-3", *QUICK]
+    words = ["run", str(scene_file), "--weights", str(weights), "--frames", "1-3", *QUICK]
     assert commands.main([*words, "--out", str(whole)]) == 0
     command = [sys.executable, "-m", "patchnet", *words, "--out", str(out)]
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background is deaf to it

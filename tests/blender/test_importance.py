@@ -2,14 +2,12 @@
 """Painted importance: images, files and vertex groups, in the panel's operators and on the command line."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet.commands import main
 from patchnet.operators.images import save_png
 from patchnet.operators.importance import Importance, importance_key, pixel_importance
@@ -20,26 +18,11 @@ from patchnet.operators.overlay.result_images import image_name
 from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refine
-from patchnet.tests.blender.job_scene import SMALL, build, random_weights
+from patchnet.tests.blender.job_scene import SMALL
+
+pytestmark = pytest.mark.usefixtures("scene")
 
 WIDTH, HEIGHT = SMALL["size"]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return random_weights(tmp_path_factory.mktemp("weights"))
-
-
-@pytest.fixture(autouse=True)
-def scene() -> None:
-    build()
 
 
 def look(weights: Path, importance: Importance | None, **values: object) -> View:
@@ -145,9 +128,9 @@ def test_what_is_not_there(weights: Path, importance: Importance, message: str) 
         look(weights, importance)
 
 
-def test_operators_use_the_setting(weights: Path) -> None:
+def test_operators_use_the_setting() -> None:
     settings = bpy.context.scene.patchnet
-    settings.weights, settings.importance = str(weights), "IMAGE"
+    settings.importance = "IMAGE"
     with pytest.raises(RuntimeError, match="none is named"):
         bpy.ops.patchnet.run_all(light="two-lights", **SMALL)
     painted()

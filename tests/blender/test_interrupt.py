@@ -6,25 +6,17 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
-import bpy
 import pytest
 
 from patchnet.patchnet_addon.kernels import user_cache_folder
-from patchnet.tests.blender.job_scene import build, random_weights
+from patchnet.tests.blender.job_scene import build, random_weights, saved
+
+pytestmark = pytest.mark.usefixtures("ctrl_c")
 
 # The longest that a stop may take by the project's rule, three times: machines that test do other things too.
 PATIENCE_S = 15.0
-
-
-@pytest.fixture(autouse=True)
-def ctrl_c() -> Iterator[None]:
-    """Ctrl-C as in a terminal: what runs in the background was started deaf to it."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 def environment(cache: Path) -> dict[str, str]:
@@ -50,8 +42,7 @@ def test_bake_is_interrupted(command: str, tmp_path: Path) -> None:
     build()
     folder = tmp_path / "work"
     folder.mkdir()
-    scene = folder / "small.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    scene = saved(folder / "small.blend")
     arguments = [command, str(scene), "--depth", "6", "--samples", "50000000", "--out", str(folder / "out")]
     if command == "run":
         arguments += ["--size", "16", "16", "--weights", str(random_weights(tmp_path))]

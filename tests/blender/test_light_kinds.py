@@ -23,10 +23,7 @@ from patchnet.tests.blender.light_scene import (
     world,
 )  # fmt: skip
 
-
-@pytest.fixture(autouse=True)
-def empty_scene() -> None:
-    bpy.ops.wm.read_homefile(use_empty=True)
+pytestmark = pytest.mark.usefixtures("empty_scene")
 
 
 def test_sun_with_an_angle() -> None:

@@ -11,12 +11,9 @@ import pytest
 from patchnet.tests.blender.light_scene import assert_agrees, compare, grey, lamp, link, pane, simple, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
+pytestmark = pytest.mark.usefixtures("empty_scene")
+
 BOTH = ("Left", "Right")
-
-
-@pytest.fixture(autouse=True)
-def empty_scene() -> None:
-    bpy.ops.wm.read_homefile(use_empty=True)
 
 
 def halves() -> tuple[bpy.types.Object, bpy.types.Object]:

@@ -3,29 +3,15 @@
 
 import gc
 import tracemalloc
-from collections.abc import Iterator
 
 import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet.operators import results
-from patchnet.tests.blender.job_scene import SMALL, build, drop_result_images, random_weights
+from patchnet.tests.blender.job_scene import SMALL, drop_result_images, principled
 
-
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
-@pytest.fixture(autouse=True)
-def scene(tmp_path_factory: pytest.TempPathFactory) -> bpy.types.Scene:
-    build()
-    bpy.context.scene.patchnet.weights = str(random_weights(tmp_path_factory.mktemp("weights")))
-    return bpy.context.scene
+pytestmark = pytest.mark.usefixtures("scene")
 
 
 def run(**values: object) -> None:
@@ -133,10 +119,6 @@ def test_undo_to_before_a_result(step: str, change) -> None:
     assert results.voxels_of(current()).why(step) == "undo or redo"
     redo()
     assert results.voxels_of(current()).stale == set()
-
-
-def principled(name: str) -> bpy.types.Node:
-    return bpy.data.materials[name].node_tree.nodes["Principled BSDF"]
 
 
 def test_changes_after_an_undo_are_noticed() -> None:

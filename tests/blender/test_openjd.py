@@ -13,7 +13,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet.tests.blender.job_scene import build
+from patchnet.tests.blender.job_scene import build, saved
 
 pytest.importorskip("openjd.cli", reason="openjd-cli is not installed")
 ROOT = Path(__file__).resolve().parents[2]
@@ -35,12 +35,12 @@ def job(tmp_path: Path) -> list[str]:
     for frame in (1, 3):
         slab.location.y = 0.1 * frame
         slab.keyframe_insert("location", frame=frame)
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "small.blend"))
+    scene = saved(tmp_path / "small.blend")
     program = tmp_path / "blender"
     program.write_text(SHIM.format(python=sys.executable))
     program.chmod(0o755)
     values = {
-        "SceneFile": tmp_path / "small.blend", "OutputFolder": tmp_path / "out", "Frames": "1-3:2", "Depth": "5",
+        "SceneFile": scene, "OutputFolder": tmp_path / "out", "Frames": "1-3:2", "Depth": "5",
         "Light": "two-lights", "Width": "16", "Height": "16", "BlenderCommand": program,
     }  # fmt: skip
     return ["run", str(TEMPLATE), *[word for name, value in values.items() for word in ("-p", f"{name}={value}")]]

@@ -4,14 +4,12 @@
 import itertools
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet.operators import results
 from patchnet.operators.images import show_image
 from patchnet.operators.job.run import run_job
@@ -23,29 +21,12 @@ from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.progress import drain
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.tests.blender.job_scene import SMALL, build, drop_result_images, random_weights
+from patchnet.tests.blender.job_scene import SMALL, build, drop_result_images
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
+pytestmark = pytest.mark.usefixtures("scene")
+
 FILES = {"preview.png", "heatmap.png", "overlay.png", "priority.exr", "refined.png", "reference.png", "error.png"}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return str(random_weights(tmp_path_factory.mktemp("weights")))
-
-
-@pytest.fixture(autouse=True)
-def scene(weights: str) -> bpy.types.Scene:
-    build()
-    bpy.context.scene.patchnet.weights = weights
-    return bpy.context.scene
 
 
 def pixels(image: bpy.types.Image) -> np.ndarray:
@@ -81,18 +62,18 @@ def test_steps_one_by_one(scene: bpy.types.Scene) -> None:
     assert_unchanged(before)
 
 
-def test_operator_and_script_do_the_same(scene: bpy.types.Scene, weights: str) -> None:
+def test_operator_and_script_do_the_same(scene: bpy.types.Scene, weights: Path) -> None:
     assert run_small() == {"FINISHED"}
     shown = {name: pixels(bpy.data.images[image_name("Eye", name)])[..., :3] for name in PICTURES}
     raw = pixels(bpy.data.images["PatchNet Eye priority"])[..., 0]
-    settings = JobSettings(depth=7, size=(24, 16), light="two-lights", weights=Path(weights))
+    settings = JobSettings(depth=7, size=(24, 16), light="two-lights", weights=weights)
     view = drain(run_job(bpy.context, settings)).views[0]
     np.testing.assert_array_equal(raw, view.priority)
     for name, picture in shown.items():
         np.testing.assert_allclose(picture, view.pictures[name], atol=0.51 / 255)
 
 
-def test_run_all_with_cycles(scene: bpy.types.Scene, tmp_path: Path, weights: str) -> None:
+def test_run_all_with_cycles(scene: bpy.types.Scene, tmp_path: Path, weights: Path) -> None:
     out = tmp_path / "new" / "out"
     before = scene_snapshot()
     assert bpy.ops.patchnet.run_all(samples=1, depth=5, size=(24, 16), out=str(out)) == {"FINISHED"}
@@ -132,10 +113,10 @@ def test_pictures_are_written_as_they_are_shown(scene: bpy.types.Scene, tmp_path
         )
 
 
-def test_scene_without_light_is_lit_and_says_so(weights: str, capfd: pytest.CaptureFixture[str]) -> None:
+def test_scene_without_light_is_lit_and_says_so(weights: Path, capfd: pytest.CaptureFixture[str]) -> None:
     build(light=False)
     before = scene_snapshot()
-    assert bpy.ops.patchnet.run_all(samples=1, depth=5, size=(16, 0), weights=weights) == {"FINISHED"}
+    assert bpy.ops.patchnet.run_all(samples=1, depth=5, size=(16, 0), weights=str(weights)) == {"FINISHED"}
     assert results.voxels_of(bpy.context.scene).octree.luminance.any()
     drop_result_images()
     assert_unchanged(before)
@@ -251,10 +232,10 @@ def test_errors_keep_what_was_there(scene: bpy.types.Scene, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("light", ["cycles", "two-lights"])
-def test_stopping_anywhere_leaves_nothing_behind(light: str, weights: str, tmp_path: Path) -> None:
+def test_stopping_anywhere_leaves_nothing_behind(light: str, weights: Path, tmp_path: Path) -> None:
     build(light=False)
     before = scene_snapshot()
-    settings = JobSettings(depth=5, size=(16, 16), light=light, samples=1, weights=Path(weights), out=tmp_path / "out")
+    settings = JobSettings(depth=5, size=(16, 16), light=light, samples=1, weights=weights, out=tmp_path / "out")
     count = len(list(run_job(bpy.context, settings)))
     assert count > 8 and (tmp_path / "out").is_dir()
     for stop in range(0, count, max(1, count // 6)):

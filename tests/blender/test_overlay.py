@@ -2,13 +2,11 @@
 """The overlay without a window: where pictures lie, what is said of pixels, which views are kept, named images."""
 
 import dataclasses
-from collections.abc import Iterator
 
 import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet.operators import overlay, results
 from patchnet.operators.cameras import tracing_camera
 from patchnet.operators.job.settings import JobSettings
@@ -22,14 +20,9 @@ from patchnet.patchnet_addon.progress import drain
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.blender.job_scene import build
 
+pytestmark = pytest.mark.usefixtures("registered")
+
 SIZE = (24, 16)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
 
 
 @pytest.fixture(scope="module")

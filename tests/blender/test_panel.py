@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sidebar tab: what it shows, before and after, what is stale and why, estimates, presets, comparison."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import pytest
 
-import patchnet
 from patchnet.operators import panels, presets_menu, results
 from patchnet.operators.panels.compare import PATCHNET_PT_compare
 from patchnet.operators.panels.main import PATCHNET_PT_main
@@ -17,32 +15,15 @@ from patchnet.operators.panels.preview import PATCHNET_PT_preview
 from patchnet.operators.panels.statistics import PATCHNET_PT_statistics
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.blender.drawn import drawn
-from patchnet.tests.blender.job_scene import SMALL, build, drop_result_images, random_weights
+from patchnet.tests.blender.job_scene import SMALL, drop_result_images
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+pytestmark = pytest.mark.usefixtures("scene")
 
 OPERATORS = {
     "run_all", "estimate", "voxelize", "bake_light", "bake_animation", "precompute_codes", "render_preview", "compare",
     "show_voxels", "export_octree", "clear_results",
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return str(random_weights(tmp_path_factory.mktemp("weights")))
-
-
-@pytest.fixture(autouse=True)
-def scene(weights: str) -> bpy.types.Scene:
-    build()
-    bpy.context.scene.patchnet.weights = weights
-    return bpy.context.scene
 
 
 def everything() -> str:

@@ -3,14 +3,12 @@
 
 import json
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet.operators import preferences, results
 from patchnet.operators.cache.folder import cache_size, clear_cache
 from patchnet.operators.copy_diagnostics import diagnostics
@@ -21,19 +19,9 @@ from patchnet.patchnet_addon.light.kept_pages import KeptPages
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.progress import drain
 from patchnet.tests.blender.drawn import drawn
-from patchnet.tests.blender.job_scene import SMALL, build, random_weights
+from patchnet.tests.blender.job_scene import SMALL
 
-
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
-@pytest.fixture(autouse=True)
-def scene() -> None:
-    build()
+pytestmark = pytest.mark.usefixtures("scene")
 
 
 def fill(root: Path) -> set[Path]:
@@ -96,9 +84,7 @@ def test_preferences_draw() -> None:
     assert {"1.0 MiB", "Not checked"} <= set(drawn(preferences.PatchNetPreferences, torch_python="/bin/python"))
 
 
-def test_diagnostics(tmp_path: Path) -> None:
-    weights = random_weights(tmp_path)
-    bpy.context.scene.patchnet.weights = str(weights)
+def test_diagnostics() -> None:
     bpy.ops.patchnet.run_all(light="two-lights", **SMALL)
     with pytest.raises(RuntimeError, match="Nobody"):
         bpy.ops.patchnet.run_all(cameras="Nobody", **SMALL)
@@ -111,9 +97,8 @@ def test_diagnostics(tmp_path: Path) -> None:
     assert bpy.ops.patchnet.copy_diagnostics() == {"FINISHED"}
 
 
-def test_another_python_encodes(tmp_path: Path) -> None:
+def test_another_python_encodes(weights: Path) -> None:
     pytest.importorskip("torch")
-    weights = random_weights(tmp_path)
     settings = JobSettings(light="two-lights", weights=weights, **SMALL)
     mine = drain(run_job(bpy.context, settings))
     other = drain(run_job(bpy.context, JobSettings(**{**vars(settings), "torch_python": Path(sys.executable)})))

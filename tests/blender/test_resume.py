@@ -24,7 +24,7 @@ from patchnet.patchnet_addon.light.atlas import Atlas
 from patchnet.patchnet_addon.light.charts import layout_charts
 from patchnet.patchnet_addon.light.kept_pages import KeptPages
 from patchnet.patchnet_addon.progress import Progress, drain
-from patchnet.tests.blender.job_scene import build
+from patchnet.tests.blender.job_scene import build, principled, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 LABEL = "Baking light"
@@ -138,10 +138,6 @@ def key(scope: str = "VISIBLE", samples: int = 4) -> str:
     source = read_scene(bpy.context.evaluated_depsgraph_get(), scope)
     charts = drain(layout_charts(source, 0.1))
     return bake_key(bpy.context, source, charts, samples, 0)
-
-
-def principled(name: str) -> bpy.types.Node:
-    return bpy.data.materials[name].node_tree.nodes["Principled BSDF"]
 
 
 def group_node(name: str) -> bpy.types.Node:
@@ -270,8 +266,7 @@ def wait_for_pages(process: subprocess.Popen[str], cache: Path, count: int) -> N
 
 
 def test_killed_command_resumes(tmp_path: Path, cache: Path) -> None:
-    scene = tmp_path / "small.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    scene = saved(tmp_path / "small.blend")
     whole, out = tmp_path / "whole.safetensors", tmp_path / "out.safetensors"
     process = octree_command(scene, whole, cache)
     assert process.communicate()[1] is not None and process.returncode == 0

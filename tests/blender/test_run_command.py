@@ -12,24 +12,7 @@ import pytest
 
 from patchnet import commands
 from patchnet.patchnet_addon.network.weights import load_weights
-from patchnet.tests.blender.job_scene import build, random_weights
-
-QUICK = ["--light", "two-lights", "--size", "16", "16", "--depth", "5"]
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return str(random_weights(tmp_path_factory.mktemp("weights")))
-
-
-@pytest.fixture
-def scene_file(tmp_path: Path) -> Path:
-    """The small scene as a .blend file."""
-    build()
-    path = tmp_path / "small.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    return path
-
+from patchnet.tests.blender.job_scene import QUICK, build, saved
 
 # In a process of its own: Blender as a Python module hangs at its exit after a glTF export and a job in one process.
 EXPORT = """
@@ -53,12 +36,12 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(scene: Path, out: Path, weights: str, *arguments: str) -> int:
-    return commands.main(["run", str(scene), "--out", str(out), "--weights", weights, *QUICK, *arguments])
+def run(scene: Path, out: Path, weights: Path, *arguments: str) -> int:
+    return commands.main(["run", str(scene), "--out", str(out), "--weights", str(weights), *QUICK, *arguments])
 
 
 def test_run_writes_what_it_promises(
-    scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]
+    scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
     assert run(scene_file, out, weights, "--cameras", "all", "--strategy", "ss-variance", "--budget", "0.5") == 0
@@ -73,7 +56,7 @@ def test_run_writes_what_it_promises(
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".obj", ".ply", ".fbx"])
-def test_other_formats(suffix: str, exported: Path, tmp_path: Path, weights: str) -> None:
+def test_other_formats(suffix: str, exported: Path, tmp_path: Path, weights: Path) -> None:
     assert run(exported / f"small{suffix}", tmp_path / "out", weights, "--cameras", "auto") == 0
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert [frame["camera"] for frame in report["frames"]] == ["Far", "Middle", "Close"]
@@ -82,7 +65,7 @@ def test_other_formats(suffix: str, exported: Path, tmp_path: Path, weights: str
 
 
 def test_light_is_added_where_there_is_none(
-    exported: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]
+    exported: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = exported / "small.obj"
     arguments = ["--light", "cycles", "--samples", "1", "--cameras", "auto"]
@@ -98,37 +81,32 @@ def damaged(path: Path) -> Path:
 def not_finite(path: Path) -> Path:
     build()
     bpy.data.objects["Slab"].data.vertices[0].co.x = np.nan
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    return path
+    return saved(path)
 
 
 def flat_as_a_line(path: Path) -> Path:
     build()
     for item in [item for item in bpy.data.objects if item.type == "MESH"]:
         item.scale = (0.0, 0.0, 1.0)
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    return path
+    return saved(path)
 
 
 def without_surface(path: Path) -> Path:
     build()
     for item in [item for item in bpy.data.objects if item.type == "MESH"]:
         bpy.data.objects.remove(item)
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    return path
+    return saved(path)
 
 
 def without_camera(path: Path) -> Path:
     build(camera=False)
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    return path
+    return saved(path)
 
 
 def with_panorama(path: Path) -> Path:
     build()
     bpy.data.cameras["Eye"].type = "PANO"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    return path
+    return saved(path)
 
 
 @pytest.mark.parametrize(
@@ -146,7 +124,7 @@ def with_panorama(path: Path) -> Path:
     ],
 )
 def test_bad_scenes_end_with_one_sentence(
-    make, suffix: str, message: str, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]
+    make, suffix: str, message: str, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scene, out = make(tmp_path / f"scene{suffix}"), tmp_path / "out"
     out.mkdir()
@@ -178,7 +156,7 @@ def test_bad_arguments_end_with_one_sentence(
     message: str,
     scene_file: Path,
     tmp_path: Path,
-    weights: str,
+    weights: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -198,7 +176,7 @@ def test_bad_weights_end_with_one_sentence(
 
 
 def test_output_that_cannot_be_written(
-    scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]
+    scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     occupied = tmp_path / "out"
     occupied.write_text("a file")
@@ -207,14 +185,14 @@ def test_output_that_cannot_be_written(
     assert occupied.read_text() == "a file"
 
 
-def test_info(scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     assert run(scene_file, out, weights) == 0
     capsys.readouterr()
     for path, words in (
         (out / "octree.safetensors", ["PatchNet octree", "depth 5", "child_mask", "two-lights"]),
         (out / "codes.safetensors", ["PatchNet codes", "voxels with look-ahead", load_weights(weights).hash]),
-        (Path(weights), ["PatchNet weights", load_weights(weights).hash, "encoder.0.weight"]),
+        (weights, ["PatchNet weights", load_weights(weights).hash, "encoder.0.weight"]),
     ):
         assert commands.main(["info", str(path)]) == 0
         printed = capsys.readouterr().out
@@ -225,7 +203,7 @@ def test_info(scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.Cap
 
 @pytest.mark.parametrize("damage", ["missing", "foreign", "truncated", "flipped"])
 def test_info_of_damaged_files(
-    damage: str, scene_file: Path, tmp_path: Path, weights: str, capsys: pytest.CaptureFixture[str]
+    damage: str, scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
     assert run(scene_file, out, weights) == 0

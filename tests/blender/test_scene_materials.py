@@ -16,10 +16,7 @@ from patchnet.operators.scene.images import ImageReader
 from patchnet.operators.scene.materials import read_material
 from patchnet.patchnet_addon.octree.mesh import Material
 
-
-@pytest.fixture(autouse=True)
-def empty_scene() -> None:
-    bpy.ops.wm.read_homefile(use_empty=True)
+pytestmark = pytest.mark.usefixtures("empty_scene")
 
 
 def principled(name: str = "Paint") -> tuple[bpy.types.Material, bpy.types.Node]:

@@ -8,14 +8,10 @@ from mathutils import Euler, Matrix
 
 from patchnet.operators.scene import SceneMesh, read_scene, scene_mesh
 from patchnet.patchnet_addon.errors import EmptySelectionError, GeometryError, SettingError
+from patchnet.tests.blender.light_scene import CUBE_FACES
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
-CUBE_FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-
-
-@pytest.fixture(autouse=True)
-def empty_scene() -> None:
-    bpy.ops.wm.read_homefile(use_empty=True)
+pytestmark = pytest.mark.usefixtures("empty_scene")
 
 
 def link(item: bpy.types.Object) -> bpy.types.Object:

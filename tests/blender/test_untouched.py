@@ -2,13 +2,12 @@
 """A file as people have them, compared data-block by data-block around every operator: done, failed, or stopped."""
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
 import pytest
 
-import patchnet
 from patchnet.operators.bake import bake_luminance
 from patchnet.operators.job.run import run_job
 from patchnet.operators.job.settings import JobSettings
@@ -16,22 +15,12 @@ from patchnet.operators.scene import read_scene
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.progress import Steps, drain
 from patchnet.tests.blender.full_scene import MODES, build_full
-from patchnet.tests.blender.job_scene import drop_result_images, random_weights
+from patchnet.tests.blender.job_scene import drop_result_images
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
+pytestmark = pytest.mark.usefixtures("registered")
+
 STOPS = 5  # of each kind of steps, spread evenly
-
-
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return random_weights(tmp_path_factory.mktemp("weights"))
 
 
 CHANGES: dict[str, Callable[[], object]] = {

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Voxels in the scene: where they are, what shows them, that they are no part of what is read, lit and watched."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +8,6 @@ import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet.operators import results
 from patchnet.operators.voxel_object import NAME
 from patchnet.patchnet_addon.octree.voxel_cloud import voxel_cloud, voxel_counts
@@ -17,19 +15,11 @@ from patchnet.tests.blender.job_scene import build
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
 @pytest.fixture(autouse=True)
-def scene() -> bpy.types.Scene:
-    build()
+def scene(scene: bpy.types.Scene) -> bpy.types.Scene:
     bpy.ops.patchnet.voxelize(depth=6)
     bpy.ops.patchnet.bake_light(light="two-lights")
-    return bpy.context.scene
+    return scene
 
 
 def shown() -> bpy.types.Object:

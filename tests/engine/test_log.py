@@ -3,7 +3,6 @@
 
 import json
 import logging
-from collections.abc import Iterator
 
 import pytest
 
@@ -12,13 +11,9 @@ from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.progress import Progress
 from patchnet.patchnet_addon.progress_log import ProgressLog
 
+pytestmark = pytest.mark.usefixtures("text_log")
+
 EVENTS = ("start", "stage", "progress", "warning", "result", "error")
-
-
-@pytest.fixture(autouse=True)
-def as_before() -> Iterator[None]:
-    yield
-    log.set_up(log.TEXT)
 
 
 def lines(capsys: pytest.CaptureFixture[str]) -> list[dict]:

@@ -3,23 +3,16 @@
 
 import signal
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from patchnet.tests.real_blender.executable import Blender
 
+pytestmark = pytest.mark.usefixtures("ctrl_c")
+
 # The longest that a stop may take by the project's rule, three times: machines that test do other things too.
 PATIENCE_S = 15.0
-
-
-@pytest.fixture(autouse=True)
-def ctrl_c() -> Iterator[None]:
-    """Ctrl-C as in a terminal: what runs in the background was started deaf to it."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 def batch(scene: Path, line: str) -> tuple[str | Path, ...]:
