@@ -104,7 +104,8 @@ def projected_uv(shape: Shape, repeat: float) -> np.ndarray:
     for face in shape.faces:
         points = shape.vertices[list(face)]
         normal = np.abs(np.cross(points[1] - points[0], points[2] - points[0]))
-        axes = ([1, 2], [0, 2], [0, 1])[int(np.argmax(normal))]
+        # Faces at 45 degrees are undecided but for rounding, which is not the same everywhere: the first axis counts.
+        axes = ([1, 2], [0, 2], [0, 1])[int(np.argmax(normal > (1.0 - 1e-6) * normal.max()))]
         flat.append(points[:, axes] / repeat)
     return np.concatenate(flat)
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from patchnet.operators.demo_scene import build_courtyard, save_demo_scene
+from patchnet.operators.demo_scene.geometry import Shape, projected_uv
 
 
 @dataclass
@@ -141,3 +142,11 @@ def test_other_seed_gives_another_scene(tmp_path: Path) -> None:
         save_demo_scene(tmp_path / "courtyard.blend", seed)
         sums.append(measure().vertices.sum(axis=0))
     assert not np.allclose(*sums)
+
+
+@pytest.mark.parametrize("noise", [-1e-13, 1e-13])
+def test_coordinates_of_oblique_faces_do_not_depend_on_rounding(noise: float) -> None:
+    """An eight-sided basin has faces at 45 degrees, whose larger coordinate is a matter of the last bit."""
+    wall = np.array([[0.0, 1.0, 0.0], [1.0 + noise, 0.0, 0.0], [1.0 + noise, 0.0, 1.0], [0.0, 1.0, 1.0]])
+    uv = projected_uv(Shape(wall, [(0, 1, 2, 3)]), 1.0)
+    assert np.allclose(uv, [[1, 0], [0, 0], [0, 1], [1, 1]], atol=1e-9)
