@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The modal side of the shared mixin, with a stand-in for the window that background mode lacks."""
 
+import threading
 from types import SimpleNamespace
 
 import bpy
@@ -8,6 +9,7 @@ import pytest
 
 from patchnet.operators import job_operator
 from patchnet.operators.job_operator import JobOperator
+from patchnet.patchnet_addon.beside import computed
 from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.progress import Progress
 
@@ -55,6 +57,24 @@ class Counting(JobOperator):
             self.closed = True
 
 
+class Compiling(Counting):
+    """One step that takes until `go` is set; it says where it runs."""
+
+    def __init__(self) -> None:
+        super().__init__(0)
+        self.go, self.thread = threading.Event(), threading.current_thread()
+
+    def steps(self, context, settings):
+        def work() -> str:
+            self.thread = threading.current_thread()
+            return f"compiled: {self.go.wait(60.0)}"
+
+        try:
+            return (yield from computed(work, Progress(0, 1, "Compiling")))
+        finally:
+            self.closed = True
+
+
 @pytest.fixture(autouse=True)
 def in_a_window(monkeypatch: pytest.MonkeyPatch) -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
@@ -90,6 +110,30 @@ def test_escape_stops_and_cleans_up(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not operator.closed
     assert operator.modal(window, event("ESC")) == {"CANCELLED"}
     assert operator.closed and JobOperator.running == "" and window.timers == [] and window.texts[-1] is None
+
+
+def test_window_lives_during_a_long_step_and_escape_acts_in_it() -> None:
+    window, operator = Window(), Compiling()
+    operator.invoke(window, event("LEFTMOUSE"))
+    states = [operator.modal(window, event("TIMER")) for _ in range(5)]
+    assert states == [{"RUNNING_MODAL"}] * 5
+    assert window.texts == ["PatchNet: Compiling 0 %   (Esc stops)"]
+    assert operator.modal(window, event("ESC")) == {"CANCELLED"}
+    assert operator.closed and JobOperator.running == "" and not operator.go.is_set()
+    assert operator.thread.is_alive() and operator.thread is not threading.main_thread()
+    operator.go.set()
+    operator.thread.join(60.0)
+    assert [text for _kind, text in operator.reports] == ["Count was stopped: nothing was changed"]
+
+
+def test_a_long_step_comes_to_its_end() -> None:
+    window, operator = Window(), Compiling()
+    operator.invoke(window, event("LEFTMOUSE"))
+    operator.modal(window, event("TIMER"))
+    operator.go.set()
+    while (state := operator.modal(window, event("TIMER"))) == {"RUNNING_MODAL"}:
+        pass
+    assert state == {"FINISHED"} and operator.reports == [({"INFO"}, "compiled: True")]
 
 
 @pytest.mark.parametrize(
