@@ -18,11 +18,9 @@ import clicks  # noqa: E402
 
 OUT = Path(sys.argv[sys.argv.index("--") + 1])
 PACKAGE = "bl_ext.user_default.patchnet"
-SETTINGS = {
-    "resolution": "DEPTH", "depth": 9, "samples": 4, "texel_voxels": 4.0, "color": True, "size": (96, 96),
-}  # fmt: skip
+SETTINGS = {"samples": 4, "texel_voxels": 4.0, "color": True, "size": (192, 192)}
 JOB_S = 900.0  # at most, on a busy machine
-CAMERA = "Far"
+CAMERA = "Middle"
 SIDE_PX = 320
 
 
