@@ -42,9 +42,10 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
             self._fail("The render ran out of memory: choose fewer pixels or a smaller depth")
 
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """The scene changed: `view_draw` finds out what that means, but for weights that were painted."""
+        """The scene or its settings changed: `view_draw` finds out what that means, but for painted weights."""
         if self._viewport is not None and depsgraph.id_type_updated("MESH"):
             self._viewport.mask.meshes_changed()
+        self.tag_redraw()
 
     def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """A viewport in this engine's shading mode."""

@@ -70,17 +70,7 @@ class Viewport:
             self._message(engine, context, _READY_SOON)
             engine.tag_redraw()
             return
-        world = None if context.scene.render.film_transparent else world_color(context.scene.world)
-        strokes = self.mask.strokes
-        place = None if strokes is None else camera_place(context)
-        background = None if world is None else world.tobytes()
-        state = (id(result), values.strategy, values.budget, background, self.mask.version, place, *_view(camera))
-        if state != self._state or self._preview is None:
-            importance = None if strokes is None else partial(strokes.weights, octree.grid, place=place)
-            picture = AdaptivePicture(octree, camera, chosen, coded, importance)
-            self._state, self._preview = state, ViewportPreview(picture, values.budget, world)
-            self._asked = time.perf_counter()  # the first picture comes soon
-        preview = self._preview
+        preview = self._preview_of(context, result, camera)
         if not preview.done or self._texture is None:
             preview.work(time.perf_counter() - self._asked)  # as long as drawing itself takes
             self._texture = PictureTexture(preview.pixels())
@@ -89,6 +79,20 @@ class Viewport:
         if not (idle and preview.done) or self.mask.waiting:  # once more at the end, for strokes made meanwhile
             self._asked = time.perf_counter()
             engine.tag_redraw()
+
+    def _preview_of(self, context: bpy.types.Context, result: results.SceneResult, camera: Camera) -> ViewportPreview:
+        """The preview that is there if it fits all that it depends on, else a new one."""
+        values, strokes = context.scene.patchnet, self.mask.strokes
+        world = None if context.scene.render.film_transparent else world_color(context.scene.world)
+        background = None if world is None else world.tobytes()
+        place = None if strokes is None else camera_place(context)
+        state = (id(result), values.strategy, values.budget, background, self.mask.version, place, *_view(camera))
+        if state != self._state or self._preview is None:
+            importance = None if strokes is None else partial(strokes.weights, result.octree.grid, place=place)
+            picture = AdaptivePicture(result.octree, camera, strategy(values.strategy), result.coded, importance)
+            self._state, self._preview = state, ViewportPreview(picture, values.budget, world)
+            self._asked = time.perf_counter()  # the first picture comes soon
+        return self._preview
 
     def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:
         """Whether all kernels are there; they come once for each kind of work."""

@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 
+from ...patchnet_addon.beside import attended
 from ...patchnet_addon.errors import PatchNetError
 from ...patchnet_addon.progress import Progress, Steps, drain
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
@@ -43,11 +44,15 @@ class ViewportPreview:
         while not self.done:
             start = time.perf_counter()
             try:
-                self._say(next(self.steps))
+                with attended():  # what has no pace computes beside the window
+                    report = next(self.steps)
             except StopIteration:
                 self.done, self.status = True, "Done"
+                return
+            self.status = f"{report.label} {round(100 * report.fraction)} %"
             now = time.perf_counter()
-            self._keep_pace(now - start, seconds)
+            if not report.waiting:
+                self._keep_pace(now - start, seconds)
             if now >= end:
                 return
 
@@ -77,14 +82,14 @@ class ViewportPreview:
         picture.colors[:] = hit_colors(picture.octree, hits)[square]
         picture.alpha[:] = hits.hit[square]
 
-    def _say(self, report: Progress) -> None:
-        self.status = f"{report.label} {round(100 * report.fraction)} %"
-
     def _keep_pace(self, took: float, slice_s: float) -> None:
+        """Double or halve what one step does; that of the other kind of work is not known by this one's time."""
         factor = 0.5 if took > slice_s else 2.0 if took < slice_s / 4 else 1.0
         pace = self._pace
-        pace.band_pixels = int(np.clip(pace.band_pixels * factor, _SMALLEST_PACE[0], _LARGEST_PACE[0]))
-        pace.batch_rays = int(np.clip(pace.batch_rays * factor, _SMALLEST_PACE[1], _LARGEST_PACE[1]))
+        if self.picture.frame is None:
+            pace.band_pixels = int(np.clip(pace.band_pixels * factor, _SMALLEST_PACE[0], _LARGEST_PACE[0]))
+        else:
+            pace.batch_rays = int(np.clip(pace.batch_rays * factor, _SMALLEST_PACE[1], _LARGEST_PACE[1]))
 
 
 class Preparation:

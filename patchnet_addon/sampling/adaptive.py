@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..beside import beside
 from ..octree.octree import Octree
 from ..progress import Progress, Steps
 from ..tracing.camera import Camera
@@ -91,21 +92,17 @@ class AdaptivePicture:
             bands.append(band)
             self._show(row * camera.width_px, band)
             row += rows
-        frame = joined_frames(bands)
-        if self._importance is not None:
-            frame = replace(frame, importance=(yield from self._importance(frame)))
-        self.frame = frame
-        self.score = self.strategy.scores(self.frame)
+        # Of all pixels at once, so as long as that takes: beside who waits.
+        ranked = yield from beside(lambda: self._ranked(bands), Progress(0, 1, "Ranking pixels"))
+        self.frame, self.score, self._order = ranked
 
     def refine(self, budget: float, side: int = REFINED_SIDE, pace: Pace | None = None) -> Steps[None]:
         """side x side rays in the share `budget` of the active pixels, those of highest priority first.
 
         Pixels of importance 0 keep their one ray, also where the budget would reach them.
         """
-        assert self.frame is not None and self.score is not None
+        assert self.frame is not None and self._order is not None
         pace = pace or Pace()
-        if self._order is None:
-            self._order = refinement_order(self.frame, self.score)
         order = self._order[: refined_count(self.frame, budget, len(self._order))]
         done = 0
         while done < len(order):
@@ -113,6 +110,15 @@ class AdaptivePicture:
             batch = order[done : done + max(1, pace.batch_rays // side**2)]
             self._take(batch, side)
             done += len(batch)
+
+    def _ranked(self, bands: list[Frame]) -> Steps[tuple[Frame, np.ndarray, np.ndarray]]:
+        """The whole frame of its bands, the score of its pixels, and their order."""
+        yield Progress(0, 1, "Ranking pixels")
+        frame = joined_frames(bands)
+        if self._importance is not None:
+            frame = replace(frame, importance=(yield from self._importance(frame)))
+        score = self.strategy.scores(frame)
+        return frame, score, refinement_order(frame, score)
 
     def _show(self, start: int, band: Frame) -> None:
         place = slice(start, start + len(band.preview))

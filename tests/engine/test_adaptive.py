@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures that are refined step by step: chosen pixels, parts of a camera, bands of rows."""
 
+import threading
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.beside import attended
 from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.progress import Progress, Steps, drain
@@ -126,3 +129,23 @@ def test_importance_ranks_and_leaves_out(budget: float) -> None:
     np.testing.assert_array_equal(picture.samples, np.where(mask, 1024, 1))
     np.testing.assert_array_equal(picture.priority, score * frame.importance)
     assert 0 < mask.sum() < frame.active.sum() and not mask[frame.importance == 0].any()
+
+
+def test_pixels_are_ranked_beside_who_waits() -> None:
+    """What looks at all pixels at once runs in a thread then, and says so."""
+    threads = []
+
+    def everything(frame: Frame) -> Steps[np.ndarray]:
+        threads.append(threading.current_thread())
+        time.sleep(0.05)  # longer than anybody waits for a report
+        yield Progress(0, 1, "Looking")
+        return np.ones(len(frame.preview), np.float32)
+
+    alone, waited_for = (AdaptivePicture(random_octree(), camera(), CHOSEN, importance=everything) for _ in range(2))
+    drain(alone.trace())
+    reports: list[Progress] = []
+    with attended():
+        drain(waited_for.trace(), reports.append)
+    assert threads[0] is threading.current_thread() is not threads[1]
+    assert reports[-1].waiting and not reports[0].waiting
+    np.testing.assert_array_equal(waited_for.score, alone.score)

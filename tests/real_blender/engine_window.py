@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
@@ -90,9 +91,74 @@ def preview():
     seen["longest draw_s"] = round(viewport.longest, 2)
     yield from clicks.screenshot(OUT / "engine-refined.png")
     first = picture = None
+    yield from masks(viewport)
     show("SOLID")
     yield 1.0
     seen["references left"] = sys.getrefcount(viewports[0])
+
+
+def masks(viewport):
+    """Through the camera: a mask that is white on the left of its picture, then on the right, then a vertex group."""
+    scene = clicks.window().scene
+    clicks.area("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
+    image = bpy.data.images.new("Mask", 128, 64)
+    paint(image, slice(0, 64))
+    scene.patchnet.budget = 0.001
+    choose(importance="IMAGE", importance_image="Mask")
+    yield from settle_masked(viewport, "left")
+    yield from clicks.screenshot(OUT / "engine-mask.png")
+    paint(image, slice(64, 128))
+    clicks.area("VIEW_3D").tag_redraw()
+    yield from settle_masked(viewport, "right")
+    wall = scene.objects["Back wall"]
+    wall.modifiers.new("Smooth", "SUBSURF").render_levels = 2  # one in viewports
+    wall.vertex_groups.new(name="Matters").add(range(len(wall.data.vertices)), 1.0, "REPLACE")
+    yield 0.5
+    seen["levels before"] = wall.modifiers["Smooth"].levels
+    choose(importance="VERTEX_GROUP", importance_group="Matters")
+    yield from settle_masked(viewport, "group")
+    yield from clicks.screenshot(OUT / "engine-group.png")
+    seen["levels after"] = wall.modifiers["Smooth"].levels
+    wall.vertex_groups["Matters"].add(range(len(wall.data.vertices)), 0.5, "REPLACE")
+    wall.data.update_tag()
+    yield from settle_masked(viewport, "lighter group")
+    wall.modifiers.clear()
+    choose(importance_group="Nobody")
+    yield 1.0
+    yield from clicks.screenshot(OUT / "engine-no-group.png")
+    scene.patchnet.importance = "NONE"
+
+
+def choose(**values: str) -> None:
+    """Set settings as buttons do, which tell the scene."""
+    scene = clicks.window().scene
+    for name, value in values.items():
+        setattr(scene.patchnet, name, value)
+    scene.update_tag()
+
+
+def paint(image: bpy.types.Image, columns: slice) -> None:
+    """These columns white, the others black."""
+    pixels = np.zeros((image.size[1], image.size[0], 4), np.float32)
+    pixels[..., 3] = 1.0
+    pixels[:, columns, :3] = 1.0
+    image.pixels.foreach_set(pixels.ravel())
+
+
+def settle_masked(viewport, name: str):
+    """Wait for the preview that another mask is the reason for: where it refined, and what it thinks of pixels."""
+    before = viewport._preview
+    yield from clicks.wait_for(
+        lambda: viewport._preview not in (None, before) and viewport._preview.done, f"a preview with mask {name}"
+    )
+    picture = viewport._preview.picture
+    frame = picture.frame
+    columns = np.flatnonzero(picture.samples > 1) % frame.width
+    seen[f"mask {name}"] = {
+        "columns": [float(columns.min() / frame.width), float(columns.max() / frame.width)],
+        "heaviest": float(frame.importance.max()),
+        "matter": float((frame.importance > 0).mean()),
+    }
 
 
 def final_renders():

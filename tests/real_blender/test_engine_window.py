@@ -39,3 +39,16 @@ def test_without_voxels_nothing_breaks(seen: dict, out: Path) -> None:
     assert seen["render without voxels"]["ended"] in ("complete", "cancel") and "Traceback" not in seen["said"]
     for name in ("no-voxels", "traced", "refined", "render", "error"):
         assert (out / f"engine-{name}.png").stat().st_size > 5000
+
+
+def test_viewports_refine_where_masks_are_white(seen: dict) -> None:
+    """Looking through the camera, whose picture is in the middle of the view; after strokes the preview starts anew."""
+    left, right = seen["mask left"]["columns"], seen["mask right"]["columns"]
+    assert 0.1 < left[0] < left[1] < 0.51 and 0.49 < right[0] < right[1] < 0.9
+
+
+def test_viewports_find_weights_on_what_renders_show(seen: dict) -> None:
+    """With a subdivision that is finer in renders than in viewports, where it stays as it was."""
+    assert seen["levels before"] == seen["levels after"] == 1
+    assert seen["mask group"]["heaviest"] == 1.0 and seen["mask lighter group"]["heaviest"] == 0.5
+    assert 0.001 < seen["mask group"]["matter"] == seen["mask lighter group"]["matter"] < 0.2

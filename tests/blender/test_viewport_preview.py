@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The preview of a viewport without a window: what it ends with, in slices, and how much it does in one."""
+
+import numpy as np
+
+from patchnet.operators.engine.passes import combined
+from patchnet.operators.engine.viewport_preview import ViewportPreview
+from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.tests.engine.octree_samples import random_octree
+
+WORLD = np.array([0.1, 0.2, 1000.0], np.float32)
+
+
+def new_picture() -> AdaptivePicture:
+    eye = Camera.look_at(np.array([1.9, -1.1, 1.4]), np.full(3, 0.5), fov=0.8, size_px=(23, 17))
+    return AdaptivePicture(random_octree(), eye, STRATEGIES["ss-variance"])
+
+
+def test_slices_end_with_the_picture_of_a_render() -> None:
+    preview = ViewportPreview(new_picture(), 0.4, WORLD)
+    while not preview.done:
+        preview.work(0.0)
+    picture = new_picture()
+    drain(picture.trace())
+    drain(picture.refine(0.4))
+    assert preview.status == "Done"
+    np.testing.assert_array_equal(preview.picture.samples, picture.samples)
+    np.testing.assert_array_equal(preview.pixels().reshape(-1, 4), combined(picture, WORLD))
+
+
+def test_pixels_over_the_world_by_definition() -> None:
+    picture = new_picture()
+    drain(picture.trace())
+    drain(picture.refine(1.0, 4))
+    light = picture.colors / np.float32(picture.octree.exposure)
+    over = light + (1.0 - picture.alpha[:, None]) * WORLD
+    found = combined(picture, WORLD)
+    np.testing.assert_array_equal(found, np.concatenate([over, np.ones((len(over), 1))], axis=1, dtype=np.float32))
+    open_film = combined(picture, None)
+    np.testing.assert_array_equal(open_film[:, :3], light)
+    np.testing.assert_array_equal(open_film[:, 3], picture.alpha)
+
+
+def test_how_fast_tracing_is_says_nothing_about_refining() -> None:
+    preview = ViewportPreview(new_picture(), 0.4, None)
+    rays, pixels = preview._pace.batch_rays, preview._pace.band_pixels
+    preview._keep_pace(0.001, 0.1)
+    assert (preview._pace.batch_rays, preview._pace.band_pixels) == (rays, 2 * pixels)
+    drain(preview.picture.trace())
+    preview._keep_pace(0.3, 0.1)
+    assert (preview._pace.batch_rays, preview._pace.band_pixels) == (rays // 2, 2 * pixels)
