@@ -16,7 +16,7 @@ from ..kernels import device, kernel
 from ..octree.chroma import BLUE, GREEN, RED
 from ..octree.mesh import Fragments, TriangleBatch
 from .texels import wrapped
-from .texture_lookup import pyramid_level
+from .texture_lookup import on_texture, pyramid_level, uv_at
 from .textures import TextureTable
 
 
@@ -92,14 +92,9 @@ def _colors(  # type: ignore[no-untyped-def]
         green = float(material_base[material, 1])
         blue = float(material_base[material, 2])
         if pyramid >= 0:
-            b1 = barycentric[index, 0]
-            b2 = barycentric[index, 1]
-            b0 = 1.0 - b1 - b2
-            s = b0 * uvs[t, 0, 0] + b1 * uvs[t, 1, 0] + b2 * uvs[t, 2, 0]
-            r = b0 * uvs[t, 0, 1] + b1 * uvs[t, 1, 1] + b2 * uvs[t, 2, 1]
             m = pyramid_transform[pyramid]
-            u = m[0, 0] * s + m[0, 1] * r + m[0, 2]
-            v = m[1, 0] * s + m[1, 1] * r + m[1, 2]
+            s, r = uv_at(uvs[t], barycentric[index])
+            u, v = on_texture(m, s, r)
             first = pyramid_first[pyramid]
             size = level_height[first] * level_width[first]
             level = pyramid_level(corners[t], uvs[t], m, area[index], size, pyramid_levels[pyramid])

@@ -90,6 +90,21 @@ def _trilinear(texels, level_offset, level_height, level_width, first, level, ex
     return shine, opacity
 
 
+@device
+def uv_at(uvs, barycentric):  # type: ignore[no-untyped-def]
+    """UV coordinates of a point by those (3, 2) of its triangle's corners, and its share (2,) of the last two."""
+    b1 = barycentric[0]
+    b2 = barycentric[1]
+    b0 = 1.0 - b1 - b2
+    return b0 * uvs[0, 0] + b1 * uvs[1, 0] + b2 * uvs[2, 0], b0 * uvs[0, 1] + b1 * uvs[1, 1] + b2 * uvs[2, 1]
+
+
+@device
+def on_texture(m, s, r):  # type: ignore[no-untyped-def]
+    """Where the UV coordinates (s, r) lie on a texture with the transform m (2, 3)."""
+    return m[0, 0] * s + m[0, 1] * r + m[0, 2], m[1, 0] * s + m[1, 1] * r + m[1, 2]
+
+
 @kernel
 def _surface(  # type: ignore[no-untyped-def]
     corners, uvs, materials, triangle, barycentric, area, cut_keys, corners_voxel,
@@ -108,14 +123,9 @@ def _surface(  # type: ignore[no-untyped-def]
                 shine_out[index] = material_luminance[material]
                 opacity_out[index] = material_opacity[material]
                 continue
-            b1 = barycentric[index, 0]
-            b2 = barycentric[index, 1]
-            b0 = 1.0 - b1 - b2
-            s = b0 * uvs[t, 0, 0] + b1 * uvs[t, 1, 0] + b2 * uvs[t, 2, 0]
-            r = b0 * uvs[t, 0, 1] + b1 * uvs[t, 1, 1] + b2 * uvs[t, 2, 1]
+            s, r = uv_at(uvs[t], barycentric[index])
             m = pyramid_transform[pyramid]
-            u = m[0, 0] * s + m[0, 1] * r + m[0, 2]
-            v = m[1, 0] * s + m[1, 1] * r + m[1, 2]
+            u, v = on_texture(m, s, r)
             first = pyramid_first[pyramid]
             levels = pyramid_levels[pyramid]
             extension = pyramid_extension[pyramid]
@@ -143,8 +153,7 @@ def _surface(  # type: ignore[no-untyped-def]
             color = material_color[material]
             if color >= 0:  # laid out in its own way
                 m = pyramid_transform[color]
-                u = m[0, 0] * s + m[0, 1] * r + m[0, 2]
-                v = m[1, 0] * s + m[1, 1] * r + m[1, 2]
+                u, v = on_texture(m, s, r)
                 first = pyramid_first[color]
                 size = level_height[first] * level_width[first]
                 level = pyramid_level(corners[t], uvs[t], m, area[index], size, pyramid_levels[color])
