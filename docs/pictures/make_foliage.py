@@ -27,7 +27,7 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.mesh import Material, MeshSource, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.progress import drain
 from patchnet.patchnet_addon.tracing.camera import Camera
-from patchnet.patchnet_addon.tracing.render import supersample
+from patchnet.patchnet_addon.tracing.supersample import supersample
 
 SIDE_PX = 520
 SAMPLES = 16

@@ -101,7 +101,7 @@ class ShownView:
 
 def view_to_show(view: View, settings: JobSettings, chosen_maximum: float) -> ShownView:
     """What overlay and inspection need of a view that was made with `settings`."""
-    from ...patchnet_addon.tracing.render import MAX_SAMPLES
+    from ...patchnet_addon.tracing.supersample import MAX_SAMPLES
 
     frame, scores = view.frame, strategy(view.strategy)
     assert frame.reference is not None

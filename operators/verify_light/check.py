@@ -97,7 +97,7 @@ def check_camera(
     context: bpy.types.Context, octree: Octree, camera: Camera, settings: CheckSettings
 ) -> Steps[CameraCheck]:
     """Look at the octree and at Cycles' render through one camera, and compare."""
-    from ...patchnet_addon.tracing.render import supersample
+    from ...patchnet_addon.tracing.supersample import supersample
 
     shape = camera.height_px, camera.width_px
     mine = (yield from supersample(octree, camera, settings.rays)).reshape(shape)

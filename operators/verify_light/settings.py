@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...patchnet_addon.errors import SettingError
-from ...patchnet_addon.tracing.render import MAX_SAMPLES
+from ...patchnet_addon.tracing.supersample import MAX_SAMPLES
 from ..job.settings import JobSettings
 
 

@@ -30,7 +30,8 @@ def trace_frame(
     Pictures are in colour too if the octree is. Raises SettingError if a strategy needs codes and `coded` is None.
     """
     from ..codes.predict import predict
-    from ..tracing.render import behind, first_hits, hit_colors, supersample, supersample_colors
+    from ..tracing.render import behind, first_hits, hit_colors
+    from ..tracing.supersample import supersample, supersample_colors
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
     if PREDICTION in needs and coded is None:

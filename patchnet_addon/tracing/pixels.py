@@ -8,15 +8,12 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from ..errors import SettingError
 from ..kernels import kernel
 from ..octree.chroma_kernels import decode_color
 from ..octree.octree import LUMINANCE_SCALE, Octree
-from .camera import Camera, camera_in_unit_cube
-from .render import MAX_SAMPLES
+from .camera import Camera
+from .supersample import MAX_SAMPLES, NO_CHROMA, finer_rays
 from .traverse import MAX_LEVELS, first_hit, pixel_ray
-
-_NO_CHROMA = np.empty((0, 2), np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +34,8 @@ def supersample_pixels(octree: Octree, camera: Camera, pixels: np.ndarray, sampl
 
     Each ray has the footprint pixel / samples. Raises SettingError for sample counts outside 1 to 32.
     """
-    if not 1 <= samples <= MAX_SAMPLES:
-        raise SettingError(f"{samples} samples per pixel side are outside 1 to {MAX_SAMPLES}")
-    unit = camera_in_unit_cube(camera, octree.grid)
-    lens = unit.lens.copy()
-    lens[2:] /= samples
-    chroma = _NO_CHROMA if octree.chroma is None else octree.chroma
+    unit, lens = finer_rays(octree, camera, samples)
+    chroma = NO_CHROMA if octree.chroma is None else octree.chroma
     means = np.empty((len(pixels), 5), np.float32)  # luminance, red, green, blue, coverage
     _supersample_pixels(
         octree.child_mask, octree.first_child, octree.luminance, chroma, unit.frame, lens, unit.perspective,

@@ -20,7 +20,8 @@ from patchnet.patchnet_addon.sampling.trace import trace_frame
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.part import camera_part
 from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
-from patchnet.patchnet_addon.tracing.render import first_hits, supersample, supersample_colors
+from patchnet.patchnet_addon.tracing.render import first_hits
+from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_colors
 from patchnet.tests.engine.octree_samples import random_octree
 
 CHOSEN = STRATEGIES["ss-variance"]

@@ -16,7 +16,8 @@ from patchnet.patchnet_addon.tracing.reference import (
     pixel_rays,
     supersampled_reference,
 )
-from patchnet.patchnet_addon.tracing.render import behind, first_hits, hit_colors, supersample, supersample_colors
+from patchnet.patchnet_addon.tracing.render import behind, first_hits, hit_colors
+from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_colors
 
 SIZE = (24, 20)
 
