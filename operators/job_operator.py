@@ -196,7 +196,7 @@ class JobOperator(_Operator):
             JobOperator.fraction = fraction
             _redraw(context, "UI")
         left = (self._remaining if progress.whole is None else self._whole_remaining).text()
-        remaining = f", {left}" if left else ""
+        remaining = "".join(f", {text}" for text in (left, progress.note) if text)
         text = f"PatchNet: {progress.label} {percent} %{remaining}   (Esc stops)"
         if text != self._text:  # each new one draws the window again, which must not slow down what computes
             self._text = text

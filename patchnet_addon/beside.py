@@ -20,6 +20,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Generic
 
+from .compiling import NOTE, is_compiling
 from .progress import Progress, Result, Steps
 
 _LOOK_S = 0.01  # between two looks at the thread; a window is drawn between them
@@ -50,7 +51,7 @@ def beside(make: Callable[[], Steps[Result]], at: Progress) -> Steps[Result]:
     work = _Work(make, replace(at, waiting=True))
     try:
         while not work.ended.wait(_LOOK_S):
-            yield work.report
+            yield replace(work.report, note=NOTE) if is_compiling() else work.report
     finally:
         work.let_go()
     return work.result()

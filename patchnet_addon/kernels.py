@@ -18,6 +18,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from numba.core import event
+
+from .compiling import compilation_begins, compilation_ends
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -47,6 +50,19 @@ def _sources_hash() -> str:
 
 
 numba.config.CACHE_DIR = str(user_cache_folder() / "kernels" / _sources_hash())
+
+
+class _Compilations(event.Listener):  # type: ignore[misc]
+    """Hears of each kernel that is compiled because the cache does not have it."""
+
+    def on_start(self, _event: event.Event) -> None:
+        compilation_begins()
+
+    def on_end(self, _event: event.Event) -> None:
+        compilation_ends()
+
+
+event.register("numba:compile", _Compilations())
 
 
 def device(function: Function) -> Function:

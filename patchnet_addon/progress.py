@@ -21,6 +21,7 @@ class Progress:
     waiting: something beside Python is at work for the step, on what the step has put there: ask again later.
     whole: share of all steps that is done, 0 to 1, where somebody counts them.
     frame: of the animation that the step belongs to; `step` is then the label without it.
+    note: why it takes longer than usual, or "".
     """
 
     done: float
@@ -30,6 +31,7 @@ class Progress:
     whole: float | None = None
     frame: int | None = None
     step: str = ""
+    note: str = ""
 
     @property
     def fraction(self) -> float:

@@ -5,9 +5,13 @@ import threading
 import time
 from collections.abc import Callable
 
+import numba
+import numpy as np
 import pytest
 
+from patchnet.patchnet_addon import kernels  # noqa: F401 - it hears of compilations
 from patchnet.patchnet_addon.beside import attended, beside, computed
+from patchnet.patchnet_addon.compiling import NOTE, is_compiling
 from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.progress import Progress, Result, Steps, drain
 
@@ -119,3 +123,20 @@ def test_reports_of_what_is_computed() -> None:
     at, reports = Progress(3, 8, "Baking light"), []
     assert attended_drain(computed(lambda: time.sleep(0.1) or 2, at), reports.append) == 2
     assert reports and all((report.done, report.total, report.label) == (3, 8, "Baking light") for report in reports)
+
+
+def test_reports_say_that_kernels_are_compiled() -> None:
+    @numba.njit
+    def count(values: np.ndarray) -> int:
+        found = 0
+        for value in values:
+            found += value > 0.5
+        return found
+
+    for noted in (True, False):  # the second time it is there
+        reports: list[Progress] = []
+        steps = computed(lambda: (time.sleep(0.05), count(np.ones(3))), Progress(0, 1, "Counting"))
+        attended_drain(steps, reports.append)
+        assert any(report.note == NOTE for report in reports) == noted
+        assert {report.label for report in reports} == {"Counting"}
+    assert not is_compiling()

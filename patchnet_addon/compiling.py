@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether kernels are being compiled now, for those who tell a person why it takes long. Imports nothing heavy."""
+
+from __future__ import annotations
+
+import threading
+
+NOTE = "compiling, once on this machine"
+
+_lock = threading.Lock()
+_count = 0
+
+
+def is_compiling() -> bool:
+    """Whether a kernel is compiled in some thread; one that is loaded from the cache is not."""
+    return _count > 0
+
+
+def compilation_begins() -> None:
+    """`kernels.py` says so."""
+    _change(1)
+
+
+def compilation_ends() -> None:
+    """`kernels.py` says so."""
+    _change(-1)
+
+
+def _change(by: int) -> None:
+    global _count
+    with _lock:
+        _count += by
