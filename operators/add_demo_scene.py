@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from .job_operator import JobOperator
+from .polls import in_object_mode, no_job_runs
 from .tell import tell, tell_start
 
 NAME = "PatchNet Courtyard"
@@ -22,13 +22,7 @@ class PATCHNET_OT_add_demo_scene(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Nobody may be at work on the present scene, in which nothing may be edited."""
-        if context.mode != "OBJECT":
-            cls.poll_message_set("A scene can be added in Object Mode only: leave the present mode")
-            return False
-        if JobOperator.running:
-            cls.poll_message_set(f"{JobOperator.running} is running: wait for it, or press Esc over the window")
-            return False
-        return True
+        return in_object_mode(cls, context, "A scene can be added") and no_job_runs(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Build it, and show it in this window."""

@@ -14,24 +14,16 @@ from ..patchnet_addon.progress import Progress, Steps
 from . import results
 from .job.settings import JobSettings
 from .job.stages import build, lit
-from .job_operator import JobOperator
+from .polls import VoxelJob
 from .properties import LightProperties
 from .tell import tell
 
 
-class PATCHNET_OT_bake_light(LightProperties, JobOperator, bpy.types.Operator):
+class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
     """Bake the light that falls on the surface into the voxels"""
 
     bl_idname = "patchnet.bake_light"
     bl_label = "Bake Light"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be voxels."""
-        if results.result_of(context.scene) is None:
-            cls.poll_message_set(results.NO_VOXELS)
-            return False
-        return super().poll(context)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Read the surface again, light it, and build the octree on the same grid."""

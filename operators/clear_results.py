@@ -6,8 +6,8 @@ from __future__ import annotations
 import bpy
 
 from . import overlay, results
-from .job_operator import JobOperator
 from .memory import give_back
+from .polls import no_job_runs
 
 
 class PATCHNET_OT_clear_results(bpy.types.Operator):
@@ -23,10 +23,7 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
         if results.result_of(context.scene) is None:
             cls.poll_message_set("There are no results to free")
             return False
-        if JobOperator.running:
-            cls.poll_message_set(f"{JobOperator.running} is running: wait for it, or press Esc over the window")
-            return False
-        return True
+        return no_job_runs(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Forget the scene's results."""

@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ..patchnet_addon.progress import Steps
 from . import results
 from .job.settings import JobSettings
-from .job_operator import JobOperator
+from .polls import VoxelJob
 from .properties import LevelProperties, absolute_path, setting
 
 _FORMATS = [
@@ -22,7 +22,7 @@ _FORMATS = [
 ]
 
 
-class PATCHNET_OT_export_octree(LevelProperties, JobOperator, bpy.types.Operator):
+class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
     """Write the voxels of one level to a file; its ending chooses the format"""
 
     bl_idname = "patchnet.export_octree"
@@ -36,14 +36,6 @@ class PATCHNET_OT_export_octree(LevelProperties, JobOperator, bpy.types.Operator
         name="Ask", description="Open the file browser first", default=True, options={"HIDDEN", "SKIP_SAVE"}
     )
     _asked = False
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be voxels."""
-        if results.result_of(context.scene) is None:
-            cls.poll_message_set(results.NO_VOXELS)
-            return False
-        return super().poll(context)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for the file, then export with progress in the window."""

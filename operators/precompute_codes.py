@@ -11,24 +11,16 @@ from ..patchnet_addon.progress import Steps
 from . import results
 from .job.settings import JobSettings
 from .job.stages import encode_as_set, load_network
-from .job_operator import JobOperator
+from .polls import VoxelJob
 from .properties import CodesProperties
 from .tell import tell
 
 
-class PATCHNET_OT_precompute_codes(CodesProperties, JobOperator, bpy.types.Operator):
+class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator):
     """Encode what lies two levels below every voxel, so that views can be judged at once"""
 
     bl_idname = "patchnet.precompute_codes"
     bl_label = "Precompute Codes"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be voxels."""
-        if results.result_of(context.scene) is None:
-            cls.poll_message_set(results.NO_VOXELS)
-            return False
-        return super().poll(context)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Load the weights, encode, keep the codes beside the octree."""

@@ -10,7 +10,7 @@ import bpy
 from ..patchnet_addon.progress import Steps
 from . import results
 from .job.settings import JobSettings
-from .job_operator import JobOperator
+from .polls import CodesJob
 from .properties import CameraProperties, CyclesRefineProperties, ViewProperties, cycles_settings
 from .render_preview import look
 from .scene.placements import SELECTED
@@ -21,21 +21,12 @@ if TYPE_CHECKING:
 
 
 class PATCHNET_OT_refine_with_cycles(
-    CameraProperties, ViewProperties, CyclesRefineProperties, JobOperator, bpy.types.Operator
+    CameraProperties, ViewProperties, CyclesRefineProperties, CodesJob, bpy.types.Operator
 ):
     """Render the regions where the preview of the first camera is worst with Cycles, over the preview"""
 
     bl_idname = "patchnet.refine_with_cycles"
     bl_label = "Refine with Cycles"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be codes."""
-        result = results.result_of(context.scene)
-        if result is None or result.coded is None:
-            cls.poll_message_set(results.NO_CODES)
-            return False
-        return super().poll(context)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace, score, choose regions, render them, show."""

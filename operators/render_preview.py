@@ -13,25 +13,16 @@ from . import overlay, results
 from .cameras import choose_cameras
 from .job.settings import JobSettings
 from .job.views import View, view
-from .job_operator import JobOperator
+from .polls import CodesJob
 from .properties import CameraProperties, ViewProperties
 from .seen import seen
 
 
-class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, JobOperator, bpy.types.Operator):
+class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):
     """Show the preview, its heatmap and the refined picture of the first camera as Blender images"""
 
     bl_idname = "patchnet.render_preview"
     bl_label = "Render Preview"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be codes."""
-        result = results.result_of(context.scene)
-        if result is None or result.coded is None:
-            cls.poll_message_set(results.NO_CODES)
-            return False
-        return super().poll(context)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace, score, refine, show."""

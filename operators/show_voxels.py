@@ -7,7 +7,7 @@ import bpy
 
 from ..patchnet_addon.errors import PatchNetError
 from . import results
-from .job_operator import JobOperator
+from .polls import has_voxels, in_object_mode, no_job_runs
 from .preferences import apply_preferences
 from .properties import DisplayProperties, setting
 from .tell import tell, tell_start
@@ -24,16 +24,7 @@ class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """There must be voxels, nobody at work on them, and a mode in which objects can be added."""
-        if results.result_of(context.scene) is None:
-            cls.poll_message_set(results.NO_VOXELS)
-            return False
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Voxels can be shown in Object Mode only: leave the present mode")
-            return False
-        if JobOperator.running:
-            cls.poll_message_set(f"{JobOperator.running} is running: wait for it, or press Esc over the window")
-            return False
-        return True
+        return has_voxels(cls, context) and in_object_mode(cls, context, "Voxels can be shown") and no_job_runs(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Choose the level, make or fill the object, say what it shows."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..job_operator import JobOperator
+from ..polls import no_job_runs
 from ..preferences import apply_preferences, kept
 from .folder import cache_size, clear_cache
 
@@ -21,10 +21,7 @@ class PATCHNET_OT_clear_cache(bpy.types.Operator):
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
         """Nobody may be at work with it."""
-        if JobOperator.running:
-            cls.poll_message_set(f"{JobOperator.running} is running: wait for it, or press Esc over the window")
-            return False
-        return True
+        return no_job_runs(cls)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask first."""
