@@ -7,6 +7,8 @@ Blender draws: they are read by a timer, between two drawings.
 
 from __future__ import annotations
 
+import time
+
 import bpy
 import numpy as np
 
@@ -16,7 +18,7 @@ from ..importance import Importance, Strokes, read_strokes
 from ..importance.image import painted_image
 from ..scene.placements import VISIBLE
 
-LOOKED_AT_PX = 1 << 22  # images of more pixels are not compared with what they were whenever the viewport is drawn
+_REST = 5.0  # between two looks at an image, in times that one takes
 
 
 class ViewportMask:
@@ -29,6 +31,7 @@ class ViewportMask:
         self._touched = False  # read it, or read it again
         self._registered = self._reading = False
         self._problem = ""
+        self._rest_until = 0.0
         self._where = "", ""  # scene and view layer that are seen
 
     @property
@@ -66,10 +69,15 @@ class ViewportMask:
 
     def _look_at_image(self, name: str, idle: bool) -> None:
         before = None if self.strokes is None else self.strokes.picture
-        if before is not None and not (idle and before.size <= LOOKED_AT_PX):
+        if before is not None and not idle:
+            return
+        start = time.perf_counter()
+        if before is not None and start < self._rest_until:
+            self._touched = True  # by the last stroke, perhaps
             return
         picture = painted_image(name)
-        self._touched = False
+        end = time.perf_counter()
+        self._touched, self._rest_until = False, end + _REST * (end - start)
         if before is None or not np.array_equal(picture, before):
             self._take(Strokes(picture=picture))
 
