@@ -14,6 +14,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..patchnet_addon.errors import SettingError
+from .summary import summary
 
 if TYPE_CHECKING:
     from ..patchnet_addon.codes.coded_octree import CodedOctree
@@ -24,18 +25,8 @@ if TYPE_CHECKING:
 
 NO_VOXELS = "There are no voxels yet: run Voxelize first"
 NO_CODES = "There are no codes yet: run Precompute Codes first"
-
-_LIGHTS = {"none": "none, the surface's own colour", "cycles": "Cycles", "two-lights": "Two Lights"}
 VIEW = "view"
 _MOST_NAMES = 3  # of what made a step stale, in one line
-_STEPS = {
-    "read": "Reading",
-    "depth": "Depth",
-    "voxelize": "Voxels",
-    "light": "Light",
-    "codes": "Codes",
-    "views": "Views",
-}
 
 
 @dataclass(frozen=True)
@@ -151,7 +142,7 @@ def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str) -> None:
     if {"octree", "light"} & set(steps):
         result.state = scene_state(scene)
     result.octree.free_keys()
-    result.summary = _summary(result)
+    result.summary = summary(result)
     _results[scene.session_uid] = result
     _redraw_viewports()
 
@@ -219,24 +210,6 @@ def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
         yield
     finally:
         seconds[stage] = time.perf_counter() - start
-
-
-def _summary(result: SceneResult) -> list[str]:
-    octree = result.octree
-    lines = [
-        f"Depth {'up to ' if result.layout else ''}{octree.depth}, voxel side {octree.grid.voxel_world:.4g}",
-        f"{octree.leaf_count:,} voxels, {octree.node_count:,} nodes",
-        f"{result.nbytes / 2**20:.1f} MiB in memory",
-        f"Light: {_LIGHTS.get(result.light, result.light)}",
-    ]
-    if result.coded is not None:
-        lines.append(f"{len(result.coded.codes):,} codes{f', by {result.encoder}' if result.encoder else ''}")
-    if result.lookahead_share is not None:
-        lines.append(f"Look-ahead on {result.lookahead_share:.1%} of hits")
-    if result.errors is not None:
-        lines.append(f"Error {result.errors[0]:.2e}, refined {result.errors[1]:.2e}")
-    spent = [f"{_STEPS[name]} {value:.1f} s" for name, value in result.seconds.items() if name in _STEPS]
-    return lines + [", ".join(spent[start : start + 2]) for start in range(0, len(spent), 2)]
 
 
 @persistent

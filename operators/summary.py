@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a scene's result is, in a few lines."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .results import SceneResult
+
+_LIGHTS = {"none": "none, the surface's own colour", "cycles": "Cycles", "two-lights": "Two Lights"}
+_STEPS = {
+    "read": "Reading",
+    "depth": "Depth",
+    "voxelize": "Voxels",
+    "light": "Light",
+    "codes": "Codes",
+    "views": "Views",
+}
+
+
+def summary(result: SceneResult) -> list[str]:
+    """Lines for the panel: size, light, codes, look-ahead, errors, and where the time went."""
+    octree = result.octree
+    lines = [
+        f"Depth {'up to ' if result.layout else ''}{octree.depth}, voxel side {octree.grid.voxel_world:.4g}",
+        f"{octree.leaf_count:,} voxels, {octree.node_count:,} nodes",
+        f"{result.nbytes / 2**20:.1f} MiB in memory",
+        f"Light: {_LIGHTS.get(result.light, result.light)}",
+    ]
+    if result.coded is not None:
+        lines.append(f"{len(result.coded.codes):,} codes{f', by {result.encoder}' if result.encoder else ''}")
+    if result.lookahead_share is not None:
+        lines.append(f"Look-ahead on {result.lookahead_share:.1%} of hits")
+    if result.errors is not None:
+        lines.append(f"Error {result.errors[0]:.2e}, refined {result.errors[1]:.2e}")
+    spent = [f"{_STEPS[name]} {value:.1f} s" for name, value in result.seconds.items() if name in _STEPS]
+    return lines + [", ".join(spent[start : start + 2]) for start in range(0, len(spent), 2)]
