@@ -8,14 +8,13 @@ too, between two objects.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import bpy
 
 from ...patchnet_addon.errors import SceneError, StoppedError
 from ...patchnet_addon.progress import Progress, Steps
-from ..window_job import job_is_running
+from ..window_job import BAKE, as_job
 from .page_mesh import CHART_LAYER
 
 _STOPPED = "Cycles stopped baking the light of the scene: start it again, it goes on where it was"
@@ -44,27 +43,10 @@ def run_as_job(
 
     Closing these steps does not stop the job: what it works on must stay until `when_job_ended`.
     """
-    outcome: list[str] = []
-    handlers = bpy.app.handlers
-
-    def complete(*_: object) -> None:
-        outcome.append("complete")
-
-    def cancel(*_: object) -> None:
-        outcome.append("cancel")
-
-    handlers.object_bake_complete.append(complete)
-    handlers.object_bake_cancel.append(cancel)
-    try:
-        _called(context, target, "INVOKE_DEFAULT")
-        while job_is_running():
-            yield replace(at, waiting=True)
-    finally:
-        handlers.object_bake_complete.remove(complete)
-        handlers.object_bake_cancel.remove(cancel)
-    if "cancel" in outcome:
+    end = yield from as_job(BAKE, lambda: _called(context, target, "INVOKE_DEFAULT"), lambda: at)
+    if end.cancelled:
         raise StoppedError(_STOPPED)
-    if "complete" not in outcome or not image.is_dirty:
+    if not end.completed or not image.is_dirty:
         raise SceneError("Cycles cannot bake the light of the scene: Blender's status bar or terminal says why")
 
 

@@ -21,7 +21,7 @@ PREVIEW, REFINED, COMPOSITED, OVER_REFINED, FULL = (
 
 @dataclass(eq=False)
 class Renders:
-    """Cycles' pictures, (H, W, 3) float32, linear, unexposed, and the wall seconds of Blender's calls.
+    """Cycles' pictures, (H, W, 3) float32, linear, unexposed, and the wall seconds of Blender's renders.
 
     regions: black outside them. seconds: of all regions, reading the scene included; sync_seconds: of that alone.
     full: the whole picture with the same samples and seed, in full_seconds, reading the scene included.

@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...patchnet_addon.beside import computed
 from ...patchnet_addon.errors import SettingError
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.progress import Progress, Steps
@@ -65,13 +66,18 @@ def cycles_view(
     lit by a sun and a sky of ours; None if it was where the scene has no light. Raises PatchNetError.
     """
     check_light(octree)
-    yield Progress(0, 1, f"{camera.name}: choosing regions")
     priority = frame.picture(np.where(frame.active, np.nan_to_num(np.maximum(score, 0.0)), np.float32(0.0)))
-    overhead = OVERHEAD_PATHS / settings.samples
-    regions = choose_regions(priority, settings.budget, tile=settings.tile, most=settings.most, overhead_px=overhead)
+    choosing = Progress(0, 1, f"{camera.name}: choosing regions")
+    regions = yield from computed(lambda: _chosen(priority, settings), choosing)
     added = not has_light(context.evaluated_depsgraph_get()) if sun is None else sun
     renders = yield from _rendered(context, camera, regions, settings, added)
-    return _composited(octree.exposure, camera, frame, priority, regions, renders, settings, refined)
+    exposure = octree.exposure
+    return (
+        yield from computed(
+            lambda: _composited(exposure, camera, frame, priority, regions, renders, settings, refined),
+            Progress(0, 1, f"{camera.name}: measuring Cycles' pictures" if settings.compare else choosing.label),
+        )
+    )
 
 
 def refine_view(
@@ -79,8 +85,10 @@ def refine_view(
 ) -> Steps[CyclesView]:
     """As `cycles_view`, of a view that `job` has made; the refined octree picture is that of its budget."""
     frame = view.frame
-    score = strategy(view.strategy).scores(frame)
-    refined = refined_picture(frame, refine(frame, score, job.budget))
+    refined = yield from computed(
+        lambda: refined_picture(frame, refine(frame, strategy(view.strategy).scores(frame), job.budget)),
+        Progress(0, 1, f"{view.camera.name}: choosing regions"),
+    )
     steps = cycles_view(
         context, octree, view.camera, frame, view.priority.ravel(), settings, refined=refined, sun=job.daylight
     )
@@ -91,6 +99,11 @@ def check_light(octree: Octree) -> None:
     """Raises SettingError if what Cycles renders could not stand beside this octree."""
     if octree.provenance.get("light") != CYCLES:
         raise SettingError(NOT_CYCLES)
+
+
+def _chosen(priority: np.ndarray, settings: CyclesSettings) -> Sequence[Region]:
+    overhead = OVERHEAD_PATHS / settings.samples
+    return choose_regions(priority, settings.budget, tile=settings.tile, most=settings.most, overhead_px=overhead)
 
 
 def _rendered(
@@ -108,9 +121,9 @@ def _rendered(
             result.sync_seconds, result.seconds = cycles.sync_seconds, cycles.seconds
     if settings.compare:
         whole = Region(0, 0, camera.width_px, camera.height_px)
-        yield Progress(0, 1, f"{camera.name}: Cycles, the whole picture")
+        label = f"{camera.name}: Cycles, the whole picture"
         with region_renders(context, *wanted, sun=sun) as cycles:
-            result.full = cycles.picture(whole)
+            result.full = yield from cycles.picture(whole, lambda share: Progress(share, 1, label))
             result.full_seconds = cycles.seconds
             cycles.sample(REFERENCE_FACTOR * settings.samples, settings.seed + 1)
             result.reference = yield from cycles.pictures([whole], f"{camera.name}: Cycles, the reference")

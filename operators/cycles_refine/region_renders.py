@@ -9,34 +9,41 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import bpy
 import numpy as np
 
+from ...patchnet_addon.beside import computed
 from ...patchnet_addon.image.exr import read_exr
 from ...patchnet_addon.progress import Progress, Steps
 from ...patchnet_addon.sampling.regions import Region
 from ...patchnet_addon.tracing.camera import Camera
 from ..daylight import daylight
 from ..verify_light.reference import add_passes, baked_light, combined_light
-from ..verify_light.scene_copy import prepared, render
+from ..verify_light.render_call import rendered
+from ..verify_light.scene_copy import prepared
+from ..window_job import check_no_job, when_job_ended, window_is_alive
 from .settings import COMBINED
 
 # What a call costs beside its pixels, as paths: 0.03 to 0.07 s at 0.03 M paths/s, on the demo courtyard and two busy
 # CPU cores.
 OVERHEAD_PATHS = 1_500
-_PART_S = 1.0  # of work between two reports
+# Without a window nothing acts while Blender renders: so much work between two reports. Beside a window Blender's job
+# says how far it is, and hears of a stop between two passes over a tile: those of Cycles are too large for that.
+_PART_S = 1.0
 _FIRST_PATHS = 50_000
+_TILE_SIDE_IN_WINDOW = 256
 _INSIDE = 0.25  # of a pixel, so that borders, which Blender keeps as float32 shares, are cut to the right one
 
 
 class RegionRenders:
     """Renders parts of a picture; made by `region_renders`.
 
-    seconds: wall time of Blender's calls up to now. sync_seconds: of the first, which reads the scene.
+    seconds: of Blender's renders up to now and of reading their files, without those of who waited for them.
+    sync_seconds: of the first, which reads the scene.
     """
 
     def __init__(self, scene: bpy.types.Scene, path: Path, camera: Camera, light: str) -> None:
@@ -48,25 +55,30 @@ class RegionRenders:
     def sample(self, samples: int, seed: int) -> None:
         """Paths per pixel, and their seed, of what is rendered from now on."""
         self._scene.cycles.samples, self._scene.cycles.seed = samples, seed
+        self._scene.update_tag()  # or Cycles goes on with those that it kept
 
     def synced(self) -> Steps[None]:
         """Let Cycles read the scene, with one pixel, so that the time of that is known."""
-        yield Progress(0, 1, "Cycles reads the scene")
-        self.picture(Region(0, 0, 1, 1))
+        yield from self.picture(Region(0, 0, 1, 1), lambda share: Progress(share, 1, "Cycles reads the scene"))
         self.sync_seconds = self.seconds
 
-    def picture(self, region: Region) -> np.ndarray:
-        """(h, w, 3) float32, linear and unexposed, row 0 at the bottom. Raises SceneError, StoppedError."""
-        begun = time.perf_counter()
+    def picture(self, region: Region, at: Callable[[float], Progress]) -> Steps[np.ndarray]:
+        """(h, w, 3) float32, linear and unexposed, row 0 at the bottom. Raises SceneError, StoppedError.
+
+        Reports are `at` of the share that is done.
+        """
+        yield at(0.0)
         self._crop(region)
-        render(self._scene, self._path)
-        result = self._light(read_exr(self._path))
+        self.seconds += yield from rendered(self._scene, self._path, at)
+        begun = time.perf_counter()
+        channels = read_exr(self._path)
         self.seconds += time.perf_counter() - begun
+        result = yield from computed(lambda: self._light(channels), at(1.0))
         assert result.shape == (region.height, region.width, 3)
         return result
 
     def pictures(self, regions: Sequence[Region], label: str) -> Steps[np.ndarray]:
-        """(H, W, 3) float32: all regions in a black picture, in parts of about a second, so that it can be stopped."""
+        """(H, W, 3) float32: all regions in a black picture; without a window in parts of about a second."""
         width, height = self._size
         canvas = np.zeros((height, width, 3), np.float32)
         total, done = sum(region.pixels for region in regions), 0
@@ -74,10 +86,9 @@ class RegionRenders:
         for region in regions:
             rest: Region | None = region
             while rest is not None:
-                yield Progress(done, total, label)
-                part, rest = rest.split(part_px)
+                part, rest = (rest, None) if window_is_alive() else rest.split(part_px)
                 begun = self.seconds
-                canvas[part.slices] = self.picture(part)
+                canvas[part.slices] = yield from self.picture(part, _reports(done, part.pixels, total, label))
                 part_px = max(1, int(part.pixels * _PART_S / max(self.seconds - begun, 1e-3)))
                 done += part.pixels
         return canvas
@@ -98,19 +109,33 @@ class RegionRenders:
 def region_renders(
     context: bpy.types.Context, camera: Camera, samples: int, seed: int, light: str, *, sun: bool = False
 ) -> Iterator[RegionRenders]:
-    """Renders of the scene, which is as before after the block. Raises SceneError if Cycles is not there.
+    """Renders of the scene, which is as before after the block, or when the render has ended that a window waits for.
 
+    Raises SceneError if Cycles is not there, or if Blender renders or bakes something else beside its window.
     sun: with a sun and a sky of ours, in the copy of the scene only.
     """
-    with tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
-        path = Path(folder) / "region.exr"
-        with prepared(context, camera, samples, seed, path) as (scene, layer):
-            add_passes(layer)
-            with daylight(scene) if sun else nullcontext():
-                scene.render.use_persistent_data = True
-                try:
-                    yield RegionRenders(scene, path, camera, light)
-                finally:
-                    scene.render.use_persistent_data = (
-                        False  # now Cycles drops what it kept, before anything is removed
-                    )
+    if window_is_alive():
+        check_no_job()
+    stack = ExitStack()
+    try:
+        path = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="patchnet-"))) / "region.exr"
+        scene, layer = stack.enter_context(prepared(context, camera, samples, seed, path))
+        add_passes(layer)
+        if window_is_alive() and scene.cycles.device == "CPU":  # a GPU is done with large tiles soon
+            scene.cycles.use_auto_tile, scene.cycles.tile_size = True, _TILE_SIDE_IN_WINDOW
+        if sun:
+            stack.enter_context(daylight(scene))
+        scene.render.use_persistent_data = True
+        stack.callback(_drop_kept, scene)
+        yield RegionRenders(scene, path, camera, light)
+    finally:
+        when_job_ended(stack.close)
+
+
+def _drop_kept(scene: bpy.types.Scene) -> None:
+    """Cycles drops what it kept of `scene`, before anything of that is removed."""
+    scene.render.use_persistent_data = False
+
+
+def _reports(done: int, pixels: int, total: int, label: str) -> Callable[[float], Progress]:
+    return lambda share: Progress(done + share * pixels, total, label)

@@ -18,7 +18,8 @@ from ...patchnet_addon.errors import SceneError
 from ...patchnet_addon.image.exr import read_exr
 from ...patchnet_addon.light.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
-from .scene_copy import prepared, render
+from .render_call import render
+from .scene_copy import prepared
 
 _PASSES = {
     "use_pass_combined": True,

@@ -11,10 +11,9 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ...patchnet_addon.errors import PatchNetError, SceneError, StoppedError
+from ...patchnet_addon.errors import SceneError
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from ..bake.settings import changed, object_mode
-from ..window_job import window_is_alive
 
 _SENSOR = 36.0  # mm
 
@@ -39,22 +38,6 @@ def prepared(
         for other in scene.view_layers:
             other.use = other == layer
         yield scene, layer
-
-
-def render(scene: bpy.types.Scene, path: Path) -> None:
-    """Render the copy's view layer into `path`, a new file.
-
-    Raises SceneError if Cycles does not render, StoppedError if a person stopped it in a window.
-    """
-    path.unlink(missing_ok=True)
-    try:
-        bpy.ops.render.render(write_still=True, scene=scene.name)
-    except RuntimeError as cause:
-        raise SceneError(f"Cycles cannot render the scene ({str(cause).strip().removeprefix('Error: ')})") from cause
-    if not path.is_file():
-        if window_is_alive():  # Blender hears Esc while it renders, and then writes nothing
-            raise StoppedError("The render was stopped")
-        raise PatchNetError("Cycles wrote no picture: check that the folder for temporary files has room")
 
 
 @contextmanager
@@ -83,7 +66,10 @@ def _set_up(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, pat
     """Box filter of a pixel, nothing that is biased; bounces, device and light are the user's, as in the bake.
 
     The file is an EXR of all passes, not compressed. Which formats there are depends on the medium, so it goes first.
+    Markers go, because Blender takes the camera of the frame's marker for that of the scene when a render begins. A
+    locked interface would keep the window, and what waits in it, from hearing anything while Blender renders.
     """
+    scene.timeline_markers.clear()
     unit_x, unit_y = camera.half_x / camera.width_px, camera.half_y / camera.height_px
     image = {
         "media_type": "MULTI_LAYER_IMAGE",
@@ -108,6 +94,7 @@ def _set_up(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, pat
         "use_multiview": False,
         "use_motion_blur": False,
         "use_freestyle": False,
+        "use_lock_interface": False,
         "film_transparent": True,
     }
     cycles = {

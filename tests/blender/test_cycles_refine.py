@@ -2,6 +2,8 @@
 """Regions by Cycles are bit for bit a full render's pixels, all others the preview's, and the scene stays as it was."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -9,14 +11,16 @@ import numpy as np
 import pytest
 
 from patchnet import commands
+from patchnet.operators.cameras import choose_cameras
 from patchnet.operators.cycles_refine import region_renders as renders
 from patchnet.operators.cycles_refine.refine import CyclesView, cycles_view
 from patchnet.operators.cycles_refine.settings import COMBINED, CyclesSettings
 from patchnet.operators.job.run import run_job
 from patchnet.operators.job.settings import JobSettings
-from patchnet.patchnet_addon.errors import SettingError
-from patchnet.patchnet_addon.progress import Steps, drain
-from patchnet.patchnet_addon.sampling.regions import region_mask
+from patchnet.operators.verify_light import render_call
+from patchnet.patchnet_addon.errors import SceneError, SettingError
+from patchnet.patchnet_addon.progress import Progress, Steps, drain
+from patchnet.patchnet_addon.sampling.regions import Region, region_mask
 from patchnet.tests.blender.full_scene import build_full
 from patchnet.tests.blender.job_scene import build, drop_result_images, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -76,6 +80,91 @@ def test_regions_are_rendered_at_once_or_in_parts_with_the_same_bits(
     np.testing.assert_array_equal(parts.composited, whole.composited)
     assert parts.full is None and parts.errors == {}
     assert sum("regions" in label for label in labels) > len(parts.regions)
+
+
+@contextmanager
+def small_renders(samples: int = 4, seed: int = 0) -> Iterator[renders.RegionRenders]:
+    """Renders through the small scene's camera."""
+    (camera,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), ["Eye"], SIZE, np.zeros((2, 3)))
+    with renders.region_renders(bpy.context, camera, samples, seed, COMBINED) as cycles:
+        yield cycles
+
+
+def whole(cycles: renders.RegionRenders) -> np.ndarray:
+    """All of the picture."""
+    return drain(cycles.picture(Region(0, 0, *SIZE), lambda share: Progress(share, 1, "Cycles")))
+
+
+def whole_picture(samples: int = 4, seed: int = 0) -> np.ndarray:
+    """All of the picture, by a scene copy of its own."""
+    with small_renders(samples, seed) as cycles:
+        return whole(cycles)
+
+
+def test_other_samples_of_a_kept_scene_are_those_of_a_new_one() -> None:
+    """Blender does not tell Cycles of every change of a setting."""
+    build()
+    with small_renders() as cycles:
+        first = whole(cycles)
+        cycles.sample(16, 1)
+        second = whole(cycles)
+    np.testing.assert_array_equal(second, whole_picture(samples=16, seed=1))
+    assert (first != second).any()
+
+
+def test_tiles_as_in_a_window_have_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    build()
+    before = whole_picture()
+    monkeypatch.setattr(renders, "window_is_alive", lambda: True)
+    monkeypatch.setattr(renders, "_TILE_SIDE_IN_WINDOW", 8)
+    np.testing.assert_array_equal(whole_picture(), before)
+
+
+def test_a_marker_with_another_camera_changes_nothing() -> None:
+    build()
+    before = whole_picture()
+    other = bpy.data.objects.new("Elsewhere", bpy.data.cameras.new("Elsewhere"))
+    bpy.context.scene.collection.objects.link(other)
+    bpy.context.scene.timeline_markers.new("Cut", frame=1).camera = other
+    np.testing.assert_array_equal(whole_picture(), before)
+    assert [marker.camera for marker in bpy.context.scene.timeline_markers] == [other]
+
+
+def test_what_cycles_says_moves_the_progress() -> None:
+    status = render_call._Status()
+    status.check_finished()  # no word of it is none against it
+    said = [
+        ("Mem: 1M | Synchronizing object | Sample 3", 0.0),
+        ("Mem: 1M | Sample 0/4", 0.0),
+        ("Remaining: 00:01.04 | Mem: 1M | Sample 1/4", 0.25),
+        ("Fra:1 Mem:9M (Peak 9M) | Scene.001, ViewLayer | Rendered 0/2 Tiles, Sample 3/4", 0.375),
+        ("Mem: 1M | Rendered 0/2 Tiles, Sample 4/4", 0.375),
+        ("Mem: 1M | Rendered 1/2 Tiles, Sample 4/4", 0.5),
+        ("Mem: 1M | Out of memory", 0.5),
+    ]
+    for text, done in said:
+        status.hear(text, None)
+        assert status.done == done
+    with pytest.raises(SceneError, match="Out of memory"):
+        status.check_finished()
+    for text in ("Mem: 1M | Finished", "Mem: 1M | ViewLayer | Finishing", "Time: 00:02.28 (Saving: 00:00.00)"):
+        status.hear(text, None)
+    status.check_finished()
+
+
+def test_cycles_says_so_when_it_has_finished() -> None:
+    """In this Blender, in tiles and without."""
+    build()
+    for side in (8, 2048):
+        status = render_call._Status()
+        bpy.app.handlers.render_stats.append(status.hear)
+        try:
+            with small_renders() as cycles:
+                cycles._scene.cycles.use_auto_tile, cycles._scene.cycles.tile_size = True, side
+                whole(cycles)
+        finally:
+            bpy.app.handlers.render_stats.remove(status.hear)
+        assert status._finished and status.done > 0.0
 
 
 def test_a_budget_of_nothing_and_of_all(weights: Path) -> None:
