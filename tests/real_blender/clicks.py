@@ -16,7 +16,7 @@ import bpy
 Session = Generator[float, None, None]
 _MOMENT_S = 0.05  # enough for the window to handle an event and to draw
 _MOVED_PX = 80
-_ROW_STEP_PX = 10  # less than half the height of a button
+_ROW_STEP_PX = 16  # less than the height of a button
 
 
 def play(session: Session, at_end: Callable[[str], None]) -> None:
@@ -89,15 +89,18 @@ def scroll(kind: str, wheel: str = "WHEELDOWNMOUSE", notches: int = 30) -> Sessi
         yield _MOMENT_S
 
 
-def find_buttons(wanted: set[str]) -> Generator[float, None, dict[str, tuple[int, int]]]:
+def find_buttons(wanted: set[str], *, upwards: bool = False) -> Generator[float, None, dict[str, tuple[int, int]]]:
     """Points of the operator buttons in the sidebar, by identifier, until all `wanted` are found or the sidebar ends.
+
+    upwards: look from its lower end.
 
     Blender has no list of its buttons, but Ctrl+C over one copies the Python call that it makes.
     """
     side = region("UI")
     x = side.x + side.width // 2
     found: dict[str, tuple[int, int]] = {}
-    for y in range(side.y + side.height - 12, side.y + 8, -_ROW_STEP_PX):
+    rows = range(side.y + side.height - 12, side.y + 8, -_ROW_STEP_PX)
+    for y in reversed(rows) if upwards else rows:
         name = yield from _button_at(x, y)
         if name:
             found.setdefault(name, (x, y))

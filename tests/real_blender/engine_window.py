@@ -21,7 +21,9 @@ import clicks
 OUT = Path(sys.argv[sys.argv.index("--") + 1])
 PACKAGE = "bl_ext.user_default.patchnet"
 
-seen: dict[str, object] = {}
+START = time.monotonic()
+
+seen: dict[str, object] = {"clock": {}}
 
 
 def module(name: str):
@@ -201,7 +203,13 @@ def session():
     scene.render.engine = "PATCHNET"
     for part in (without_voxels, preview, final_renders):
         yield from part()
+        tell_time(part.__name__)
         save("stopped on the way")
+
+
+def tell_time(part: str) -> None:
+    """When a part of the visit was over, in seconds."""
+    seen["clock"][part] = round(time.monotonic() - START, 1)
 
 
 def save(problem: str) -> None:

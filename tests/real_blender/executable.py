@@ -7,6 +7,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SCREEN = (1500, 1500)  # as high as the tab with all its lines
+SMALL_SCREEN = (1000, 800)  # drawn and rendered sooner
 
 
 @dataclass(frozen=True)
@@ -27,16 +28,17 @@ class Blender:
         return subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
     def run_window(
-        self, *arguments: str | Path, seconds: float = 400.0, simulate: bool = True
+        self, *arguments: str | Path, seconds: float = 400.0, simulate: bool = True, screen: tuple[int, int] = SCREEN
     ) -> subprocess.CompletedProcess[str]:
         """Run Blender with a window on a virtual screen to its end.
 
         simulate: it hears events that its scripts simulate, and then none of the window system's.
+        screen: its width and height in pixels, which are the window's.
         """
-        width, height = SCREEN
-        screen = ("xvfb-run", "-a", "-s", f"-screen 0 {width}x{height}x24")
+        width, height = screen
+        virtual = ("xvfb-run", "-a", "-s", f"-screen 0 {width}x{height}x24")
         place = (*(("--enable-event-simulate",) if simulate else ()), "-p", "0", "0", str(width), str(height))
-        return self._start((*screen, self.program, *place, *map(str, arguments)), seconds)
+        return self._start((*virtual, self.program, *place, *map(str, arguments)), seconds)
 
     def execute(self, line: str) -> str:
         """Run a line of Python in background; what was printed. Fails if it fails."""

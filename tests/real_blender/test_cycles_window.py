@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.tests.real_blender.executable import Blender
+from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
 
 RENDERS = 4  # the pixel with which Cycles reads the scene, the region, the whole picture, the reference
 
@@ -14,7 +14,7 @@ RENDERS = 4  # the pixel with which Cycles reads the scene, the region, the whol
 def visit(part: str, blender: Blender, out: Path) -> dict:
     """What cycles_window.py saw."""
     script = Path(__file__).with_name("cycles_window.py")
-    done = blender.run_window("-P", script, "--", out, part, simulate=part == "button")
+    done = blender.run_window("-P", script, "--", out, part, simulate=part == "button", screen=SMALL_SCREEN)
     said = done.stdout + done.stderr
     (out / f"cycles-{part}.log").write_text(said)
     report = out / f"cycles-{part}.json"

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.tests.real_blender.executable import Blender
+from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
 
 
 @pytest.fixture(scope="module")
 def seen(installed: Blender, courtyard: Path, out: Path) -> dict:
     """What engine_window.py saw in the window."""
-    done = installed.run_window(courtyard, "-P", Path(__file__).with_name("engine_window.py"), "--", out)
+    script = Path(__file__).with_name("engine_window.py")
+    done = installed.run_window(courtyard, "-P", script, "--", out, screen=SMALL_SCREEN)
     (out / "engine.log").write_text(done.stdout + done.stderr)
     report = out / "engine.json"
     assert report.exists(), f"Blender ended with code {done.returncode} before the visit did: see {out / 'engine.log'}"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.image.exr import read_exr
-from patchnet.tests.real_blender.executable import Blender
+from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
 
 # The longest that a stop may take by the project's rule, three times: machines that test do other things too.
 PATIENCE_S = 15.0
@@ -18,7 +18,7 @@ PATIENCE_S = 15.0
 def seen(installed: Blender, courtyard: Path, out: Path) -> dict:
     """What escape_window.py saw."""
     script = Path(__file__).with_name("escape_window.py")
-    done = installed.run_window(courtyard, "-P", script, "--", out, simulate=False)
+    done = installed.run_window(courtyard, "-P", script, "--", out, simulate=False, screen=SMALL_SCREEN)
     said = done.stdout + done.stderr
     (out / "escape.log").write_text(said)
     report = out / "escape.json"

@@ -174,9 +174,9 @@ def change_and_undo(_buttons: dict[str, tuple[int, int]]):
 
 
 def all_at_once(buttons: dict[str, tuple[int, int]]):
-    """Preview Selection does everything, with files."""
+    """Preview Selection does everything, with files; Cycles has baked beside the window before."""
     window = clicks.window()
-    window.scene.patchnet.out = str(OUT / "run-all")
+    window.scene.patchnet.out, window.scene.patchnet.light = str(OUT / "run-all"), "two-lights"
     seen["run_all"] = yield from job(buttons, "patchnet.run_all")
     seen["files"] = sorted(str(path.relative_to(OUT / "run-all")) for path in (OUT / "run-all").rglob("*.*"))
     shown = clicks.area("VIEW_3D")
@@ -193,7 +193,7 @@ def all_at_once(buttons: dict[str, tuple[int, int]]):
 def free_memory(_buttons: dict[str, tuple[int, int]]):
     """The last button, which was not there in the beginning, gives the memory back."""
     yield from clicks.scroll("UI")  # the tab is longer than the window by now
-    buttons = yield from clicks.find_buttons({"patchnet.clear_results"})
+    buttons = yield from clicks.find_buttons({"patchnet.clear_results"}, upwards=True)
     yield from clicks.click(buttons["patchnet.clear_results"])
     yield 0.3
     seen["freed"] = result() is None
