@@ -17,12 +17,12 @@ WORLD = (0.1, 0.2, 0.4)
 _numbers = itertools.count()
 
 
-def build_for_engine(weights: str, folder: Path) -> bpy.types.Scene:
+def build_for_engine(weights: Path, folder: Path) -> bpy.types.Scene:
     """The small scene before a grey-blue world, to be rendered by our engine into EXRs of all passes in a folder."""
     build()
     scene = bpy.context.scene
     values = scene.patchnet
-    values.weights, values.light, values.resolution, values.depth = weights, "two-lights", "DEPTH", 6
+    values.weights, values.light, values.resolution, values.depth = str(weights), "two-lights", "DEPTH", 6
     scene.world = bpy.data.worlds.new("World")
     if bpy.app.version < (5, 0, 0):
         scene.world.use_nodes = True

@@ -8,7 +8,6 @@ import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet.operators import results
 from patchnet.operators.cameras import choose_cameras
 from patchnet.operators.engine import frame_octree, panels
@@ -22,23 +21,10 @@ from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_frame
 from patchnet.tests.blender.engine_scene import HEIGHT, WIDTH, WORLD, build_for_engine, passes_in, rendered
-from patchnet.tests.blender.job_scene import random_weights
-
-
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return str(random_weights(tmp_path_factory.mktemp("weights")))
 
 
 @pytest.fixture(autouse=True)
-def scene(weights: str, tmp_path: Path) -> bpy.types.Scene:
+def scene(registered: None, weights: Path, tmp_path: Path) -> bpy.types.Scene:
     return build_for_engine(weights, tmp_path)
 
 

@@ -1,34 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Passes of the engine in the compositor: nodes know them, and files that nodes write hold them pixel for pixel."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet.operators.engine.passes import PASSES
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.tests.blender.engine_scene import build_for_engine, exact_passes, rendered
-from patchnet.tests.blender.job_scene import random_weights
 
 _TREE_OF_SCENE = bpy.app.version < (5, 0, 0)  # since then, a node group that several scenes may use
 _SOCKETS = {"VALUE": "FLOAT"}  # what a File Output node calls them
 _LETTERS = {1: "V", 3: "XYZ", 4: "RGBA"}  # by the number of channels, in its files
 
 
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
 @pytest.fixture
-def scene(tmp_path: Path) -> bpy.types.Scene:
-    return build_for_engine(str(random_weights(tmp_path)), tmp_path)
+def scene(registered: None, weights: Path, tmp_path: Path) -> bpy.types.Scene:
+    return build_for_engine(weights, tmp_path)
 
 
 @pytest.fixture

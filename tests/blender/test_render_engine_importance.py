@@ -1,35 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Painted importance in renders of the engine: what is refined, what ranks, what is said where nothing is painted."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-import patchnet
 from patchnet.operators import results
 from patchnet.tests.blender.engine_scene import HEIGHT, WIDTH, build_for_engine, rendered
-from patchnet.tests.blender.job_scene import random_weights
 
 HALF = WIDTH // 2
 
 
-@pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    patchnet.register()
-    yield
-    patchnet.unregister()
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return str(random_weights(tmp_path_factory.mktemp("weights")))
-
-
 @pytest.fixture(autouse=True)
-def scene(weights: str, tmp_path: Path) -> bpy.types.Scene:
+def scene(registered: None, weights: Path, tmp_path: Path) -> bpy.types.Scene:
     return build_for_engine(weights, tmp_path)
 
 
