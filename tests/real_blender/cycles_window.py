@@ -8,7 +8,6 @@ Writes OUT/cycles-button.json or OUT/cycles-escape.json, a value for each thing 
 judges them.
 """
 
-import json
 import math
 import sys
 import tempfile
@@ -22,24 +21,20 @@ sys.path.insert(1, str(Path(__file__).parents[1] / "blender"))
 import clicks
 import scene_snapshot
 import x_keys
+from visits import OUT, Visit, module
 
-OUT, PART = Path(sys.argv[-2]), sys.argv[-1]
-PACKAGE = "bl_ext.user_default.patchnet"
+PART = sys.argv[-1]
 SIZE = (48, 32)
 SETTINGS = {"resolution": "DEPTH", "depth": 7, "scope": "VISIBLE", "size": SIZE, "samples": 1, "cameras": "Eye"}
 CYCLES = {"budget": 0.2, "samples": 512, "tile": 8, "regions": 1, "compare": True}
 FEW, MANY = 16, 65536  # samples: a second or two for a region of one tile, half a minute for the whole picture
 THIRD = 3  # render: after the pixel with which Cycles reads the scene, and the region
 
-seen: dict[str, object] = {}
+visit = Visit(f"cycles-{PART}")
+seen = visit.seen
 begun: list[str] = []
 ended: list[str] = []
 watch = {"ticks": 0, "draws": 0, "fractions": set()}
-
-
-def module(name: str):
-    """A module of the installed extension."""
-    return sys.modules[f"{PACKAGE}.operators.{name}"]
 
 
 def build() -> None:
@@ -208,13 +203,4 @@ def session() -> clicks.Session:
     seen["left in the folder for temporary files"] = [path.name for path in Path(tempfile.tempdir).iterdir()]
 
 
-def finish(problem: str) -> None:
-    """Write what was seen and leave."""
-    (OUT / f"cycles-{PART}.json").write_text(json.dumps(seen | {"problem": problem}, indent=1, default=str))
-    bpy.ops.wm.quit_blender()
-
-
-bpy.context.preferences.view.show_splash = False
-bpy.context.preferences.view.ui_scale = 1.0
-bpy.context.preferences.addons[PACKAGE].preferences.open_pictures = "NEVER"
-clicks.play(session(), finish)
+visit.play(session(), pictures="NEVER")

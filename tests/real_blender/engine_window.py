@@ -7,7 +7,6 @@ Writes OUT/engine.json, a value for each thing that was seen, and screenshots be
 them.
 """
 
-import json
 import sys
 import time
 from pathlib import Path
@@ -17,18 +16,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
+from visits import OUT, PACKAGE, Visit, module
 
-OUT = Path(sys.argv[sys.argv.index("--") + 1])
-PACKAGE = "bl_ext.user_default.patchnet"
-
-START = time.monotonic()
-
-seen: dict[str, object] = {"clock": {}}
-
-
-def module(name: str):
-    """A module of the installed extension."""
-    return sys.modules[f"{PACKAGE}.operators.{name}"]
+visit = Visit("engine")
+seen = visit.seen
 
 
 def watched(viewports: list) -> None:
@@ -203,26 +194,7 @@ def session():
     scene.render.engine = "PATCHNET"
     for part in (without_voxels, preview, final_renders):
         yield from part()
-        tell_time(part.__name__)
-        save("stopped on the way")
+        visit.save(part.__name__)
 
 
-def tell_time(part: str) -> None:
-    """When a part of the visit was over, in seconds."""
-    seen["clock"][part] = round(time.monotonic() - START, 1)
-
-
-def save(problem: str) -> None:
-    """Write what was seen so far."""
-    (OUT / "engine.json").write_text(json.dumps(seen | {"problem": problem}, indent=1))
-
-
-def finish(problem: str) -> None:
-    """Write what was seen and leave."""
-    save(problem)
-    bpy.ops.wm.quit_blender()
-
-
-bpy.context.preferences.view.show_splash = False
-bpy.context.preferences.view.ui_scale = 1.0
-clicks.play(session(), finish)
+visit.play(session())

@@ -6,7 +6,6 @@
 Writes OUT/escape.json, a value for each thing that was seen, and the renders' passes beside it.
 """
 
-import json
 import sys
 import time
 from pathlib import Path
@@ -17,13 +16,14 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
 import x_keys
+from visits import OUT, Visit
 
-OUT = Path(sys.argv[sys.argv.index("--") + 1])
 ENGINE = "bl_ext.user_default.patchnet.operators.engine"
 
 SIZE = 960, 540  # minutes of work, where all pixels are refined
 
-seen: dict[str, object] = {}
+visit = Visit("escape")
+seen = visit.seen
 ended: list[str] = []
 pictures: list = []
 
@@ -123,23 +123,9 @@ def render_to_end(name: str) -> clicks.Session:
 def session() -> clicks.Session:
     """The whole visit."""
     clicks.window().scene.render.engine = "PATCHNET"
-    began = time.monotonic()
     for part in (prepare, stop_refining, render_again):
         yield from part()
-        seen[f"until {part.__name__}_s"] = round(time.monotonic() - began, 1)
-        save("stopped on the way")
+        visit.save(part.__name__)
 
 
-def save(problem: str) -> None:
-    """Write what was seen so far."""
-    (OUT / "escape.json").write_text(json.dumps(seen | {"problem": problem}, indent=1))
-
-
-def finish(problem: str) -> None:
-    """Write what was seen and leave."""
-    save(problem)
-    bpy.ops.wm.quit_blender()
-
-
-bpy.context.preferences.view.show_splash = False
-clicks.play(session(), finish)
+visit.play(session())

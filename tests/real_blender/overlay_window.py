@@ -7,7 +7,6 @@ Writes OUT/overlay.json, a value for each thing that was seen, and screenshots b
 docs/pictures/overlay.jpg is the viewport in overlay-inspect.png.
 """
 
-import json
 import math
 import subprocess
 import sys
@@ -17,18 +16,13 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
+from visits import OUT, PACKAGE, Visit, module
 
-OUT = Path(sys.argv[sys.argv.index("--") + 1])
-PACKAGE = "bl_ext.user_default.patchnet"
 SIZE = (48, 32)
 SAMPLES = ((0.15, 0.5), (0.3, 0.55), (0.7, 0.5), (0.8, 0.6))  # places in the frame, off legends and titles
 
-seen: dict[str, object] = {}
-
-
-def overlay(name: str):
-    """A module of the installed extension's overlay."""
-    return sys.modules[f"{PACKAGE}.operators.overlay.{name}"]
+visit = Visit("overlay")
+seen = visit.seen
 
 
 def build() -> None:
@@ -76,7 +70,7 @@ def color_at(path: Path, x: float, y: float) -> list[int]:
 
 def compare(path: Path, kind: str, names: tuple[str, str]) -> list[list[list[int]]]:
     """Colours on the screen and in the pictures, at places left and right of the wipe in the middle."""
-    framed, drawing = overlay("framed"), overlay("drawing")
+    framed, drawing = module("overlay.framed"), module("overlay.drawing")
     scene, region = clicks.window().scene, clicks.region("WINDOW", kind)
     found = framed.framed(scene, clicks.area(kind), region)
     rect, view = found.rect, found.view
@@ -117,7 +111,7 @@ def in_viewport():
 
 def inspect():
     """The pixel under the mouse; a right click ends it."""
-    framed, drawing = overlay("framed"), overlay("drawing")
+    framed, drawing = module("overlay.framed"), module("overlay.drawing")
     region = clicks.region("WINDOW")
     rect = framed.framed(clicks.window().scene, clicks.area("VIEW_3D"), region).rect
     x, y = int(region.x + rect.left + 0.3 * rect.width), int(region.y + rect.bottom + 0.55 * rect.height)
@@ -135,7 +129,7 @@ def drag():
     """The wipe follows the mouse; Esc brings it back, a click leaves it."""
     values = bpy.context.window_manager.patchnet_overlay
     region = clicks.region("WINDOW")
-    rect = overlay("framed").framed(clicks.window().scene, clicks.area("VIEW_3D"), region).rect
+    rect = module("overlay.framed").framed(clicks.window().scene, clicks.area("VIEW_3D"), region).rect
     y = int(region.y + rect.bottom + 0.5 * rect.height)
     seen["wiped"] = []
     for share, end in ((0.25, "ESC"), (0.75, "LEFTMOUSE")):
@@ -198,7 +192,7 @@ def automatic():
 
 def end():
     """A moved camera is marked; free memory ends all."""
-    handlers, textures, kept = overlay("handlers"), overlay("textures"), overlay("kept")
+    handlers, textures, kept = module("overlay.handlers"), module("overlay.textures"), module("overlay.kept")
     scene = clicks.window().scene
     scene.camera.location.x += 0.3
     yield from shot("overlay-stale")
@@ -216,20 +210,7 @@ def session():
     in_area("VIEW_3D", bpy.ops.patchnet.run_all)
     for part in (into_camera, in_viewport, inspect, drag, in_image_editor, automatic, end):
         yield from part()
-        save(f"stopped after {part.__name__}")
+        visit.save(part.__name__)
 
 
-def save(problem: str) -> None:
-    """Write what was seen so far: also a Blender that crashes leaves it."""
-    (OUT / "overlay.json").write_text(json.dumps(seen | {"problem": problem}, indent=1))
-
-
-def finish(problem: str) -> None:
-    """Write what was seen and leave."""
-    save(problem)
-    bpy.ops.wm.quit_blender()
-
-
-bpy.context.preferences.view.show_splash = False
-bpy.context.preferences.view.ui_scale = 1.0
-clicks.play(session(), finish)
+visit.play(session())

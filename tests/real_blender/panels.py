@@ -6,7 +6,6 @@
 Writes OUT/panels.json and OUT/panel-NAME.png. test_panels.py judges them.
 """
 
-import json
 import sys
 from pathlib import Path
 
@@ -14,18 +13,14 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
+from visits import OUT, PACKAGE, Visit, module, side_box
 
-OUT = Path(sys.argv[sys.argv.index("--") + 1])
-PACKAGE = "bl_ext.user_default.patchnet"
 SMALL = {
     "resolution": "DEPTH", "depth": 6, "light": "two-lights", "size": (48, 32), "cameras": "Far", "scope": "VISIBLE",
 }  # fmt: skip
-seen: dict[str, object] = {"drawn": []}
-
-
-def module(name: str):
-    """A module of the installed extension."""
-    return sys.modules[f"{PACKAGE}.operators.{name}"]
+visit = Visit("panels")
+seen = visit.seen
+seen["drawn"] = []
 
 
 def result():
@@ -37,12 +32,6 @@ def call(name: str, **values: object) -> None:
     """Run an operator to its end, as a script does."""
     with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D")):
         getattr(bpy.ops.patchnet, name)("EXEC_DEFAULT", **values)
-
-
-def side_box() -> tuple[int, int, int, int]:
-    """The sidebar, as a box for screenshots."""
-    side = clicks.region("UI")
-    return side.x, side.y, side.width, side.height
 
 
 def prepare():
@@ -145,13 +134,4 @@ def session():
         yield from part()
 
 
-def finish(problem: str) -> None:
-    """Write what was seen and leave."""
-    (OUT / "panels.json").write_text(json.dumps(seen | {"problem": problem}, indent=1))
-    bpy.ops.wm.quit_blender()
-
-
-bpy.context.preferences.view.show_splash = False
-bpy.context.preferences.view.ui_scale = 1.0
-bpy.context.preferences.addons[PACKAGE].preferences.open_pictures = "NEVER"  # a window would cover this one
-clicks.play(session(), finish)
+visit.play(session(), pictures="NEVER")  # a window would cover this one

@@ -6,7 +6,6 @@
 Writes OUT/window.json, a value for each thing that was seen, and screenshots beside it. test_window.py judges them.
 """
 
-import json
 import sys
 import time
 from pathlib import Path
@@ -15,30 +14,24 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
+from visits import OUT, Visit, module, side_box
 
-OUT = Path(sys.argv[sys.argv.index("--") + 1])
-PACKAGE = "bl_ext.user_default.patchnet"
 SMALL = {"resolution": "DEPTH", "depth": 6, "samples": 1, "size": (48, 32), "cameras": "Far"}
 
 STEPS = ("run_all", "voxelize", "bake_light", "precompute_codes", "render_preview")
-START = time.monotonic()
 
-seen: dict[str, object] = {"clock": {}}
-
-
-def operators(name: str):
-    """A module of the installed extension."""
-    return sys.modules[f"{PACKAGE}.operators.{name}"]
+visit = Visit("window")
+seen = visit.seen
 
 
 def running() -> str:
     """Title of the job that works now, or ""."""
-    return operators("job_operator").JobOperator.running
+    return module("job_operator").JobOperator.running
 
 
 def result():
     """What was computed for the scene so far, or None."""
-    return operators("results").result_of(clicks.window().scene)
+    return module("results").result_of(clicks.window().scene)
 
 
 def pictures() -> list[str]:
@@ -68,12 +61,6 @@ def job(buttons: dict[str, tuple[int, int]], name: str, seconds: float = 200.0):
         longest, last = max(longest, now - last), now
     yield 0.2
     return {"seconds": round(last - start, 1), "longest_pause_s": round(longest, 2)}
-
-
-def side_box() -> tuple[int, int, int, int]:
-    """The sidebar, as a box for screenshots."""
-    side = clicks.region("UI")
-    return side.x, side.y, side.width, side.height
 
 
 def open_tab():
@@ -202,27 +189,12 @@ def free_memory(_buttons: dict[str, tuple[int, int]]):
 def session():
     """The whole visit."""
     yield from open_tab()
-    save("stopped on the way")
+    visit.save("open_tab")
     buttons = yield from clicks.find_buttons({f"patchnet.{name}" for name in STEPS})
     seen["buttons"] = sorted(buttons)
     for part in (too_early, nothing_selected, step_by_step, change_and_undo, all_at_once, free_memory):
         yield from part(buttons)
-        seen["clock"][part.__name__] = round(time.monotonic() - START)
-        save("stopped on the way")
+        visit.save(part.__name__)
 
 
-def save(problem: str) -> None:
-    """Write what was seen so far: also a Blender that crashes leaves it."""
-    (OUT / "window.json").write_text(json.dumps(seen | {"problem": problem}, indent=1))
-
-
-def finish(problem: str) -> None:
-    """Write what was seen and leave."""
-    save(problem)
-    bpy.ops.wm.quit_blender()
-
-
-bpy.context.preferences.view.show_splash = False
-bpy.context.preferences.view.ui_scale = 1.0
-bpy.context.preferences.addons[PACKAGE].preferences.open_pictures = "EDITOR"  # a new window would cover this one
-clicks.play(session(), finish)
+visit.play(session(), pictures="EDITOR")  # a new window would cover this one
