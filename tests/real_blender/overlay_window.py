@@ -109,6 +109,17 @@ def in_viewport():
     values.opacity = 1.0
 
 
+def doubled():
+    """The same on a screen of twice the resolution, where everything of Blender's is twice as large."""
+    space, view = clicks.area("VIEW_3D").spaces.active, bpy.context.preferences.view
+    space.show_region_ui, view.ui_scale = False, 2.0
+    yield 0.5
+    path = yield from shot("overlay-doubled")
+    seen["doubled"] = compare(path, "VIEW_3D", ("HEATMAP", "REFINED"))
+    space.show_region_ui, view.ui_scale = True, 1.0
+    yield 0.5
+
+
 def inspect():
     """The pixel under the mouse; a right click ends it."""
     framed, drawing = module("overlay.framed"), module("overlay.drawing")
@@ -160,6 +171,13 @@ def in_image_editor():
     in_area("IMAGE_EDITOR", bpy.ops.image.view_all, fit_view=True)
     path = yield from shot("overlay-page")
     seen["page"] = compare(path, "IMAGE_EDITOR", ("REFINED_ERROR", "HEATMAP"))
+    scene = clicks.window().scene
+    scene.render.engine, scene.cycles.samples, scene.render.resolution_percentage = "CYCLES", 1, 20
+    bpy.ops.render.render()
+    space.image = bpy.data.images["Render Result"]
+    in_area("IMAGE_EDITOR", bpy.ops.image.view_all, fit_view=True)
+    path = yield from shot("overlay-render-result")
+    seen["render result"] = compare(path, "IMAGE_EDITOR", ("REFINED_ERROR", "HEATMAP"))
 
 
 def automatic():
@@ -208,7 +226,7 @@ def session():
     yield 0.5
     bpy.context.preferences.addons[PACKAGE].preferences.open_pictures = "NEVER"
     in_area("VIEW_3D", bpy.ops.patchnet.run_all)
-    for part in (into_camera, in_viewport, inspect, drag, in_image_editor, automatic, end):
+    for part in (into_camera, in_viewport, doubled, inspect, drag, in_image_editor, automatic, end):
         yield from part()
         visit.save(part.__name__)
 

@@ -20,7 +20,7 @@ def seen(installed: Blender, out: Path) -> dict:
     return found
 
 
-@pytest.mark.parametrize("where", ["viewport", "image", "page"])
+@pytest.mark.parametrize("where", ["viewport", "doubled", "image", "page", "render result"])
 def test_screen_shows_the_pictures(seen: dict, where: str) -> None:
     on_screen, in_picture = np.array(seen[where], int).swapaxes(0, 1)
     assert np.abs(on_screen - in_picture).max() <= 3  # bytes, after two encodings
