@@ -9,8 +9,9 @@ from functools import partial
 import bpy
 import numpy as np
 
+from ...patchnet_addon.beside import attended
 from ...patchnet_addon.errors import StoppedError
-from ...patchnet_addon.progress import Progress, Result, Steps
+from ...patchnet_addon.progress import Result, Steps
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
@@ -59,21 +60,22 @@ def pull(engine: bpy.types.RenderEngine, steps: Steps[Result], start: float, end
 
     Raises StoppedError, with the steps cleaned up, as soon as the person stops the render.
     """
+    said = ""
     try:
         while True:
-            report = next(steps)
-            _show(engine, report, start, end)
+            with attended():  # so that a stop is heard while kernels compile
+                report = next(steps)
+            text = f"{report.label} {round(100 * report.fraction)} %" + (f", {report.note}" if report.note else "")
+            if text != said:  # in background Blender prints it
+                said = text
+                engine.update_stats("PatchNet", text)
+                engine.update_progress(start + (end - start) * report.fraction)
             if engine.test_break():
                 raise StoppedError("The render was stopped")
     except StopIteration as stop:
         return stop.value
     finally:
         steps.close()
-
-
-def _show(engine: bpy.types.RenderEngine, report: Progress, start: float, end: float) -> None:
-    engine.update_stats("PatchNet", f"{report.label} {round(100 * report.fraction)} %")
-    engine.update_progress(start + (end - start) * report.fraction)
 
 
 class _Output:

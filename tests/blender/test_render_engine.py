@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The render engine in background: what its passes hold, when it needs a new octree, and what it says about errors."""
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from patchnet.operators.engine import frame_octree, panels
 from patchnet.operators.engine.engine import ENGINE
 from patchnet.operators.engine.passes import NO_DEPTH, PASSES
 from patchnet.operators.engine.render_frame import pull
+from patchnet.patchnet_addon.beside import computed
 from patchnet.patchnet_addon.errors import StoppedError
 from patchnet.patchnet_addon.progress import Progress, drain
 from patchnet.patchnet_addon.sampling.frame import Frame
@@ -244,6 +246,14 @@ def test_a_stop_cleans_up_at_once() -> None:
     with pytest.raises(StoppedError):
         pull(Stopping(), steps(), 0.0, 1.0)
     assert log == [0, 1, 2, "clean"]
+
+
+def test_a_stop_is_heard_in_the_middle_of_a_step() -> None:
+    go = threading.Event()
+    with pytest.raises(StoppedError):
+        pull(Stopping(), computed(lambda: go.wait(60.0), Progress(0, 1, "Compiling")), 0.0, 1.0)
+    assert not go.is_set()
+    go.set()
 
 
 def with_our_engine() -> set[str]:
