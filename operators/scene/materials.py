@@ -49,6 +49,8 @@ def read_material(material: bpy.types.Material, images: ImageReader) -> tuple[Ma
         surface = _Surface(transparent=True, alpha=NumberTerm(0.0))
     else:
         surface = walk.surface(Input(output.inputs["Surface"]))
+        if material.displacement_method != "BUMP" and output.inputs["Displacement"].is_linked:
+            walk.values.notes.append("its displacement moves no voxels, unlike a Displace modifier")
     result = _material(name, surface, images)
     notes = list(dict.fromkeys(walk.values.notes))
     return result, f"Material '{name}' is simplified: {'; '.join(notes)}" if notes else None

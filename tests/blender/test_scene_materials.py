@@ -315,3 +315,15 @@ def test_gltf_importers_materials(tmp_path: Path) -> None:
     assert found["Lamp"].emission == pytest.approx((1.0, 0.5, 0.0))
     batch = next(source.batches())
     assert batch.uvs.min() == 0.0 and batch.uvs.max() == 1.0
+
+
+@pytest.mark.parametrize(("method", "told"), [("BUMP", False), ("DISPLACEMENT", True), ("BOTH", True)])
+def test_displacement_that_moves_the_surface_is_told(method: str, told: bool) -> None:
+    material, _node = principled("Cobbles")
+    tree = material.node_tree
+    material.displacement_method = method
+    assert read(material)[1] is None
+    node = tree.nodes.new("ShaderNodeDisplacement")
+    tree.links.new(node.outputs[0], tree.get_output_node("CYCLES").inputs["Displacement"])
+    warning = read(material)[1]
+    assert (warning is not None and "'Cobbles'" in warning and "Displace modifier" in warning) == told
