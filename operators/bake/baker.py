@@ -30,6 +30,7 @@ from .settings import changed, object_mode
 from .translucency import is_translucent
 
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
+_DIM = 0.02  # of the median light on a page: perhaps an enclosed side, into which a little light finds its way
 # Side of what Cycles samples at a time, in texels. It hears of a stop between two passes over a tile only, and a pass
 # over a whole page takes a processor many seconds: too long for a window. Small tiles take a fifth longer, so without
 # one a page is one tile, and what stops a command does not ask Cycles. The bits are the same.
@@ -98,7 +99,7 @@ class Baker:
             at = replace(at, done=page + 0.5)
             yield at
             _, back = yield from self.bake(page, part.only(np.zeros(len(part), bool)), lit_inside, at)
-            texels = yield from computed(lambda: self.merged(page, lit_inside.triangles, texels, back), at)
+            texels = yield from computed(lambda: self.merged(page, lit_inside.triangles, texels, back, share=0.0), at)
         return texels
 
     def triangles(self, page: int) -> PageTriangles:
@@ -106,23 +107,31 @@ class Baker:
         return page_triangles(self._source, self._charts, page, self._closed, self._attributes)
 
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
-        """(N,) bool: triangles whose back was left out and whose front gets no light; a lamp may be inside.
+        """(N,) bool: triangles whose back was left out and may be what people see.
 
-        Where another triangle of a closed piece gets light from outside, the dark ones of it are only hidden.
+        Fronts of closed pieces that get no light: a lamp may be inside. Fronts of sheets that get next to none: their
+        normals may point into a building. Where another triangle of a closed piece gets light from outside, the dark
+        ones of it are only hidden.
         """
         from ...patchnet_addon.light.chart_lookup import group_means
 
         means = group_means(self._charts, front, part.triangles, page)[:, 0]
         dark = means <= 1e-6 * means.max(initial=0.0)
         hidden = part.closed & np.isin(part.pieces, part.pieces[~dark])
-        return (part.closed | self._one_sided[part.materials]) & dark & ~hidden
+        dim = means <= _DIM * np.median(means[~dark]) if not dark.all() else dark
+        return np.where(part.closed, dark & ~hidden, self._one_sided[part.materials] & (dark | dim))
 
-    def merged(self, page: int, triangles: np.ndarray, front: np.ndarray, back: np.ndarray) -> np.ndarray:
-        """The page (side * side, C) with both sides of `triangles` averaged, or the lit one where the other is dark."""
+    def merged(
+        self, page: int, triangles: np.ndarray, front: np.ndarray, back: np.ndarray, share: float = 0.5
+    ) -> np.ndarray:
+        """The page (side * side, C) with both sides of `triangles`, or the lit one where the other is dark.
+
+        share: of the back, where both are lit.
+        """
         from ...patchnet_addon.light.chart_lookup import group_means, texel_owners
 
         means = [group_means(self._charts, side, triangles, page)[:, 0] for side in (front, back)]
-        weight = np.full(len(triangles), 0.5, np.float32)  # of the back
+        weight = np.full(len(triangles), share, np.float32)  # of the back
         weight[means[1] <= _DARK_SIDE * means[0]] = 0.0
         weight[means[0] < _DARK_SIDE * means[1]] = 1.0
         of_triangle = np.zeros(len(self._charts.page) + 1, np.float32)  # the last one: texels without a triangle

@@ -135,6 +135,18 @@ def test_fronts_alone(by_material: bool) -> None:
     assert values["Down"].mean() == pytest.approx(3.0 * 0.5 / np.pi, rel=1e-3), "a dark front is no front"
 
 
+@pytest.mark.parametrize(("strength", "seen"), [(0.003, 3.0), (0.3, 0.3)])
+def test_normals_that_point_into_a_building(strength: float, seen: float) -> None:
+    """What gets next to no light on its front is enclosed there, although a little finds its way in; shade is shade."""
+    material = diffuse((0.5, 0.5, 0.5))
+    sun(3.0), sun(strength, (np.pi, 0.0, 0.0))
+    for index, name in enumerate(("Up", "Down")):
+        square(name, material, up=name == "Up").location = (10 * index, 0, 0)
+    values = shaded(*baked())
+    assert values["Up"].mean() == pytest.approx(3.0 * 0.5 / np.pi, rel=1e-3)
+    assert values["Down"].mean() == pytest.approx(seen * 0.5 / np.pi, rel=1e-3)
+
+
 def test_closed_boxes_that_are_lit_from_inside() -> None:
     """Where nothing shines outside, the inner side counts. A sheet beside it keeps the mean of its sides."""
     cube(diffuse((0.5, 0.5, 0.5)))
