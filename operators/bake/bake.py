@@ -6,8 +6,8 @@ surface by far less than a voxel and invisible to all rays, so that it neither s
 computes the light that arrives on it. So instances stay instances, and memory is bounded by the page. Between two
 pages the scene is exactly as before.
 
-Opaque surfaces are baked on the side that their normals show, on the other where that is dark. Both sides count of
-cut-outs and of what is translucent, and of all sheets if asked for; not of closed surfaces, whose inner side nobody
+Opaque surfaces are baked on the side that their normals show, on the other where that is next to dark. Both sides count
+of cut-outs and of what is translucent, and of all sheets if asked for; not of closed surfaces, whose inner side nobody
 sees. A side that gets next to no light beside the other does not count: it is enclosed, although the surface has a gap.
 """
 
