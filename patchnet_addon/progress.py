@@ -18,7 +18,7 @@ Result = TypeVar("Result")
 class Progress:
     """`done` of `total` units of the step called `label` are finished.
 
-    waiting: something beside Python is at work for the step, on what the step has put there: ask again later.
+    waiting: a thread, or a job of Blender's, is at work for the step, on what the step has put there: ask again later.
     whole: share of all steps that is done, 0 to 1, where somebody counts them.
     frame: of the animation that the step belongs to; `step` is then the label without it.
     note: why it takes longer than usual, or "".

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -37,7 +38,7 @@ class Common:
     depth: int | None = None
 
 
-class FrameMaker:
+class FrameMaker(ABC):
     """Makes frames; the scene is at the frame in question whenever a method is called.
 
     scope: which objects. exposure: as it was given, None if it is to be chosen. bakes: whether Cycles computes light.
@@ -47,13 +48,13 @@ class FrameMaker:
     exposure: float | None
     bakes: bool
 
+    @abstractmethod
     def settings_text(self, common: Common) -> str:
         """All settings that the files depend on."""
-        raise NotImplementedError
 
+    @abstractmethod
     def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
         """Write the frame's files into `folder`; the result is its summary, with "exposure" and "warnings"."""
-        raise NotImplementedError
 
     def voxel_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
         """Side of the voxels that this frame needs, and whether memory bounds it; None if settings say it."""

@@ -161,9 +161,9 @@ def change_and_undo(_buttons: dict[str, tuple[int, int]]):
 
 
 def all_at_once(buttons: dict[str, tuple[int, int]]):
-    """Preview Selection does everything, with files; Cycles has baked beside the window before."""
+    """Preview Selection does everything, with files."""
     window = clicks.window()
-    window.scene.patchnet.out, window.scene.patchnet.light = str(OUT / "run-all"), "two-lights"
+    window.scene.patchnet.out = str(OUT / "run-all")
     seen["run_all"] = yield from job(buttons, "patchnet.run_all")
     seen["files"] = sorted(str(path.relative_to(OUT / "run-all")) for path in (OUT / "run-all").rglob("*.*"))
     shown = clicks.area("VIEW_3D")
