@@ -3,29 +3,56 @@
 
 import os
 import sys
+import traceback
 from typing import NoReturn
 
 
 def main() -> NoReturn:
     """Run the command line and end the process with its exit code."""
-    from .commands import main as run_command
+    try:
+        code = _run()
+    except KeyboardInterrupt:  # before or after the work
+        print("patchnet: interrupted", file=sys.stderr)
+        code = 130
+    except SystemExit as stop:  # argparse: help, or words that it does not know
+        code = stop.code if isinstance(stop.code, int) else 1
+    except Exception:  # noqa: BLE001  it is said in full, and the process has to end as below
+        traceback.print_exc()
+        code = 1
+    leave(code)
 
-    leave(run_command())
+
+def _run() -> int:
+    from .commands import main as run_command
+    from .patchnet_addon.streams import keep_streams
+
+    keep_streams()
+    return run_command()
 
 
 def leave(code: int) -> NoReturn:
     """End the process with `code`.
 
     Blender as a Python module can wait forever while its library is unloaded: a thread of its own still waits on what
-    is being destroyed. So once it is loaded, the process ends as soon as everything is written.
+    is being destroyed. So once it is loaded, the process ends as soon as everything is written, and what Blender would
+    have tidied up is.
     """
+    from .patchnet_addon.streams import finish_streams
+
+    if (error := finish_streams()) is not None and not code:
+        code = 2
+        print(f"patchnet: error: what was printed is lost ({error.strerror})", file=sys.stderr)
     if "bpy" not in sys.modules:
         sys.exit(code)
     import atexit
 
+    from .operators.session_folder import session_folder_goes
+    from .patchnet_addon.unfinished import remove_unfinished
+
+    session_folder_goes()
     atexit._run_exitfuncs()
-    sys.stdout.flush()
-    sys.stderr.flush()
+    remove_unfinished()
+    finish_streams()
     os._exit(code)
 
 

@@ -35,12 +35,12 @@ def main(
 
     `argv` are the arguments without the program's name, by default those of the process; `names` the sub-commands that
     there are, by default all; `level` what the log tells people. Returns the exit code: 0 for success, 2 for bad input
-    (one sentence on stderr), 130 when interrupted, and with a log for programs 1 for what should not have happened,
-    which else is raised.
+    (one sentence on stderr), 130 when interrupted, 143 by SIGTERM, and with a log for programs 1 for what should not
+    have happened, which else is raised.
     """
     from ..patchnet_addon import log
-    from ..patchnet_addon.errors import PatchNetError
-    from ..patchnet_addon.interrupt import INTERRUPTED, prompt_interrupt
+    from ..patchnet_addon.errors import FileAccessError, PatchNetError
+    from ..patchnet_addon.interrupt import exit_code_of, prompt_interrupt
     from .lines import say_error
 
     words = sys.argv[1:] if argv is None else list(argv)
@@ -54,10 +54,13 @@ def main(
     except PatchNetError as error:
         say_error(f"error: {error}", EXIT_ERROR)
         return EXIT_ERROR
-    except KeyboardInterrupt:
-        say_error("interrupted", INTERRUPTED)
-        return INTERRUPTED
+    except KeyboardInterrupt as stop:
+        say_error("interrupted", exit_code_of(stop))
+        return exit_code_of(stop)
     except Exception as error:
+        if isinstance(error, OSError) and (explained := FileAccessError.of(error)) is not None:
+            say_error(f"error: {explained}", EXIT_ERROR)
+            return EXIT_ERROR
         if not log.is_json():
             raise
         log.unexpected(error, exit_code=EXIT_UNEXPECTED)

@@ -14,10 +14,11 @@ from __future__ import annotations
 import argparse
 import json
 
-from .benches import bake, depths, fit, nodes, opening, scene, voxelize
+from .benches import bake, depths, encode, fit, nodes, opening, scene, voxelize
 
 BENCHES = {
-    "voxelize": voxelize, "depths": depths, "open": opening, "nodes": nodes, "scene": scene, "fit": fit, "bake": bake
+    "voxelize": voxelize, "depths": depths, "open": opening, "nodes": nodes, "scene": scene, "fit": fit, "bake": bake,
+    "encode": encode,
 }  # fmt: skip
 
 

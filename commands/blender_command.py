@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`blender --command patchnet SUB-COMMAND`: the sub-commands that need no torch, inside Blender.
 
-What an entry returns is Blender's exit code: 0 done, 1 unexpected, 2 bad input, 130 interrupted.
+What an entry returns is Blender's exit code: 0 done, 1 unexpected, 2 bad input, 130 interrupted, 143 by
+SIGTERM.
 """
 
 from __future__ import annotations
@@ -42,10 +43,14 @@ def execute(words: Sequence[str]) -> int:
     import bpy
 
     from ..operators.preferences import apply_preferences, preferences
+    from ..operators.session_folder import session_folder_goes
     from ..patchnet_addon.errors import PatchNetError
+    from ..patchnet_addon.streams import keep_streams
     from . import EXIT_ERROR, EXIT_UNEXPECTED, main
     from .lines import say_error
 
+    keep_streams()
+    session_folder_goes()
     try:
         apply_preferences(bpy.context)
         level = preferences(bpy.context).log_level

@@ -30,7 +30,9 @@ def run(args: argparse.Namespace) -> int:
     import time
 
     from ..patchnet_addon.errors import SettingError
+    from ..patchnet_addon.file_kinds import SAMPLES
     from ..patchnet_addon.octree.file import load_octree
+    from ..patchnet_addon.outputs import check_outputs
     from ..patchnet_addon.progress import drain
     from ..training.dataset import SUFFIX, save_samples
     from ..training.samples import SampleSettings, draw_samples
@@ -40,6 +42,7 @@ def run(args: argparse.Namespace) -> int:
     if args.samples < 1 or args.views < 1 or not 0 <= args.held_out < 1:
         raise SettingError("Samples and views must be positive numbers and the held-out share at least 0 and below 1")
     names = sample_names(args.octrees)
+    check_outputs({args.out / (name + SUFFIX): SAMPLES for name in names}, args.octrees, folder=args.out)
     args.out.mkdir(parents=True, exist_ok=True)
     share = -(-args.samples // len(names))
     start = time.monotonic()
@@ -59,10 +62,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def sample_names(octrees: list[Path]) -> dict[str, Path]:
-    """A different name for each octree: its file's, or its folder's where files are all called alike."""
+    """A different name for each octree: its file's, or its folder's where files are all called alike.
+
+    Names differ by more than the case of letters, which some file systems do not tell apart.
+    """
     stems = [path.name.removesuffix(".safetensors") for path in octrees]
-    if len(set(stems)) < len(stems):
+    if len({stem.casefold() for stem in stems}) < len(stems):
         stems = [f"{path.resolve().parent.name}_{stem}" for path, stem in zip(octrees, stems, strict=True)]
-    if len(set(stems)) < len(stems):
+    if len({stem.casefold() for stem in stems}) < len(stems):
         stems = [f"{number}_{stem}" for number, stem in enumerate(stems)]
     return dict(zip(stems, octrees, strict=True))

@@ -32,12 +32,17 @@ def run(args: argparse.Namespace) -> int:
     """Build, save, run, print; returns 0. Raises PatchNetError."""
     require_blender()
     from ..operators.demo_scene import save_demo_scene
+    from ..operators.job.output_files import check_job
     from ..operators.scene import open_scene
+    from ..patchnet_addon.file_kinds import BLEND
+    from ..patchnet_addon.outputs import check_outputs
     from .quiet import quiet_stdout
 
     start = time.monotonic()
     settings = job_settings(args, args.out)
     scene = args.out / SCENE_NAME
+    check_job(settings, None, frames=False)
+    check_outputs({scene: BLEND})
     try:
         args.out.mkdir(parents=True, exist_ok=True)
         with quiet_stdout():

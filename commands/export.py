@@ -26,11 +26,13 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 def run(args: argparse.Namespace) -> int:
     """Write the file; returns 0. Raises PatchNetError."""
-    from ..patchnet_addon.octree.export.formats import export_octree
+    from ..patchnet_addon.octree.export.formats import export_octree, format_of
     from ..patchnet_addon.octree.file import load_octree
+    from ..patchnet_addon.outputs import check_outputs
     from ..patchnet_addon.progress import drain
     from .progress_bars import ProgressBars
 
+    check_outputs({args.out: format_of(args.out).kind}, [args.octree])
     octree = load_octree(args.octree)
     level = octree.depth if args.level is None else args.level
     steps = export_octree(octree, args.out, level)

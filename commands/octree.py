@@ -96,8 +96,10 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.progress import drain
     from .progress_bars import ProgressBars
 
+    check_out(args)
     with clock.stage("open"):
         open_given(args.scene)
+    check_out(args)
     hide_from_renders(without(args))
     if args.frames is not None:
         from .octree_frames import OctreeMaker
@@ -115,6 +117,17 @@ def run(args: argparse.Namespace) -> int:
     if args.timings:
         print(json.dumps(clock.as_json()))
     return 0
+
+
+def check_out(args: argparse.Namespace) -> None:
+    """Raises OutputError if --out cannot be written, or would replace what the open or the named scene is read from."""
+    from ..operators.job.output_files import scene_inputs
+    from ..operators.job.reports import REPORT_NAME
+    from ..patchnet_addon.file_kinds import OCTREE, REPORT
+    from ..patchnet_addon.outputs import check_outputs
+
+    inputs, folder = [*scene_inputs(), *filter(None, [args.scene])], None if args.frames is None else args.out
+    check_outputs({args.out: OCTREE} if folder is None else {folder / REPORT_NAME: REPORT}, inputs, folder=folder)
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -218,7 +231,7 @@ def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarra
     import bpy
 
     from ..operators.bake import bake_luminance
-    from ..operators.daylight import has_light, in_daylight
+    from ..operators.daylight import has_light
     from ..operators.job.stages import NO_LIGHT
     from ..patchnet_addon.light.atlas import atlas_shade
     from ..patchnet_addon.light.two_lights import DIRECTION, two_lights_shade
@@ -230,8 +243,14 @@ def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarra
     lit = has_light(bpy.context.evaluated_depsgraph_get()) if args.daylight is None else not args.daylight
     if not lit:
         say_note(NO_LIGHT, file=sys.stderr)
-    baking = bake_luminance(
-        bpy.context, source, texel_world, args.samples, color=args.color, both_sides=args.both_sides, kept=kept
+    atlas = yield from bake_luminance(
+        bpy.context,
+        source,
+        texel_world,
+        args.samples,
+        color=args.color,
+        both_sides=args.both_sides,
+        kept=kept,
+        with_daylight=not lit,
     )
-    atlas = yield from baking if lit else in_daylight(bpy.context.scene, baking)
     return atlas_shade(atlas, source)

@@ -11,7 +11,9 @@ from typing import Any
 import bpy
 
 from ..operators.job.frame_maker import Common, FrameMaker
+from ..operators.job.output_files import OCTREE_NAME
 from ..operators.scene.placements import VISIBLE
+from ..patchnet_addon.file_kinds import OCTREE, FileKind
 from ..patchnet_addon.light.kept_pages import KeptPages
 from ..patchnet_addon.octree.file import save_octree
 from ..patchnet_addon.progress import Steps
@@ -35,12 +37,16 @@ class OctreeMaker(FrameMaker):
         values = vars(self._of_frame(common))
         return repr(sorted((name, value) for name, value in values.items() if name not in _NOT_IN_FILES))
 
+    def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
+        """One file."""
+        return {OCTREE_NAME: OCTREE}
+
     def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
         """One file."""
         with KeptPages() as kept:
             octree = yield from build(self._of_frame(common), self._clock, kept)
             with self._clock.stage("save"):
-                save_octree(octree, folder / "octree.safetensors")
+                save_octree(octree, folder / OCTREE_NAME)
         figures = {"depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count}
         return {"exposure": octree.exposure, "octree": figures | {"bytes": octree.nbytes}, "views": []}
 

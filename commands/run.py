@@ -95,7 +95,10 @@ def run(args: argparse.Namespace) -> int:
     """Run the job and print its figures; returns 0. Raises PatchNetError."""
     check_frames(args)
     require_blender()
+    from ..operators.job.output_files import check_job
+
     settings = job_settings(args, args.out or Path(DEFAULT_OUT) / scene_path(args.scene).stem)
+    check_job(settings, args.scene, frames=args.frames is not None)
     open_given(args.scene)
     if args.frames is not None:
         return _run_frames(args, settings)
@@ -122,6 +125,9 @@ def require_blender() -> None:
             f"Blender is not there as a Python module ({cause}): install patchnet-blender[blender] and the system "
             "libraries that README names"
         ) from cause
+    from ..operators.session_folder import session_folder_goes
+
+    session_folder_goes()
 
 
 def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:

@@ -19,6 +19,7 @@ from typing import Any
 
 from ..patchnet_addon.errors import SettingError
 from ..patchnet_addon.progress import drain
+from ..training.run_files import WEIGHTS, check_run
 from ..training.settings import PRESETS, TrainSettings
 from .lines import say_result
 
@@ -52,6 +53,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Train, then write the weights and their model card."""
+    from ..training.dataset import sample_files
+
+    files = sample_files(args.datasets)
+    check_run(args.out, files, resume=args.resume)
     # Threads that spin while they wait cost a shared machine more than they gain; must be set before torch is loaded.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     keep_freed_memory()
@@ -60,13 +65,13 @@ def run(args: argparse.Namespace) -> int:
     except ImportError as cause:
         raise SettingError("Training needs torch: install it with `pip install 'patchnet-blender[train]'`") from cause
     from ..patchnet_addon.network.weights import save_weights
-    from ..training.dataset import load_dataset, sample_files
+    from ..training.dataset import load_dataset
     from ..training.model_card import write_card
     from ..training.provenance import describe_command, describe_machine, describe_versions
     from ..training.trainer import RunOptions, train
     from .progress_bars import ProgressBars
 
-    datasets = [load_dataset(path) for path in sample_files(args.datasets)]
+    datasets = [load_dataset(path) for path in files]
     settings = settings_of(args, sum(dataset.samples.views[..., 0].size for dataset in datasets))
     options = RunOptions(args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after)
     options.notes = {
@@ -78,9 +83,9 @@ def run(args: argparse.Namespace) -> int:
     }
     with ProgressBars() as bars:
         weights = drain(train(datasets, settings, options), bars.show)
-    save_weights(weights, args.out / "patchnet.safetensors")
+    path = args.out / WEIGHTS
+    save_weights(weights, path)
     write_card(args.out, datasets, settings, weights.metadata, weights.hash)
-    path = args.out / "patchnet.safetensors"
     say_result(f"{path}: {weights.metadata['sample_passes']:,} sample passes", file=path)
     return 0
 

@@ -49,19 +49,24 @@ def run(args: argparse.Namespace) -> int:
     require_blender()
     import bpy
 
+    from ..operators.job.output_files import scene_inputs
     from ..operators.job.output_folder import output_folder
     from ..operators.verify_light import verify_light
-    from ..operators.verify_light.pictures import save_check
+    from ..operators.verify_light.pictures import check_files, save_check
+    from ..patchnet_addon.outputs import check_outputs
     from ..patchnet_addon.progress import drain
     from .progress_bars import ProgressBars
     from .quiet import quiet_stdout
 
     settings = check_settings(args)
-    with output_folder(args.out) as folder:
-        open_or_build(args.scene)
+    given = [] if args.scene in (None, DEMO, ROOM) else [Path(args.scene)]
+    check_outputs({args.out / name: kind for name, kind in check_files(()).items()}, given, folder=args.out)
+    open_or_build(args.scene)
+    folders = camera_folders_of(settings)
+    with output_folder(args.out, check_files(folders.values()), [*given, *scene_inputs()]) as folder:
         with quiet_stdout(), ProgressBars() as bars:
             check = drain(verify_light(bpy.context, settings), bars.show)
-        save_check(check, folder, settings.difference)
+        save_check(check, folder, settings.difference, folders)
     print_check(check)
     say_result(f"Pictures and report are in {args.out}", file=args.out, **check.report["mean"])
     return 0
@@ -85,6 +90,17 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
         out=args.out,
     )
     return CheckSettings(job, number, args.render_samples, args.rays, args.difference)
+
+
+def camera_folders_of(settings: CheckSettings) -> dict[str, str]:
+    """The folder of each camera by its name, of the open scene's or of those that will be placed. Raises SceneError."""
+    import bpy
+
+    from ..operators.job.camera_folders import camera_folders, view_folders
+
+    if settings.viewpoints:
+        return camera_folders(f"View {number}" for number in range(1, settings.viewpoints + 1))
+    return view_folders(bpy.context.scene, settings.job.cameras)
 
 
 def open_or_build(scene: str | None) -> None:

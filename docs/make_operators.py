@@ -84,6 +84,11 @@ NOTES = {
         "nothing in the scene; the file",
         "bpy.ops.patchnet.voxelize(depth=6); bpy.ops.patchnet.export_octree(filepath='//voxels.ply', level=5)",
     ),
+    "load_octree": Note(
+        "nothing in the scene; the octree in memory, and its codes where `codes.safetensors` lies beside it",
+        "bpy.ops.patchnet.run_all(depth=6, samples=1, out='//out'); bpy.ops.patchnet.clear_results(); "
+        "bpy.ops.patchnet.load_octree(filepath='//out/octree.safetensors')",
+    ),
     "clear_results": Note(
         "images, the object `PatchNet Voxels` and files; octree and codes are freed",
         "bpy.ops.patchnet.voxelize(depth=6); bpy.ops.patchnet.clear_results()",

@@ -14,6 +14,7 @@ from ..patchnet_addon.progress import Progress, Steps
 from . import results
 from .job.settings import JobSettings
 from .job.stages import build, lit
+from .job_watch import read_state
 from .polls import VoxelJob
 from .properties import LightProperties
 from .tell import tell
@@ -32,15 +33,21 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
 
         before = results.voxels_of(context.scene)
         yield Progress(0, 1, "Reading the scene")
-        source = read_scene(context.evaluated_depsgraph_get(), before.scope)
+        source, state = read_scene(context.evaluated_depsgraph_get(), before.scope), read_state(context.scene)
         _check_bounds(source.bounds_world, before.octree.grid)
         settings, grid = replace(settings, scope=before.scope), before.octree.grid
         seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}
         with KeptPages() as kept, results.timed(seconds, "light"):
             shade, assumed = yield from lit(context, source, grid, before.layout, settings, kept)
-            octree = yield from build(source, grid, shade, settings, settings.light, before.layout)
+            octree = yield from build(source, grid, shade, settings, settings.light, before.layout, state)
         made = results.SceneResult(
-            octree, before.scope, before.layout, settings.light, seconds=seconds, made_with=before.made_with
+            octree,
+            before.scope,
+            before.layout,
+            settings.light,
+            seconds=seconds,
+            made_with=before.made_with,
+            state=state,
         )
         results.keep(context.scene, made, "light")
         for warning in assumed:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..patchnet_addon.errors import SceneError
 from ..patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
-from .frames import kept_frame
+from .frames import go_to_frame, kept_frame
 
 ALL = "all"
 AUTO = "auto"
@@ -108,6 +108,31 @@ def framing_cameras(bounds_world: np.ndarray, size: tuple[int, int]) -> list[Cam
     ]
 
 
+def camera_names(scene: bpy.types.Scene, names: Sequence[str]) -> list[str]:
+    """Names of the cameras that `choose_cameras` gives. Raises SceneError if there is no such camera."""
+    if list(names) == [AUTO]:
+        return list(_AUTO_DISTANCES)
+    known = scene_cameras(scene)
+    if list(names) == [ALL]:
+        chosen = sorted(known)
+    elif names:
+        chosen = list(dict.fromkeys(names))
+    else:
+        chosen = [scene.camera.name] if scene.camera else []
+    if not chosen:
+        raise SceneError("The scene has no camera: add one, or use the cameras 'auto' that frame the scene")
+    for name in chosen:
+        if name not in known:
+            there = ", ".join(f"'{camera}'" for camera in sorted(known)) or "none"
+            raise SceneError(f"There is no camera '{name}' in scene '{scene.name}': its cameras are {there}")
+    return chosen
+
+
+def scene_cameras(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
+    """The scene's camera objects by name."""
+    return {item.name: item for item in scene.objects if item.type == "CAMERA"}
+
+
 def choose_cameras(
     depsgraph: bpy.types.Depsgraph,
     names: Sequence[str],
@@ -119,21 +144,10 @@ def choose_cameras(
     Raises SceneError if there is no such camera.
     """
     scene = depsgraph.scene
+    chosen = camera_names(scene, names)
     if list(names) == [AUTO]:
         return framing_cameras(bounds_world, camera_size_px(scene, size))
-    cameras = {item.name: item for item in scene.objects if item.type == "CAMERA"}
-    if list(names) == [ALL]:
-        chosen = sorted(cameras)
-    elif names:
-        chosen = list(dict.fromkeys(names))
-    else:
-        chosen = [scene.camera.name] if scene.camera else []
-    if not chosen:
-        raise SceneError("The scene has no camera: add one, or use the cameras 'auto' that frame the scene")
-    for name in chosen:
-        if name not in cameras:
-            known = ", ".join(f"'{camera}'" for camera in sorted(cameras)) or "none"
-            raise SceneError(f"There is no camera '{name}' in scene '{scene.name}': its cameras are {known}")
+    cameras = scene_cameras(scene)
     return [tracing_camera(cameras[name].evaluated_get(depsgraph), scene, size) for name in chosen]
 
 
@@ -148,7 +162,7 @@ def track_cameras(
     cameras = []
     with kept_frame(scene):
         for number in range(scene.frame_start, scene.frame_end + 1, scene.frame_step):
-            scene.frame_set(number)
+            go_to_frame(scene, number)
             for camera in choose_cameras(context.evaluated_depsgraph_get(), names, size, bounds_world):
                 cameras.append(replace(camera, name=f"{camera.name}, frame {number}"))
     return _without_repeats(cameras)

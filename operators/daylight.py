@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sun and sky for a scene that has no light, as long as it is baked."""
+"""Sun and sky for a scene that has no light, while it is baked or rendered."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 
 import bpy
 from mathutils import Euler
 
-from ..patchnet_addon.progress import Result, Steps
+from .overrides import changed
 from .own import is_own
-from .window_job import when_job_ended
+from .temporary import temporary
 
 SUN_STRENGTH = 4.0  # W/m2
 SUN_ANGLE = 0.009  # radians, as from the earth
@@ -62,44 +62,20 @@ def _bright(socket: bpy.types.NodeSocket) -> bool:
     return socket.is_linked or (value > 0 if isinstance(value, float) else max(value[:3]) > 0)
 
 
-def in_daylight(scene: bpy.types.Scene, steps: Steps[Result]) -> Steps[Result]:
-    """The same steps, each with sun and sky in the scene, which is as before between them, unless they wait."""
-    lit = ExitStack()
-    try:
-        while True:
-            lit.enter_context(daylight(scene))
-            report = next(steps)
-            while report.waiting:
-                yield report
-                report = next(steps)
-            lit.close()
-            yield report
-    except StopIteration as stop:
-        return stop.value
-    finally:
-        steps.close()
-        when_job_ended(lit.close)
-
-
 @contextmanager
 def daylight(scene: bpy.types.Scene) -> Iterator[None]:
     """Sun and sky in `scene` within the block; the scene is as before afterwards, on errors too."""
-    lamp = bpy.data.lights.new("PatchNet Sun", "SUN")
-    sun = bpy.data.objects.new("PatchNet Sun", lamp)
-    sky = bpy.data.worlds.new("PatchNet Sky")
-    before = scene.world
-    try:
+    with (
+        temporary(bpy.data.lights.new("PatchNet Sun", "SUN")) as lamp,
+        temporary(bpy.data.objects.new("PatchNet Sun", lamp)) as sun,
+        temporary(bpy.data.worlds.new("PatchNet Sky")) as sky,
+    ):
         lamp.energy, lamp.angle = SUN_STRENGTH, SUN_ANGLE
         sun.rotation_euler = Euler(SUN_ROTATION)
         scene.collection.objects.link(sun)
         _fill_sky(sky)
-        scene.world = sky
-        yield
-    finally:
-        scene.world = before
-        bpy.data.worlds.remove(sky)
-        bpy.data.objects.remove(sun)
-        bpy.data.lights.remove(lamp)
+        with changed(scene, world=sky):
+            yield
 
 
 def _fill_sky(sky: bpy.types.World) -> None:

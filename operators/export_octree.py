@@ -75,13 +75,16 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Write the file."""
         from ..patchnet_addon.errors import SettingError
-        from ..patchnet_addon.octree.export.formats import export_octree
+        from ..patchnet_addon.octree.export.formats import export_octree, format_of
+        from ..patchnet_addon.outputs import check_outputs
+        from .job.output_files import scene_inputs
 
         octree = results.voxels_of(context.scene).octree
         level = setting(context, self, "level") or octree.depth
         path = absolute_path(self.filepath)
         if path is None:
             raise SettingError("There is no file to write: give a path that ends in .ply, .vdb, .npz or .safetensors")
+        check_outputs({path: format_of(path).kind}, scene_inputs(), makes_folders=False)
         self._file = path
         count = yield from export_octree(octree, path, level)
         return f"{path.name}: {count:,} voxels of level {level}"

@@ -13,7 +13,9 @@ from typing import Any
 
 import bpy
 
+from ..patchnet_addon.interrupt import interrupts_wait
 from . import results
+from .overrides import put_back_when_saved
 from .window_job import when_job_ended
 
 _UNREADABLE = (AttributeError, IndexError, KeyError, TypeError, ValueError)
@@ -21,28 +23,41 @@ _UNREADABLE = (AttributeError, IndexError, KeyError, TypeError, ValueError)
 
 @contextmanager
 def kept_frame(scene: bpy.types.Scene) -> Iterator[None]:
-    """Within the block the scene may go to any frame; afterwards, on errors too, it is as before."""
+    """Within the block the scene may go to any frame; afterwards, and in files saved meanwhile, it is as before."""
     frame, subframe = scene.frame_current, scene.frame_subframe
+    gone_to = frame
     before = list(_animated_values())
 
     def restore() -> None:
         with suppress(ReferenceError), results.quiet():  # another file may have been opened meanwhile
-            scene.frame_set(frame, subframe=subframe)
+            go_to_frame(scene, frame, subframe)
             for owner, path, index, value in before:
                 with suppress(*_UNREADABLE):
                     if _get(owner, path, index) != value:
                         _set(owner, path, index, value)
 
+    def put_back() -> None:
+        nonlocal gone_to
+        gone_to = scene.frame_current
+        restore()
+
     try:
-        yield
+        with put_back_when_saved(put_back, lambda: scene.frame_set(gone_to)):
+            yield
     finally:
         when_job_ended(restore)
+
+
+def go_to_frame(scene: bpy.types.Scene, frame: int, subframe: float = 0.0) -> None:
+    """Let the scene be at a frame; its own handlers run, and finish."""
+    with interrupts_wait():
+        scene.frame_set(frame, subframe=subframe)
 
 
 def _animated_values() -> Iterator[tuple[bpy.types.ID, str, int, Any]]:
     """Owner, path, index and present value of all that has keys."""
     for owner in _animated():
-        for curve in _curves(owner.animation_data):
+        for curve in fcurves(owner.animation_data):
             with suppress(*_UNREADABLE):  # keys of something that is gone
                 yield owner, curve.data_path, curve.array_index, _get(owner, curve.data_path, curve.array_index)
 
@@ -58,7 +73,8 @@ def _animated() -> Iterator[bpy.types.ID]:
                     yield owner
 
 
-def _curves(animation: bpy.types.AnimData) -> Iterator[bpy.types.FCurve]:
+def fcurves(animation: bpy.types.AnimData) -> Iterator[bpy.types.FCurve]:
+    """Curves of the action and of the strips of non-linear animation."""
     actions = [animation.action, *(strip.action for track in animation.nla_tracks for strip in track.strips)]
     for action in dict.fromkeys(action for action in actions if action is not None):
         for layer in action.layers:

@@ -6,22 +6,25 @@ from __future__ import annotations
 import time
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import bpy
+from bpy.app.handlers import persistent
 
 from ..patchnet_addon.beside import attended
-from ..patchnet_addon.errors import PatchNetError, StoppedError
-from ..patchnet_addon.interrupt import prompt_interrupt
+from ..patchnet_addon.errors import FileAccessError, PatchNetError, StoppedError
+from ..patchnet_addon.interrupt import TERMINATED, end_process, exit_code_of, prompt_interrupt
 from ..patchnet_addon.log import unexpected
-from ..patchnet_addon.progress import Progress, Steps
-from ..patchnet_addon.progress_log import ProgressLog
-from ..patchnet_addon.remaining import Remaining
-from . import results
+from ..patchnet_addon.progress import Steps
+from ..patchnet_addon.streams import keep_streams
+from . import job_watch, results
 from .job.settings import JobSettings
+from .job_display import JobDisplay
+from .job_events import passes
 from .memory import give_back
 from .preferences import apply_preferences
 from .properties import job_settings
+from .session_folder import session_folder_goes
 from .tell import tell, tell_start
 from .window_job import in_window
 
@@ -32,18 +35,7 @@ else:
 
 _SLICE_S = 0.05  # of work between two redraws of the window
 _TICK_S = 0.02
-_LOOKING = frozenset(
-    {
-        "MOUSEMOVE",
-        "INBETWEEN_MOUSEMOVE",
-        "MIDDLEMOUSE",
-        "WHEELUPMOUSE",
-        "WHEELDOWNMOUSE",
-        "TRACKPADPAN",
-        "TRACKPADZOOM",
-        "WINDOW_DEACTIVATE",
-    }
-)
+_GONE = "The scene that was worked on is gone: open it and start again"
 
 
 class JobOperator(_Operator):
@@ -51,12 +43,17 @@ class JobOperator(_Operator):
 
     `execute` runs them to the end, so that the operator works in background and from scripts; in a window `invoke` runs
     them a slice of time per timer tick, with progress in the status bar, until Esc. Both end the same way.
+
+    Beside a window Blender stays usable but for editing, and the steps stay in the scene where they began.
     """
 
     bl_options: ClassVar[set[str]] = {"REGISTER"}
     running: ClassVar[str] = ""  # title of the operator that works in a window now
     fraction: ClassVar[float] = 0.0  # of its present step, or of all, for the panel
+    # The operator itself. Not of type JobOperator: typing would keep the class, and Blender as a module hang at exit.
+    in_window: ClassVar[Any] = None
     _outcome: set[str]
+    _steps: Steps[str]
     _file: Path | None = None  # what the steps write, for the log
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
@@ -72,22 +69,27 @@ class JobOperator(_Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Run all steps now, until Ctrl-C where there is no window."""
-        steps = self._begin(context)
-        if steps is None:
+        """Run all steps now, until Ctrl-C where there is no window, or SIGTERM, which ends the process, too."""
+        if not self._begin(context):
             return {"CANCELLED"}
         try:
+            if bpy.app.background:
+                keep_streams()
+                session_folder_goes()
             with prompt_interrupt() if bpy.app.background else nullcontext():
                 while not self._outcome:
-                    self._pull(steps, alive=False)
-        except KeyboardInterrupt:
+                    self._pull(alive=False)
+        except KeyboardInterrupt as stop:
+            self._steps.close()
+            if exit_code_of(stop) == TERMINATED:  # a script that goes on after an error would not end
+                end_process(TERMINATED, self._stopped())
             tell(self, "ERROR", self._stopped())
             self._outcome = {"CANCELLED"}
         except Exception as error:
             unexpected(error)
             raise
         finally:
-            steps.close()
+            self._steps.close()
             give_back()
         return self._outcome
 
@@ -95,73 +97,95 @@ class JobOperator(_Operator):
         """Run the steps while the window stays alive."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        steps = self._begin(context)
-        if steps is None:
+        if not self._begin(context):
             return {"CANCELLED"}
-        self._steps = steps
-        JobOperator.running, JobOperator.fraction = self.bl_label, 0.0
-        manager = context.window_manager
-        manager.progress_begin(0, 100)
-        self._timer = manager.event_timer_add(_TICK_S, window=context.window)
-        manager.modal_handler_add(self)
+        self._scene, self._layer = context.scene, context.view_layer
+        self._watch = job_watch.begin(context.scene)
+        JobOperator.running, JobOperator.fraction, JobOperator.in_window = self.bl_label, 0.0, self
+        self._display.begin(context)
+        self._timer = context.window_manager.event_timer_add(_TICK_S, window=context.window)
+        context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Work for a slice of time per tick; Esc stops and cleans up."""
+        if self._outcome:  # whatever ended the job meanwhile, this handler must not outlive it
+            self._end_modal(context)
+            return self._outcome
         if event.type == "ESC" and event.value == "PRESS":
             self.cancel(context)
             tell(self, "INFO", self._stopped(), logged_as="ERROR")
             return {"CANCELLED"}
         if event.type != "TIMER":
-            # Looking around is harmless; anything else could change what is being read.
-            return {"PASS_THROUGH"} if event.type in _LOOKING else {"RUNNING_MODAL"}
-        deadline = time.perf_counter() + _SLICE_S
+            return {"PASS_THROUGH"} if passes(context, event) else {"RUNNING_MODAL"}
         try:
-            self._pull(self._steps, alive=True)
-            while not self._outcome and not self._progress.waiting and time.perf_counter() < deadline:
-                self._pull(self._steps, alive=True)
+            self._work(context)
         except BaseException:
+            self._outcome = {"CANCELLED"}
             self._end_modal(context)
             raise
         if self._outcome:
             self._end_modal(context)
             return self._outcome
-        self._show(context)
+        self._display.show(context)
+        JobOperator.fraction = self._display.fraction
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender calls this when the window closes."""
-        with results.quiet():  # what stopping puts back is as it was
-            self._steps.close()
-        self._quiet.close()
+        self.stop()
         self._end_modal(context)
 
-    def _begin(self, context: bpy.types.Context) -> Steps[str] | None:
-        """The steps, or None after the settings' errors were reported."""
+    def stop(self) -> None:
+        """Close the steps, which clean up; the next event ends the operator."""
+        self._outcome = self._outcome or {"CANCELLED"}
+        with results.quiet():  # what stopping puts back is as it was
+            self._steps.close()
+
+    def _begin(self, context: bpy.types.Context) -> bool:
+        """Make the steps; False after the settings' errors were reported."""
         self._outcome = set()
-        self._quiet = ExitStack()
-        self._progress = Progress(0, 1, self.bl_label)
-        self._text = ""  # what the status bar shows
-        self._log = ProgressLog(self.bl_label)
-        self._remaining, self._whole_remaining = Remaining(), Remaining()
+        self._display = JobDisplay(self.bl_label)
         try:
             apply_preferences(context)
             tell_start(self)
-            return self.steps(context, job_settings(context, self))
+            self._steps = self.steps(context, job_settings(context, self))
         except PatchNetError as error:
             tell(self, "ERROR", str(error))
-            return None
+            return False
+        return True
 
-    def _pull(self, steps: Steps[str], *, alive: bool) -> None:
+    def _work(self, context: bpy.types.Context) -> None:
+        """Run steps for a slice of time, in the scene where they began."""
+        deadline = time.perf_counter() + _SLICE_S
+        while not self._outcome:
+            with ExitStack() as stack:
+                stack.enter_context(job_watch.watching(self._watch))
+                try:
+                    stack.enter_context(self._in_scene(context))
+                except ReferenceError:
+                    self.stop()
+                    tell(self, "ERROR", _GONE)
+                    return
+                self._pull(alive=True)
+            if self._display.progress.waiting or time.perf_counter() >= deadline:
+                return
+
+    def _in_scene(self, context: bpy.types.Context) -> Any:
+        """The context in which the steps began: the window may show another scene or view layer by now."""
+        if context.scene == self._scene and context.view_layer == self._layer:
+            return nullcontext()
+        self._scene.name, self._layer.name  # noqa: B018  raises ReferenceError where they are gone
+        return context.temp_override(scene=self._scene, view_layer=self._layer)
+
+    def _pull(self, *, alive: bool) -> None:
         """One step, which sets the outcome if it was the last. Domain errors become reports here and nowhere else.
 
         alive: the step returns soon, with work left to others, because a window waits.
         """
-        if not self._progress.waiting:
-            self._quiet.enter_context(results.quiet())
         try:
-            with in_window(alive), attended() if alive or bpy.app.background else nullcontext():
-                progress = next(steps)
+            with results.quiet(), in_window(alive), attended() if alive or bpy.app.background else nullcontext():
+                progress = next(self._steps)
         except StopIteration as stop:
             tell(self, "INFO", stop.value, file=self._file)
             self._outcome = {"FINISHED"}
@@ -172,49 +196,52 @@ class JobOperator(_Operator):
         except PatchNetError as error:
             tell(self, "ERROR", str(error))
             self._outcome = {"CANCELLED"}
+        except OSError as error:
+            explained = FileAccessError.of(error)
+            if explained is None:
+                raise
+            tell(self, "ERROR", str(explained))
+            self._outcome = {"CANCELLED"}
         except MemoryError:
             tell(self, "ERROR", f"{self.bl_label} ran out of memory: choose a smaller depth or fewer objects")
             self._outcome = {"CANCELLED"}
         else:
-            self._log.see(progress)
-            self._remaining.see(progress)
-            if progress.whole is not None:
-                self._whole_remaining.see(Progress(progress.whole, 1.0, self.bl_label))
-            self._progress = progress
-        finally:
-            if self._outcome or not self._progress.waiting:
-                self._quiet.close()
+            self._display.see(progress)
 
     def _stopped(self) -> str:
         return f"{self.bl_label} was stopped: nothing was changed"
 
-    def _show(self, context: bpy.types.Context) -> None:
-        progress = self._progress
-        percent = round(100 * progress.fraction)
-        fraction = progress.fraction if progress.whole is None else round(progress.whole, 3)
-        if fraction != JobOperator.fraction:
-            JobOperator.fraction = fraction
-            _redraw(context, "UI")
-        left = (self._remaining if progress.whole is None else self._whole_remaining).text()
-        remaining = "".join(f", {text}" for text in (left, progress.note) if text)
-        text = f"PatchNet: {progress.label} {percent} %{remaining}   (Esc stops)"
-        if text != self._text:  # each new one draws the window again, which must not slow down what computes
-            self._text = text
-            context.window_manager.progress_update(round(100 * fraction))
-            context.workspace.status_text_set(text)
-
     def _end_modal(self, context: bpy.types.Context) -> None:
-        JobOperator.running = ""
+        if JobOperator.in_window is not self:
+            return
+        JobOperator.running, JobOperator.in_window = "", None
+        job_watch.end(self._watch)
         context.window_manager.event_timer_remove(self._timer)
-        context.window_manager.progress_end()
-        context.workspace.status_text_set(None)
+        self._display.end(context)
         give_back()
-        _redraw(context)
 
 
-def _redraw(context: bpy.types.Context, *kinds: str) -> None:
-    """Draw the regions of some kinds again, such as the sidebars ("UI"); without kinds, all."""
-    for area in context.screen.areas if context.screen else ():
-        for region in area.regions:
-            if not kinds or region.type in kinds:
-                region.tag_redraw()
+@persistent
+def stop_running_job(*_: object) -> None:
+    """End the job that works beside a window, before an undo or another file takes away what it works on."""
+    operator = JobOperator.in_window
+    if operator is not None and not operator._outcome:
+        operator.stop()
+
+
+def _takers() -> tuple[list[Any], ...]:
+    lists = bpy.app.handlers
+    return lists.undo_pre, lists.redo_pre, lists.load_pre
+
+
+def register() -> None:
+    """Listen to what takes data-blocks away."""
+    for handlers in _takers():
+        handlers.append(stop_running_job)
+
+
+def unregister() -> None:
+    """Stop listening, and the job that works now."""
+    for handlers in _takers():
+        handlers.remove(stop_running_job)
+    stop_running_job()

@@ -9,6 +9,7 @@ import bpy
 
 from . import results
 from .job_operator import JobOperator
+from .kept_results import result_or_kept
 
 
 class VoxelJob(JobOperator):
@@ -26,13 +27,13 @@ class CodesJob(JobOperator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """There must be codes."""
-        result = results.result_of(context.scene)
+        result = result_or_kept(context.scene)
         return _unless(cls, result is None or result.coded is None, results.NO_CODES) and super().poll(context)
 
 
 def has_voxels(operator: Any, context: bpy.types.Context) -> bool:
     """Whether there are voxels; else the operator's class says so."""
-    return _unless(operator, results.result_of(context.scene) is None, results.NO_VOXELS)
+    return _unless(operator, result_or_kept(context.scene) is None, results.NO_VOXELS)
 
 
 def in_object_mode(operator: Any, context: bpy.types.Context, what: str) -> bool:

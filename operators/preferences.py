@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import EnumProperty, FloatProperty, StringProperty
 
 from ..patchnet_addon.image.colormaps import COLORMAPS
 from ..patchnet_addon.log import set_up
@@ -15,6 +15,7 @@ from ..patchnet_addon.log import set_up
 ROOT_PACKAGE = __package__.rpartition(".")[0]  # "patchnet", or "bl_ext.<repository>.patchnet" in Blender
 IS_EXTENSION = ROOT_PACKAGE.startswith("bl_ext.")
 OPEN_WINDOW, OPEN_EDITOR, OPEN_NEVER = "WINDOW", "EDITOR", "NEVER"
+KEPT_GIB = 4.0
 _LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
 
 
@@ -40,9 +41,19 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
 
     cache_folder: StringProperty(
         name="Cache Folder",
-        description="Folder for compiled kernels and for pages of stopped bakes; empty for the extension's own. Counts "
-        "from the next start of Blender",
+        description="Folder for compiled kernels, pages of stopped bakes and finished octrees; empty for the "
+        "extension's own. Counts from the next start of Blender",
         subtype="DIR_PATH",
+    )
+    kept_gib: FloatProperty(
+        name="Keep Octrees (GiB)",
+        description="Finished octrees and codes are kept in the cache folder, so that they are there again when the "
+        "file is opened. They may take so much; those that were used longest ago go first. 0 keeps none",
+        default=KEPT_GIB,
+        min=0.0,
+        soft_max=64.0,
+        step=100,
+        precision=1,
     )
     torch_python: StringProperty(
         name="Python with torch",
@@ -87,6 +98,7 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
         row.label(text=kept.cache or "Size not measured")
         row.operator("patchnet.measure_cache", text="Measure")
         row.operator("patchnet.clear_cache", text="Clear", icon="TRASH")
+        layout.prop(self, "kept_gib")
         layout.prop(self, "torch_python", placeholder="Without torch")
         row = layout.row()
         row.label(text=kept.python or ("Not checked" if self.torch_python else "Codes are computed without torch"))
@@ -105,6 +117,7 @@ class Preferences:
     log_level: str = "WARNING"
     torch_python: str = ""
     open_pictures: str = OPEN_WINDOW
+    kept_gib: float = KEPT_GIB
 
 
 def preferences(context: bpy.types.Context) -> Preferences:
@@ -113,9 +126,7 @@ def preferences(context: bpy.types.Context) -> Preferences:
     if addon is None or addon.preferences is None:
         return Preferences()
     values = addon.preferences
-    return Preferences(
-        values.cache_folder, values.colormap, values.log_level, values.torch_python, values.open_pictures
-    )
+    return Preferences(**{field.name: getattr(values, field.name) for field in fields(Preferences)})
 
 
 def apply_preferences(context: bpy.types.Context) -> None:
@@ -127,7 +138,7 @@ def apply_preferences(context: bpy.types.Context) -> None:
     set_up(level=chosen.log_level)
     folder = bpy.path.abspath(chosen.cache_folder) if chosen.cache_folder else ""
     if not folder and IS_EXTENSION:
-        folder = bpy.utils.extension_path_user(ROOT_PACKAGE, path="cache", create=True)
+        folder = bpy.utils.extension_path_user(ROOT_PACKAGE, path="cache")
     if folder:
         os.environ.setdefault("PATCHNET_CACHE", folder)
 

@@ -18,7 +18,11 @@ from . import (
     engine,
     estimate,
     export_octree,
+    job_operator,
+    kept_results,
+    load_octree,
     overlay,
+    overrides,
     panels,
     precompute_codes,
     preferences,
@@ -36,7 +40,19 @@ from .cache import clear as clear_cache
 from .cache import measure as measure_cache
 
 # Have register() and unregister() of their own.
-_BEFORE = (preferences, properties, results, staleness, presets_menu, copy_diagnostics, add_demo_scene)
+_BEFORE = (
+    preferences,
+    properties,
+    results,
+    staleness,
+    overrides,
+    job_operator,
+    kept_results,
+    presets_menu,
+    load_octree,
+    copy_diagnostics,
+    add_demo_scene,
+)
 _OPERATORS = (
     voxelize,
     bake_light,

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..patchnet_addon.errors import SettingError
+from .job_watch import changes_meanwhile
 from .summary import summary
 
 if TYPE_CHECKING:
@@ -62,7 +63,8 @@ class SceneResult:
     comparison: strategies on a view, None before they were compared. seconds: by stage. encoder: who made the codes.
     stale: the steps whose input changed since: "surface", "light". reasons: names of what changed, by step, and for
     the pictures, "view", which make nothing else stale.
-    made_with: the scene's settings when each step was done, by step. state: of the scene then, None for a large one.
+    made_with: the scene's settings when each step was done, by step. state: of the scene when it was read for them,
+    None where nothing was compared with it.
     summary: lines for the panel, written when a step ends, so that drawing computes nothing.
     """
 
@@ -91,6 +93,10 @@ class SceneResult:
         if what not in names and len(names) <= _MOST_NAMES:
             names.append(what)
 
+    def known_changes(self) -> set[str]:
+        """What is marked already, so that nobody looks at it again."""
+        return {what for names in self.reasons.values() for what in names}
+
     def unmark(self, step: str) -> None:
         """A step fits the scene again."""
         self.stale.discard(step)
@@ -107,6 +113,8 @@ class SceneResult:
         return self.octree.nbytes + (self.coded.nbytes if self.coded else 0)
 
 
+# Called with a scene and its result after a step that is worth keeping.
+listeners: list[Callable[[bpy.types.Scene, SceneResult], None]] = []
 _results: dict[int, SceneResult] = {}
 _estimates: dict[int, Estimate] = {}
 _quiet = 0
@@ -135,16 +143,19 @@ def codes_of(scene: bpy.types.Scene) -> CodedOctree:
 
 def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str) -> None:
     """Replace what is there for `scene`. `steps`: those that were done now, of "octree", "light", "codes", "view"."""
-    from .scene_state import scene_state
     from .step_settings import recorded
 
     result.made_with = result.made_with | {step: recorded(scene.patchnet, step) for step in steps}
     if {"octree", "light"} & set(steps):
-        result.state = scene_state(scene)
+        for step, what in changes_meanwhile():
+            result.mark(step, what)
     result.octree.free_keys()
     result.summary = summary(result)
     _results[scene.session_uid] = result
     _redraw_viewports()
+    if {"octree", "light", "codes"} & set(steps):
+        for listener in listeners:
+            listener(scene, result)
 
 
 def without_view(result: SceneResult) -> SceneResult:
@@ -160,9 +171,14 @@ def forget(scene: bpy.types.Scene) -> None:
     _redraw_viewports()
 
 
+def in_main_thread() -> bool:
+    """Whether this is not the thread of a render beside a window."""
+    return threading.current_thread() is threading.main_thread()
+
+
 def _redraw_viewports() -> None:
     """Viewports may show results: the render engine's shading mode does. A render beside a window leaves them alone."""
-    if threading.current_thread() is not threading.main_thread():
+    if not in_main_thread():
         return
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:

@@ -54,6 +54,7 @@ class PATCHNET_OT_run_all(
                     coded=result.coded,
                     seconds=result.report["timings_s"],
                     encoder=result.report["encoder"],
+                    state=result.state,
                 ),
                 first,
                 compared=True,

@@ -1,108 +1,127 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether results still fit the scene, and what changed if not. Looks at a bounded number of changes."""
+"""Whether results still fit the scene, and what changed if not.
+
+Blender reports what its dependency graph evaluated again, which is far more than what changed. So each report is
+compared with the state of the scene that the result was made of. That is bounded: after an undo, or a change of very
+many objects, all of a large scene is taken for changed at first, and compared when it matters, as before a render.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable, Iterator
 from itertools import islice
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 from bpy.app.handlers import persistent
 
 from . import results
 from .images import is_shown
-from .own import is_own
+from .job_watch import watches_of
 from .results import SceneResult
 
-# Object types whose change changes the surface that was voxelized.
-_SURFACE_TYPES = frozenset({"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "EMPTY", "POINTCLOUD", "VOLUME"})
-_LIGHT_TYPES = frozenset({"LIGHT", "LIGHT_PROBE"})
-_MOST_UPDATES = 1000  # looked at after one change; who changes more has changed everything
+if TYPE_CHECKING:
+    from .scene_state import SceneState
+
+_MOST_UPDATES = 1000  # compared one by one after one change
+_QUICK_S = 0.5  # a comparison of everything may take so long while somebody works
+_MEMBERS = bpy.types.Scene | bpy.types.Collection
 MANY = "many objects"
 UNDO = "undo or redo"
-
-_judged = False  # the next update comes from an undo, which was looked at already
 
 
 @persistent
 def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Mark what was changed by the person."""
-    global _judged
-    result, estimate = results.result_of(scene), results.estimate_of(scene)
-    if _judged:
-        _judged = False
-        if result is not None:  # once more: if Blender said nothing after the undo, this is a change of the person's
-            _judge(result, scene)
+    """Mark what does not fit what the user changed."""
+    result, estimate, watches = results.result_of(scene), results.estimate_of(scene), watches_of(scene)
+    nothing_there = result is None and estimate is None and not watches
+    if nothing_there or results.is_quiet() or not results.in_main_thread():
         return
-    if (result is None and estimate is None) or results.is_quiet():
-        return
-    for step, what in _changes(depsgraph.updates):
-        if result is not None and (step != results.VIEW or result.lookahead_share is not None):
-            result.mark(step, what)
-        if estimate is not None:
-            estimate.stale_because = estimate.stale_because or what
+    updates = list(islice(depsgraph.updates, _MOST_UPDATES + 1))
+    if result is not None and result.state is not None:
+        if len(updates) > _MOST_UPDATES:
+            _recheck_if_quick(result, scene, MANY)
+        else:
+            for step, what in changes(result.state, scene, updates, result.known_changes()):
+                if step != results.VIEW or result.lookahead_share is not None:
+                    result.mark(step, what)
+    for watch in watches:
+        assert watch.state is not None
+        watch.changes.extend(changes(watch.state, scene, updates, {what for _, what in watch.changes}))
+    if estimate is not None and estimate.state is not None and not estimate.stale_because:
+        many = len(updates) > _MOST_UPDATES
+        found = next(changes(estimate.state, scene, updates, ()), ("", MANY if many else ""))
+        estimate.stale_because = found[1]
 
 
-def _changes(updates: Iterable[bpy.types.DepsgraphUpdate]) -> Iterable[tuple[str, str]]:
-    """Steps that need what changed, and what it is."""
-    count = 0
-    for update in islice(updates, _MOST_UPDATES + 1):
-        count += 1
-        item = update.id
-        if is_own(item):
-            continue
-        if isinstance(item, bpy.types.Object):
-            moved = update.is_updated_transform
-            verb = "moved" if moved and not update.is_updated_geometry else "changed"
-            if (moved or update.is_updated_geometry) and item.type in _SURFACE_TYPES:
-                yield "surface", f"'{item.name}' {verb}"
-            elif item.type in _LIGHT_TYPES:
-                yield "light", f"lamp '{item.name}' {verb}"
-            elif item.type == "CAMERA" and moved:
-                yield "view", f"camera '{item.name}' moved"
-        elif isinstance(item, bpy.types.Material):
-            yield "light", f"material '{item.name}' changed"
-        elif isinstance(item, bpy.types.World):
-            yield "light", f"world '{item.name}' changed"
-        elif isinstance(item, bpy.types.Light):
-            yield "light", f"lamp '{item.name}' changed"
-        elif isinstance(item, bpy.types.Camera):
-            yield "view", f"camera '{item.name}' changed"
-    if count > _MOST_UPDATES:
-        yield "surface", MANY
-        yield "light", MANY
+def changes(
+    state: SceneState, scene: bpy.types.Scene, updates: Iterable[bpy.types.DepsgraphUpdate], known: Container[str]
+) -> Iterator[tuple[str, str]]:
+    """Steps that do not fit what was reported, and what that is, in words; not what is `known` already."""
+    from .scene_state import MEMBERS, changed_text
+
+    for update in updates:
+        block = update.id.original
+        if isinstance(block, _MEMBERS):
+            for step in state.changes_of_members(scene):
+                yield step, changed_text(MEMBERS, step=step)
+        elif (what := _words(update)) not in known:
+            yield from ((step, what) for step in state.changes_of(block))
 
 
-@persistent
-def _on_undo_post(scene: bpy.types.Scene, _depsgraph: object = None) -> None:
-    """After undo or redo Blender reports every object as changed: compare with the scene that the result was made of.
+def _words(update: bpy.types.DepsgraphUpdate) -> str:
+    """What a report says of a data-block."""
+    from .scene_state import changed_text, key_of
 
-    What is as it was then fits again. Pictures that an undo has taken away are not shown as there.
-    """
-    global _judged
-    result = results.result_of(scene)
-    estimate = results.estimate_of(scene)
-    if estimate is not None:
-        estimate.stale_because = estimate.stale_because or UNDO
-    if result is None:
-        return
-    _judge(result, scene)
-    result.pictures = result.pictures and is_shown()
-    _judged = result.state is not None
+    block = update.id.original
+    moved = isinstance(block, bpy.types.Object) and update.is_updated_transform and not update.is_updated_geometry
+    return changed_text(key_of(block), "moved" if moved else "changed")
 
 
-def _judge(result: SceneResult, scene: bpy.types.Scene) -> None:
+def look_again(result: SceneResult, scene: bpy.types.Scene) -> None:
+    """Before a result is used: disprove what marks it as stale, and see what Blender reports to nobody."""
+    from .scene_state import MEMBERS, changed_text
+
+    if result.stale:
+        recheck(result, scene)
+    elif result.state is not None:
+        for step in result.state.changes_of_members(scene):
+            result.mark(step, changed_text(MEMBERS, step=step))
+
+
+def recheck(result: SceneResult, scene: bpy.types.Scene) -> None:
+    """Compare all of a scene with what the result was made of: mark what does not fit, and unmark what does."""
     from .scene_state import scene_state
 
     if result.state is None:
         return
-    now = scene_state(scene)
-    for step in ("surface", "light"):
-        if now is not None and getattr(now, step) == getattr(result.state, step):
-            result.unmark(step)
-        elif step not in result.stale:
-            result.mark(step, UNDO)
+    for step, texts in result.state.differences(scene_state(scene, result.state.layer)).items():
+        result.unmark(step)
+        for text in texts:
+            result.mark(step, text)
+
+
+def _recheck_if_quick(result: SceneResult, scene: bpy.types.Scene, reason: str) -> None:
+    """As `recheck`; of a large scene all counts as changed, for that `reason`, until somebody needs to know."""
+    from .scene_state import LIGHT, SURFACE
+
+    if result.state is not None and result.state.seconds < _QUICK_S:
+        recheck(result, scene)
+        return
+    for step in (SURFACE, LIGHT):
+        result.mark(step, reason)
+
+
+@persistent
+def _on_undo_post(scene: bpy.types.Scene, _depsgraph: object = None) -> None:
+    """After undo or redo, what is as it was fits again. Pictures that an undo has taken away are not shown as there."""
+    result = results.result_of(scene)
+    estimate = results.estimate_of(scene)
+    if estimate is not None:
+        estimate.stale_because = estimate.stale_because or UNDO
+    if result is not None:
+        _recheck_if_quick(result, scene, UNDO)
+        result.pictures = result.pictures and is_shown()
 
 
 def _handlers() -> list[tuple[list[Any], Callable[..., None]]]:
@@ -110,6 +129,7 @@ def _handlers() -> list[tuple[list[Any], Callable[..., None]]]:
     lists = bpy.app.handlers
     return [
         (lists.depsgraph_update_post, _on_change),
+        (lists.frame_change_post, _on_change),
         (lists.undo_post, _on_undo_post),
         (lists.redo_post, _on_undo_post),
     ]

@@ -11,6 +11,7 @@ from .cameras import choose_cameras, track_cameras
 from .job.settings import JobSettings
 from .job.stages import UNLIT, build, choose_grid, unlit
 from .job_operator import JobOperator
+from .job_watch import read_state
 from .properties import CameraProperties, VoxelizeProperties
 from .tell import tell
 
@@ -26,7 +27,7 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         from .scene import read_scene
 
         yield Progress(0, 1, "Reading the scene")
-        source = read_scene(context.evaluated_depsgraph_get(), settings.scope)
+        source, state = read_scene(context.evaluated_depsgraph_get(), settings.scope), read_state(context.scene)
         depsgraph = context.evaluated_depsgraph_get()
         fixed = settings.depth or settings.voxel_world
         names, size, bounds = settings.cameras, settings.size, source.bounds_world
@@ -39,8 +40,8 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
             choice = yield from choose_grid(source, cameras, settings)
         with results.timed(seconds, "voxelize"):
             shade = yield from unlit(source, settings)
-            octree = yield from build(source, choice.grid, shade, settings, UNLIT, choice.layout)
-        made = results.SceneResult(octree=octree, scope=settings.scope, layout=choice.layout, seconds=seconds)
+            octree = yield from build(source, choice.grid, shade, settings, UNLIT, choice.layout, state)
+        made = results.SceneResult(octree, settings.scope, choice.layout, seconds=seconds, state=state)
         results.keep(context.scene, made, "octree")
         for warning in (*source.warnings, *choice.warnings):
             tell(self, "WARNING", warning)

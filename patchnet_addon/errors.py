@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Errors a person can act on. Operators report them, the command line prints them and exits with 2."""
 
+from __future__ import annotations
+
+import os
+
 
 class PatchNetError(Exception):
     """Base of all errors that name what was wrong and what to do about it."""
@@ -28,6 +32,22 @@ class MemoryEstimateError(PatchNetError):
 
 class SettingError(PatchNetError):
     """A setting has a value outside its range or that contradicts another one."""
+
+
+class OutputError(PatchNetError):
+    """What would be written cannot be, or would replace something that is to stay."""
+
+
+class FileAccessError(PatchNetError):
+    """A file cannot be read or written, for a reason that the system names."""
+
+    @classmethod
+    def of(cls, cause: OSError) -> FileAccessError | None:
+        """The sentence for an error of the system that names its file, else None."""
+        names = [os.fsdecode(name) for name in (cause.filename, cause.filename2) if isinstance(name, str | bytes)]
+        if not names or cause.strerror is None:
+            return None
+        return cls(f"{' and '.join(names)}: {cause.strerror}; see that it can be reached, and that its disk has room")
 
 
 class FileFormatError(PatchNetError):

@@ -1,29 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Our files: safetensors with a kind, a schema version, JSON metadata and checksums in the header.
 
-A file is written beside its destination and renamed when it is complete and on disk, so a half-written file never
-replaces a good one. Reading maps the file into memory; every failure is one sentence that names file and cause.
+Files appear complete or not at all (`replace.py`). Reading maps the file into memory; every failure is one sentence
+that names file and cause.
 """
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import math
 import os
-import secrets
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
-from .errors import FileFormatError, PatchNetError
-from .unfinished import unfinished
+from .errors import FileFormatError
+from .file_kinds import arrays_kind
+from .replace import replaced_file
 
 SCHEMA_VERSION = 1
 _FORMAT = "patchnet"
@@ -56,14 +55,15 @@ class FileHeader:
 def write_arrays(path: str | Path, arrays: Mapping[str, np.ndarray], metadata: dict[str, Any], kind: str) -> None:
     """Write named arrays and JSON `metadata` to `path` as a file of ours.
 
-    Raises PatchNetError if the file cannot be written; what stood at `path` is then unchanged.
+    Raises OutputError if the file cannot be written or another kind of file is there; what stood at `path` is then
+    unchanged.
     """
     path = Path(path)
     # Wide items first: every array then starts at a multiple of its item size.
     names = sorted(arrays, key=lambda name: (-arrays[name].dtype.itemsize, name))
     contiguous = {name: np.asarray(arrays[name], arrays[name].dtype.newbyteorder("<"), order="C") for name in names}
     header = _header_bytes(contiguous, metadata, kind)
-    with replaced_file(path) as file:
+    with replaced_file(path, arrays_kind(kind)) as file:
         file.write(len(header).to_bytes(8, "little"))
         file.write(header)
         for array in contiguous.values():
@@ -207,32 +207,3 @@ def _parse_header(
         raise error(f"{path} is {state}: it has {size} bytes and should have {data_start + end}; create the file anew")
     checksums = {name: int(json.loads(own["checksums"])[name]) for name in arrays}
     return FileHeader(own["kind"], version, json.loads(own["metadata"]), arrays, data_start, offsets, checksums)
-
-
-@contextlib.contextmanager
-def replaced_file(path: Path) -> Iterator[BinaryIO]:
-    """File beside `path` that takes its place, once it is on disk, when the block ends without an error.
-
-    Raises PatchNetError if it cannot be written; what stood at `path` is then unchanged.
-    """
-    with replaced_path(path) as temporary, temporary.open("xb") as file:
-        yield file
-
-
-@contextlib.contextmanager
-def replaced_path(path: Path) -> Iterator[Path]:
-    """As `replaced_file`, for writers that open the file on their own: the path that they shall write."""
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
-    try:
-        with unfinished(temporary):
-            yield temporary
-            with temporary.open("rb+") as file:
-                os.fsync(file.fileno())
-            os.replace(temporary, path)
-    except OSError as cause:
-        raise PatchNetError(
-            f"{path} cannot be written: {cause.strerror or cause}; choose another folder or make room"
-        ) from cause
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ctrl-C ends a command, or an operator without a window, within seconds, also while Blender computes.
+"""Ctrl-C, and SIGTERM as render farms send it, end a command within seconds, also while Blender computes.
 
-Python acts on Ctrl-C only between two of its own instructions, and a call into Blender, such as the bake of a page, is
-one of them for minutes. A thread of ours hears of the signal at once (Blender lets threads run while it bakes); if the
-main thread has not ended by a deadline, it removes unfinished files and ends the process. Nothing else is lost: files
-appear complete or not at all, and finished pages of a bake stay for the next start.
+Python acts on a signal only between two of its own instructions, and a call into Blender, such as the bake of a page,
+is one of them for minutes. A thread of ours hears of the signal at once (Blender lets threads run while it bakes); if
+the main thread has not ended by a deadline, it removes unfinished files and ends the process. Nothing else is lost:
+files appear complete or not at all, and finished pages of a bake stay for the next start.
 
-A Blender without a window has a handler of its own, which Python does not know and which asks what runs to stop: our
-steps would not hear of it, and Cycles hears it after half a minute. Within the block Python's handler takes its place.
+A Blender without a window has a handler of its own for Ctrl-C, which Python does not know and which asks what runs to
+stop: our steps would not hear of it, and Cycles hears it after half a minute. Within the block ours takes its place.
 """
 
 from __future__ import annotations
@@ -20,60 +20,121 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from types import FrameType
+from typing import Any
 
 from .log import is_json, json_line
 from .unfinished import remove_unfinished
 
 DEADLINE_S = 2.5
-INTERRUPTED = 130
+INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM  # exit codes, as shells name a signal's end
+STOPPED = "interrupted; a bake goes on where it was when it is started again"
+# What Python does with these signals where nobody said otherwise.
+_DEFAULTS: dict[signal.Signals, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C, or SIGTERM: `exit_code` tells which."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.exit_code = 128 + number
+
+
+def exit_code_of(error: KeyboardInterrupt) -> int:
+    """The exit code of a process that this ended."""
+    return error.exit_code if isinstance(error, Interrupted) else INTERRUPTED
+
+
+class _Waiting:
+    """How many blocks of `interrupts_wait` there are, and the signal that came meanwhile, or 0."""
+
+    depth = 0
+    heard = 0
 
 
 @contextmanager
-def prompt_interrupt(end: Callable[[], None] | None = None) -> Iterator[None]:
-    """Within the block, Ctrl-C calls `end` if the block has not ended DEADLINE_S after it; by default the process ends.
+def interrupts_wait() -> Iterator[None]:
+    """Within the block, which calls Blender, Ctrl-C and SIGTERM wait for its end, or for the deadline.
 
-    Does nothing where a handler of somebody else's in Python listens, and outside the main thread.
+    Blender calls Python in turn, such as Cycles' own and handlers of scenes: raised there, an interruption would be
+    printed as an error of theirs, and lost, and what was half done would be taken for done.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    with _python_listens() as listens:
-        if not listens:
-            yield
-            return
-        with _watched(end or _end_process):
-            yield
+    _Waiting.depth += 1
+    try:
+        yield
+    finally:
+        _Waiting.depth -= 1
+        if not _Waiting.depth and _Waiting.heard:
+            number, _Waiting.heard = _Waiting.heard, 0
+            raise Interrupted(number)
 
 
 @contextmanager
-def _python_listens() -> Iterator[bool]:
-    """Whether Python's own handler hears Ctrl-C; it takes the place of one of the program that Python is a part of."""
-    handler = signal.getsignal(signal.SIGINT)
-    if handler not in (None, signal.default_int_handler):
+def prompt_interrupt(end: Callable[[], None] | None = None) -> Iterator[None]:
+    """Within the block, Ctrl-C and SIGTERM raise `Interrupted`, and `end` is called if that has not ended the block
+    DEADLINE_S after it; by default the process ends.
+
+    Leaves a signal alone where a handler of somebody else's in Python listens, or where it is ignored; does nothing
+    outside the main thread.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    with ExitStack() as stack:
+        heard = {number for number in _DEFAULTS if stack.enter_context(_listening(number))}
+        if heard:
+            _Waiting.heard = 0
+            stack.enter_context(_watched(heard, end))
+        yield
+
+
+def _hear(number: int, _frame: FrameType | None) -> None:
+    """The handler: Python calls it in the main thread."""
+    if _Waiting.depth:
+        _Waiting.heard = number
+        return
+    raise Interrupted(number)
+
+
+@contextmanager
+def _listening(number: signal.Signals) -> Iterator[bool]:
+    """Whether we hear a signal within the block, in place of Python or of the program that it is a part of."""
+    before = signal.getsignal(number)
+    if before not in (None, _DEFAULTS[number]) or (os.name == "nt" and (before is None or number != signal.SIGINT)):
         yield False
     elif os.name == "nt":
-        yield handler is not None
+        signal.signal(number, _hear)
+        try:
+            yield True
+        finally:
+            signal.signal(number, before)
     else:
         # Python cannot name a handler that is not its own, nor does it notice one: C's signal() does.
         c_signal = ctypes.CDLL(None).signal
         c_signal.restype, c_signal.argtypes = ctypes.c_void_p, (ctypes.c_int, ctypes.c_void_p)
-        before = c_signal(signal.SIGINT, None)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        host = c_signal(number, None)
+        signal.signal(number, _hear)
         try:
             yield True
         finally:
-            if c_signal(signal.SIGINT, before) == before:  # it was Python's, which interrupts what waits
-                signal.signal(signal.SIGINT, signal.default_int_handler)
+            ours = c_signal(number, host)
+            signal.signal(number, _DEFAULTS[number] if before is None else before)
+            if host != ours:  # Python's own interrupts what waits, which C's signal() would not
+                c_signal(number, host)
 
 
 @contextmanager
-def _watched(end: Callable[[], None]) -> Iterator[None]:
-    """A thread hears Ctrl-C within the block."""
+def _watched(numbers: set[signal.Signals], end: Callable[[], None] | None) -> Iterator[None]:
+    """A thread hears of the signals within the block."""
     listener, speaker = socket.socketpair()
     speaker.setblocking(False)
     ended = threading.Event()
-    thread = threading.Thread(target=_watch, args=(listener, ended, end), daemon=True)
+    thread = threading.Thread(target=_watch, args=(listener, numbers, ended, end), daemon=True)
     before = signal.set_wakeup_fd(speaker.fileno(), warn_on_full_buffer=False)
     thread.start()
     try:
@@ -84,20 +145,29 @@ def _watched(end: Callable[[], None]) -> Iterator[None]:
         speaker.close()
 
 
-def _watch(listener: socket.socket, ended: threading.Event, end: Callable[[], None]) -> None:
-    """Wait for Ctrl-C, then for the end of the block, but not for long."""
+def _watch(
+    listener: socket.socket, numbers: set[signal.Signals], ended: threading.Event, end: Callable[[], None] | None
+) -> None:
+    """Wait for a signal, then for the end of the block, but not for long."""
     with listener:
         while heard := listener.recv(1):
-            if heard[0] == signal.SIGINT:
-                if not ended.wait(DEADLINE_S):
+            if heard[0] in numbers:
+                if ended.wait(DEADLINE_S):
+                    return
+                if end is None:
+                    end_process(128 + heard[0], STOPPED)
+                else:
                     end()
                 return
 
 
-def _end_process() -> None:
-    remove_unfinished()
-    said = "interrupted; a bake goes on where it was when it is started again"
-    # Not through the log: the thread that computes may be in the middle of a line.
-    line = json_line("error", said, logging.ERROR, exit_code=INTERRUPTED) if is_json() else f"\npatchnet: {said}"
-    print(line, file=sys.stderr, flush=True)
-    os._exit(INTERRUPTED)
+def end_process(exit_code: int, said: str) -> None:
+    """End the process at once; what it has not finished is removed, and people or programs are told why."""
+    try:
+        remove_unfinished()
+        # Not through the log: the thread that computes may be in the middle of a line.
+        line = json_line("error", said, logging.ERROR, exit_code=exit_code) if is_json() else f"\npatchnet: {said}"
+        with suppress(OSError, ValueError, AttributeError):  # stderr may be closed
+            print(line, file=sys.stderr, flush=True)
+    finally:
+        os._exit(exit_code)

@@ -3,15 +3,16 @@
 
 Two facts shape this file. Parallel kernels launched from two threads at once abort the process under numba's
 `workqueue` layer, so every parallel launch takes one lock. And numba's cache does not notice an edited callee in
-another file, so the cache folder's name holds a hash of all kernel sources.
+another file, so the cache folder's name holds a hash of all sources of kernels and of what they are extended by.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
-import os
-import sys
+import logging
+import pickle
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -19,23 +20,14 @@ from typing import Any, TypeVar
 
 import numba
 from numba.core import event
+from numba.core.caching import FunctionCache
 
+from .cache_folder import kernel_folder, user_cache_folder
 from .compiling import compilation_begins, compilation_ends
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _LAUNCH_LOCK = threading.RLock()
-
-
-def user_cache_folder() -> Path:
-    """Folder for what can be computed again: `PATCHNET_CACHE`, or the platform's cache folder."""
-    if folder := os.environ.get("PATCHNET_CACHE"):
-        return Path(folder)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "patchnet"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "patchnet"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "patchnet"
 
 
 def _sources_hash() -> str:
@@ -44,12 +36,44 @@ def _sources_hash() -> str:
     folders = (engine, engine.parent / "training")
     for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
         text = path.read_bytes()
-        if b"kernels import" in text:
+        if b"kernels import" in text or b"numba.extending import" in text:
             digest.update(text)
     return digest.hexdigest()[:16]
 
 
-numba.config.CACHE_DIR = str(user_cache_folder() / "kernels" / _sources_hash())
+numba.config.CACHE_DIR = str(kernel_folder(user_cache_folder(), _sources_hash()))
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]
+    """numba's cache of a function's compiled code; files that cannot be read or written cost time and nothing else."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Compiled code for a signature, or None."""
+        try:
+            return super().load_overload(sig, target_context)
+        except (OSError, EOFError, pickle.UnpicklingError) as cause:
+            _say_uncached(cause)
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep compiled code."""
+        try:
+            super().save_overload(sig, data)
+        except OSError as cause:
+            _say_uncached(cause)
+
+
+@functools.cache
+def _say_once(reason: str) -> None:
+    logging.getLogger("patchnet").warning(
+        "Compiled kernels cannot be kept in %s (%s): they are compiled again at the next start; make room, or name "
+        "another folder in the preferences or in PATCHNET_CACHE",
+        numba.config.CACHE_DIR, reason,
+    )  # fmt: skip
+
+
+def _say_uncached(cause: Exception) -> None:
+    _say_once(str((isinstance(cause, OSError) and cause.strerror) or type(cause).__name__))
 
 
 class _Compilations(event.Listener):  # type: ignore[misc]
@@ -67,17 +91,24 @@ event.register("numba:compile", _Compilations())
 
 def device(function: Function) -> Function:
     """A function that kernels call; inlined by the compiler, never launched by itself."""
-    return numba.njit(function, cache=True, nogil=True, error_model="numpy")
+    return _compiled(function)
 
 
 def kernel(function: Function) -> Function:
     """A function over arrays, compiled for all cores at its first call; launches are serialised."""
-    return _serialised(function, numba.njit(function, cache=True, nogil=True, parallel=True, error_model="numpy"))
+    return _serialised(function, _compiled(function, parallel=True))
 
 
 def serial_kernel(function: Function) -> Function:
     """Like `kernel`, for work that one core does in order; may be launched from several threads at once."""
-    return numba.njit(function, cache=True, nogil=True, error_model="numpy")
+    return _compiled(function)
+
+
+def _compiled(function: Function, **options: bool) -> Any:
+    compiled = numba.njit(function, nogil=True, error_model="numpy", **options)
+    with contextlib.suppress(RuntimeError):  # no folder at all can be written
+        compiled._cache = _Cache(function)  # what cache=True would do, but for the errors
+    return compiled
 
 
 def _serialised(function: Function, compiled: Any) -> Function:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files and folders that are not finished yet: what has to go if the process ends in the middle of its work."""
+"""Files and folders that are not finished yet, or only for this process: what has to go when it ends at once."""
 
 from __future__ import annotations
 
@@ -21,8 +21,13 @@ def unfinished(path: Path) -> Iterator[None]:
         _paths.discard(path)
 
 
+def goes_with_process(path: Path) -> None:
+    """`path` is of no use any more when this process ends."""
+    _paths.add(path)
+
+
 def remove_unfinished() -> None:
-    """Delete what is not finished, before the process ends at once."""
+    """Delete what is not finished or of no use any more, before the process ends at once."""
     for path in list(_paths):
         shutil.rmtree(path, ignore_errors=True)
         with contextlib.suppress(OSError):

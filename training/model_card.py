@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from .dataset import Dataset
+from .run_files import CARD, CURVES, LOG
 from .settings import TrainSettings
 
 _DATA_COLUMNS = ("data set", "scene", "depth", "light", "turned", "samples", "held out")
@@ -25,8 +26,8 @@ def write_card(
     folder: Path, datasets: Sequence[Dataset], settings: TrainSettings, notes: dict[str, Any], weights_hash: str
 ) -> None:
     """Write `model_card.md`, and `curves.png` where matplotlib is installed, beside the log in `folder`."""
-    curve, validations = read_log(folder / "log.jsonl")
-    has_picture = draw_curves(curve, validations, folder / "curves.png")
+    curve, validations = read_log(folder / LOG)
+    has_picture = draw_curves(curve, validations, folder / CURVES)
     parts = [
         "# Model card of PatchNet weights\n",
         f"Weights `{weights_hash}`. Encoder 2560-256-256-256-10, decoder 42-48-48-48-2, look-ahead of two levels.\n",
@@ -50,7 +51,7 @@ def write_card(
         "Trained on voxels with two levels of look-ahead and pixels of half to a whole voxel. Only view-independent",
         "luminance is known; scenes unlike those above can be predicted worse.\n",
     ]
-    (folder / "model_card.md").write_text("\n".join(parts))
+    (folder / CARD).write_text("\n".join(parts))
 
 
 def draw_curves(curve: list[dict[str, Any]], validations: list[dict[str, Any]], path: Path) -> bool:

@@ -28,13 +28,11 @@ from .batches import Augmentation, Batch, gather_batch
 from .dataset import Dataset
 from .forest import Forest, plant
 from .learner import Learner, Losses
+from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .schedule import learning_rate
 from .settings import TrainSettings
 from .validation import validate
 
-CHECKPOINT = "checkpoint.pt"
-LOG = "log.jsonl"
-WEIGHTS = "patchnet.safetensors"
 PARTS = 2
 
 
@@ -76,12 +74,11 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     per_step = voxels * corpus.views.shape[1]
     total = max(1, settings.passes // per_step)
     learner = Learner(settings)
+    check_run(options.out, resume=options.resume)
     options.out.mkdir(parents=True, exist_ok=True)
     run = asdict(settings) | {"data": [dataset.metadata.get("octree_hash", dataset.name) for dataset in datasets]}
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
-    elif (options.out / CHECKPOINT).exists():
-        raise SettingError(f"{options.out} holds a run already: continue it with --resume or choose another folder")
     log = Log(options.out / LOG, learner.steps)
     crew = Crew(learner, corpus, voxels)
     end = min(total, options.stop_after or total)
@@ -212,9 +209,7 @@ def save_checkpoint(out: Path, learner: Learner, run: dict[str, Any], notes: dic
 
 
 def load_checkpoint(path: Path, learner: Learner, run: dict[str, Any]) -> None:
-    """Go on from a checkpoint; raises PatchNetError if it is missing, damaged or of other settings or data."""
-    if not path.is_file():
-        raise FileFormatError(f"{path} does not exist: start the run without --resume")
+    """Go on from a checkpoint; raises PatchNetError if it is damaged or of other settings or data."""
     try:
         state = torch.load(path, weights_only=True)
         other = state["run"]

@@ -41,7 +41,7 @@ def measure(args: argparse.Namespace) -> Comparison:
     check_repeats(args)
     check_depths(*args.depths)
     if args.plot is not None:
-        check_figure(args.plot)
+        check_figure(args.plot, [args.scene])
     peer_name = f"Open3D {import_open3d().__version__}"
     all_cores = args.cores == "all"
     costs = []

@@ -4,7 +4,7 @@
 The scene stays as it is: nothing in it is hidden. For each page a mesh of its triangles is added, lifted off the
 surface by far less than a voxel and invisible to all rays, so that it neither shadows nor reflects anything; Cycles
 computes the light that arrives on it. So instances stay instances, and memory is bounded by the page. Between two
-pages the scene is exactly as before.
+pages the scene is exactly as before, and so is a file that is saved meanwhile.
 
 Opaque surfaces are baked on the side that their normals show, on the other where that is next to dark. Both sides count
 of cut-outs and of what is translucent, and of all sheets if asked for; not of closed surfaces, whose inner side nobody
@@ -24,8 +24,9 @@ from ...patchnet_addon.errors import SettingError
 from ...patchnet_addon.light.charts import Charts
 from ...patchnet_addon.progress import Progress, Steps
 from ..devices import AUTOMATIC, bakes_on_gpu
+from ..job_watch import check_unchanged
 from ..scene.scene_mesh import SceneMesh
-from .bake_key import bake_key
+from .bake_key import bake_key, scene_key
 from .baker import Baker
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
@@ -51,6 +52,8 @@ def bake_luminance(
     max_texels: int = MAX_TEXELS,
     kept: KeptPages | None = None,
     device: str = AUTOMATIC,
+    with_daylight: bool = False,
+    depsgraph: bpy.types.Depsgraph | None = None,
 ) -> Steps[Atlas]:
     """Diffuse light with global illumination, and emission, on all triangles of `source`.
 
@@ -59,6 +62,8 @@ def bake_luminance(
     color: whether the atlas has it (`Atlas.texels`). both_sides: of opaque sheets, both sides are lit.
     samples: paths a texel and side. kept: finished pages are taken from there and left there.
     device: one of `DEVICES`; automatic is a GPU where the preferences of Cycles enable one.
+    with_daylight: sun and sky of ours shine in place of the scene's world.
+    depsgraph: what `source` was read from, for the pages' key; None takes the context's.
     Raises SceneError if Cycles is not there or cannot bake, SettingError for a GPU that is not enabled.
     """
     from ...patchnet_addon.light.atlas import COLOR_CHANNELS, Atlas
@@ -66,22 +71,25 @@ def bake_luminance(
     if samples < 1:
         raise SettingError(f"{samples} samples per texel are too few: choose at least 1")
     side = page_side(source.triangle_count)
+    scene = "" if kept is None else scene_key(depsgraph or context.evaluated_depsgraph_get())
     charts = yield from beside(
         lambda: _charts(source, texel_world, samples, max_texels, side), Progress(0, 1, "Laying out charts")
     )
     channels = COLOR_CHANNELS if color else 2
-    baker = Baker(context, source, charts, seed, channels, both_sides, device)
+    baker = Baker(context, source, charts, seed, channels, both_sides, device, with_daylight)
     pages = np.zeros((charts.page_count, charts.page_side**2, channels), np.float32)
     if kept is not None:
         yield Progress(0, 1, "Looking for finished pages")
         on_gpu = bakes_on_gpu(context, device)
-        kept.open(bake_key(context, source, charts, samples, seed, color, both_sides, on_gpu))
+        switches = (color, both_sides, on_gpu, with_daylight)
+        kept.open(bake_key(scene, source, charts, samples, seed, switches))
         if there := len(kept.pages()):
             yield Progress(there, charts.page_count, f"Resuming: {there} of {charts.page_count} pages are there")
     for page in range(charts.page_count):
         finished = kept.load(page, charts.page_side**2, channels) if kept is not None else None
         if finished is None:
             pages[page] = yield from baker.page(page)
+            check_unchanged()  # before a page is kept that would be taken for one of the scene as it was
             if kept is not None:
                 kept.save(page, pages[page])
         else:

@@ -22,29 +22,30 @@ _CODE = ("operators/bake", "operators/scene", "patchnet_addon/light")
 
 
 def bake_key(
-    context: bpy.types.Context,
-    source: SceneMesh,
-    charts: Charts,
-    samples: int,
-    seed: int,
-    color: bool = False,
-    both_sides: bool = False,
-    on_gpu: bool = False,
+    scene: str, source: SceneMesh, charts: Charts, samples: int, seed: int, switches: tuple[bool, ...] = ()
 ) -> str:
-    """32 hex digits over surface, charts, samples, and all of the scene that a bake could show.
+    """32 hex digits over surface, charts, samples, and all of the scene that a bake could show, by its `scene_key`.
+
+    switches: whatever else determines the pages.
+    """
+    digest = Digest()
+    digest.text(_code_hash(), bpy.app.version_string, bpy.app.build_hash, scene, samples, seed, switches, _devices())
+    digest.text(charts.texel_world, charts.page_side, charts.page_count)
+    for name in _CHART_ARRAYS:
+        digest.array(name, getattr(charts, name))
+    add_surface(digest, source)
+    return digest.hexdigest()
+
+
+def scene_key(depsgraph: bpy.types.Depsgraph) -> str:
+    """32 hex digits over what shines, shadows and reflects, whether it is baked or not, and how Cycles renders it.
 
     Not seen are: drivers and geometry nodes of objects that are disabled in viewports yet rendered (what they depend
     on counts, what they make of it does not), single files of image sequences, and the children of particle hair beyond
     their settings.
     """
     digest = Digest()
-    digest.text(_code_hash(), bpy.app.version_string, bpy.app.build_hash, samples, seed, color, both_sides, _devices())
-    digest.text(on_gpu)
-    digest.text(charts.texel_world, charts.page_side, charts.page_count)
-    for name in _CHART_ARRAYS:
-        digest.array(name, getattr(charts, name))
-    add_surface(digest, source)
-    add_scene(digest, context.evaluated_depsgraph_get())
+    add_scene(digest, depsgraph)
     return digest.hexdigest()
 
 
@@ -100,12 +101,15 @@ def add_scene(digest: Digest, depsgraph: bpy.types.Depsgraph) -> None:
         key = item.name_full, item.data.as_pointer() if item.data else 0
         if key not in met:
             met.add(key)
-            _add_object(digest, item)
+            # Not what stands for an instance: Blender makes that for a moment, and leaks settings that are asked of it.
+            _add_object(digest, item.original.evaluated_get(depsgraph) if instance.is_instance else item, item.data)
+            _add_materials(digest, item)
     evaluated = {name for name, _ in met}
     for item in scene.original.objects:  # not in viewports, yet in renders
         if item.name_full not in evaluated and not item.hide_render and not is_own(item):
             digest.text(tuple(map(tuple, item.matrix_world)))
-            _add_object(digest, item)
+            _add_object(digest, item, item.data)
+            _add_materials(digest, item)
 
 
 _OUTPUT = names("image_settings ffmpeg filepath")  # where renders are written to
@@ -115,18 +119,27 @@ _OBJECT_SKIPPED = names(
     add_rest_position_attribute show_name show_axis show_in_front show_wire show_bounds show_all_edges
     show_texture_space show_transparent show_only_shape_key use_shape_key_edit_mode active_shape_key_index
     active_shape_key active_material active_material_index particle_systems hide_select display display_type
-    display_bounds_type"""
+    display_bounds_type is_instancer is_from_instancer is_from_set"""
+)
+# Where an object stands is hashed for each of its instances. Of what is only instanced these are not even the same in
+# two evaluations.
+_PLACE = names(
+    """matrix_world matrix_local matrix_basis matrix_parent_inverse location rotation_euler rotation_quaternion
+    rotation_axis_angle rotation_mode scale delta_location delta_rotation_euler delta_rotation_quaternion delta_scale"""
 )
 
 
-def _add_object(digest: Digest, item: bpy.types.Object) -> None:
-    digest.struct(item, _OBJECT_SKIPPED)
+def _add_object(digest: Digest, item: bpy.types.Object, data: bpy.types.ID | None) -> None:
+    """An object without its place and its materials; `data` is what is shown for it."""
+    digest.struct(item, _OBJECT_SKIPPED | _PLACE)
     for system in item.particle_systems:
         digest.text(system.name, system.seed, len(system.particles))
         digest.block(system.settings)
-    data = item.data
     digest.block(data)
     if isinstance(data, bpy.types.Volume):
         digest.file(bpy.path.abspath(data.filepath, library=data.library))
+
+
+def _add_materials(digest: Digest, item: bpy.types.Object) -> None:
     for slot in item.material_slots:
         digest.block(slot.material)

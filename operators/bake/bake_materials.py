@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import bpy
 
 from ..scene.layer_names import shader_tree
+from ..temporary import temporary
 from .object_data import needs_redirect, redirect
 from .translucency import is_translucent, keep_sides
 
@@ -22,28 +23,26 @@ def bake_materials(
     The copies take from attributes what they would ask the object. back: the mesh shows back sides. through: they show
     only what shines through from behind, else all but that.
     """
-    copies = _Copies(through)
-    try:
+    with ExitStack() as stack:
+        copies = _Copies(through, stack)
         for name in names:
             copies.add(name, image, back)
         yield copies.materials
-    finally:
-        copies.remove()
 
 
 class _Copies:
-    """Copies of materials and of the node groups in them."""
+    """Copies of materials and of the node groups in them, until `stack` is closed."""
 
-    def __init__(self, through: bool) -> None:
-        self._through = through
+    def __init__(self, through: bool, stack: ExitStack) -> None:
+        self._through, self._stack = through, stack
         self.materials: list[bpy.types.Material] = []
-        self._groups: list[bpy.types.NodeTree] = []
         self._library = {material.name_full: material for material in bpy.data.materials}
 
     def add(self, name: str, image: bpy.types.Image, back: bool) -> None:
         """Copy a material by its full name; "" is what Cycles shows without one."""
         original = self._library[name] if name else None
-        copy = original.copy() if original else bpy.data.materials.new("PatchNet Default")
+        new = original.copy() if original else bpy.data.materials.new("PatchNet Default")
+        copy = self._stack.enter_context(temporary(new))
         self.materials.append(copy)
         if original and (needs_redirect(original) or is_translucent(original)):
             self._redirect(copy.node_tree, original.pass_index, back, {})
@@ -58,17 +57,9 @@ class _Copies:
             if node.type == "GROUP" and node.node_tree:
                 name = node.node_tree.name_full
                 if name not in known:
-                    known[name] = node.node_tree.copy()
-                    self._groups.append(known[name])
+                    known[name] = self._stack.enter_context(temporary(node.node_tree.copy()))
                     self._redirect(known[name], material_index, back, known)
                 node.node_tree = known[name]
-
-    def remove(self) -> None:
-        """Remove all copies."""
-        for material in self.materials:
-            bpy.data.materials.remove(material)
-        for group in self._groups:
-            bpy.data.node_groups.remove(group)
 
 
 def _aim(material: bpy.types.Material, image: bpy.types.Image, plain: bool) -> None:

@@ -3,38 +3,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import replace
 
 import bpy
 import numpy as np
 
 from ...patchnet_addon.beside import computed
-from ...patchnet_addon.errors import SceneError
 from ...patchnet_addon.light.charts import Charts
 from ...patchnet_addon.octree.mesh import Material
 from ...patchnet_addon.progress import Progress, Steps
+from ..daylight import daylight
 from ..devices import AUTOMATIC, bakes_on_gpu
+from ..overrides import object_mode
 from ..scene.light_links import Links
 from ..scene.scene_mesh import SceneMesh
 from ..window_job import when_job_ended, window_is_alive
+from .bake_call import BakeTarget, run_as_job
 from .bake_call import run as _run
-from .bake_call import run_as_job
 from .bake_materials import bake_materials
+from .bake_scene import cycles_settings, page_image, page_mesh, page_object
 from .closed_runs import ClosedPieces
 from .light_links import lit_as
 from .object_data import attributes_needed, lost_inputs
 from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
-from .settings import changed, object_mode
 from .translucency import is_translucent
 
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
 _DIM = 0.02  # of the median light on a page: perhaps an enclosed side, into which a little light finds its way
-# Side of what Cycles samples at a time, in texels. It hears of a stop between two passes over a tile only, and a pass
-# over a whole page takes a processor many seconds: too long for a window. Small tiles take a fifth longer, so without
-# one a page is one tile, and what stops a command does not ask Cycles. The bits are the same.
-_TILE_SIDE_IN_WINDOW, _TILE_SIDE = 256, 2048
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
@@ -43,7 +39,7 @@ class Baker:
 
     channels: of its texels, 2 or 4, see `Atlas`. both_sides: backs of opaque sheets count like fronts; else, and always
     with materials that cull backfaces, only where fronts get no light. warnings: sentences about what cannot be baked.
-    paths_traced: how many paths the last page took.
+    paths_traced: how many paths the last page took. with_daylight: sun and sky of ours shine, not the scene's world.
     """
 
     def __init__(
@@ -55,6 +51,7 @@ class Baker:
         channels: int = 2,
         both_sides: bool = False,
         device: str = AUTOMATIC,
+        with_daylight: bool = False,
     ) -> None:
         """`device` is one of `DEVICES`. Raises SettingError for a GPU that is not there."""
         self._context = context
@@ -63,6 +60,7 @@ class Baker:
         self._seed = seed
         self._channels = channels
         self._on_gpu = bakes_on_gpu(context, device)
+        self._with_daylight = with_daylight
         self._closed = ClosedPieces()
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
         self._attributes = attributes_needed(used)
@@ -173,9 +171,12 @@ class Baker:
         stack = ExitStack()
         try:
             stack.enter_context(object_mode(self._context))
-            stack.enter_context(_cycles(self._context, samples, self._seed, self._on_gpu))
+            scene = self._context.scene
+            if self._with_daylight:
+                stack.enter_context(daylight(scene))
+            stack.enter_context(cycles_settings(scene, samples, self._seed, self._on_gpu))
             # One image for both: Cycles reads the scene once for each.
-            image = stack.enter_context(_image(size, 2 if len(fronts) and len(backs) else 1))
+            image = stack.enter_context(page_image(size, 2 if len(fronts) and len(backs) else 1))
             materials, parts = [], []
             for part, back in ((fronts, False), (backs, True)):
                 used, mine = np.unique(part.materials, return_inverse=True)
@@ -183,15 +184,15 @@ class Baker:
                 parts.append(replace(part, materials=mine.reshape(-1).astype(np.int32)))
                 own = [names[number] for number in used]
                 materials.append(stack.enter_context(bake_materials(own, image, back, through)))
-            mesh = stack.enter_context(_mesh())
+            mesh = stack.enter_context(page_mesh())
             lift_world = -self._offset_world if through else self._offset_world
             turned = parts[1].turned(len(materials[0]))
             fill_mesh(mesh, joined([parts[0], turned]), [*materials[0], *materials[1]], lift_world)
-            target = stack.enter_context(_target(self._context, mesh))
-            stack.enter_context(lit_as(target, links))
+            item = stack.enter_context(page_object(scene, mesh))
+            stack.enter_context(lit_as(item, links))
+            target = BakeTarget(scene, scene.view_layers[self._context.view_layer.name], item, image)
             if window_is_alive():
-                target.hide_set(True)  # from the person's eyes, not from the bake
-                yield from run_as_job(self._context, target, image, at)
+                yield from run_as_job(self._context, target, at)
             else:
                 _run(self._context, target)
             sides = _shine(image, int(size[1]), self._charts.page_side, self._channels)
@@ -231,71 +232,3 @@ def is_opaque(material: Material) -> bool:
 def _lost(name: str, nodes: tuple[str, ...]) -> str:
     listed = ", ".join(f"'{node}'" for node in nodes)
     return f"Material '{name}' is baked without what depends on the view or on whole objects: node {listed}"
-
-
-@contextmanager
-def _cycles(context: bpy.types.Context, samples: int, seed: int, on_gpu: bool) -> Iterator[None]:
-    """Settings for an unbiased bake; the user's bounces and light stay."""
-    scene = context.scene
-    if not hasattr(scene, "cycles"):
-        raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose the two-lights shading")
-    with ExitStack() as stack:
-        stack.enter_context(changed(scene.render, engine="CYCLES"))
-        if not on_gpu:  # a GPU wants large tiles, and is done with them soon
-            stack.enter_context(changed(scene.cycles, use_auto_tile=True, tile_size=_tile_side()))
-        stack.enter_context(
-            changed(
-                scene.cycles,
-                samples=samples,
-                seed=seed,
-                device="GPU" if on_gpu else "CPU",
-                use_animated_seed=False,
-                use_adaptive_sampling=False,
-                use_denoising=False,
-                sample_clamp_direct=0.0,
-                sample_clamp_indirect=0.0,
-                film_exposure=1.0,
-                time_limit=0.0,
-                use_sample_subset=False,
-            )
-        )
-        yield
-
-
-def _tile_side() -> int:
-    return _TILE_SIDE_IN_WINDOW if window_is_alive() else _TILE_SIDE
-
-
-@contextmanager
-def _image(size: np.ndarray, pages: int) -> Iterator[bpy.types.Image]:
-    """An image for `pages` pages of width and height (2,), one above the other."""
-    width, height = int(size[0]), int(size[1]) * pages
-    image = bpy.data.images.new("PatchNet Bake", width, height, alpha=True, float_buffer=True, is_data=True)
-    try:
-        yield image
-    finally:
-        bpy.data.images.remove(image)
-
-
-@contextmanager
-def _mesh() -> Iterator[bpy.types.Mesh]:
-    mesh = bpy.data.meshes.new("PatchNet Bake")
-    try:
-        yield mesh
-    finally:
-        bpy.data.meshes.remove(mesh)
-
-
-@contextmanager
-def _target(context: bpy.types.Context, mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
-    """An object of `mesh` that no ray meets, removed after the block."""
-    item = bpy.data.objects.new("PatchNet Bake", mesh)
-    try:
-        context.scene.collection.objects.link(item)
-        # Cycles drops objects that no ray at all can meet: scattering in volumes is what remains.
-        for ray in ("camera", "diffuse", "glossy", "transmission", "shadow"):
-            setattr(item, f"visible_{ray}", False)
-        context.view_layer.update()
-        yield item
-    finally:
-        bpy.data.objects.remove(item)

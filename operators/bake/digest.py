@@ -42,24 +42,37 @@ _ATTRIBUTES = {
     "INT8": ("value", 1, np.int32), "INT32_2D": ("value", 2, np.int32), "INT16_2D": ("value", 2, np.int32),
     "BOOLEAN": ("value", 1, np.bool_), "QUATERNION": ("value", 4, np.float32), "FLOAT4X4": ("value", 16, np.float32),
 }  # fmt: skip
+_OF_POINTS = {"co": 4, "weight": 1, "tilt": 1, "radius": 1}
+_OF_BEZIER_POINTS = {"co": 3, "handle_left": 3, "handle_right": 3, "tilt": 1, "radius": 1}
+_CORNERS = ".corner_vert"
 _DEPTH = 6
+_MOST_TEXTS = 4096
 
 
 class Digest:
     """A growing hash; the contents of a data-block count when it is first met, later its name."""
 
     def __init__(self) -> None:
+        self.is_empty = True
         self._hash = hashlib.blake2b(digest_size=16)
+        self._texts: list[str] = []  # still to be hashed; all at once takes a third less time
         self._met: set[int] = set()  # by address: evaluated copies share their original's name
-        self._properties: dict[type, list[tuple[str, str, bool]]] = {}  # asking for them takes longer than for values
 
     def hexdigest(self) -> str:
         """32 hex digits."""
+        self._hash_texts()
         return self._hash.hexdigest()
 
     def text(self, *values: Any) -> None:
         """Plain values, by their repr."""
-        self._hash.update((repr(values) + ";").encode("utf-8", "surrogatepass"))
+        self.is_empty = False
+        self._texts.append(repr(values))
+        if len(self._texts) >= _MOST_TEXTS:
+            self._hash_texts()
+
+    def _hash_texts(self) -> None:
+        self._hash.update("".join(f"{text};" for text in self._texts).encode("utf-8", "surrogatepass"))
+        self._texts.clear()
 
     def array(self, name: str, values: np.ndarray | None) -> None:
         """An array with its type and shape."""
@@ -67,6 +80,7 @@ class Digest:
             self.text(name, None)
             return
         self.text(name, values.dtype.str, values.shape)
+        self._hash_texts()
         self._hash.update(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
 
     def block(self, block: bpy.types.ID | None) -> None:
@@ -78,6 +92,10 @@ class Digest:
         if block.as_pointer() in self._met:
             return
         self._met.add(block.as_pointer())
+        self.contents(block)
+
+    def contents(self, block: bpy.types.ID) -> None:
+        """What is in a data-block."""
         if isinstance(block, bpy.types.Image):
             self._image(block)
         elif isinstance(block, bpy.types.NodeTree):
@@ -91,6 +109,8 @@ class Digest:
                 self.block(item)
             for entry in (*block.collection_children, *block.collection_objects):
                 self.text(entry.light_linking.link_state)
+        elif isinstance(block, bpy.types.Curve):
+            self._curve(block)
         elif hasattr(block, "attributes"):
             self.geometry(block)
         elif not isinstance(block, bpy.types.Scene | bpy.types.Library):
@@ -100,7 +120,7 @@ class Digest:
     def struct(self, owner: bpy.types.bpy_struct, skipped: frozenset[str] = frozenset(), depth: int = _DEPTH) -> None:
         """All properties, those of nested settings too."""
         self.text(owner.bl_rna.identifier)
-        for key, kind, is_array in self._properties_of(owner):
+        for key, kind, is_array in _properties_of(owner):
             if key in skipped:
                 continue
             try:
@@ -109,17 +129,6 @@ class Digest:
                 continue  # not readable in this state
             self.text(key)
             self._value(kind, is_array, value, depth)
-
-    def _properties_of(self, owner: bpy.types.bpy_struct) -> list[tuple[str, str, bool]]:
-        """Identifier and type of each property that counts, and whether it is an array."""
-        kind = type(owner)
-        if kind not in self._properties:
-            self._properties[kind] = [
-                (prop.identifier, prop.type, getattr(prop, "is_array", False))
-                for prop in owner.bl_rna.properties
-                if prop.identifier not in _SKIPPED and not prop.identifier.startswith("bl_")
-            ]
-        return self._properties[kind]
 
     def _value(self, kind: str, is_array: bool, value: Any, depth: int) -> None:
         if kind == "POINTER":
@@ -171,6 +180,17 @@ class Digest:
                 name = image.filepath.replace("<UDIM>", str(number))
                 self.file(bpy.path.abspath(name, library=image.library))
 
+    def _curve(self, curve: bpy.types.Curve) -> None:
+        """Settings, and the points of all splines, which are too many to ask for one by one."""
+        self.struct(curve, names("splines materials"))
+        for spline in curve.splines:
+            self.struct(spline, names("points bezier_points"))
+            for points, widths in ((spline.points, _OF_POINTS), (spline.bezier_points, _OF_BEZIER_POINTS)):
+                for key, width in widths.items():
+                    self.array(key, values_of(points, key, width, np.float32))
+        for material in curve.materials:
+            self.block(material)
+
     def file(self, path: str) -> None:
         """A file outside, by its size and time; a file that is not there counts too."""
         try:
@@ -180,20 +200,52 @@ class Digest:
             return
         self.text(path, state.st_size, state.st_mtime_ns)
 
-    def geometry(self, data: Any) -> None:
-        """Mesh, hair or points: attributes and faces, without what is selected or hidden in edit mode."""
+    def geometry(self, data: Any, without: str = "") -> None:
+        """Mesh, hair or points: attributes, `without` one, and faces; not what is selected or hidden in edit mode."""
         for attribute in data.attributes:
-            if attribute.name.startswith(".") or attribute.data_type not in _ATTRIBUTES:
+            if attribute.name.startswith(".") or attribute.name == without or attribute.data_type not in _ATTRIBUTES:
                 continue
-            key, width, dtype = _ATTRIBUTES[attribute.data_type]
-            values = np.empty(len(attribute.data) * width, dtype)
-            attribute.data.foreach_get(key, values)
-            self.array(f"{attribute.name} {attribute.domain}", values)
-        for name, key in (("loops", "vertex_index"), ("polygons", "loop_start")):
-            items: Any = getattr(data, name, ())
-            values = np.empty(len(items), np.int32)
-            if len(items):
-                items.foreach_get(key, values)
-            self.array(name, values)
+            self.attribute(attribute)
+        self.faces(data)
         for material in data.materials:
             self.block(material)
+
+    def attribute(self, attribute: bpy.types.Attribute) -> None:
+        """Values of an attribute of a type that is known."""
+        key, width, dtype = _ATTRIBUTES[attribute.data_type]
+        self.array(f"{attribute.name} {attribute.domain}", values_of(attribute.data, key, width, dtype))
+
+    def faces(self, data: Any) -> None:
+        """Which vertices the faces of a mesh have; nothing of what has none."""
+        if not isinstance(data, bpy.types.Mesh):
+            return
+        corners = data.attributes.get(_CORNERS)  # the same as of `loops`, many times faster
+        self.array(
+            "loops", values_of(*((corners.data, "value") if corners else (data.loops, "vertex_index")), 1, np.int32)
+        )
+        self.array("polygons", values_of(data.polygons, "loop_start", 1, np.int32))
+
+
+# By type, for as long as a hash is computed: asking for them takes longer than for values. Types may change later, when
+# add-ons are enabled.
+_properties: dict[type, list[tuple[str, str, bool]]] = {}
+
+
+def _properties_of(owner: bpy.types.bpy_struct) -> list[tuple[str, str, bool]]:
+    """Identifier and type of each property that counts, and whether it is an array."""
+    kind = type(owner)
+    if kind not in _properties:
+        _properties[kind] = [
+            (prop.identifier, prop.type, getattr(prop, "is_array", False))
+            for prop in owner.bl_rna.properties
+            if prop.identifier not in _SKIPPED and not prop.identifier.startswith("bl_")
+        ]
+    return _properties[kind]
+
+
+def values_of(items: Any, key: str, width: int, dtype: type) -> np.ndarray:
+    """One property of all items of a collection: (len(items) * width,)."""
+    values: np.ndarray = np.empty(len(items) * width, dtype)
+    if len(items):
+        items.foreach_get(key, values)
+    return values

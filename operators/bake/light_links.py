@@ -8,8 +8,9 @@ from contextlib import ExitStack, contextmanager
 
 import bpy
 
+from ..overrides import changed
 from ..scene.light_links import Links, emitters, members
-from .settings import changed
+from ..temporary import temporary
 
 
 @contextmanager
@@ -32,11 +33,8 @@ def lit_as(target: bpy.types.Object, links: Links) -> Iterator[None]:
 def _with_member(
     collection: bpy.types.Collection, item: bpy.types.Object, state: str
 ) -> Iterator[bpy.types.Collection]:
-    copy = bpy.data.collections.new("PatchNet Bake")
-    try:
+    with temporary(bpy.data.collections.new("PatchNet Bake")) as copy:
         for member, its_state in (members(collection) | {item: state}).items():
             copy.objects.link(member)
             copy.collection_objects[-1].light_linking.link_state = its_state
         yield copy
-    finally:
-        bpy.data.collections.remove(copy)

@@ -11,8 +11,8 @@ from .folder import cache_size, clear_cache
 
 
 class PATCHNET_OT_clear_cache(bpy.types.Operator):
-    """Delete compiled kernels and pages of stopped bakes from the cache folder, and nothing else. Kernels are compiled
-    again when they are needed, and stopped bakes begin anew"""
+    """Delete compiled kernels, pages of stopped bakes and finished octrees from the cache folder, and nothing else.
+    Kernels are compiled again when needed, stopped bakes begin anew, and files that are opened have no voxels"""
 
     bl_idname = "patchnet.clear_cache"
     bl_label = "Clear Cache"
@@ -29,7 +29,7 @@ class PATCHNET_OT_clear_cache(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Delete, and say what is left."""
-        from ...patchnet_addon.kernels import user_cache_folder
+        from ...patchnet_addon.cache_folder import user_cache_folder
 
         apply_preferences(context)
         root = user_cache_folder()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What PatchNet put into its cache folder: compiled kernels, and pages of bakes that were stopped.
+"""What PatchNet put into its cache folder: compiled kernels, pages of stopped bakes, and finished octrees.
 
 Only files that look like those are counted and deleted. A person may have chosen a folder that holds other things.
 """
@@ -10,36 +10,42 @@ import contextlib
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
-KERNELS, BAKES = "kernels", "bakes"
+from ...patchnet_addon.cache_folder import BAKES, KERNELS, OCTREES
+
 _HASH = re.compile(r"[0-9a-f]{16}")
 _KEY = re.compile(r"[0-9a-f]{32}")
 _KERNEL_FILE = re.compile(r".+\.(nbi|nbc)")
 _PAGE_FILE = re.compile(r"\.?page-\d{5}\.safetensors(\.[0-9a-f]{8}\.tmp)?")
 
 
+_OCTREE_FILE = re.compile(r"notes\.json|(octree|codes|layout)\.safetensors")
+
+
 @dataclass(frozen=True)
 class CacheSize:
-    """Bytes of compiled kernels and of pages of bakes."""
+    """Bytes of compiled kernels, of pages of bakes, and of finished octrees with their codes."""
 
     kernels: int = 0
     bakes: int = 0
+    octrees: int = 0
 
     @property
     def total(self) -> int:
-        """Bytes of both."""
-        return self.kernels + self.bakes
+        """Bytes of all."""
+        return self.kernels + self.bakes + self.octrees
 
     def text(self) -> str:
         """In words."""
-        return f"{self.total / 2**20:.1f} MiB: kernels {self.kernels / 2**20:.1f}, bakes {self.bakes / 2**20:.1f}"
+        parts = ", ".join(f"{name} {value / 2**20:.1f}" for name, value in asdict(self).items())
+        return f"{self.total / 2**20:.1f} MiB: {parts}"
 
 
 def cache_size(root: Path) -> CacheSize:
     """How much of `root` is ours."""
-    return CacheSize(*(sum(_size(path) for path in files(root)) for files in (kernel_files, page_files)))
+    return CacheSize(*(sum(_size(path) for path in files(root)) for files in _ALL))
 
 
 def kernel_files(root: Path) -> Iterator[Path]:
@@ -57,18 +63,28 @@ def page_files(root: Path) -> Iterator[Path]:
         yield from (path for path in sorted(bake.iterdir()) if _PAGE_FILE.fullmatch(path.name) and path.is_file())
 
 
+def octree_files(root: Path) -> Iterator[Path]:
+    """Finished octrees: root / octrees / 32 hex digits / octree.safetensors and what belongs to it."""
+    for entry in _folders(root / OCTREES, _KEY):
+        yield from (path for path in sorted(entry.iterdir()) if _OCTREE_FILE.fullmatch(path.name) and path.is_file())
+
+
+_ALL = (kernel_files, page_files, octree_files)
+
+
 def clear_cache(root: Path) -> int:
     """Delete what is ours, and folders that are empty then; the bytes that were freed.
 
-    Nothing breaks: kernels are compiled again at the next start, and a bake that runs elsewhere bakes its pages again.
+    Nothing breaks: kernels are compiled again at the next start, a bake that runs elsewhere bakes its pages again, and
+    octrees that are open stay so.
     """
     freed = 0
-    for path in [*kernel_files(root), *page_files(root)]:
+    for path in [path for files in _ALL for path in files(root)]:
         size = _size(path)
         with contextlib.suppress(OSError):
             path.unlink()
             freed += size
-    for folder in (root / KERNELS, root / BAKES):
+    for folder in (root / KERNELS, root / BAKES, root / OCTREES):
         _remove_empty(folder)
     return freed
 

@@ -10,7 +10,7 @@ from .folder import cache_size
 
 
 class PATCHNET_OT_measure_cache(bpy.types.Operator):
-    """Look how much compiled kernels and pages of stopped bakes take in the cache folder"""
+    """Look how much compiled kernels, pages of stopped bakes and finished octrees take in the cache folder"""
 
     bl_idname = "patchnet.measure_cache"
     bl_label = "Measure Cache"
@@ -18,7 +18,7 @@ class PATCHNET_OT_measure_cache(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Measure, and keep the text."""
-        from ...patchnet_addon.kernels import user_cache_folder
+        from ...patchnet_addon.cache_folder import user_cache_folder
 
         apply_preferences(context)
         kept.cache = cache_size(user_cache_folder()).text()

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import bpy
 import numpy as np
 
 from ...patchnet_addon.image.colormaps import COLORMAPS, colormap
@@ -19,6 +18,18 @@ from .refine import CyclesView
 
 ERROR_MAXIMUM = 0.5  # luminance error at the end of the error picture's legend
 _ERRORS = (PREVIEW, COMPOSITED, FULL)
+_SHEET_NAME = "cycles_compare.png"
+_NAMES, _COMPARISON_NAMES = ("cycles", "regions"), ("cycles full", "cycles error")
+
+
+def cycles_file_names(compare: bool) -> list[str]:
+    """Names of the files of `save_cycles`, with a comparison or without one."""
+    names = [_file_name(name) for name in (*_NAMES, *(_COMPARISON_NAMES if compare else ()))]
+    return [*names, _SHEET_NAME] if compare else names
+
+
+def _file_name(picture: str) -> str:
+    return f"{picture.replace(' ', '_')}.png"
 
 
 def cycles_pictures(view: CyclesView) -> dict[str, np.ndarray]:
@@ -42,12 +53,11 @@ def show_cycles(view: CyclesView) -> None:
 
 
 def save_cycles(view: CyclesView, folder: Path, maximum: float) -> None:
-    """Write the pictures into the camera's folder of a job; `maximum` ends the heatmap in the overview of them."""
-    target = folder / (bpy.path.clean_name(view.camera.name) or "camera")
+    """Write the pictures into the camera's folder; `maximum` ends the heatmap in the overview of them."""
     for name, picture in cycles_pictures(view).items():
-        save_png(target / f"{name.replace(' ', '_')}.png", picture)
+        save_png(folder / _file_name(name), picture)
     if view.full is not None:
-        save_png(target / "cycles_compare.png", comparison_sheet(view, maximum))
+        save_png(folder / _SHEET_NAME, comparison_sheet(view, maximum))
 
 
 def comparison_sheet(view: CyclesView, maximum: float, map_name: str = COLORMAPS[0]) -> np.ndarray:

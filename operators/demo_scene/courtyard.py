@@ -8,6 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ...patchnet_addon.interrupt import interrupts_wait
 from . import furniture, ironwork, masonry, plants, roofs
 from .cameras import build_cameras
 from .lighting import build_light
@@ -50,7 +51,8 @@ def save_demo_scene(path: Path, seed: int = 1) -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
     build_courtyard(bpy.context.scene, seed)
     path.parent.mkdir(parents=True, exist_ok=True)
-    bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), compress=True)
+    with interrupts_wait():
+        bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), compress=True)
 
 
 def _part(scene: bpy.types.Scene, name: str) -> bpy.types.Collection:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The octree that a frame is rendered from: the one that is there if it fits the frame, else a new one.
 
-A bake calls Blender's own render from within ours. It works on a copy of the scene, because a scene has one render, and
-only in Blender's main thread, which is where renders run without a window and from scripts.
+A bake calls Blender's own render from within ours. A scene has one render, so it bakes in a copy of the scene, and only
+in Blender's main thread, which is where renders run without a window and from scripts.
 """
 
 from __future__ import annotations
@@ -21,7 +21,11 @@ from ...patchnet_addon.tracing.camera import Camera
 from .. import results
 from ..job.settings import CYCLES, JobSettings
 from ..job.stages import build, choose_grid, encode, lit, load_network
+from ..kept_results import result_or_kept
 from ..scene import read_scene
+from ..scene_state import scene_state
+from ..staleness import look_again
+from ..temporary import scene_copy
 from .surface_key import may_change, surface_key
 
 _BUTTON = "press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
@@ -53,7 +57,9 @@ def octree_of_frame(
     animation: other frames follow. Raises PatchNetError.
     """
     scene = depsgraph.scene.original
-    number, result = scene.session_uid, results.result_of(scene)
+    number, result = scene.session_uid, result_or_kept(scene)
+    if result is not None:
+        look_again(result, scene)
     kept = None if result is None or result.stale else result
     here = kept is not None and kept.octree.provenance.get("frame") == scene.frame_current
     if kept is not None and ((here and not animation) or not may_change(scene)):
@@ -72,7 +78,7 @@ def octree_of_frame(
     if key:
         _made[number] = _Known(result, key)
     if kept is None:
-        results.keep(scene, result)
+        results.keep(scene, result, "octree", "light")
     return (yield from _coded(scene, result, settings))
 
 
@@ -81,7 +87,7 @@ def _coded(scene: bpy.types.Scene, result: results.SceneResult, settings: JobSet
     if result.coded is None:
         coded = yield from encode(result.octree, load_network(settings.weights))
         if results.result_of(scene) is result:
-            results.keep(scene, replace(result, coded=coded))
+            results.keep(scene, replace(result, coded=coded), "codes")
         return coded
     return result.coded
 
@@ -97,30 +103,23 @@ def _compute(
     yield Progress(0, 1, "Reading the scene")
     scene = depsgraph.scene.original
     weights = load_network(settings.weights)
-    source = read_scene(depsgraph, settings.scope)
+    source, state = read_scene(depsgraph, settings.scope), scene_state(scene, depsgraph.view_layer.name)
     choice = yield from choose_grid(source, [camera], settings)
-    with _bake_context(scene, depsgraph, settings) as context, KeptPages() as pages:
-        shade, _ = yield from lit(context, source, choice.grid, choice.layout, settings, pages)
-        octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout)
+    with _bake_context(scene, depsgraph, settings), KeptPages() as pages:
+        shade, _ = yield from lit(bpy.context, source, choice.grid, choice.layout, settings, pages, depsgraph)
+        octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout, state)
     octree = replace(octree, provenance=octree.provenance | {"scene": scene.name, "frame": scene.frame_current})
     coded = yield from encode(octree, weights)
-    return results.SceneResult(
-        octree=octree, scope=settings.scope, layout=choice.layout, light=settings.light, coded=coded
-    )
+    return results.SceneResult(octree, settings.scope, choice.layout, settings.light, coded, state=state)
 
 
 @contextmanager
-def _bake_context(
-    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, settings: JobSettings
-) -> Iterator[bpy.types.Context]:
-    """A context in which Cycles may bake; the scene is as before afterwards."""
+def _bake_context(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> Iterator[None]:
+    """The context shows a copy of the scene if Cycles bakes."""
     if settings.light != CYCLES:
-        yield bpy.context
+        yield
         return
-    layer = depsgraph.view_layer.name
-    copy = scene.copy()
-    try:
-        with results.quiet(), bpy.context.temp_override(scene=copy, view_layer=copy.view_layers[layer]):
-            yield bpy.context
-    finally:
-        bpy.data.scenes.remove(copy)
+    with results.quiet(), scene_copy(scene) as copy:
+        layer = copy.view_layers[depsgraph.view_layer.name]
+        with bpy.context.temp_override(scene=copy, view_layer=layer):
+            yield

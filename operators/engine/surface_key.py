@@ -12,11 +12,8 @@ from ..job.settings import JobSettings
 from ..own import is_own
 from ..scene import read_scene
 from ..scene.placements import VISIBLE
+from ..scene_state import MOVES_BY_ITSELF
 
-_MOVES_BY_ITSELF = frozenset(
-    {"CLOTH", "SOFT_BODY", "FLUID", "OCEAN", "WAVE", "DYNAMIC_PAINT", "PARTICLE_SYSTEM", "NODES", "MESH_CACHE",
-     "MESH_SEQUENCE_CACHE", "BUILD", "EXPLODE"}
-)  # fmt: skip
 _SETTINGS = (
     "scope", "depth", "voxel_world", "fit", "memory_bytes", "light", "samples", "exposure", "color", "texel_voxels",
     "weights",
@@ -64,7 +61,7 @@ def _is_collection(value: object) -> bool:
 
 
 def _moves(item: bpy.types.Object) -> bool:
-    return bool(item.particle_systems) or any(modifier.type in _MOVES_BY_ITSELF for modifier in item.modifiers)
+    return bool(item.particle_systems) or any(modifier.type in MOVES_BY_ITSELF for modifier in item.modifiers)
 
 
 def _is_animated(block: bpy.types.ID) -> bool:

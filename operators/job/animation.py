@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,26 +14,18 @@ from typing import Any
 import bpy
 
 from ...patchnet_addon.errors import PatchNetError, SettingError
-from ...patchnet_addon.files import replaced_file
+from ...patchnet_addon.file_kinds import FRAME_RECORD, REPORT, FileKind
 from ...patchnet_addon.frames import errors_of_frame
+from ...patchnet_addon.outputs import check_outputs
 from ...patchnet_addon.progress import Progress, Steps
-from ..frames import kept_frame
+from ..frames import go_to_frame, kept_frame
 from .common import same_daylight, same_grid
 from .frame_key import content_key, file_key
 from .frame_maker import Common, FrameMaker
-from .frame_record import (
-    FrameRecord,
-    discard,
-    files_in,
-    frame_folder,
-    read_record,
-    remove_leftovers,
-    write_record,
-)
+from .frame_record import RECORD_NAME, FrameRecord, discard, files_in, frame_folder, read_record, write_record
 from .output_folder import output_folder
+from .reports import REPORT_NAME, write_json
 from .versions import machine, versions
-
-REPORT_NAME = "report.json"
 
 
 @dataclass(frozen=True)
@@ -77,6 +69,8 @@ def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) 
     The scene is at its own frame again afterwards, on errors and when closed, too; frames that are finished by then
     stay. Raises PatchNetError that names the frame.
     """
+    files, inputs = maker.files(context) | {RECORD_NAME: FRAME_RECORD}, maker.inputs()
+    check_outputs(_all_files(plan, files), inputs, folder=plan.out)
     with kept_frame(context.scene):
         common = Common(exposure=maker.exposure)
         if maker.bakes:
@@ -90,6 +84,14 @@ def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) 
             yield from animation.bake(frame)
         animation.write_report(complete=True)
     return animation.result
+
+
+def _all_files(plan: FramePlan, files: Mapping[str, FileKind]) -> dict[Path, FileKind]:
+    """All files of an animation that are not there as we wrote them; `files` are those of a frame."""
+    folders = [folder for frame in plan.frames if read_record(folder := frame_folder(plan.out, frame)) is None]
+    return {plan.out / REPORT_NAME: REPORT} | {
+        folder / name: kind for folder in folders for name, kind in files.items()
+    }
 
 
 class _Animation:
@@ -138,13 +140,13 @@ class _Animation:
 
     def _make(self, frame: int, content: str, number: str) -> Steps[None]:
         start, folder = time.monotonic(), frame_folder(self._plan.out, frame)
-        remove_leftovers(folder)
-        with output_folder(folder) as temporary:
+        files, inputs = self._maker.files(self._context), self._maker.inputs()
+        with output_folder(folder, files, inputs) as temporary:
             steps = self._maker.make(self._context, self._common_of(frame), temporary)
             summary = yield from self._counted(steps, frame, number, start)
-            files = files_in(temporary)
-            discard(folder)
-        write_record(folder, FrameRecord(frame, content, self._file_key(frame), files, summary))
+            written = files_in(temporary)
+            discard(folder, inputs)
+        write_record(folder, FrameRecord(frame, content, self._file_key(frame), written, summary))
         self._last_s = time.monotonic() - start
         self.result.made.append(frame)
         self._done(frame, summary)
@@ -196,7 +198,7 @@ class _Animation:
 
     def _content(self, frame: int) -> str:
         """The key of a frame, which the scene is at from now on."""
-        self._context.scene.frame_set(frame)
+        go_to_frame(self._context.scene, frame)
         return content_key(self._context, self._maker.scope, self._maker.settings_text(self._common_of(frame)))
 
     def write_report(self, *, complete: bool) -> None:
@@ -216,8 +218,7 @@ class _Animation:
             "versions": versions(),
             "machine": machine(),
         }
-        with replaced_file(out / REPORT_NAME) as file:
-            file.write((json.dumps(self.result.report, indent=2, allow_nan=False) + "\n").encode())
+        write_json(out / REPORT_NAME, self.result.report, REPORT)
 
 
 def _reference_of(out: Path) -> int | None:

@@ -13,6 +13,7 @@ from ...patchnet_addon.frames import errors_of_frame
 from ...patchnet_addon.octree.grid import MAX_DEPTH, Grid
 from ...patchnet_addon.progress import Progress, Steps, labelled
 from ..daylight import has_light
+from ..frames import go_to_frame
 from ..scene import read_scene
 from .frame_maker import FrameMaker
 from .settings import Bounds
@@ -22,7 +23,7 @@ def same_daylight(context: bpy.types.Context, frames: Sequence[int]) -> Steps[bo
     """Whether no frame has a light, so that sun and sky are needed: not in the dark frames of a scene with lamps."""
     for done, frame in enumerate(frames):
         yield Progress(done, len(frames), "Looking for light")
-        context.scene.frame_set(frame)
+        go_to_frame(context.scene, frame)
         if has_light(context.evaluated_depsgraph_get()):
             return False
     return True
@@ -39,7 +40,7 @@ def same_grid(context: bpy.types.Context, frames: Sequence[int], maker: FrameMak
     for done, frame in enumerate(frames):
         label = f"One grid for all frames: frame {frame}"
         yield Progress(done, len(frames), label)
-        context.scene.frame_set(frame)
+        go_to_frame(context.scene, frame)
         with errors_of_frame(frame):
             source = read_scene(context.evaluated_depsgraph_get(), maker.scope)
             needed = yield from labelled(maker.voxel_world(context, source), label)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Who encodes: torch in this Python, torch in another one, or NumPy, by the settings and by what is there."""
+"""Who encodes: torch in this Python, torch in another one, or our own kernels, by the settings and what is there."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from .settings import JobSettings
 if TYPE_CHECKING:  # it brings numba
     from ...patchnet_addon.network.encode import Encoder
 
+_OWN = "own kernels on the CPU"
 _TORCH_DEVICES = {"CPU": "cpu", "GPU": "cuda", AUTOMATIC: "auto"}
 
 
@@ -35,7 +36,7 @@ class Encoding:
 def chosen_encoder(weights: Weights, settings: JobSettings) -> Iterator[Encoding]:
     """The encoder of the settings for these weights; a process of it ends with the block.
 
-    Torch on a GPU of this Python, else the other Python that is named, else NumPy with the same codes. Raises
+    Torch on a GPU of this Python, else the other Python that is named, else our kernels with the same codes. Raises
     SettingError if a GPU is asked for and nobody here has one.
     """
     from ...patchnet_addon.codes.encode import make_encoder
@@ -48,7 +49,7 @@ def chosen_encoder(weights: Weights, settings: JobSettings) -> Iterator[Encoding
         except SettingError as error:
             if settings.encoder_device == GPU:
                 raise
-            warnings = (f"{error}. Encoding used NumPy instead, with the same result",)
+            warnings = (f"{error}. Encoding used PatchNet's own kernels instead, with the same result",)
         else:
             with other:
                 yield Encoding(other, f"torch {other.said['torch']} on {other.said['device']}, another Python")
@@ -56,7 +57,7 @@ def chosen_encoder(weights: Weights, settings: JobSettings) -> Iterator[Encoding
     if settings.encoder_device == GPU or (settings.encoder_device == AUTOMATIC and torch_has_gpu()):
         yield Encoding(make_encoder(weights, "torch", "cuda"), "torch on a GPU", warnings)
         return
-    yield Encoding(make_encoder(weights, "numpy"), "NumPy on the CPU", warnings)
+    yield Encoding(make_encoder(weights, "compiled"), _OWN, warnings)
 
 
 def encoder_text(settings: JobSettings) -> str:
@@ -65,7 +66,7 @@ def encoder_text(settings: JobSettings) -> str:
         return f"torch of {settings.torch_python.name}"
     if settings.encoder_device == GPU or (settings.encoder_device == AUTOMATIC and torch_has_gpu()):
         return "torch on a GPU"
-    return "NumPy on the CPU"
+    return _OWN
 
 
 def torch_has_gpu() -> bool:

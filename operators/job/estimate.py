@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import bpy
@@ -15,7 +15,9 @@ from ...patchnet_addon.progress import Progress, Steps, labelled
 from ...patchnet_addon.tracing.camera import Camera
 from ..cameras import choose_cameras
 from ..devices import device_text
+from ..job_watch import read_state
 from ..scene import SceneMesh, read_scene
+from ..scene_state import SceneState
 from .encoder import encoder_text
 from .settings import CYCLES, JobSettings
 
@@ -33,7 +35,7 @@ class Estimate:
     lookahead_share: of hit pixels in the camera with least of it, None where no camera sees anything.
     texels, paths: of the bake, both 0 without one; paths of one side of the surface.
     device, encoder: what will compute, in words. made_for: surface and views, in words.
-    settings: values of the scene's settings. stale_because: what changed since, "" if nothing did.
+    settings: values of the scene's settings. state: of the scene. stale_because: what changed since, "" if nothing did.
     """
 
     depth: int
@@ -52,6 +54,7 @@ class Estimate:
     encoder: str
     made_for: tuple[str, str]
     settings: dict[str, Any] = field(default_factory=dict)
+    state: SceneState | None = None
     stale_because: str = ""
     lines: list[str] = field(default_factory=list)
 
@@ -64,11 +67,12 @@ class Estimate:
 def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Estimate]:
     """Look at the scene as the job would, and build nothing but a coarse octree. Raises PatchNetError."""
     yield Progress(0, 1, "Reading the scene")
-    source = read_scene(context.evaluated_depsgraph_get(), settings.scope)
+    source, state = read_scene(context.evaluated_depsgraph_get(), settings.scope), read_state(context.scene)
     depsgraph = context.evaluated_depsgraph_get()
     cameras = choose_cameras(depsgraph, settings.cameras, settings.size, settings.bounds_world(source))
     device = device_text(context, settings.device) if settings.light == CYCLES else ""
-    return (yield from beside(lambda: _estimate(source, cameras, settings, device), Progress(0, 1, "Estimating")))
+    steps = beside(lambda: _estimate(source, cameras, settings, device), Progress(0, 1, "Estimating"))
+    return replace((yield from steps), state=state)
 
 
 def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings, device: str) -> Steps[Estimate]:

@@ -46,13 +46,13 @@ def file_key(scene_file: Path, settings: str, frame: int) -> str:
 
 def _begun(settings: str) -> Digest:
     digest = Digest()
-    digest.text(_code_hash(), bpy.app.version_string, settings)
+    digest.text(code_hash(), bpy.app.version_string, settings)
     return digest
 
 
 @cache
-def _code_hash() -> str:
-    """Hash of the code that makes frames: another version does not mix its frames with those of this one."""
+def code_hash() -> str:
+    """Hash of the code that makes results: another version does not mix its results with those of this one."""
     digest = Digest()
     for folder in _CODE:
         for path in sorted((_ROOT / folder).rglob("*.py")):

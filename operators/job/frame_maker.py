@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
+from ...patchnet_addon.file_kinds import FileKind
 from ...patchnet_addon.progress import Progress, Steps
-from ..cameras import choose_cameras
+from ..cameras import choose_cameras, scene_cameras
 from ..importance import importance_key
 from ..scene import SceneMesh
+from .camera_folders import view_folders
+from .output_files import job_files, job_inputs, scene_inputs
 from .run import JobResult, run_job, write_result
 from .settings import CYCLES, Bounds, JobSettings
 from .stages import choose_grid, load_network
@@ -53,6 +56,14 @@ class FrameMaker(ABC):
         """All settings that the files depend on."""
 
     @abstractmethod
+    def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
+        """Kind of each file that may be made at any frame, by its path in the frame's folder. Raises SceneError."""
+
+    def inputs(self) -> list[Path]:
+        """Files that are read: they are never replaced."""
+        return list(scene_inputs())
+
+    @abstractmethod
     def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
         """Write the frame's files into `folder`; the result is its summary, with "exposure" and "warnings"."""
 
@@ -75,6 +86,15 @@ class JobMaker(FrameMaker):
     def settings_text(self, common: Common) -> str:
         """The job's settings, with weights and importance by their contents."""
         return f"{replace(self._of_frame(common), weights=None)!r} {self._weights.hash} {self._painted}"
+
+    def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
+        """Pictures of the cameras that are named, or of all that are the active one at some frame."""
+        names = self._settings.cameras or _active_cameras(context.scene)
+        return job_files(view_folders(context.scene, names).values(), self._settings.cycles)
+
+    def inputs(self) -> list[Path]:
+        """With weights and a painted mask."""
+        return job_inputs(self._settings)
 
     def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
         """Octree, codes, pictures and report."""
@@ -104,6 +124,13 @@ class JobMaker(FrameMaker):
         )
 
 
+def _active_cameras(scene: bpy.types.Scene) -> list[str]:
+    """The active camera, and those that markers make it."""
+    cameras = [scene.camera, *(marker.camera for marker in scene.timeline_markers)]
+    known = scene_cameras(scene)
+    return [camera.name for camera in cameras if camera is not None and camera.name in known]
+
+
 def _summary(result: JobResult) -> dict[str, Any]:
     """The figures of a frame that the report of the animation repeats."""
     report = result.report
@@ -117,5 +144,5 @@ def _summary(result: JobResult) -> dict[str, Any]:
 
 
 def _view_summary(view: dict[str, Any], strategy: str) -> dict[str, Any]:
-    names: Sequence[str] = ("camera", "size", "lookahead_share", "mse_unrefined")
+    names: Sequence[str] = ("camera", "folder", "size", "lookahead_share", "mse_unrefined")
     return {name: view[name] for name in names} | {"mse": view["mse"][strategy]}

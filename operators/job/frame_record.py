@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import json
-import shutil
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...patchnet_addon.files import replaced_file
+from ...patchnet_addon.file_kinds import FRAME_RECORD
+from ...patchnet_addon.outputs import identities, identity
+from .reports import is_inside, write_json
 
 RECORD_NAME = "frame.json"
 
@@ -52,26 +54,20 @@ def read_record(folder: Path) -> FrameRecord | None:
 
 
 def write_record(folder: Path, record: FrameRecord) -> None:
-    """From now on the frame counts as finished; raises PatchNetError if it cannot be written."""
-    with replaced_file(folder / RECORD_NAME) as file:
-        file.write((json.dumps(asdict(record), indent=2, allow_nan=False) + "\n").encode())
+    """From now on the frame counts as finished; raises OutputError if it cannot be written."""
+    write_json(folder / RECORD_NAME, asdict(record), FRAME_RECORD)
 
 
-def discard(folder: Path) -> None:
+def discard(folder: Path, inputs: Iterable[Path]) -> None:
     """Take away what an earlier frame left in `folder`, its note first, so that nothing of it is taken for new.
 
-    Files that it did not write stay. Raises OSError.
+    Files that it did not write stay, and those of `inputs`. Raises OSError.
     """
-    record = read_record(folder)
+    record, keep = read_record(folder), identities(inputs)
     (folder / RECORD_NAME).unlink(missing_ok=True)
     for name in record.files if record else ():
-        (folder / name).unlink(missing_ok=True)
+        if is_inside(name) and identity(folder / name) not in keep:
+            (folder / name).unlink(missing_ok=True)
     for path in sorted(folder.glob("*/"), reverse=True):
         if path.is_dir() and not any(path.iterdir()):
             path.rmdir()
-
-
-def remove_leftovers(folder: Path) -> None:
-    """Delete what a process that was killed left of this frame beside its folder."""
-    for path in folder.parent.glob(f".{folder.name}.*.tmp"):
-        shutil.rmtree(path, ignore_errors=True)

@@ -3,58 +3,104 @@
 
 from __future__ import annotations
 
+import errno
 import os
-import secrets
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from ...patchnet_addon.errors import PatchNetError
-from ...patchnet_addon.unfinished import unfinished
+from ...patchnet_addon.errors import OutputError, PatchNetError
+from ...patchnet_addon.file_kinds import FileKind
+from ...patchnet_addon.outputs import check_outputs
+from ...patchnet_addon.owned_folder import owned_folder, remove_left_over
+from ...patchnet_addon.replace import temporary_path
+from .reports import REPORT_NAME, remove_omitted, reported
 
 
 @contextmanager
-def output_folder(out: Path) -> Iterator[Path]:
+def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[Path] = ()) -> Iterator[Path]:
     """A temporary folder whose files move to `out` when the block ends without an error.
 
-    Files of the same name are replaced, others stay. On an error nothing in `out` is touched.
-    Raises PatchNetError, before any work, if `out` cannot be written.
+    files: kind of each file that may be written, by its path in the folder. inputs: files that are read.
+    Files of the same name are replaced, pictures that an earlier report names and the new one omits go, others stay. On
+    an error nothing in `out` is touched. What dead processes left of such folders is removed.
+    Raises OutputError, before any work, if `out` cannot be written, or what is there is not to be replaced.
     """
-    temporary: Path | None = None
-    try:
-        temporary = _beside(out)
-        with unfinished(temporary):
+    wanted = {out / name: kind for name, kind in files.items()}
+    check_outputs(wanted, inputs, folder=out)
+    parent = _parent(out)
+    remove_left_over(parent, out.name)
+    before = reported(out)
+    with ExitStack() as stack:
+        with _spoken_of_as(out):
+            temporary = stack.enter_context(owned_folder(parent / temporary_path(out).name))
+        with _spoken_of_as(out, temporary):
             yield temporary
-        _move(temporary, out)
-    except OSError as cause:
-        reason = cause.strerror or str(cause)
-        raise PatchNetError(f"Folder {out} cannot be written ({reason}): choose another folder or make room") from cause
-    finally:
+        check_outputs(wanted, inputs, folder=out)  # long jobs leave time to put something there
+        with _spoken_of_as(out):
+            _move(temporary, out)
+    remove_omitted(out, before, inputs)
+
+
+@contextmanager
+def _spoken_of_as(out: Path, temporary: Path | None = None) -> Iterator[None]:
+    """The system's errors become ours, and name files in `temporary`, which will be gone, as they would be in `out`.
+
+    With `temporary`, errors about other files are left alone.
+    """
+    try:
+        yield
+    except PatchNetError as error:
+        if temporary is None or str(temporary) not in str(error):
+            raise
+        raise type(error)(str(error).replace(str(temporary), str(out))) from error
+    except OSError as error:
+        where = str(error.filename2 or error.filename or out)
         if temporary is not None:
-            shutil.rmtree(temporary, ignore_errors=True)
+            if str(temporary) not in where:
+                raise
+            where = where.replace(str(temporary), str(out))
+        raise OutputError(
+            f"{where} cannot be written ({error.strerror}): choose another folder or make room"
+        ) from error
 
 
-def _beside(out: Path) -> Path:
-    """New folder in the nearest folder that exists above `out`, so on the same file system."""
-    if out.exists() and not out.is_dir():
-        raise PatchNetError(f"{out} is a file where the output folder should be: choose another folder")
+def _parent(out: Path) -> Path:
+    """The nearest folder that is there above `out`; `out` itself where files can only be made in it, as in a mount."""
     parent = out.absolute().parent
     while not parent.exists():
         parent = parent.parent
-    temporary = parent / f".{out.name}.{secrets.token_hex(4)}.tmp"
-    temporary.mkdir()
-    if out.exists() and not os.access(out, os.W_OK):
-        temporary.rmdir()
-        raise PermissionError(13, "no permission to write")
-    return temporary
+    return parent if os.access(parent, os.W_OK) or not out.exists() else out
 
 
 def _move(source: Path, out: Path) -> None:
-    for path in sorted(source.rglob("*")):
-        target = out / path.relative_to(source)
-        if path.is_dir():
-            target.mkdir(parents=True, exist_ok=True)
-        else:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            os.replace(path, target)
+    """Move all files, the report last, because it speaks of the others; what has to be copied is so before the rest."""
+    names = {path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()}
+    renames = {folder: _can_be_renamed(source, folder) for folder in {(out / name).parent for name in names}}
+    with ExitStack() as stack:
+        places: dict[Path, Path] = {}
+        for name in sorted(names, key=lambda name: (name == REPORT_NAME, name)):
+            place = places[out / name] = source / name
+            if not renames[(out / name).parent]:
+                place = places[out / name] = temporary_path(out / name)
+                stack.callback(place.unlink, missing_ok=True)
+                shutil.copyfile(source / name, place)
+        for target, place in places.items():
+            os.replace(place, target)
+
+
+def _can_be_renamed(source: Path, folder: Path) -> bool:
+    """Whether files in `source` can go into `folder`, which is made, or it is on another disk or mount."""
+    folder.mkdir(parents=True, exist_ok=True)
+    probe, there = temporary_path(source / "probe"), temporary_path(folder / "probe")
+    probe.touch()
+    try:
+        os.replace(probe, there)
+    except OSError as cause:
+        probe.unlink()
+        if cause.errno != errno.EXDEV:
+            raise
+        return False
+    there.unlink()
+    return True

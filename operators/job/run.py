@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -23,8 +22,13 @@ from ..cameras import choose_cameras, track_cameras
 from ..cycles_refine.pictures import save_cycles
 from ..cycles_refine.refine import CyclesView, refine_view
 from ..images import save_png
+from ..job_watch import read_state
 from ..scene import read_scene
+from ..scene_state import SceneState
+from .camera_folders import view_folders
+from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs
 from .output_folder import output_folder
+from .reports import write_report
 from .settings import JobSettings
 from .stages import build, choose_grid, encode_as_set, lit, load_network
 from .stopwatch import Stopwatch
@@ -34,16 +38,13 @@ from .views import View, overview, save_view, view
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ...patchnet_addon.light.kept_pages import KeptPages
 
-REPORT_NAME = "report.json"
-OVERVIEW_NAME = "overview.png"
-
 
 @dataclass(frozen=True, eq=False)
 class JobResult:
     """What a job made.
 
     warnings: sentences about what had to be assumed or left out. layout: levels of the leaves, if not all on one.
-    cycles: of each view, where regions by Cycles were wanted.
+    cycles: of each view, where regions by Cycles were wanted. state: of the scene when it was read.
     """
 
     coded: CodedOctree
@@ -52,6 +53,7 @@ class JobResult:
     warnings: tuple[str, ...]
     layout: LeafLevels | None = None
     cycles: tuple[CyclesView, ...] = ()
+    state: SceneState | None = None
 
 
 def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResult]:
@@ -61,10 +63,15 @@ def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResul
     """
     from ...patchnet_addon.light.kept_pages import KeptPages
 
-    with output_folder(settings.out) if settings.out else nullcontext() as folder, KeptPages() as kept:
+    folders = view_folders(context.scene, settings.cameras)
+    files, inputs = job_files(folders.values(), settings.cycles), job_inputs(settings)
+    output = output_folder(settings.out, files, inputs) if settings.out else nullcontext()
+    with KeptPages() as kept, output as folder:  # pages stay until the files are there
         weights = load_network(settings.weights)
         watch = Stopwatch()
         result = yield from _compute(context, settings, weights, watch, kept)
+        for item in result.views:
+            item.report["folder"] = folders[item.camera.name]
         if folder is not None:
             yield Progress(0, 1, "Writing files")
             write_result(folder, result)
@@ -76,7 +83,7 @@ def _compute(
 ) -> Steps[JobResult]:
     with watch.stage("read"):
         yield Progress(0, 1, "Reading the scene")
-        source = read_scene(context.evaluated_depsgraph_get(), settings.scope)
+        source, state = read_scene(context.evaluated_depsgraph_get(), settings.scope), read_state(context.scene)
         depsgraph = context.evaluated_depsgraph_get()
         wanted = settings.cameras, settings.size, settings.bounds_world(source)
         cameras = choose_cameras(depsgraph, *wanted)
@@ -86,7 +93,7 @@ def _compute(
     with watch.stage("light"):
         shade, assumed = yield from lit(context, source, choice.grid, choice.layout, settings, kept)
     with watch.stage("voxelize"):
-        octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout)
+        octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout, state)
     with watch.stage("codes"):
         coded, encoding = yield from encode_as_set(octree, weights, settings)
     views: list[View] = []
@@ -100,7 +107,7 @@ def _compute(
             views[-1].report["cycles"] = cycles[-1].report
     warnings = (*source.warnings, *choice.warnings, *assumed, *encoding.warnings)
     report = job_report(coded, views, settings, watch.seconds, warnings) | {"encoder": encoding.text}
-    return JobResult(coded, tuple(views), report, warnings, choice.layout, tuple(cycles))
+    return JobResult(coded, tuple(views), report, warnings, choice.layout, tuple(cycles), state)
 
 
 def job_report(
@@ -142,12 +149,11 @@ def _scalars(metadata: dict[str, Any]) -> dict[str, Any]:
 
 def write_result(folder: Path, result: JobResult) -> None:
     """All files of a job."""
-    save_octree(result.coded.octree, folder / "octree.safetensors")
-    save_codes(result.coded, folder / "codes.safetensors")
+    save_octree(result.coded.octree, folder / OCTREE_NAME)
+    save_codes(result.coded, folder / CODES_NAME)
     for item in result.views:
-        save_view(item, folder)
-    for refined in result.cycles:
-        save_cycles(refined, folder, strategy(result.report["strategy"]).maximum)
+        save_view(item, folder / item.report["folder"])
+    for item, refined in zip(result.views, result.cycles, strict=False):
+        save_cycles(refined, folder / item.report["folder"], strategy(result.report["strategy"]).maximum)
     save_png(folder / OVERVIEW_NAME, overview(result.views))
-    text = json.dumps(result.report, indent=2, allow_nan=False)
-    (folder / REPORT_NAME).write_text(text + "\n", encoding="utf-8")
+    write_report(folder, "views", result.report)

@@ -18,7 +18,7 @@ from ...patchnet_addon.octree.mesh import MeshSource, Shade
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.progress import Progress, Steps, labelled
 from ...patchnet_addon.tracing.camera import Camera
-from ..daylight import has_light, in_daylight
+from ..daylight import has_light
 from ..scene import SceneMesh
 from .encoder import Encoding, chosen_encoder
 from .settings import CYCLES, JobSettings
@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # nothing needs them before something is built
     from ...patchnet_addon.light.kept_pages import KeptPages
     from ...patchnet_addon.network.encode import Encoder
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
+    from ..scene_state import SceneState
 
 UNLIT = "none"  # light of an octree that shows the surface's own colour
 _TEXTURES, _ENCODING = "Reading textures", "Encoding"
@@ -105,22 +106,24 @@ def lit(
     layout: LeafLevels | None,
     settings: JobSettings,
     kept: KeptPages | None = None,
+    depsgraph: bpy.types.Depsgraph | None = None,
 ) -> Steps[tuple[Shade, tuple[str, ...]]]:
     """The surface in the light of the settings, and sentences about what had to be assumed.
 
     grid, layout: the leaves that the light is for; texels follow them.
     kept: where a bake finds pages of one that was stopped, and leaves its own.
+    depsgraph: what `source` was read from; None takes the context's.
     """
     if settings.light != CYCLES:
         return (yield from computed(lambda: _two_lights(source, settings), Progress(0, 1, _TEXTURES))), ()
     from ..bake import bake_luminance
 
     added = settings.daylight
-    bright = has_light(context.evaluated_depsgraph_get()) if added is None else not added
+    bright = has_light(depsgraph or context.evaluated_depsgraph_get()) if added is None else not added
     texel_world = yield from computed(
         lambda: _texel_sizes(source, grid, layout, settings), Progress(0, 1, "Measuring the surface")
     )
-    baking = bake_luminance(
+    atlas = yield from bake_luminance(
         context,
         source,
         texel_world,
@@ -129,8 +132,9 @@ def lit(
         both_sides=settings.both_sides,
         kept=kept,
         device=settings.device,
+        with_daylight=not bright,
+        depsgraph=depsgraph,
     )
-    atlas = yield from baking if bright else in_daylight(context.scene, baking)
     shade = yield from computed(lambda: _baked(atlas, source), Progress(0, 1, _TEXTURES))
     return shade, (*atlas.warnings, *(() if bright else (NO_LIGHT,)))
 
@@ -166,9 +170,15 @@ def build(
     settings: JobSettings,
     light: str,
     layout: LeafLevels | None = None,
+    state: SceneState | None = None,
 ) -> Steps[Octree]:
-    """The octree of a surface; `light` says in its file what `shade` is, `layout` how deep its leaves are."""
+    """The octree of a surface; `light` says in its file what `shade` is, `layout` how deep its leaves are.
+
+    state: of the scene that the surface was read from, whose identity stands in the file.
+    """
     provenance = _provenance(source, settings, light) | {"fitted": layout is not None}
+    if state is not None:
+        provenance["scene_state"] = state.identity()
     exposure = settings.exposure if light != UNLIT else None  # a colour without light is not exposed
     if light != UNLIT:
         provenance["exposure"] = "automatic" if exposure is None else "given"

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import bpy
 import numpy as np
 
 from ...patchnet_addon.beside import beside, computed
@@ -34,6 +33,7 @@ ERROR_MAXIMUM = 0.5  # luminance error at the end of the error picture's legend
 
 # Each picture that is a file and a Blender image, in the order in which a person would look at them.
 PICTURES = ("preview", "heatmap", "overlay", "refined", "reference", "error")
+PRIORITY_NAME = "priority.exr"
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +127,8 @@ def overview(views: Sequence[View]) -> np.ndarray:
 
 
 def save_view(result: View, folder: Path) -> None:
-    """Write the view's pictures into a folder named after its camera."""
-    target = folder / (bpy.path.clean_name(result.camera.name) or "camera")
-    target.mkdir()
+    """Write the view's pictures into `folder`, a new one."""
+    folder.mkdir()
     for name in PICTURES:
-        save_png(target / f"{name}.png", result.pictures[name])
-    save_exr(target / "priority.exr", result.priority)
+        save_png(folder / f"{name}.png", result.pictures[name])
+    save_exr(folder / PRIORITY_NAME, result.priority)

@@ -60,6 +60,7 @@ def unregister() -> None:
     """The reverse, with all callbacks and textures."""
     bpy.app.handlers.load_pre.remove(_on_load_pre)
     handlers.unregister()
+    open_pictures.unregister()
     kept.forget_all()
     inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
     for item in reversed(_CLASSES):

@@ -12,7 +12,10 @@ from ..preferences import OPEN_NEVER, OPEN_WINDOW, preferences
 
 
 def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> bool:
-    """Show `image` in a free Image Editor, or as the preferences have it; whether that was done. Not in background."""
+    """Show `image` in a free Image Editor, or as the preferences have it; whether it is or will be. Not in background.
+
+    A new window opens a moment later: an operator in whose event it opened would not be let go of by its own window.
+    """
     chosen = preferences(context).open_pictures
     if bpy.app.background or chosen == OPEN_NEVER:
         return False
@@ -20,15 +23,37 @@ def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> bool:
     if any(item == image for item in _images(manager)):
         return True
     found = next(_free_editors(manager), None)
-    if found is None and chosen == OPEN_WINDOW:
-        found = _new_window(context)
-    if found is None:
-        return False
-    window, area = found
+    if found is not None:
+        _show(*found, image)
+    elif chosen == OPEN_WINDOW:
+        _waiting.append(image.name)
+        if not bpy.app.timers.is_registered(_open_windows):
+            bpy.app.timers.register(_open_windows, first_interval=0.0)
+    return found is not None or chosen == OPEN_WINDOW
+
+
+def unregister() -> None:
+    """Open nothing any more."""
+    _waiting.clear()
+    if bpy.app.timers.is_registered(_open_windows):
+        bpy.app.timers.unregister(_open_windows)
+
+
+_waiting: list[str] = []  # names of images that want a window
+
+
+def _open_windows() -> None:
+    while _waiting:
+        image = bpy.data.images.get(_waiting.pop(0))
+        found = _new_window(bpy.context) if image is not None else None
+        if image is not None and found is not None:
+            _show(*found, image)
+
+
+def _show(window: bpy.types.Window, area: bpy.types.Area, image: bpy.types.Image) -> None:
     area.spaces.active.image = image
     _fit(window, area)
     area.tag_redraw()
-    return True
 
 
 def is_free(image: bpy.types.Image | None) -> bool:

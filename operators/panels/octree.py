@@ -17,7 +17,9 @@ class PATCHNET_PT_octree(SubPanel, bpy.types.Panel):
         """Settings, the button, what does not fit."""
         layout = split(self.layout)
         draw_settings(layout, context.scene.patchnet, "octree")
-        layout.operator("patchnet.voxelize", icon="MESH_GRID")
+        row = layout.row(align=True)
+        row.operator("patchnet.voxelize", icon="MESH_GRID")
+        row.operator("patchnet.load_octree", text="", icon="FILEBROWSER")
         draw_stale(layout, context.scene, "surface")
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 
 from ...patchnet_addon.errors import SceneError
+from ...patchnet_addon.interrupt import interrupts_wait
 
 # Extension -> names of import operators, the first one that exists is used, and the add-on that brings them.
 _IMPORTERS: dict[str, tuple[tuple[str, ...], str]] = {
@@ -87,7 +88,8 @@ def _first_operator(names: tuple[str, ...]) -> Any | None:
 def _run(path: Path, operator: Any, **arguments: object) -> None:
     """Call an operator on a file; importers raise whatever their parser stumbled on."""
     try:
-        result = operator(**arguments)
+        with interrupts_wait():
+            result = operator(**arguments)
     except Exception as cause:
         reason = str(cause).strip().splitlines()[-1] if str(cause).strip() else type(cause).__name__
         raise SceneError(f"Scene file {path} cannot be read, it may be damaged ({reason})") from cause

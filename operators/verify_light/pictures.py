@@ -3,36 +3,42 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import bpy
-
+from ...patchnet_addon.file_kinds import PNG, REPORT, FileKind
 from ...patchnet_addon.image.difference import difference_picture, side_by_side
 from ...patchnet_addon.image.heatmap import magnify
 from ...patchnet_addon.image.tone import gray
 from ..images import save_png
+from ..job.reports import REPORT_NAME, write_report
 from .check import CameraCheck, LightCheck
 
-REPORT_NAME = "report.json"
+_PICTURES = ("cycles.png", "octree.png", "difference.png", "side_by_side.png")
 
 
-def save_check(check: LightCheck, folder: Path, maximum: float) -> None:
-    """Write report.json, and cycles, octree, difference and side_by_side.png into a folder named after each camera."""
+def check_files(folders: Iterable[str]) -> dict[str, FileKind]:
+    """Kind of each file of a comparison by its path in the output folder; `folders` are those of the cameras."""
+    return {REPORT_NAME: REPORT} | {f"{folder}/{name}": PNG for folder in folders for name in _PICTURES}
+
+
+def save_check(check: LightCheck, folder: Path, maximum: float, folders: Mapping[str, str]) -> None:
+    """Write report.json, and four pictures into the folder of each camera; `folders` are those by cameras' names."""
     for item in check.cameras:
-        target = folder / (bpy.path.clean_name(item.camera.name) or "camera")
+        item.report["folder"] = folders[item.camera.name]
+        target = folder / folders[item.camera.name]
         target.mkdir()
         _save_camera(item, target, maximum)
-    text = json.dumps(check.report, indent=2, allow_nan=False)
-    (folder / REPORT_NAME).write_text(text + "\n", encoding="utf-8")
+    write_report(folder, "light check", check.report)
 
 
 def _save_camera(item: CameraCheck, folder: Path, maximum: float) -> None:
     ratio = item.report["mean_ratio"]
     figures = f"{item.report['psnr_db']:.1f} dB, mean ratio {'-' if ratio is None else format(ratio, '.3f')}"
-    save_png(folder / "cycles.png", magnify(gray(item.cycles)))
-    save_png(folder / "octree.png", magnify(gray(item.octree)))
+    cycles, octree, difference, beside = (folder / name for name in _PICTURES)
+    save_png(cycles, magnify(gray(item.cycles)))
+    save_png(octree, magnify(gray(item.octree)))
     title, quantity = f"{item.camera.name}: {figures}", "luminance, octree less Cycles"
-    save_png(folder / "difference.png", difference_picture(item.octree - item.cycles, maximum, title, quantity))
+    save_png(difference, difference_picture(item.octree - item.cycles, maximum, title, quantity))
     titles = "Cycles", "octree", figures
-    save_png(folder / "side_by_side.png", side_by_side(item.cycles, item.octree, maximum, titles))
+    save_png(beside, side_by_side(item.cycles, item.octree, maximum, titles))

@@ -11,6 +11,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ...patchnet_addon.interrupt import interrupts_wait
 from ...patchnet_addon.light.charts import Charts
 from ...patchnet_addon.progress import Progress, Steps, drain
 from ...patchnet_addon.tracing.camera import Camera
@@ -61,7 +62,8 @@ def measure_rates(
         camera = _with_pixels(cameras[len(renders) % len(cameras)], baker.paths_traced / samples)
         with prepared(context, camera, samples, page, Path()) as (scene, _):
             clock = _Clock()
-            bpy.ops.render.render(scene=scene.name)
+            with interrupts_wait():
+                bpy.ops.render.render(scene=scene.name)
             renders.append(clock.turn(camera.width_px * camera.height_px * samples))
     return Rates(tuple(pages), tuple(renders))
 

@@ -16,8 +16,9 @@ from pathlib import Path
 import bpy
 
 from ...patchnet_addon.errors import PatchNetError, SceneError, StoppedError
+from ...patchnet_addon.interrupt import interrupts_wait
 from ...patchnet_addon.progress import Progress, Steps
-from ..bake.settings import changed
+from ..overrides import changed
 from ..window_job import RENDER, as_job, window_is_alive
 
 # What Cycles says of itself, in all languages.
@@ -105,7 +106,8 @@ def _no_view() -> Iterator[None]:
 
 def _called(scene: bpy.types.Scene, how: str) -> None:
     try:
-        bpy.ops.render.render(how, write_still=True, scene=scene.name)
+        with interrupts_wait():
+            bpy.ops.render.render(how, write_still=True, scene=scene.name)
     except RuntimeError as cause:
         raise SceneError(f"Cycles cannot render the scene ({str(cause).strip().removeprefix('Error: ')})") from cause
 

@@ -13,7 +13,8 @@ from mathutils import Matrix
 
 from ...patchnet_addon.errors import SceneError
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from ..bake.settings import changed, object_mode
+from ..overrides import changed, object_mode, put_back_when_saved
+from ..temporary import scene_copy, temporary
 
 _SENSOR = 36.0  # mm
 
@@ -28,7 +29,7 @@ def prepared(
     with ExitStack() as stack:
         stack.enter_context(object_mode(context))
         stack.enter_context(_no_new_render_result())
-        scene = stack.enter_context(_copied(context.scene))
+        scene = stack.enter_context(scene_copy(context.scene))
         _set_up(scene, camera, samples, seed, path)
         stack.enter_context(_lamps_unseen(scene))
         stack.enter_context(_seen_through(scene, camera))
@@ -41,25 +42,23 @@ def prepared(
 
 
 @contextmanager
-def _copied(scene: bpy.types.Scene) -> Iterator[bpy.types.Scene]:
-    """A scene of the same objects with settings of its own: some, once changed, cannot be unset again."""
-    copy = scene.copy()
-    try:
-        yield copy
-    finally:
-        bpy.data.scenes.remove(copy)
-
-
-@contextmanager
 def _no_new_render_result() -> Iterator[None]:
-    """Blender keeps what it rendered; a render result that was not there before is removed."""
+    """Blender keeps what it rendered; a render result that was not there before is removed, and never saved."""
     before = {image.name_full for image in bpy.data.images}
+
+    def new() -> list[bpy.types.Image]:
+        return [image for image in bpy.data.images if image.type == "RENDER_RESULT" and image.name_full not in before]
+
+    def leave_out() -> None:
+        for image in new():
+            image.is_runtime_data = True
+
     try:
-        yield
+        with put_back_when_saved(leave_out, lambda: None):
+            yield
     finally:
-        for image in list(bpy.data.images):
-            if image.type == "RENDER_RESULT" and image.name_full not in before:
-                bpy.data.images.remove(image)
+        for image in new():
+            bpy.data.images.remove(image)
 
 
 def _set_up(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, path: Path) -> None:
@@ -130,9 +129,10 @@ def _lamps_unseen(scene: bpy.types.Scene) -> Iterator[None]:
 @contextmanager
 def _seen_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
     """`scene` looks through exactly the view of `camera`, without depth of field, within the block."""
-    data = bpy.data.cameras.new("PatchNet Check")
-    item = bpy.data.objects.new("PatchNet Check", data)
-    try:
+    with (
+        temporary(bpy.data.cameras.new("PatchNet Check")) as data,
+        temporary(bpy.data.objects.new("PatchNet Check", data)) as item,
+    ):
         data.type, data.sensor_fit, data.sensor_width = camera.kind, "HORIZONTAL", _SENSOR
         if camera.kind == ORTHOGRAPHIC:
             data.ortho_scale = 2.0 * camera.half_x
@@ -146,6 +146,3 @@ def _seen_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
         scene.collection.objects.link(item)
         scene.camera = item
         yield
-    finally:
-        bpy.data.objects.remove(item)
-        bpy.data.cameras.remove(data)

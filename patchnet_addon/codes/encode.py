@@ -8,6 +8,7 @@ import importlib.util
 import numpy as np
 
 from ..errors import SettingError
+from ..network.compiled_encode import CompiledEncoder
 from ..network.encode import Encoder, NumpyEncoder
 from ..network.weights import CODE_SIZE, Weights
 from ..octree.octree import LOOK_AHEAD, Octree
@@ -15,7 +16,7 @@ from ..progress import Progress, Steps
 from .coded_octree import CodedOctree
 from .patches import BLOCK_SIZE, corner_neighbours, corner_table, voxel_blocks
 
-BACKENDS = ("auto", "numpy", "torch")
+BACKENDS = ("auto", "compiled", "numpy", "torch")
 _LABEL = "Encoding corners"
 _HALF_MAX = float(np.finfo(np.float16).max)
 
@@ -30,8 +31,9 @@ def encode_octree(
 ) -> Steps[CodedOctree]:
     """Octree with codes; corners go chunk by chunk in Morton order, so that memory stays bounded.
 
-    `backend` "auto" is torch for another `device` than the CPU, else NumPy, with the same codes to 1e-4. An
-    `encoder` of these weights counts instead of both. Raises SettingError for a backend or device that is not there.
+    `backend` "auto" is torch for another `device` than the CPU, else our compiled products; "numpy" has NumPy's. All
+    give the same codes to 1e-4. An `encoder` of these weights counts instead of both. Raises SettingError for a backend
+    or device that is not there.
     """
     if encoder is None:
         encoder = make_encoder(weights, backend, device)
@@ -60,12 +62,14 @@ def make_encoder(weights: Weights, backend: str = "auto", device: str = "cpu") -
     """The encoder that `encode_octree` uses for these settings."""
     if backend not in BACKENDS:
         raise SettingError(f"Backend '{backend}' is unknown: choose one of {', '.join(BACKENDS)}")
-    if backend == "numpy" or (backend == "auto" and device == "cpu"):
+    if backend == "auto":
+        backend = "compiled" if device == "cpu" else "torch"
+    if backend != "torch":
         if device != "cpu":
-            raise SettingError(f"Backend 'numpy' runs on the CPU, not on '{device}': choose backend 'torch'")
-        return NumpyEncoder(weights)
+            raise SettingError(f"Backend '{backend}' runs on the CPU, not on '{device}': choose backend 'torch'")
+        return CompiledEncoder(weights) if backend == "compiled" else NumpyEncoder(weights)
     if importlib.util.find_spec("torch") is None:
-        raise SettingError("Backend 'torch' needs PyTorch, which this Python does not have: choose backend 'numpy'")
+        raise SettingError("Backend 'torch' needs PyTorch, which this Python does not have: choose backend 'compiled'")
     from ..network.torch_encode import TorchEncoder
 
     try:

@@ -16,9 +16,9 @@ from types import TracebackType
 
 import numpy as np
 
+from ..cache_folder import BAKES, user_cache_folder
 from ..errors import FileFormatError, PatchNetError
 from ..files import read_arrays, write_arrays
-from ..kernels import user_cache_folder
 
 KIND = "light page"
 MAX_AGE_S = 30 * 24 * 3600.0
@@ -36,7 +36,7 @@ class KeptPages:
 
     def __init__(self, root: Path | None = None) -> None:
         """`root`: folder of all bakes, by default in the user's cache folder."""
-        self._root = root or user_cache_folder() / "bakes"
+        self._root = root or user_cache_folder() / BAKES
         self._folders: list[Path] = []
         self._writes = True
 
@@ -75,6 +75,8 @@ class KeptPages:
             texels = read_arrays(path, KIND)[0].get("texels")
         except FileFormatError as error:
             _LOG.warning("A page is baked again: %s", error)
+            with contextlib.suppress(OSError):
+                path.unlink()
             return None
         if texels is None or texels.shape != (texel_count, channels) or texels.dtype != np.float32:
             return None

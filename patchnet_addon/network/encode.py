@@ -12,7 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ..kernels import serial_kernel
+from ..kernels import device, serial_kernel
+from .lanes import LANES, add, at_least, load, store, zeros
 from .octants import octant_matrices
 from .weights import Weights
 
@@ -29,8 +30,21 @@ class Encoder(Protocol):
         """
 
 
+class Buffers:
+    """Arrays that are kept from chunk to chunk, because fresh pages cost as much as sums."""
+
+    def __init__(self) -> None:
+        self._arrays: dict[str, np.ndarray] = {}
+
+    def __call__(self, name: str, rows: int, columns: int) -> np.ndarray:
+        """The array (rows, columns) float32 of that name; what it holds is left from before."""
+        if name not in self._arrays or len(self._arrays[name]) < rows:
+            self._arrays[name] = np.empty((rows, columns), np.float32)
+        return self._arrays[name][:rows]
+
+
 class NumpyEncoder:
-    """Encoder on BLAS and a compiled sum. It keeps its buffers, because fresh pages cost as much as the sums."""
+    """`Encoder` on NumPy's products, as fast as its BLAS: the plain twin of `CompiledEncoder`."""
 
     chunk = 4096
 
@@ -38,16 +52,16 @@ class NumpyEncoder:
         matrix, self._bias = weights.encoder[0]
         self._octants = octant_matrices(matrix)
         self._layers = [(np.ascontiguousarray(matrix.T), bias) for matrix, bias in weights.encoder[1:]]
-        self._buffers: dict[str, np.ndarray] = {}
+        self._buffers = Buffers()
 
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """See `Encoder`."""
-        products = self._buffer("products", len(blocks), self._octants.shape[1])  # (U, 8 * 256)
+        products = self._buffers("products", len(blocks), self._octants.shape[1])  # (U, 8 * 256)
         np.matmul(blocks, self._octants, out=products)
-        values = self._buffer("layer 0", len(rows), len(self._bias))
+        values = self._buffers("layer 0", len(rows), len(self._bias))
         _sum_octants(products, np.asarray(rows, np.int64), self._bias, values)
         for index, (matrix, bias) in enumerate(self._layers, 1):
-            result = self._buffer(f"layer {index}", len(rows), len(bias))
+            result = self._buffers(f"layer {index}", len(rows), len(bias))
             np.matmul(values, matrix, out=result)
             result += bias
             if index < len(self._layers):
@@ -55,28 +69,28 @@ class NumpyEncoder:
             values = result
         return values.copy()
 
-    def _buffer(self, name: str, rows: int, columns: int) -> np.ndarray:
-        if name not in self._buffers or len(self._buffers[name]) < rows:
-            self._buffers[name] = np.empty((rows, columns), np.float32)
-        return self._buffers[name][:rows]
-
 
 @serial_kernel
 def _sum_octants(products, rows, bias, values):
-    """First layer with ReLU: values[c] = max(0, bias + sum over octants o of products[rows[c, o], slice o]).
-
-    On one core, as `codes/patches.py` explains.
-    """
-    width = len(bias)
+    """First layer with ReLU, on one core, as `codes/patches.py` explains."""
     for corner in range(len(rows)):
-        total = values[corner]
-        for k in range(width):
-            total[k] = bias[k]
+        sum_corner(products, rows[corner], bias, values, corner)
+
+
+@device
+def sum_corner(products, eight, bias, values, corner):
+    """One corner's first layer: values[c] = max(0, bias + sum over octants o of products[eight[o], slice o])."""
+    width = len(bias)
+    for column in range(0, width, LANES):
+        total = load(bias, column)
         for octant in range(8):
-            row = rows[corner, octant]
-            if row > 0:  # block 0 is empty
-                part = products[row, octant * width : (octant + 1) * width]
-                for k in range(width):
-                    total[k] += part[k]
-        for k in range(width):
-            total[k] = max(total[k], np.float32(0))
+            if eight[octant] > 0:  # block 0 is empty
+                total = add(total, load(products, (8 * eight[octant] + octant) * width + column))
+        store(values, corner * width + column, at_least(total, zeros()))
+
+
+def sum_octants_reference(products: np.ndarray, rows: np.ndarray, bias: np.ndarray) -> np.ndarray:
+    """Plain twin of what both encoders do with `sum_corner`: (C, 256) of products (U, 8 * 256) and rows (C, 8)."""
+    parts = products.reshape(len(products), 8, len(bias))[rows, np.arange(8)]  # (C, 8, 256)
+    sums: np.ndarray = np.where((rows > 0)[:, :, None], parts, 0).sum(axis=1) + bias
+    return np.maximum(sums, 0)

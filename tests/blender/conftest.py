@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What tests in Blender share. They end their process like the command does: see `patchnet.__main__.leave`."""
 
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ from patchnet.__main__ import leave
 from patchnet.tests.blender.job_scene import build, random_weights, saved
 
 _status = pytest.StashKey[int]()
+os.environ["PATCHNET_KEEP"] = "0"  # a test finds no octree of another one; test_kept_results.py asks for some
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:

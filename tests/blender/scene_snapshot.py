@@ -156,7 +156,9 @@ def _label(item: Any, depth: int) -> Any:
 
 
 def _custom(block: bpy.types.ID) -> dict[str, str]:
-    return {key: str(block[key]) for key in block.keys()}  # noqa: SIM118
+    """Custom properties; a group's contents, not where it lies in memory."""
+    values = {key: block[key] for key in block.keys()}  # noqa: SIM118
+    return {key: str(value.to_dict() if hasattr(value, "to_dict") else value) for key, value in values.items()}
 
 
 def _tree(tree: bpy.types.NodeTree) -> dict[str, Any]:

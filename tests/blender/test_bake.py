@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from mathutils import Euler, Vector
 
-from patchnet.operators.bake import bake_luminance, baker
+from patchnet.operators.bake import bake_luminance, bake_scene, baker
+from patchnet.operators.bake.bake_call import BakeTarget
 from patchnet.operators.devices import gpu_is_enabled
 from patchnet.operators.scene import SceneMesh, read_scene
 from patchnet.patchnet_addon.errors import SceneError, SettingError
@@ -315,8 +316,8 @@ def test_scene_is_unchanged_after_cancel_and_error(monkeypatch: pytest.MonkeyPat
     steps.close()
     assert_unchanged(before)
 
-    def fail(context: bpy.types.Context, target: bpy.types.Object) -> None:
-        assert target.name in bpy.context.scene.objects
+    def fail(context: bpy.types.Context, target: BakeTarget) -> None:
+        assert target.item.name in target.scene.objects
         raise RuntimeError("the device is gone")
 
     monkeypatch.setattr(baker, "_run", fail)
@@ -329,7 +330,7 @@ def test_tiles_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     user_scene()
     baked_with = []
     for side in (4096, 8):
-        monkeypatch.setattr(baker, "_tile_side", lambda side=side: side)
+        monkeypatch.setattr(bake_scene, "tile_side", lambda side=side: side)
         source = read_scene(bpy.context.evaluated_depsgraph_get())
         baked_with.append(drain(bake_luminance(bpy.context, source, 0.1, 3)))
     assert baked_with[0].charts.page_side > 2 * 8
@@ -343,8 +344,8 @@ def test_gpus_bake_where_they_are_enabled(enabled: bool, monkeypatch: pytest.Mon
     devices = []
     run = baker._run
 
-    def look(context: bpy.types.Context, target: bpy.types.Object) -> None:
-        devices.append(context.scene.cycles.device)
+    def look(context: bpy.types.Context, target: BakeTarget) -> None:
+        devices.append(target.scene.cycles.device)
         run(context, target)
 
     monkeypatch.setattr(baker, "_run", look)
@@ -369,5 +370,6 @@ def test_edit_mode_is_left_and_entered_again() -> None:
 def test_a_failing_bake_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     item = square("Floor", diffuse())
     item.hide_render = True
+    scene, layer = bpy.context.scene, bpy.context.view_layer
     with pytest.raises(SceneError, match="Cycles cannot bake"):
-        baker._run(bpy.context, item)
+        baker._run(bpy.context, BakeTarget(scene, layer, item, bpy.data.images.new("Any", 4, 4)))

@@ -25,6 +25,7 @@ CALLS = {
     "compare": "size=(16, 16), cameras='Eye', budget=0.5",
     "show_voxels": "level=3, display='POINTS'",
     "export_octree": "filepath=OUT + '/voxels.safetensors', level=4",
+    "load_octree": "filepath=OUT + '/voxels.safetensors', weights=WEIGHTS",
     "clear_results": "",
     "run_all": "depth=4, light='two-lights', size=(16, 16), weights=WEIGHTS, out=OUT + '/all'",
     "bake_animation": "frame_start=2, frame_end=4, frame_step=2, depth=4, light='two-lights', size=(16, 16), "
@@ -57,10 +58,12 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def batch(code: str, files: Path) -> subprocess.CompletedProcess[str]:
-    """Run lines of Python in a Blender without a window whose log is for programs."""
+    """Run lines of Python in a Blender without a window whose log is for programs. Its exit may not hang, either."""
     command = [sys.executable, "-c", PREPARE + code, files / "small.blend", files / "random.safetensors", files / "out"]
     environment = {**os.environ, "PATCHNET_LOG": "json", "PYTHONUNBUFFERED": "1"}
-    return subprocess.run([*map(str, command)], capture_output=True, text=True, check=False, env=environment)
+    return subprocess.run(
+        [*map(str, command)], capture_output=True, text=True, check=False, env=environment, timeout=600
+    )
 
 
 def events(done: subprocess.CompletedProcess[str]) -> list[dict]:

@@ -1,17 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ctrl-C in the middle of a bake that would take days: the command ends, and leaves nothing but finished pages."""
+"""Ctrl-C and SIGTERM in the middle of a bake that would take days: the process ends, finished pages stay."""
 
+import importlib
+import json
 import os
+import re
+import secrets
+import shlex
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import bpy
 import pytest
 
-from patchnet.patchnet_addon.kernels import user_cache_folder
-from patchnet.tests.blender.job_scene import build, random_weights, saved
+from patchnet import commands
+from patchnet.operators.bake import bake_luminance
+from patchnet.operators.scene import open_scene, read_scene
+from patchnet.patchnet_addon.cache_folder import user_cache_folder
+from patchnet.patchnet_addon.interrupt import prompt_interrupt
+from patchnet.patchnet_addon.octree.file import load_octree
+from patchnet.patchnet_addon.progress import drain
+from patchnet.tests.blender.job_scene import QUICK, build, random_weights, saved
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("ctrl_c")
 
@@ -37,26 +50,155 @@ def read_until(process: subprocess.Popen[bytes], text: bytes) -> None:
         said += more
 
 
-@pytest.mark.parametrize("command", ["run", "octree"])
-def test_bake_is_interrupted(command: str, tmp_path: Path) -> None:
-    build()
-    folder = tmp_path / "work"
-    folder.mkdir()
-    scene = saved(folder / "small.blend")
-    arguments = [command, str(scene), "--depth", "6", "--samples", "50000000", "--out", str(folder / "out")]
+def start(command: str, folder: Path, *, temporary: Path) -> subprocess.Popen[bytes]:
+    """A command whose bake would take days, at work in Cycles."""
+    (folder / "work").mkdir(exist_ok=True)
+    scene = saved(folder / "work" / "small.blend")
+    words = [command, str(scene), "--depth", "6", "--samples", "50000000", "--out", str(folder / "work" / "out")]
     if command == "run":
-        arguments += ["--size", "16", "16", "--weights", str(random_weights(tmp_path))]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "patchnet", *arguments], env=environment(tmp_path / "cache"), stderr=subprocess.PIPE
-    )
+        words += ["--size", "16", "16", "--weights", str(random_weights(folder))]
+    cache = folder / f"cache-{secrets.token_hex(4)}"
+    variables = {**environment(cache), "TMPDIR": str(temporary)}
+    process = subprocess.Popen([sys.executable, "-m", "patchnet", *words], env=variables, stderr=subprocess.PIPE)
+    read_until(process, b"Baking light")
+    time.sleep(1.0)  # now Cycles is at work
+    assert process.poll() is None
+    return process
+
+
+@pytest.fixture
+def temporary(tmp_path: Path) -> Path:
+    """A folder for temporary files, where Blender has one of its own, too."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("command", "number"), [("run", signal.SIGINT), ("run", signal.SIGTERM), ("octree", signal.SIGINT)]
+)
+def test_bake_is_interrupted(command: str, number: signal.Signals, tmp_path: Path, temporary: Path) -> None:
+    build()
+    process = start(command, tmp_path, temporary=temporary)
     try:
-        read_until(process, b"Baking light")
-        time.sleep(1.0)  # now Cycles is at work
-        assert process.poll() is None
-        process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=PATIENCE_S) == 130
-        assert process.stderr is not None and b"interrupted" in process.stderr.read()
+        assert list(temporary.glob("blender_*"))
+        process.send_signal(number)
+        assert process.wait(timeout=PATIENCE_S) == 128 + number
+        assert process.stderr is not None
+        said = process.stderr.read()
     finally:
         process.kill()
-    assert [path.name for path in folder.iterdir()] == ["small.blend"]
-    assert list((tmp_path / "cache").rglob("*.tmp")) == []
+    assert b"interrupted" in said and b"Traceback" not in said
+    assert [path.name for path in (tmp_path / "work").iterdir()] == ["small.blend"]
+    assert list(tmp_path.glob("cache-*/**/*.tmp")) == [] and list(temporary.iterdir()) == []
+
+
+def test_what_a_killed_command_left_goes_with_the_next(tmp_path: Path, temporary: Path, weights: Path) -> None:
+    """That of a living one stays: tests/engine/test_owned_folder.py."""
+    build()
+    process = start("run", tmp_path, temporary=temporary)
+    process.kill()
+    process.communicate()
+    work = tmp_path / "work"
+    assert len(list(work.glob(".out.*.tmp"))) == 1
+    words = ["run", str(work / "small.blend"), *QUICK, "--weights", str(weights), "--out", str(work / "out")]
+    assert commands.main(words) == 0
+    assert sorted(path.name for path in work.iterdir()) == ["out", "small.blend"]
+
+
+BATCH = """
+import signal, sys, threading, bpy, patchnet
+patchnet.register()
+bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
+bpy.ops.patchnet.voxelize(depth=4)
+threading.Timer(1.0, signal.raise_signal, [signal.SIGTERM]).start()
+try:
+    CALL
+except RuntimeError:
+    pass
+print("it went on")
+"""
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        ("bpy.ops.patchnet.voxelize(depth=12)", "Voxelize was stopped: nothing was changed"),
+        ("bpy.ops.patchnet.bake_light(light='cycles', samples=65536)", "Bake Light was stopped|goes on where it was"),
+    ],
+)
+def test_sigterm_ends_a_script_of_operators(call: str, said: str, tmp_path: Path, temporary: Path) -> None:
+    build()
+    scene = saved(tmp_path / "small.blend")
+    done = subprocess.run(
+        [sys.executable, "-c", BATCH.replace("CALL", call), str(scene)],
+        env={**environment(tmp_path / "cache"), "TMPDIR": str(temporary)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 143 and "it went on" not in done.stdout, done.stdout + done.stderr
+    assert re.search(said, done.stderr) and "Traceback" not in done.stderr
+    assert list(temporary.iterdir()) == []
+
+
+def test_ctrl_c_in_what_blender_calls_is_no_error_of_theirs(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Raised in Cycles' own Python, it was printed with a traceback, and lost."""
+    build()
+    engine = importlib.import_module("cycles.engine")
+    bake, calls = engine.bake, []
+
+    def interrupted(*values: object) -> None:
+        calls.append("interrupted")
+        signal.raise_signal(signal.SIGINT)
+        calls.append("went on")
+        bake(*values)
+
+    monkeypatch.setattr(engine, "bake", interrupted)
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    before = scene_snapshot()
+    with pytest.raises(KeyboardInterrupt), prompt_interrupt(lambda: None):
+        drain(bake_luminance(bpy.context, source, 0.5, 1))
+    assert calls == ["interrupted", "went on"]
+    said = capfd.readouterr()
+    assert "Traceback" not in said.out + said.err
+    assert_unchanged(before)
+
+
+def test_ctrl_c_in_an_importer_does_not_blame_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "small.blend"
+    build()
+    saved(path)
+
+    @bpy.app.handlers.persistent
+    def interrupt(*_: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    bpy.app.handlers.load_post.append(interrupt)
+    try:
+        with pytest.raises(KeyboardInterrupt), prompt_interrupt(lambda: None):
+            open_scene(path)
+    finally:
+        bpy.app.handlers.load_post.remove(interrupt)
+
+
+@pytest.mark.parametrize("line", ["patchnet >&-", "patchnet 2>&-", "patchnet 2>&1 | true"])
+def test_a_run_that_nobody_listens_to_does_its_work(
+    line: str, scene_file: Path, weights: Path, temporary: Path
+) -> None:
+    """Not one of Blender's own lines gets into the files, either."""
+    out = scene_file.parent / "out"
+    words = [sys.executable, "-m", "patchnet", "run", str(scene_file), *QUICK, "--weights", str(weights)]
+    command = shlex.join([*words, "--out", str(out)])
+    shell = f"({line.replace('patchnet', f'({command}; echo $? >code)', 1)}) 2>said"
+    if "|" not in line:
+        shell = f"({command} {line.partition(' ')[2]}; echo $? >code) 2>said"
+    subprocess.run(
+        ["sh", "-c", shell], cwd=scene_file.parent, env={**os.environ, "TMPDIR": str(temporary)}, check=False,
+        stdout=subprocess.DEVNULL,
+    )  # fmt: skip
+    said = (scene_file.parent / "said").read_text()
+    assert (scene_file.parent / "code").read_text() == "0\n", said
+    assert "Traceback" not in said and "Error" not in said
+    assert json.loads((out / "report.json").read_text())["octree"]["depth"] == 5
+    assert load_octree(out / "octree.safetensors").depth == 5
+    assert list(temporary.iterdir()) == []

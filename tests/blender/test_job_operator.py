@@ -18,6 +18,7 @@ class Window:
     """Remembers what an operator did to the window manager and to the status bar."""
 
     def __init__(self) -> None:
+        self.scene, self.view_layer = bpy.context.scene, bpy.context.view_layer
         self.timers: list[str] = []
         self.texts: list[str | None] = []
         self.percents: list[float] = []
@@ -80,6 +81,7 @@ def in_a_window(monkeypatch: pytest.MonkeyPatch) -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
     monkeypatch.setattr(job_operator, "job_settings", lambda context, operator: None)
     monkeypatch.setattr(job_operator, "apply_preferences", lambda context: None)
+    monkeypatch.setattr(job_operator, "passes", lambda context, event: event.type.startswith("WHEEL"))
     monkeypatch.setattr(job_operator, "bpy", SimpleNamespace(app=SimpleNamespace(background=False), types=bpy.types))
 
 

@@ -98,15 +98,19 @@ def test_undo_of_a_move_makes_results_fit_again() -> None:
 
 
 @pytest.mark.parametrize(
-    ("step", "change"),
+    ("step", "change", "what"),
     [
-        ("surface", lambda: setattr(bpy.data.meshes["Slab"].vertices[0].co, "x", -1.3)),
-        ("surface", lambda: bpy.data.objects["Slab"].modifiers.new("Shell", "SOLIDIFY")),
-        ("light", lambda: setattr(bpy.data.lights["Lamp"], "energy", 9.0)),
-        ("light", lambda: setattr(principled("Slab").inputs["Base Color"], "default_value", (1, 0, 0, 1))),
+        ("surface", lambda: setattr(bpy.data.meshes["Slab"].vertices[0].co, "x", -1.3), "'Slab'"),
+        ("surface", lambda: bpy.data.objects["Slab"].modifiers.new("Shell", "SOLIDIFY"), "'Slab'"),
+        ("light", lambda: setattr(bpy.data.lights["Lamp"], "energy", 9.0), "lamp 'Lamp'"),
+        (
+            "light",
+            lambda: setattr(principled("Slab").inputs["Base Color"], "default_value", (1, 0, 0, 1)),
+            "material 'Slab'",
+        ),
     ],
 )
-def test_undo_to_before_a_result(step: str, change) -> None:
+def test_undo_to_before_a_result(step: str, change, what: str) -> None:
     """What was computed after a change does not fit any more when the change is undone."""
     push("start")
     change()
@@ -116,7 +120,7 @@ def test_undo_to_before_a_result(step: str, change) -> None:
     assert results.voxels_of(current()).stale == set()
     undo()
     assert results.voxels_of(current()).stale == {step}
-    assert results.voxels_of(current()).why(step) == "undo or redo"
+    assert results.voxels_of(current()).why(step) == f"{what} changed"
     redo()
     assert results.voxels_of(current()).stale == set()
 

@@ -102,7 +102,7 @@ def test_another_python_encodes(weights: Path) -> None:
     settings = JobSettings(light="two-lights", weights=weights, **SMALL)
     mine = drain(run_job(bpy.context, settings))
     other = drain(run_job(bpy.context, JobSettings(**{**vars(settings), "torch_python": Path(sys.executable)})))
-    assert "another Python" in other.report["encoder"] and mine.report["encoder"] == "NumPy on the CPU"
+    assert "another Python" in other.report["encoder"] and mine.report["encoder"] == "own kernels on the CPU"
     np.testing.assert_allclose(other.coded.codes.astype(float), mine.coded.codes.astype(float), atol=2e-2, rtol=2e-3)
     assert other.warnings == mine.warnings
 
@@ -111,9 +111,9 @@ def test_python_that_cannot_encode_is_named_and_replaced(tmp_path: Path) -> None
     missing = tmp_path / "python"
     weights = Weights.random(3)
     with chosen_encoder(weights, JobSettings(torch_python=missing)) as chosen:
-        assert chosen.text == "NumPy on the CPU"
+        assert chosen.text == "own kernels on the CPU"
     (warning,) = chosen.warnings
-    assert str(missing) in warning and "NumPy instead" in warning
+    assert str(missing) in warning and "own kernels instead" in warning
 
 
 def test_checking_a_python_needs_one() -> None:

@@ -16,10 +16,11 @@ import pytest
 
 from patchnet.operators.bake import bake_luminance
 from patchnet.operators.bake import baker as baking
-from patchnet.operators.bake.bake_key import bake_key
+from patchnet.operators.bake.bake_call import BakeTarget
+from patchnet.operators.bake.bake_key import bake_key, scene_key
 from patchnet.operators.scene import read_scene
+from patchnet.patchnet_addon.cache_folder import user_cache_folder
 from patchnet.patchnet_addon.errors import SettingError
-from patchnet.patchnet_addon.kernels import user_cache_folder
 from patchnet.patchnet_addon.light.atlas import Atlas
 from patchnet.patchnet_addon.light.charts import layout_charts
 from patchnet.patchnet_addon.light.kept_pages import KeptPages
@@ -42,8 +43,8 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     seen: list[str] = []
     run = baking._run
 
-    def count(context: bpy.types.Context, target: bpy.types.Object) -> None:
-        seen.append(target.name)
+    def count(context: bpy.types.Context, target: BakeTarget) -> None:
+        seen.append(target.item.name)
         run(context, target)
 
     monkeypatch.setattr(baking, "_run", count)
@@ -137,7 +138,7 @@ def key(scope: str = "VISIBLE", samples: int = 4) -> str:
     bpy.context.view_layer.update()
     source = read_scene(bpy.context.evaluated_depsgraph_get(), scope)
     charts = drain(layout_charts(source, 0.1))
-    return bake_key(bpy.context, source, charts, samples, 0)
+    return bake_key(scene_key(bpy.context.evaluated_depsgraph_get()), source, charts, samples, 0)
 
 
 def group_node(name: str) -> bpy.types.Node:

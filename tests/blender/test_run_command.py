@@ -128,11 +128,12 @@ def test_bad_scenes_end_with_one_sentence(
 ) -> None:
     scene, out = make(tmp_path / f"scene{suffix}"), tmp_path / "out"
     out.mkdir()
-    (out / "report.json").write_text("kept")
+    kept = json.dumps({"versions": {"patchnet": "0.0.1"}})
+    (out / "report.json").write_text(kept)
     assert run(scene, out, weights) == 2
     assert_one_sentence(capsys.readouterr().err, message)
     assert [path.name for path in out.iterdir()] == ["report.json"]
-    assert (out / "report.json").read_text() == "kept"
+    assert (out / "report.json").read_text() == kept
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from patchnet.operators.job.run import run_job
 from patchnet.operators.job.settings import JobSettings
 from patchnet.operators.scene import read_scene
 from patchnet.operators.verify_light import CheckSettings, verify_light
+from patchnet.patchnet_addon.errors import SceneError
 from patchnet.patchnet_addon.progress import Steps, drain
 from patchnet.tests.blender.full_scene import MODES, build_full
 from patchnet.tests.blender.job_scene import drop_result_images
@@ -160,7 +161,7 @@ def test_what_is_baked_is_deleted_meanwhile(tmp_path: Path) -> None:
 
     bpy.app.handlers.depsgraph_update_post.append(delete)
     try:
-        with pytest.raises((ReferenceError, RuntimeError)):
+        with pytest.raises((ReferenceError, RuntimeError, SceneError)):
             drain(bake())
     finally:
         bpy.app.handlers.depsgraph_update_post.remove(delete)

@@ -16,8 +16,8 @@ from patchnet.operators.job.settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, LightCheck, verify_light
 from patchnet.operators.verify_light.check import check_camera
 from patchnet.operators.verify_light.reference import render_reference
+from patchnet.patchnet_addon.cache_folder import user_cache_folder
 from patchnet.patchnet_addon.errors import SettingError
-from patchnet.patchnet_addon.kernels import user_cache_folder
 from patchnet.patchnet_addon.progress import drain
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 

@@ -2,6 +2,7 @@
 """The command line as a user meets it: help, wrong words, bad input, interruption."""
 
 import argparse
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -74,6 +75,28 @@ def test_interruption_exits_130(greet: SimpleNamespace) -> None:
 
     greet.run = run
     assert commands.main(["greet", "Ada"]) == 130
+
+
+def test_sigterm_exits_143_with_the_same_sentence(
+    greet: SimpleNamespace, capsys: pytest.CaptureFixture[str], ctrl_c: None
+) -> None:
+    def run(args) -> int:
+        signal.raise_signal(signal.SIGTERM)
+        return 0
+
+    greet.run = run
+    assert commands.main(["greet", "Ada"]) == 143
+    assert capsys.readouterr().err == "patchnet: interrupted\n"
+
+
+def test_errors_of_the_system_name_their_own_file(greet: SimpleNamespace, capsys: pytest.CaptureFixture[str]) -> None:
+    def run(args) -> int:
+        raise OSError(28, "No space left on device", "/cache/kernels")
+
+    greet.run = run
+    assert commands.main(["greet", "Ada"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("patchnet: error: /cache/kernels: No space left on device; ") and said.count("\n") == 1
 
 
 def test_other_errors_are_not_hidden(greet: SimpleNamespace) -> None:

@@ -12,12 +12,14 @@ from patchnet.patchnet_addon.codes.file import load_codes, save_codes
 from patchnet.patchnet_addon.codes.predict import interpolate_codes, interpolate_codes_reference, predict
 from patchnet.patchnet_addon.errors import CodesFileError, SettingError
 from patchnet.patchnet_addon.files import read_arrays, write_arrays
+from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.decode import decode
+from patchnet.patchnet_addon.network.encode import NumpyEncoder
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.progress import drain
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree
 
-BACKENDS = ["numpy", "torch"]
+BACKENDS = ["compiled", "numpy", "torch"]
 HALF = 2.0**-11  # relative rounding of a half float
 
 
@@ -74,6 +76,22 @@ def test_every_corner_has_the_code_of_its_patch(octree, weights, backend, monkey
                 np.testing.assert_allclose(coded.codes[corner], wanted, rtol=HALF, atol=1e-4)
 
 
+def test_products_are_our_own_unless_others_are_asked_for(octree, coded, weights):
+    """On the CPU; the codes are the same within the rounding of half floats and the tolerance of encoders."""
+    assert isinstance(make_encoder(weights), CompiledEncoder)
+    assert isinstance(make_encoder(weights, "compiled"), CompiledEncoder)
+    assert isinstance(make_encoder(weights, "numpy"), NumpyEncoder)
+    np.testing.assert_array_equal(drain(encode_octree(octree, weights, backend="compiled")).codes, coded.codes)
+    other = drain(encode_octree(octree, weights, backend="numpy")).codes
+    np.testing.assert_allclose(other.astype(np.float32), coded.codes.astype(np.float32), rtol=2 * HALF, atol=1e-4)
+
+
+def test_codes_have_the_same_bits_whatever_the_chunk(octree, coded, weights):
+    encoder = make_encoder(weights)
+    encoder.chunk = 101
+    np.testing.assert_array_equal(drain(encode_octree(octree, weights, encoder=encoder)).codes, coded.codes)
+
+
 def test_corners_are_shared_and_all_used(coded):
     assert len(np.unique(coded.node_corners)) == len(coded.codes)
     assert len(coded.codes) < coded.node_corners.size
@@ -99,6 +117,7 @@ def test_octree_without_look_ahead_has_no_codes(weights):
     [
         ({"backend": "jax"}, "unknown"),
         ({"backend": "numpy", "device": "cuda"}, "runs on the CPU"),
+        ({"backend": "compiled", "device": "cuda"}, "runs on the CPU"),
         ({"backend": "torch", "device": "nonsense"}, "cannot be used"),
     ],
 )

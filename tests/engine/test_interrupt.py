@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ctrl-C while the main thread cannot act on it, and while it can."""
+"""Ctrl-C and SIGTERM while the main thread cannot act on them, and while it can."""
 
 import ctypes
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -11,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from patchnet.patchnet_addon import interrupt
-from patchnet.patchnet_addon.interrupt import prompt_interrupt
-from patchnet.patchnet_addon.unfinished import remove_unfinished, unfinished
+from patchnet.patchnet_addon.interrupt import Interrupted, exit_code_of, interrupts_wait, prompt_interrupt
+from patchnet.patchnet_addon.unfinished import goes_with_process, remove_unfinished, unfinished
 
 pytestmark = pytest.mark.usefixtures("ctrl_c")
 
@@ -22,13 +24,75 @@ def short_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(interrupt, "DEADLINE_S", 0.2)
 
 
-def test_a_deaf_main_thread_is_ended() -> None:
+both = pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGINT,
+        pytest.param(signal.SIGTERM, marks=pytest.mark.skipif(os.name == "nt", reason="Windows only ends processes")),
+    ],
+)
+
+DEAF = """
+import signal, sys, time
+from pathlib import Path
+from patchnet.patchnet_addon import interrupt
+from patchnet.patchnet_addon.unfinished import unfinished
+
+interrupt.DEADLINE_S = 0.1
+path = Path(sys.argv[1])
+path.write_text("half")
+with unfinished(path), interrupt.prompt_interrupt():
+    try:
+        signal.raise_signal(int(sys.argv[2]))
+    finally:
+        time.sleep(60.0)
+"""
+
+
+@both
+def test_a_deaf_main_thread_is_ended(number: signal.Signals) -> None:
     ended = threading.Event()
-    with pytest.raises(KeyboardInterrupt), prompt_interrupt(ended.set):
+    with pytest.raises(KeyboardInterrupt) as caught, prompt_interrupt(ended.set):
         try:
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(number)
         finally:
             assert ended.wait(30.0), "the block went on, as a call into Blender would"
+    assert exit_code_of(caught.value) == 128 + number
+
+
+@both
+@pytest.mark.parametrize("stderr", ["open", "closed"])
+def test_the_process_ends_with_a_sentence_and_the_signals_code(
+    number: signal.Signals, stderr: str, tmp_path: Path
+) -> None:
+    close = "import os; os.close(2)\n" if stderr == "closed" else ""
+    command = [sys.executable, "-c", close + DEAF, str(tmp_path / "half"), str(int(number))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 128 + number
+    assert ("interrupted; a bake goes on where it was" in done.stderr) == (stderr == "open")
+    assert list(tmp_path.iterdir()) == []
+
+
+@both
+def test_a_call_into_blender_is_heard_out(number: signal.Signals) -> None:
+    """Raised in what Blender calls, an interruption would be printed and lost."""
+    went_on = []
+    with pytest.raises(Interrupted) as caught, prompt_interrupt(lambda: None):
+        with interrupts_wait():
+            with interrupts_wait():
+                signal.raise_signal(number)
+                went_on.append("the inner call")
+            went_on.append("the outer call")
+        went_on.append("after it")
+    assert went_on == ["the inner call", "the outer call"] and exit_code_of(caught.value) == 128 + number
+    with prompt_interrupt(lambda: None), interrupts_wait():
+        pass  # nothing is left of it
+
+
+def test_a_call_that_fails_after_a_signal_was_interrupted() -> None:
+    with pytest.raises(Interrupted), prompt_interrupt(lambda: None), interrupts_wait():
+        signal.raise_signal(signal.SIGINT)
+        raise ZeroDivisionError
 
 
 def test_a_main_thread_that_acts_is_left_alone() -> None:
@@ -62,6 +126,25 @@ def test_a_handler_that_is_not_pythons_is_put_back() -> None:
         assert c_signal(signal.SIGINT, pythons) == address
 
 
+@both
+def test_handlers_are_as_before(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    with prompt_interrupt(lambda: None):
+        assert signal.getsignal(number) != before
+    assert signal.getsignal(number) == before
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no processes that ignore a signal")
+def test_an_ignored_signal_stays_ignored() -> None:
+    before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        with pytest.raises(KeyboardInterrupt), prompt_interrupt(lambda: None):
+            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(signal.SIGINT)  # the other one is heard
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def test_other_handlers_are_left_alone() -> None:
     heard: list[int] = []
     before = signal.signal(signal.SIGINT, lambda number, frame: heard.append(number))
@@ -78,6 +161,8 @@ def test_other_handlers_are_left_alone() -> None:
 def test_what_is_not_finished_goes(tmp_path: Path) -> None:
     file, folder, done = tmp_path / "file", tmp_path / "folder", tmp_path / "done"
     (folder / "inside").mkdir(parents=True)
+    goes_with_process(tmp_path / "session")
+    (tmp_path / "session").mkdir()
     for path in (file, done):
         path.write_text("text")
     with unfinished(done):

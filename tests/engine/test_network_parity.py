@@ -6,6 +6,7 @@ import pytest
 
 from patchnet.patchnet_addon.errors import WeightsFileError
 from patchnet.patchnet_addon.files import write_arrays
+from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.decode import decode
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
 from patchnet.patchnet_addon.network.harmonics import real_harmonics
@@ -144,9 +145,23 @@ def patches_of(blocks, rows):
     return patches.reshape(len(rows), 2560)
 
 
-def test_encoder_follows_the_definition(weights, corners):
+@pytest.mark.parametrize("encoder", [CompiledEncoder, NumpyEncoder])
+def test_encoder_follows_the_definition(encoder, weights, corners):
     wanted = naive_layers(weights.encoder, patches_of(*corners).astype(np.float64))
-    assert np.abs(NumpyEncoder(weights)(*corners) - wanted).max() <= TOLERANCE
+    assert np.abs(encoder(weights)(*corners) - wanted).max() <= TOLERANCE
+
+
+@pytest.mark.parametrize("count", [0, 1, 90])
+def test_compiled_encoder_with_numpy(count, corners):
+    """With the shipped weights, whose codes of such cells reach 200: rounding grows with them."""
+    blocks, rows = corners
+    weights = load_weights()
+    compiled, numpy = CompiledEncoder(weights), NumpyEncoder(weights)
+    whole = compiled(blocks, rows)
+    codes = compiled(blocks, rows[:count])
+    assert codes.shape == (count, 10) and codes.dtype == np.float32
+    np.testing.assert_array_equal(codes, whole[:count])  # the buffers of the larger chunk change nothing
+    np.testing.assert_allclose(codes, numpy(blocks, rows[:count]), atol=TOLERANCE, rtol=1e-5)
 
 
 def test_encoder_with_torch(weights, corners):
@@ -154,7 +169,7 @@ def test_encoder_with_torch(weights, corners):
     from patchnet.patchnet_addon.network.torch_encode import TorchEncoder
     from patchnet.patchnet_addon.network.torch_model import PatchNet
 
-    codes = NumpyEncoder(weights)(*corners)
+    codes = CompiledEncoder(weights)(*corners)
     assert np.abs(TorchEncoder(weights)(*corners) - codes).max() <= TOLERANCE
     with torch.no_grad():
         module = PatchNet.from_weights(weights).encode(torch.from_numpy(patches_of(*corners))).numpy()

@@ -31,7 +31,8 @@ def out() -> Path:
 @pytest.fixture(scope="session")
 def blender(out: Path) -> Blender:
     """Blender with user resources of its own, without the extension."""
-    environment = {"BLENDER_USER_RESOURCES": str(out / "resources")}
+    # A visit finds no octree of another one; test_reload.py asks for some.
+    environment = {"BLENDER_USER_RESOURCES": str(out / "resources"), "PATCHNET_KEEP": "0"}
     (out / "resources").mkdir()
     if named := os.environ.get("BLENDER"):
         return Blender((), named, environment)

@@ -102,3 +102,33 @@ def test_farm_template(installed: Blender, cube: Path, out: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     report = json.loads((out / "farm" / "report.json").read_text())
     assert report["complete"] and [entry["frame"] for entry in report["frames"]] == [1, 2]
+
+
+SMALL = (
+    "import bpy; s = bpy.context.scene; s.render.resolution_x, s.render.resolution_y = 48, 32; s.patchnet.samples = 1"
+)
+MOVED = (
+    "o = s.objects['Cube']; [o.keyframe_insert('location', frame=f) for f in (1, 3) if not setattr(o.location, 'x', f)]"
+)
+
+
+@pytest.mark.parametrize("change", ["", MOVED], ids=["still", "moved"])
+def test_animation_is_rendered_to_its_last_frame(installed: Blender, cube: Path, out: Path, change: str) -> None:
+    """Every frame that bakes inside the render, the next one after it too, as `-a` and as the operator."""
+    pictures = out / f"animation{len(change)}"
+    range_of_frames = ("-o", pictures / "a_", "-s", "1", "-e", "3")
+    prepare = ("-b", cube, "--python-exit-code", "1", "--python-expr", f"{SMALL}; {change or 'pass'}")
+    again = f"s.render.filepath = {str(pictures / 'b_')!r}; bpy.ops.render.render(animation=True)"
+    done = installed.run(
+        *prepare,
+        "-E",
+        "PATCHNET",
+        *range_of_frames,
+        "-a",
+        "--python-expr",
+        f"import bpy; s = bpy.context.scene; {again}",
+    )
+    assert done.returncode == 0 and "Traceback" not in done.stdout + done.stderr, done.stdout[-2000:] + done.stderr
+    assert sorted(path.stem for path in pictures.iterdir()) == [
+        f"{name}_000{frame}" for name in "ab" for frame in (1, 2, 3)
+    ]

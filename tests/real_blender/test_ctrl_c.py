@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ctrl-C in a real Blender without a window, which has a handler of its own that Python does not know."""
+"""Ctrl-C and SIGTERM in a real Blender without a window, which has handlers of its own, and streams that are closed."""
 
+import shlex
 import signal
+import subprocess
 import time
 from pathlib import Path
 
 import pytest
 
-from patchnet.tests.real_blender.executable import Blender
+from patchnet.patchnet_addon.octree.file import load_octree
+from patchnet.tests.real_blender.executable import ROOT, Blender
 
 pytestmark = pytest.mark.usefixtures("ctrl_c")
 
@@ -19,28 +22,62 @@ def batch(scene: Path, line: str) -> tuple[str | Path, ...]:
     return "-b", scene, "--python-exit-code", "1", "--python-expr", f"import bpy, signal, threading; {line}"
 
 
-def test_bake_that_would_take_hours_ends(installed: Blender, courtyard: Path) -> None:
-    tell = "from cycles import engine; bake = engine.bake"
-    tell += "; engine.bake = lambda *values: (print('Cycles bakes', flush=True), bake(*values))"
-    bake = "bpy.ops.patchnet.voxelize(depth=5); bpy.ops.patchnet.bake_light(light='cycles', samples=65536)"
-    process = installed.start(*batch(courtyard, f"{tell}; {bake}"))
+def stopped(process: subprocess.Popen[str], at: str, number: signal.Signals) -> str:
+    """Send the signal two seconds after a line with `at`, and see that the process ends soon; what it then said."""
     try:
         assert process.stdout is not None
         said = ""
-        while "Cycles bakes" not in said:
+        while at not in said:
             line = process.stdout.readline()
             assert line, said
             said += line
         time.sleep(2.0)
         assert process.poll() is None
         start = time.monotonic()
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         rest, _ = process.communicate(timeout=PATIENCE_S)
-        print(f"Ctrl-C took {time.monotonic() - start:.1f} s")
+        print(f"{number.name} took {time.monotonic() - start:.1f} s")
     finally:
         process.kill()
-    assert process.returncode == 130
-    assert "goes on where it was" in rest
+    return rest
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_bake_that_would_take_hours_ends(number: signal.Signals, installed: Blender, courtyard: Path) -> None:
+    tell = "from cycles import engine; bake = engine.bake"
+    tell += "; engine.bake = lambda *values: (print('Cycles bakes', flush=True), bake(*values))"
+    bake = "bpy.ops.patchnet.voxelize(depth=5); bpy.ops.patchnet.bake_light(light='cycles', samples=65536)"
+    process = installed.start(*batch(courtyard, f"{tell}; {bake}"))
+    rest = stopped(process, "Cycles bakes", number)
+    assert process.returncode == 128 + number
+    assert "goes on where it was" in rest and "Traceback" not in rest
+
+
+def test_sigterm_ends_the_command(installed: Blender, courtyard: Path, out: Path) -> None:
+    words = ("run", "--depth", "5", "--samples", "65536", "--cameras", "Far", "--size", "16", "16")
+    process = installed.start("-b", courtyard, "--command", "patchnet", *words, "--out", out / "terminated")
+    rest = stopped(process, "Baking light", signal.SIGTERM)
+    assert process.returncode == 143
+    assert "patchnet: interrupted" in rest and "Traceback" not in rest
+    assert not [path.name for path in out.iterdir() if "terminated" in path.name]
+
+
+def test_sigterm_ends_a_script_that_would_go_on(installed: Blender, courtyard: Path) -> None:
+    soon = "threading.Timer(2.0, signal.raise_signal, [signal.SIGTERM]).start()"
+    line = f"bpy.ops.patchnet.voxelize(depth=4); {soon}; bpy.ops.patchnet.voxelize(depth=12); print('it went on')"
+    done = installed.run(*batch(courtyard, line))
+    assert done.returncode == 143 and "it went on" not in done.stdout
+    assert "Voxelize was stopped: nothing was changed" in done.stderr
+
+
+@pytest.mark.parametrize("closed", [">&-", "<&- >&- 2>&-"])
+def test_closed_streams(closed: str, installed: Blender, courtyard: Path, out: Path) -> None:
+    """What Blender prints gets into no file, and the work is done."""
+    words = ("octree", "--depth", "4", "--light", "two-lights", "--out", out / "closed.safetensors")
+    blender = shlex.join(map(str, (*installed.words(), "-b", courtyard, "--command", "patchnet", *words)))
+    done = subprocess.run(["sh", "-c", f"{blender} {closed}"], capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.returncode == 0 and "Traceback" not in done.stdout + done.stderr, done.stdout + done.stderr
+    assert load_octree(out / "closed.safetensors").depth == 4
 
 
 def test_steps_of_ours_stop_and_say_so(installed: Blender, courtyard: Path) -> None:

@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ...patchnet_addon.errors import PatchNetError
@@ -23,12 +23,15 @@ class Finished:
     stdout: str
 
 
-def run_child(command: Sequence[str]) -> Finished:
-    """Run `command`; its stderr is ours. Raises PatchNetError on systems without wait4 (Windows)."""
+def run_child(command: Sequence[str], environment: Mapping[str, str] | None = None) -> Finished:
+    """Run `command`; its stderr is ours, and the environment, unless another is given.
+
+    Raises PatchNetError on systems without wait4 (Windows).
+    """
     if not hasattr(os, "wait4"):
         raise PatchNetError("The memory of another process cannot be measured on this system: use Linux or macOS")
     start = time.perf_counter()
-    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     try:
         stdout = child.stdout.read() if child.stdout is not None else ""
         _, status, usage = os.wait4(child.pid, 0)

@@ -5,28 +5,35 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.errors import PatchNetError, SettingError
+from ...patchnet_addon.file_kinds import PDF, PNG, SVG
+from ...patchnet_addon.outputs import check_outputs
 from .depths import DepthCost
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
 
-SUFFIXES = (".png", ".svg", ".pdf")
+_KINDS = {".png": PNG, ".svg": SVG, ".pdf": PDF}
 # Told apart also without colour vision (Okabe and Ito).
 _BLUE, _ORANGE, _GREEN, _PURPLE, _GRAY = "#0072b2", "#d55e00", "#009e73", "#aa4499", "0.45"
 
 
-def check_figure(path: Path) -> None:
-    """Raises PatchNetError if a figure could not be drawn to `path`, before anything long is measured."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise SettingError(f"Figure {path} has an unknown extension: choose one of {', '.join(SUFFIXES)} for --plot")
+def check_figure(path: Path, inputs: Iterable[Path]) -> None:
+    """Raises PatchNetError if a figure could not be drawn to `path`, before anything long is measured.
+
+    inputs: files that are read, and never replaced.
+    """
+    kind = _KINDS.get(path.suffix.lower())
+    if kind is None:
+        raise SettingError(f"Figure {path} has an unknown extension: choose one of {', '.join(_KINDS)} for --plot")
     if not path.absolute().parent.is_dir():
         raise SettingError(f"Figure {path} cannot be written: its folder does not exist; make it or change --plot")
+    check_outputs({path: kind}, inputs)
     try:
         import matplotlib.figure  # noqa: F401
     except ImportError as cause:

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import SettingError
+from ...file_kinds import NPZ, OCTREE, PLY, VDB, FileKind
 from ...progress import Steps
 from ..octree import Octree
 from ..voxel_cloud import check_level
@@ -15,23 +17,37 @@ from .octree_file import write_octree
 from .ply import write_ply
 from .vdb import write_vdb
 
-# Each writes the voxels of a level and returns how many they are.
-FORMATS: dict[str, Callable[[Octree, int, Path], Steps[int]]] = {
-    ".ply": write_ply,
-    ".vdb": write_vdb,
-    ".npz": write_npz,
-    ".safetensors": write_octree,
+
+@dataclass(frozen=True)
+class Format:
+    """A format: the kind of its files, and what writes the voxels of a level and returns how many they are."""
+
+    kind: FileKind
+    write: Callable[[Octree, int, Path], Steps[int]]
+
+
+FORMATS: dict[str, Format] = {
+    ".ply": Format(PLY, write_ply),
+    ".vdb": Format(VDB, write_vdb),
+    ".npz": Format(NPZ, write_npz),
+    ".safetensors": Format(OCTREE, write_octree),
 }
+
+
+def format_of(path: Path) -> Format:
+    """The format that the ending of `path` names. Raises SettingError if it names none."""
+    found = FORMATS.get(path.suffix.lower())
+    if found is None:
+        raise SettingError(f"{path} has no ending that names a format: choose one of {', '.join(FORMATS)}")
+    return found
 
 
 def export_octree(octree: Octree, path: str | Path, level: int | None = None) -> Steps[int]:
     """Write the voxels of `level` (None: the finest) in the format that the ending of `path` names; their number.
 
     The file appears complete or not at all. Raises SettingError for an unknown ending or level, before any work, and
-    PatchNetError if the file cannot be written.
+    OutputError if the file cannot be written.
     """
     path = Path(path)
-    write = FORMATS.get(path.suffix.lower())
-    if write is None:
-        raise SettingError(f"{path} has no ending that names a format: choose one of {', '.join(FORMATS)}")
-    return write(octree, octree.depth if level is None else check_level(octree, level), path)
+    chosen = format_of(path)
+    return chosen.write(octree, octree.depth if level is None else check_level(octree, level), path)

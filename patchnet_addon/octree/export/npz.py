@@ -24,8 +24,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ...files import replaced_file
+from ...file_kinds import NPZ
 from ...progress import Progress, Steps
+from ...replace import replaced_file
 from ..octree import Octree
 from ..voxel_cloud import VoxelRun, voxel_counts, voxel_runs
 
@@ -52,7 +53,7 @@ def write_npz(octree: Octree, level: int, path: Path) -> Steps[int]:
     count = int(voxel_counts(octree)[level])
     columns = _COLUMNS if octree.chroma is None else _COLUMNS | _COLOR_COLUMN
     done = 0
-    with replaced_file(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+    with replaced_file(path, NPZ) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, (dtype, width, column) in columns.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
                 shape = (count, width) if width else (count,)

@@ -15,9 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...files import replaced_file
+from ...file_kinds import PLY
 from ...image.tone import srgb_encode, to_bytes
 from ...progress import Progress, Steps
+from ...replace import replaced_file
 from ..octree import Octree
 from ..voxel_cloud import VoxelRun, voxel_counts, voxel_runs
 
@@ -30,7 +31,7 @@ _ROW = np.dtype([(n, "<f4") for n in _FLOATS] + [(n, "u1") for n in _COLOURS] + 
 def write_ply(octree: Octree, level: int, path: Path) -> Steps[int]:
     """Write the voxels of `level` to `path`; returns their number. Raises PatchNetError if it cannot be written."""
     total, done = int(voxel_counts(octree)[level]), 0
-    with replaced_file(path) as file:
+    with replaced_file(path, PLY) as file:
         file.write(_header(level, total))
         for run in voxel_runs(octree, level):
             file.write(_rows(run).tobytes())

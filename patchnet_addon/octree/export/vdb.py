@@ -23,8 +23,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import PatchNetError, SettingError
-from ...files import replaced_path
+from ...file_kinds import VDB
 from ...progress import Progress, Steps
+from ...replace import replaced_path
 from ..octree import Octree
 from ..voxel_cloud import VoxelRun, voxel_counts, voxel_runs
 
@@ -63,7 +64,7 @@ def write_vdb(octree: Octree, level: int, path: Path) -> Steps[int]:
             done += _fill(grids, node, level) if run.level < top else _copy_block(grids, node, level)
             yield Progress(done, total, "Filling the grids")
     yield Progress(0, 1, "Writing the grids")
-    with replaced_path(path) as temporary:
+    with replaced_path(path, VDB) as temporary:
         try:
             vdb.write(str(temporary), grids=list(grids.values()), metadata={"creator": "PatchNet", "level": level})
         except RuntimeError as cause:

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""report.json, which names all files that it speaks of, so that the next one leaves no pictures that it omits."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from ...patchnet_addon.file_kinds import EXR, PNG, REPORT, FileKind
+from ...patchnet_addon.outputs import identities, identity
+from ...patchnet_addon.replace import replaced_file
+
+REPORT_NAME = "report.json"
+_PICTURES = {ending: kind for kind in (PNG, EXR) for ending in kind.endings}
+
+
+@dataclass(frozen=True)
+class Reported:
+    """What a report says it speaks of: the `job` that wrote it, and paths of its `files` in the folder."""
+
+    job: str = ""
+    files: frozenset[str] = frozenset()
+
+
+def write_report(folder: Path, job: str, report: dict[str, Any]) -> None:
+    """Write the report of a `job` with the names of all files in `folder`. Raises OutputError."""
+    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    values = {"job": job, **report, "files": sorted(names | {REPORT_NAME})}
+    write_json(folder / REPORT_NAME, values, REPORT)
+
+
+def write_json(path: Path, values: dict[str, Any], kind: FileKind) -> None:
+    """Write plain values to `path`. Raises OutputError."""
+    with replaced_file(path, kind) as file:
+        file.write((json.dumps(values, indent=2, allow_nan=False) + "\n").encode())
+
+
+def reported(out: Path) -> Reported:
+    """What the report in `out` speaks of; nothing where there is no report of ours."""
+    path = out / REPORT_NAME
+    try:
+        report = json.loads(path.read_text(encoding="utf-8")) if REPORT.is_at(path) else {}
+        files = frozenset(name for name in report.get("files", ()) if is_inside(name))
+    except (OSError, ValueError, TypeError, AttributeError):
+        return Reported()
+    return Reported(str(report.get("job", "")), files)
+
+
+def remove_omitted(out: Path, before: Reported, inputs: Iterable[Path]) -> None:
+    """Remove pictures in cameras' folders that the report `before` named and that of the same job now omits.
+
+    What is no picture any more stays, and what is one of `inputs`, and folders that hold other files.
+    """
+    now = reported(out)
+    if before.job != now.job:
+        return
+    keep = identities([*inputs, *(out / name for name in now.files)])  # the same file may have several names
+    for name in before.files - now.files:
+        path, parents = out / name, PurePosixPath(name).parents[:-1]
+        kind = _PICTURES.get(path.suffix.lower())
+        if (
+            not parents
+            or kind is None
+            or any(part.is_symlink() for part in (path, *(out / parent for parent in parents)))
+        ):
+            continue
+        with contextlib.suppress(OSError):
+            if identity(path) not in keep and kind.is_at(path):
+                path.unlink()
+            for parent in parents:
+                (out / parent).rmdir()  # ends here if it is not empty
+
+
+def is_inside(name: str) -> bool:
+    """Whether the path that a report or a record names cannot lead out of its folder."""
+    path = PurePosixPath(name)
+    return not path.is_absolute() and ".." not in path.parts and "\\" not in name and ":" not in name

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which events of a window go on to Blender while a job works in it: menus, saving and looking around, no editing.
+
+Menus can edit the scene nevertheless, and so can scripts: `job_watch.py` sees that.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+_MOUSE = frozenset({"MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "WINDOW_DEACTIVATE"})
+# Regions of editors that hold buttons and menus, and editors that hold nothing of the scene.
+_EDITING_REGION = "WINDOW"
+_HARMLESS_EDITORS = frozenset({"FILE_BROWSER", "IMAGE_EDITOR", "INFO", "PREFERENCES", "STATUSBAR", "TOPBAR"})
+# Keys do what the user's keymap says. These leave the scene alone.
+_KEYMAPS = ("Window", "Screen", "3D View", "3D View Generic", "View2D", "Image", "Image Generic")
+_HARMLESS_OPERATORS = frozenset(
+    {
+        "wm.save_mainfile", "wm.save_as_mainfile", "wm.quit_blender", "wm.call_menu", "wm.search_menu",
+        "wm.context_toggle", "wm.window_fullscreen_toggle", "screen.screen_full_area", "screen.space_context_cycle",
+        "screen.workspace_cycle", "screen.screenshot", "screen.userpref_show", "render.view_show",
+    }
+)  # fmt: skip
+_LOOKING = (
+    "view3d.view_", "view3d.zoom", "view3d.rotate", "view3d.move", "view3d.dolly", "view3d.localview",
+    "view3d.toggle_shading", "view3d.ndof", "view2d.", "image.view_",
+)  # fmt: skip
+
+
+def passes(context: bpy.types.Context, event: bpy.types.Event) -> bool:
+    """Whether Blender may act on an event, since it changes nothing of what a job reads."""
+    if event.type in _MOUSE:
+        return True
+    window = context.window
+    return window is None or not _over_scene(window, event) or _leaves_scene_alone(context, event)
+
+
+def _over_scene(window: bpy.types.Window, event: bpy.types.Event) -> bool:
+    """Whether the mouse is over the main region of an editor of the scene, and not over menus, sidebars or borders."""
+    for area in window.screen.areas:
+        if area.type not in _HARMLESS_EDITORS and _inside(area, event):
+            return not any(region.type != _EDITING_REGION and _inside(region, event) for region in area.regions)
+    return False
+
+
+def _inside(part: bpy.types.Area | bpy.types.Region, event: bpy.types.Event) -> bool:
+    right, top = part.x + part.width, part.y + part.height
+    return part.x <= event.mouse_x < right and part.y <= event.mouse_y < top
+
+
+def _leaves_scene_alone(context: bpy.types.Context, event: bpy.types.Event) -> bool:
+    """Whether the user's keymap has something harmless for an event."""
+    keymaps = context.window_manager.keyconfigs.user.keymaps
+    found = (keymaps[name].keymap_items.match_event(event) for name in _KEYMAPS if name in keymaps)
+    names = [item.idname for item in found if item is not None]
+    return bool(names) and all(name in _HARMLESS_OPERATORS or name.startswith(_LOOKING) for name in names)

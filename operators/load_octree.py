@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An octree file as the voxels of the scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import bpy
+from bpy.props import StringProperty
+
+from ..patchnet_addon.beside import computed
+from ..patchnet_addon.errors import CodesFileError, SettingError
+from ..patchnet_addon.progress import Progress, Steps
+from . import results
+from .job.settings import JobSettings
+from .job_operator import JobOperator
+from .job_watch import read_state
+from .properties import CodesProperties, absolute_path
+from .tell import tell
+
+if TYPE_CHECKING:
+    from ..patchnet_addon.codes.coded_octree import CodedOctree
+    from ..patchnet_addon.network.weights import Weights
+    from ..patchnet_addon.octree.octree import Octree
+
+_CODES = "codes.safetensors"  # beside the octree, where a job wrote both
+_OTHER = "the file was made of another scene, or of this one before it was changed"
+
+
+class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
+    """Take the voxels of a file, as the command line or a farm wrote it, for those of this scene; with its codes, if
+    they are beside it"""
+
+    bl_idname = "patchnet.load_octree"
+    bl_label = "Load Octree"
+
+    filepath: StringProperty(name="File", description="An octree, ends in .safetensors", subtype="FILE_PATH")
+    filter_glob: StringProperty(default="*.safetensors", options={"HIDDEN"})
+    _asked = False
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask for the file."""
+        if bpy.app.background or self.filepath:
+            return super().invoke(context, event)
+        self._asked = True
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Load now, or start loading with progress once the file browser was answered."""
+        if not self._asked or not self.filepath:
+            return super().execute(context)
+        bpy.ops.patchnet.load_octree("INVOKE_DEFAULT", filepath=self.filepath)
+        return {"FINISHED"}
+
+    def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
+        """Open the files, compare them with the scene, keep them."""
+        from .job.stages import load_network
+
+        path = absolute_path(self.filepath)
+        if path is None:
+            raise SettingError("There is no file to load: give an octree's, which ends in .safetensors")
+        weights = load_network(settings.weights)
+        loading = Progress(0, 1, "Loading the octree")
+        octree, coded, problem = yield from computed(lambda: _loaded(path, weights), loading)
+        yield Progress(0, 1, "Looking at the scene")
+        state = read_state(context.scene)
+        made = _result(octree, coded, state)
+        results.keep(context.scene, made)
+        if problem:
+            tell(self, "WARNING", problem)
+        if made.stale:
+            tell(self, "WARNING", f"{path.name} does not fit the scene: {_OTHER}")
+        codes = f", {len(coded.codes):,} codes" if coded else ""
+        return f"{path.name}: {octree.leaf_count:,} voxels, depth {octree.depth}{codes}"
+
+
+def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, str]:
+    """The octree, its codes if there are any for these weights, and why not if they are for others."""
+    from ..patchnet_addon.codes.file import load_codes
+    from ..patchnet_addon.octree.file import load_octree
+
+    octree = load_octree(path)
+    if not path.with_name(_CODES).exists():
+        return octree, None, ""
+    try:
+        return octree, load_codes(path.with_name(_CODES), octree, weights), ""
+    except CodesFileError as error:
+        return octree, None, str(error)
+
+
+def _result(octree: Octree, coded: CodedOctree | None, state: Any) -> results.SceneResult:
+    """What an octree's file says of itself. It is taken to fit a scene that it says nothing of."""
+    from .scene.placements import VISIBLE
+
+    provenance = octree.provenance
+    made = results.SceneResult(
+        octree,
+        str(provenance.get("scope", VISIBLE)),
+        light=str(provenance.get("light", "none")),
+        coded=coded,
+        state=state,
+    )
+    if provenance.get("scene_state", state.identity()) != state.identity():
+        for step in ("surface", "light"):
+            made.mark(step, _OTHER)
+    return made
+
+
+def _draw_in_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    menu.layout.operator(PATCHNET_OT_load_octree.bl_idname, text="PatchNet Octree (.safetensors)")
+
+
+def register() -> None:
+    """The operator, and its entry in the menu File > Import."""
+    bpy.utils.register_class(PATCHNET_OT_load_octree)
+    bpy.types.TOPBAR_MT_file_import.append(_draw_in_menu)
+
+
+def unregister() -> None:
+    """Take both away."""
+    bpy.types.TOPBAR_MT_file_import.remove(_draw_in_menu)
+    bpy.utils.unregister_class(PATCHNET_OT_load_octree)

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Settings and modes that a job changes for a while: as before afterwards, and in files that are saved meanwhile.
+
+Data-blocks that a job adds need none of this: they are `temporary`, which Blender never writes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import results
+
+Act = Callable[[], object]
+_changes: list[tuple[Act, Act]] = []  # how to put a change back, and how to make it again; in the order they were made
+
+
+@contextmanager
+def put_back_when_saved(put_back: Act, make_again: Act) -> Iterator[None]:
+    """Within the block something of the user's is changed: a file that is saved meanwhile does not have the change."""
+    change = put_back, make_again
+    _changes.append(change)
+    try:
+        yield
+    finally:
+        _changes.remove(change)
+
+
+@contextmanager
+def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
+    """Set properties of `owner` that this Blender has; afterwards, and in saved files, each is as before or unset."""
+    names = [name for name in values if hasattr(owner, name)]
+    before = {name: (owner.is_property_set(name), getattr(owner, name)) for name in names}
+    place = _place(owner)
+
+    def change() -> None:
+        owner = place()
+        for name in names:
+            setattr(owner, name, values[name])
+
+    def put_back() -> None:
+        owner = place()
+        for name in reversed(names):
+            was_set, value = before[name]
+            setattr(owner, name, value)
+            if not was_set:
+                owner.property_unset(name)
+
+    try:
+        change()
+        with put_back_when_saved(put_back, change):
+            yield
+    finally:
+        with suppress(ReferenceError):  # another file may have been opened meanwhile
+            put_back()
+
+
+def _place(owner: bpy.types.bpy_struct) -> Callable[[], Any]:
+    """Where `owner` is found again: Blender notices that a data-block is gone, and not that settings in it are."""
+    block = owner.id_data
+    if block is None or block == owner:
+        return lambda: owner
+    path = owner.path_from_id()
+    return lambda: block.path_resolve(path)
+
+
+@contextmanager
+def object_mode(context: bpy.types.Context) -> Iterator[None]:
+    """Object mode, and the mode from before afterwards."""
+    active = context.view_layer.objects.active
+    mode = active.mode if active else "OBJECT"
+    if mode == "OBJECT":
+        yield
+        return
+    with context.temp_override(active_object=active, object=active):
+        bpy.ops.object.mode_set(mode="OBJECT")
+    try:
+        yield
+    finally:
+        with context.temp_override(active_object=active, object=active):
+            bpy.ops.object.mode_set(mode=mode)
+
+
+@persistent
+def _before_save(*_: object) -> None:
+    with results.quiet():
+        for put_back, _make in reversed(_changes):
+            with suppress(ReferenceError):  # removed meanwhile
+                put_back()
+
+
+@persistent
+def _after_save(*_: object) -> None:
+    with results.quiet():
+        for _put_back, make_again in _changes:
+            with suppress(ReferenceError):
+                make_again()
+
+
+def _handlers() -> list[tuple[list[Any], Callable[..., None]]]:
+    lists = bpy.app.handlers
+    return [(lists.save_pre, _before_save), (lists.save_post, _after_save), (lists.save_post_fail, _after_save)]
+
+
+def register() -> None:
+    """Listen to saves."""
+    for handlers, function in _handlers():
+        handlers.append(function)
+
+
+def unregister() -> None:
+    """Stop listening."""
+    for handlers, function in reversed(_handlers()):
+        handlers.remove(function)

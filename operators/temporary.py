@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Data-blocks that exist only while a job runs: Blender never writes them into a file that is saved meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import TypeVar
+
+import bpy
+
+Block = TypeVar("Block", bound=bpy.types.ID)
+
+_COLLECTIONS = {
+    "Camera": "cameras", "Collection": "collections", "Image": "images", "Material": "materials", "Mesh": "meshes",
+    "Object": "objects", "Scene": "scenes", "ShaderNodeTree": "node_groups", "SunLight": "lights", "World": "worlds",
+}  # fmt: skip
+
+
+@contextmanager
+def temporary(block: Block) -> Iterator[Block]:
+    """A new data-block that is removed after the block of code, unless opening another file has done so."""
+    block.is_runtime_data = True
+    collection = getattr(bpy.data, _COLLECTIONS[type(block).__name__])
+    try:
+        yield block
+    finally:
+        with suppress(ReferenceError):
+            collection.remove(block)
+
+
+@contextmanager
+def scene_copy(scene: bpy.types.Scene) -> Iterator[bpy.types.Scene]:
+    """A scene of the same objects with settings of its own: some, once changed, cannot be unset again.
+
+    What is set in it and linked to it is the job's alone. Afterwards the view layers of all scenes are up to date.
+    """
+    with temporary(scene.copy()) as copy:
+        yield copy
+    sync_view_layers()
+
+
+def sync_view_layers() -> None:
+    """Bring all view layers up to date with their collections, which removing a data-block leaves undone until needed.
+
+    Before the next frame of an animation, Blender 5.2 copies the scene for its render's own graph. From a layer that is
+    not up to date it copies objects that point nowhere, and crashes (`deg_check_base_in_depsgraph`).
+    """
+    for scene in bpy.data.scenes:
+        for layer in scene.view_layers:
+            layer.objects.active  # noqa: B018  reading it is what brings the layer up to date

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where kernels, pages of bakes and finished octrees are kept: the user's cache folder, or one that takes its place.
+
+A cache folder may be on a disk that can only be read, as in a container, or may have been made by an administrator.
+Compiled kernels are executed when they are read: what takes its place is the user's alone.
+"""
+
+from __future__ import annotations
+
+import atexit
+import getpass
+import logging
+import os
+import secrets
+import shutil
+import stat
+import sys
+import tempfile
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+from .errors import OutputError
+from .outputs import check_writable
+from .unfinished import goes_with_process
+
+KERNELS, BAKES, OCTREES = "kernels", "bakes", "octrees"
+_LOG = logging.getLogger("patchnet")
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+
+
+def user_cache_folder() -> Path:
+    """Folder for what can be computed again: `PATCHNET_CACHE`, or the platform's cache folder.
+
+    Where that cannot be written, one among the temporary files takes its place, and the log says so, once.
+    """
+    return _usable(_wanted())
+
+
+def kernel_folder(root: Path, version: str) -> Path:
+    """Folder in the cache folder `root` for compiled kernels of a version of their sources.
+
+    Where `root` takes the place of another folder, kernels that were compiled there are taken over.
+    """
+    folder, source = root / KERNELS / version, _wanted() / KERNELS / version
+    if root != _wanted() and source.is_dir() and not folder.exists():
+        copy = folder.with_name(f".{version}.{secrets.token_hex(4)}.tmp")
+        try:
+            for path in source.rglob("*.nb[ic]"):
+                target = copy / path.relative_to(source)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(path, target)  # not its mode: it may be write-protected
+            os.replace(copy, folder)
+        except OSError:  # another process was faster, or there is no room: they are compiled again
+            shutil.rmtree(copy, ignore_errors=True)
+    return folder
+
+
+def _wanted() -> Path:
+    if folder := os.environ.get("PATCHNET_CACHE"):
+        return Path(folder)
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or _home() / "AppData" / "Local") / "patchnet"
+    if sys.platform == "darwin":
+        return _home() / "Library" / "Caches" / "patchnet"
+    return Path(os.environ.get("XDG_CACHE_HOME") or _home() / ".cache") / "patchnet"
+
+
+def _home() -> Path:
+    try:
+        return Path.home()
+    except RuntimeError:  # a user without one, as in containers
+        return Path(os.devnull)  # in which no folder can be made
+
+
+@cache
+def _usable(wanted: Path) -> Path:
+    try:
+        wanted.mkdir(parents=True, exist_ok=True)
+        check_writable(wanted)
+        for folder in (wanted / KERNELS, wanted / BAKES, *(wanted / KERNELS).glob("*/")):
+            if folder.exists() and not os.access(folder, os.W_OK | os.X_OK):
+                raise PermissionError(13, "no permission to write", str(folder))
+    except (OSError, OutputError) as cause:
+        place = _private_folder()
+        system = cause if isinstance(cause, OSError) else cause.__cause__
+        reason = system.strerror if isinstance(system, OSError) else cause
+        _LOG.warning(
+            "The cache folder %s cannot be used (%s): compiled kernels and pages of stopped bakes go to %s instead; "
+            "name a folder that can be written in the preferences or in PATCHNET_CACHE",
+            wanted, reason, place,
+        )  # fmt: skip
+        return place
+    return wanted
+
+
+def _private_folder() -> Path:
+    """The user's own folder among the temporary files, the same at each start; a new one if somebody is in the way."""
+    user = os.geteuid() if hasattr(os, "geteuid") else getpass.getuser()
+    folder = Path(tempfile.gettempdir()) / f"patchnet-{user}"
+    with suppress(OSError):
+        folder.mkdir(mode=0o700)
+    if _is_private(folder):
+        return folder
+    new = Path(tempfile.mkdtemp(prefix="patchnet-"))
+    goes_with_process(new)
+    atexit.register(shutil.rmtree, new, ignore_errors=True)
+    return new
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether `folder` is one, is ours, and nobody else can put files there."""
+    try:
+        found = folder.lstat()
+        if not stat.S_ISDIR(found.st_mode):
+            return False
+        if hasattr(os, "geteuid") and (found.st_uid != os.geteuid() or found.st_mode & _OTHERS_WRITE):
+            return False
+        check_writable(folder)
+    except (OSError, OutputError):
+        return False
+    return True

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a file is, by what stands in it: something else is never replaced by what is written.
+
+An ending says little: people mistype paths, and `.json`, `.png` or `.safetensors` may be anybody's.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+_MAX_HEADER_BYTES = 16 << 20
+_MAX_TEXT_BYTES = 64 << 20
+_RECORD_BEGINS = b'{\n  "frame": '
+_COMPRESSED = (b"\x28\xb5\x2f\xfd", b"\x1f\x8b")  # zstd and gzip, as Blender compresses its files
+
+
+@dataclass(frozen=True)
+class FileKind:
+    """A kind of files.
+
+    title: in words, with its article. endings: of such files' names. holds: whether the file at a path is one, by what
+    stands in it; raises OSError, and ValueError, TypeError or KeyError where it is something else.
+    """
+
+    title: str
+    endings: tuple[str, ...]
+    holds: Callable[[Path], bool]
+
+    def is_at(self, path: Path) -> bool:
+        """Whether the file at `path` is of this kind; an empty one is, if it has the ending. Raises OSError."""
+        if path.stat().st_size == 0:
+            return path.suffix.lower() in self.endings
+        try:
+            return self.holds(path)
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError, zipfile.BadZipFile):
+            return False
+
+
+@cache
+def arrays_kind(kind: str) -> FileKind:
+    """Files of ours with arrays, such as "octree", see `files.py`; damaged ones too, if their header can be read."""
+    article = "an" if kind[0] in "aeio" else "a"
+    return FileKind(f"{article} {kind} file of PatchNet", (".safetensors",), lambda path: arrays_in(path) == kind)
+
+
+def arrays_in(path: Path) -> str:
+    """Kind of a file of ours with arrays, "" for one of another program. Raises as `FileKind.holds`."""
+    with path.open("rb") as file:
+        length = int.from_bytes(file.read(8), "little")
+        own = json.loads(file.read(length))["__metadata__"] if length <= _MAX_HEADER_BYTES else {}
+    return str(own["kind"]) if own.get("format") == "patchnet" else ""
+
+
+def _begins(*beginnings: bytes) -> Callable[[Path], bool]:
+    return lambda path: _head(path, max(map(len, beginnings))).startswith(beginnings)
+
+
+def _head(path: Path, length: int) -> bytes:
+    with path.open("rb") as file:
+        return file.read(length)
+
+
+def _json(path: Path) -> Any:
+    return json.loads(_head(path, _MAX_TEXT_BYTES))
+
+
+def _is_report(path: Path) -> bool:
+    return "patchnet" in _json(path)["versions"].keys()  # noqa: SIM118  a text has none
+
+
+def _is_frame_record(path: Path) -> bool:
+    """Also one that is not whole: it does not count as a frame, and should not keep it from being made."""
+    head = _head(path, len(_RECORD_BEGINS))
+    return _RECORD_BEGINS.startswith(head) or {"frame", "content", "file", "files", "summary"} <= _json(path).keys()
+
+
+def _is_log(path: Path) -> bool:
+    first = json.loads(_head(path, 1 << 16).splitlines()[0]).keys()
+    return "step" in first and not first.isdisjoint(("coverage", "validation"))
+
+
+def _is_blend(path: Path) -> bool:
+    head = _head(path, 7)
+    return head == b"BLENDER" or (path.suffix.lower() == ".blend" and head.startswith(_COMPRESSED))
+
+
+def _members(path: Path) -> list[str]:
+    with zipfile.ZipFile(path) as archive:
+        return archive.namelist()
+
+
+def _is_svg(path: Path) -> bool:
+    return b"<svg" in _head(path, 4096) or b"<!DOCTYPE svg" in _head(path, 4096)
+
+
+PNG = FileKind("a .png picture", (".png",), _begins(b"\x89PNG\r\n\x1a\n"))
+EXR = FileKind("an .exr picture", (".exr",), _begins(b"\x76\x2f\x31\x01"))
+SVG = FileKind("an .svg picture", (".svg",), _is_svg)
+PDF = FileKind("a .pdf file", (".pdf",), _begins(b"%PDF-"))
+PLY = FileKind("a .ply file", (".ply",), _begins(b"ply\n", b"ply\r"))
+VDB = FileKind("a .vdb file", (".vdb",), _begins(b" BDV\0\0\0\0"))
+NPZ = FileKind("an .npz file", (".npz",), lambda path: all(name.endswith(".npy") for name in _members(path)))
+BLEND = FileKind("a .blend file", (".blend",), _is_blend)
+OCTREE, CODES = arrays_kind("octree"), arrays_kind("codes")
+WEIGHTS, SAMPLES = arrays_kind("weights"), arrays_kind("samples")
+REPORT = FileKind("a report of PatchNet", (".json",), _is_report)
+FRAME_RECORD = FileKind("a frame's record of PatchNet", (".json",), _is_frame_record)
+CHECKPOINT = FileKind(
+    "a checkpoint of a training run", (".pt",), lambda path: any(name.endswith("/data.pkl") for name in _members(path))
+)
+TRAINING_LOG = FileKind("a log of a training run", (".jsonl",), _is_log)
+MODEL_CARD = FileKind("a model card of PatchNet", (".md",), _begins(b"# Model card of PatchNet"))

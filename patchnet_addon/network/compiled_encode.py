@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""PatchNet's encoder on compiled products of our own, on all cores; the scheme is that of `encode.py`.
+
+It is the one that is used without torch. NumPy's products depend on its BLAS: that of Debian's Blender is nine times
+slower than the one in pip's NumPy, and even the fast one multiplies all the zeros of blocks and activations.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from ..kernels import kernel
+from .encode import Buffers, sum_corner
+from .octants import octant_matrices
+from .product import Panels, multiply
+from .weights import Weights
+
+_CHANNELS = 5  # of a cell, occupancy first
+
+
+class CompiledEncoder:
+    """`Encoder` on the kernels of `product.py`. It keeps its buffers."""
+
+    chunk = 4096
+
+    def __init__(self, weights: Weights) -> None:
+        matrix, self._bias = weights.encoder[0]
+        self._octants = Panels.pack(octant_matrices(matrix))
+        self._layers = [Panels.pack(matrix.T, bias) for matrix, bias in weights.encoder[1:]]
+        self._buffers = Buffers()
+
+    def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """See `Encoder`."""
+        products = self._buffers("products", len(blocks), self._octants.width)  # (U, 8 * 256)
+        multiply(blocks, self._octants, products, order=similar_order(blocks))
+        values = self._buffers("layer 0", len(rows), len(self._bias))
+        _sum_octants(products, np.asarray(rows, np.int64), self._bias, values)
+        for index, layer in enumerate(self._layers, 1):
+            result = self._buffers(f"layer {index}", len(rows), layer.width)
+            multiply(values, layer, result, relu=index < len(self._layers))
+            values = result
+        return values[:, : self._layers[-1].columns].copy()
+
+
+def similar_order(blocks: np.ndarray) -> np.ndarray:
+    """Order (U,) of blocks (U, 320) that puts those with the same occupied cells side by side, for `multiply`."""
+    occupied = blocks[:, ::_CHANNELS] != 0
+    return np.argsort(np.packbits(occupied, axis=1).view(">u8").reshape(-1), kind="stable")
+
+
+@kernel
+def _sum_octants(products, rows, bias, values):
+    """First layer with ReLU, see `sum_corner`."""
+    for corner in numba.prange(len(rows)):
+        sum_corner(products, rows[corner], bias, values, np.int64(corner))

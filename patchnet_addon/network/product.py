@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Matrix products of our own, for the encoder's layers: float32, with bias and ReLU, whatever BLAS NumPy has.
+
+Sums of four rows times two vectors of columns stay in registers. The matrix is packed once into panels of as many
+columns, which a core keeps in its nearest cache while it goes through a block of rows. Columns of the values that are
+zero in all four rows are left out: most cells of a block are empty, and ReLU makes most of what a layer hands on zero.
+
+A sum takes its terms in the order of columns. So a row has the same bits in whatever company, order and number of
+threads it is computed; only a processor that cannot multiply and add in one rounding has others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from ..kernels import device, kernel
+from .lanes import LANES, add_product, at_least, load, spread, store
+
+WIDTH = 2 * LANES  # columns of a panel
+ROWS = 4  # eight vectors of sums: with five or six rows the compiler runs out of registers, at half the speed
+_TILES = 8  # in a block
+
+
+@dataclass(frozen=True, eq=False)
+class Panels:
+    """A layer as `multiply` reads it.
+
+    matrix: (P, depth, WIDTH) float32, panels of columns, the last one filled up with zeros. bias: (P * WIDTH,) float32.
+    columns: of the matrix that was packed.
+    """
+
+    matrix: np.ndarray
+    bias: np.ndarray
+    columns: int
+
+    @classmethod
+    def pack(cls, matrix: np.ndarray, bias: np.ndarray | None = None) -> Panels:
+        """Panels of a finite matrix (depth, columns) and a bias (columns,)."""
+        depth, columns = matrix.shape
+        count = -(-columns // WIDTH)
+        filled = np.zeros((depth + 1, count * WIDTH), np.float32)
+        filled[:depth, :columns] = matrix
+        if bias is not None:
+            filled[depth, :columns] = bias
+        panels = filled[:depth].reshape(depth, count, WIDTH).transpose(1, 0, 2)
+        return cls(np.ascontiguousarray(panels), filled[depth].copy(), columns)
+
+    @property
+    def width(self) -> int:
+        """Columns of a result, filling included."""
+        return len(self.bias)
+
+
+def multiply(
+    values: np.ndarray, panels: Panels, result: np.ndarray, *, relu: bool = False, order: np.ndarray | None = None
+) -> None:
+    """Write values (N, depth) times the packed matrix, plus its bias, into `result` (N, panels.width).
+
+    All are float32 in C order. relu: negative results become 0. order: (N,) the rows, those that are zero in the same
+    columns one after the other; it changes the time alone.
+    """
+    _check(values, (len(values), panels.matrix.shape[1]))
+    _check(result, (len(values), panels.width))
+    if order is None:
+        order = np.arange(len(values))
+    tiles = np.append(order, np.repeat(order[-1:], -len(order) % ROWS)).reshape(-1, ROWS)  # the last row fills the last
+    least = np.array([0 if relu else -np.inf], np.float32)  # in memory, from where it is spread over a vector
+    parts = numba.get_num_threads()
+    _multiply(values, values.view(np.int32), tiles, panels.matrix, panels.bias, least, result, parts)
+
+
+def multiply_reference(
+    values: np.ndarray, matrix: np.ndarray, bias: np.ndarray | None = None, *, relu: bool = False
+) -> np.ndarray:
+    """Plain twin of `multiply` on NumPy's product: (N, columns)."""
+    result: np.ndarray = np.matmul(values, matrix)
+    if bias is not None:
+        result += bias
+    if relu:
+        np.maximum(result, 0, out=result)
+    return result
+
+
+def _check(array: np.ndarray, shape: tuple[int, int]) -> None:
+    """Raises ValueError for what the kernel, which checks no index, would misread."""
+    if array.shape != shape or array.dtype != np.float32 or not array.flags.c_contiguous:
+        raise ValueError(f"{array.dtype} of shape {array.shape} where float32 of shape {shape} in C order is needed")
+
+
+@kernel
+def _multiply(values, bits, tiles, panels, bias, least, result, parts):
+    """Block after block; part p of the cores takes blocks p, p + parts, ..., as later ones may have more to do."""
+    for part in numba.prange(parts):
+        for first in range(part * _TILES, len(tiles), parts * _TILES):
+            last = min(first + _TILES, len(tiles))
+            _multiply_block(values, bits, tiles, first, last, panels, bias, least, result)
+
+
+@device
+def _multiply_block(values, bits, tiles, first, last, panels, bias, least, result):
+    """Rows tiles[first:last] (T, 4) of the values. bits: the values as integers, which are compared faster."""
+    steps = np.empty((_TILES, values.shape[1] + 1), np.int64)
+    counts = np.empty(_TILES, np.int64)
+    for tile in range(first, last):
+        counts[tile - first] = _find_steps(bits, tiles[tile], steps[tile - first])
+    for panel in range(len(panels)):
+        for tile in range(first, last):
+            count = counts[tile - first]
+            _multiply_tile(values, tiles[tile], steps[tile - first], count, panels, panel, bias, least, result)
+
+
+@device
+def _find_steps(bits, rows, steps):
+    """Write the columns that are not zero in all rows into `steps` (depth + 1,); returns how many they are."""
+    row0, row1, row2, row3 = bits[rows[0]], bits[rows[1]], bits[rows[2]], bits[rows[3]]
+    used = np.empty(len(row0), np.int32)
+    for column in range(len(row0)):
+        used[column] = (row0[column] | row1[column] | row2[column] | row3[column]) & 0x7FFFFFFF  # without the sign
+    count = 0
+    for column in range(len(row0)):
+        steps[count] = column
+        count += 1 if used[column] != 0 else 0
+    return count
+
+
+@device
+def _multiply_tile(values, rows, steps, count, panels, panel, bias, least, result):
+    """Four rows times one panel, with the bias and the least value."""
+    depth = values.shape[1]
+    row0, row1, row2, row3 = rows[0] * depth, rows[1] * depth, rows[2] * depth, rows[3] * depth
+    left0 = left1 = left2 = left3 = load(bias, panel * WIDTH)
+    right0 = right1 = right2 = right3 = load(bias, panel * WIDTH + LANES)
+    for step in range(count):
+        column = steps[step]
+        place = (panel * depth + column) * WIDTH
+        left, right = load(panels, place), load(panels, place + LANES)
+        left0, right0 = _add(left0, right0, spread(values, row0 + column), left, right)
+        left1, right1 = _add(left1, right1, spread(values, row1 + column), left, right)
+        left2, right2 = _add(left2, right2, spread(values, row2 + column), left, right)
+        left3, right3 = _add(left3, right3, spread(values, row3 + column), left, right)
+    _write(result, rows[0], panel, left0, right0, least)
+    _write(result, rows[1], panel, left1, right1, least)
+    _write(result, rows[2], panel, left2, right2, least)
+    _write(result, rows[3], panel, left3, right3, least)
+
+
+@device
+def _add(left_sum, right_sum, value, left, right):
+    return add_product(left_sum, value, left), add_product(right_sum, value, right)
+
+
+@device
+def _write(result, row, panel, left, right, least):
+    place = row * result.shape[1] + panel * WIDTH
+    low = spread(least, 0)
+    store(result, place, at_least(left, low))
+    store(result, place + LANES, at_least(right, low))

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Standard streams that nobody reads any more, as with `>&-` or `| head -1`: the work goes on, and ends as it would.
+
+Without this, the first file that is opened would take the place of a stream that is closed, and get what Blender
+prints; and a line that nobody reads would end the work, although its results are files.
+"""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import sys
+from contextlib import suppress
+from typing import Any, TextIO
+
+_NAMES = ("stdin", "stdout", "stderr")  # by their file descriptors
+
+
+def keep_streams() -> None:
+    """Open those of stdin, stdout and stderr that are closed on nothing, and let a pipe without a reader be no error.
+
+    Does nothing to streams that somebody has replaced.
+    """
+    for number, name in enumerate(_NAMES):
+        _open_if_closed(number)
+        stream = getattr(sys, name)
+        if stream is not None and (stream is not getattr(sys, f"__{name}__") or os.name == "nt"):
+            continue  # of Windows: it writes to consoles in a way of its own
+        if name == "stdin":
+            sys.stdin = stream or open(number, encoding="utf-8", closefd=False)  # noqa: SIM115  for the process's life
+        else:
+            setattr(sys, name, _patient(stream, number))
+
+
+def _open_if_closed(number: int) -> None:
+    try:
+        os.fstat(number)
+    except OSError:
+        _drop(number)
+        os.set_inheritable(number, True)
+
+
+def _patient(stream: TextIO | None, number: int) -> TextIO:
+    """A stream like `stream` that drops what nobody reads."""
+    raw = _Pipe(number, "w", closefd=False)
+    if stream is None:
+        return io.TextIOWrapper(io.BufferedWriter(raw), encoding="utf-8", errors="backslashreplace")
+    stream.flush()
+    like: Any = stream
+    buffer: Any = raw if like.write_through else io.BufferedWriter(raw)  # as Python's -u has it
+    return io.TextIOWrapper(
+        buffer,
+        encoding=like.encoding,
+        errors=like.errors,
+        line_buffering=like.line_buffering,
+        write_through=like.write_through,
+    )
+
+
+def finish_streams() -> OSError | None:
+    """Write what is not written yet, before the process ends; the error of the first stream that cannot be written."""
+    failed = None
+    for number, stream in ((1, sys.stdout), (2, sys.stderr)):
+        try:
+            if stream is not None and not stream.closed:
+                stream.flush()
+        except OSError as error:
+            failed = failed or error
+            _drop(number)
+            with suppress(OSError):
+                stream.flush()
+    return failed
+
+
+def _drop(number: int) -> None:
+    """Let a file descriptor lead to nothing, for what compiled code writes, too."""
+    nothing = os.open(os.devnull, os.O_RDWR)
+    if nothing != number:
+        os.dup2(nothing, number)
+        os.close(nothing)
+
+
+def is_written(number: int) -> bool:
+    """Whether a file descriptor can be written: that of a closed stream may be somebody's by now, such as Blender's."""
+    if os.name == "nt":
+        return True
+    import fcntl
+
+    try:
+        return fcntl.fcntl(number, fcntl.F_GETFL) & os.O_ACCMODE != os.O_RDONLY
+    except OSError:
+        return False
+
+
+class _Pipe(io.FileIO):
+    """Writes to stdout or stderr, and to nothing once nobody reads there; other errors name the stream."""
+
+    def write(self, data: Any) -> int | None:  # type: ignore[override]
+        try:
+            return super().write(data)
+        except BrokenPipeError:
+            _drop(self.fileno())
+            return memoryview(data).nbytes
+        except OSError as error:
+            if error.errno == errno.EBADF:  # it was closed, and is somebody's who only reads there
+                return memoryview(data).nbytes
+            raise OSError(error.errno, error.strerror, _NAMES[self.fileno()]) from error

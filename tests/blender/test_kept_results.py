@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Finished octrees and codes are there again when the file is opened, in another process too."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet.operators import kept_results, results
+from patchnet.operators.bake import baker
+from patchnet.operators.cache.folder import cache_size, clear_cache
+from patchnet.tests.blender.job_scene import SMALL, build, saved
+
+CYCLES = {"light": "cycles", "samples": 1, **SMALL}
+
+
+@pytest.fixture
+def file(scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The small scene as a file, lit by Cycles and encoded, and a cache folder of its own that keeps octrees."""
+    monkeypatch.setenv("PATCHNET_KEEP", "1")
+    monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "cache").mkdir()
+    path = saved(tmp_path / "scene.blend")
+    assert bpy.ops.patchnet.run_all(**CYCLES) == {"FINISHED"}
+    return path
+
+
+def reopen(path: Path) -> results.SceneResult | None:
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    assert results.result_of(bpy.context.scene) is None
+    return kept_results.result_or_kept(bpy.context.scene)
+
+
+def refuse(*_: object) -> None:
+    raise AssertionError("baked again")
+
+
+def test_result_is_there_when_the_file_is_opened_again(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = results.voxels_of(bpy.context.scene)
+    after = reopen(file)
+    assert after is not None and after.octree is not before.octree and after.stale == set()
+    np.testing.assert_array_equal(after.octree.luminance, before.octree.luminance)
+    np.testing.assert_array_equal(after.coded.codes, before.coded.codes)
+    assert (after.light, after.scope, after.encoder) == (before.light, before.scope, before.encoder)
+    assert after.made_with == before.made_with
+    monkeypatch.setattr(baker, "_run", refuse)
+    assert bpy.ops.patchnet.render_preview(size=(24, 16)) == {"FINISHED"}
+    assert len([image for image in bpy.data.images if "patchnet_result" in image]) == 12
+    scene = bpy.context.scene
+    scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
+    bpy.ops.render.render()
+    assert results.voxels_of(scene).octree is after.octree
+
+
+def test_saved_elsewhere_and_recovered_files_find_it(file: Path, tmp_path: Path) -> None:
+    elsewhere = saved(tmp_path / "elsewhere.blend")
+    file.unlink()
+    assert reopen(elsewhere) is not None
+
+
+CHANGES: dict[str, Callable[[], object]] = {
+    "object moved": lambda: setattr(bpy.data.objects["Slab"], "location", (0.1, 0, 0)),
+    "vertex": lambda: setattr(bpy.data.meshes["Slab"].vertices[0].co, "x", -1.2),
+    "lamp": lambda: setattr(bpy.data.lights["Lamp"], "energy", 2.0),
+    "object deleted": lambda: bpy.data.objects.remove(bpy.data.objects["Lath 1"]),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_another_scene_finds_nothing(name: str, file: Path, tmp_path: Path) -> None:
+    CHANGES[name]()
+    assert reopen(saved(tmp_path / "changed.blend")) is None
+    assert reopen(file) is not None
+
+
+def test_settings_that_changed_are_told_as_ever(file: Path) -> None:
+    bpy.context.scene.patchnet.samples = 3
+    bpy.ops.wm.save_mainfile()
+    result = reopen(file)
+    assert result is not None and result.made_with["light"]["samples"] == 1
+
+
+def test_codes_of_other_weights_stay_where_they_are(file: Path) -> None:
+    bpy.context.scene.patchnet.weights = ""
+    bpy.ops.wm.save_mainfile()
+    result = reopen(file)
+    assert result is not None and result.coded is None
+
+
+def test_damage_is_a_result_that_is_not_there(file: Path, tmp_path: Path) -> None:
+    (octree,) = (tmp_path / "cache").glob("octrees/*/octree.safetensors")
+    content = bytearray(octree.read_bytes())
+    content[-3] ^= 0xFF
+    octree.write_bytes(content)
+    assert reopen(file) is None and not octree.exists()
+
+
+def test_cache_is_measured_and_cleared(file: Path, tmp_path: Path) -> None:
+    root = tmp_path / "cache"
+    assert cache_size(root).octrees > 100_000
+    bpy.ops.patchnet.clear_results()
+    assert reopen(file) is not None, "freeing memory leaves the disk alone"
+    assert clear_cache(root) > 0 and cache_size(root).octrees == 0
+    assert list(root.glob("octrees/*")) == []
+    assert reopen(file) is None
+
+
+def test_nothing_is_kept_where_nothing_shall_be(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clear_cache(tmp_path / "cache")
+    monkeypatch.setenv("PATCHNET_KEEP", "0")
+    assert bpy.ops.patchnet.voxelize(depth=4) == {"FINISHED"}
+    assert not (tmp_path / "cache" / "octrees").exists()
+
+
+def test_another_process_renders_without_a_bake(file: Path, tmp_path: Path) -> None:
+    """What `blender -b FILE -E PATCHNET -f 1` does."""
+    code = """
+import sys, bpy, patchnet
+patchnet.register()
+bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
+from patchnet.operators.bake import baker
+def refuse(*_):
+    raise AssertionError("baked again")
+baker._run = refuse
+scene = bpy.context.scene
+scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
+scene.render.filepath = sys.argv[2]
+bpy.ops.render.render(write_still=True)
+patchnet.unregister()
+"""
+    command = [sys.executable, "-c", code, str(file), str(tmp_path / "picture.png")]
+    environment = {**os.environ, "PATCHNET_CACHE": str(tmp_path / "cache")}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert (tmp_path / "picture.png").exists() and "baked again" not in done.stderr, done.stderr
+
+
+@pytest.mark.usefixtures("registered")
+def test_octree_file_becomes_the_scenes_voxels(tmp_path: Path, weights: Path) -> None:
+    build()
+    scene = bpy.context.scene
+    scene.patchnet.weights = str(weights)
+    assert bpy.ops.patchnet.run_all(light="two-lights", **SMALL, out=str(tmp_path / "out")) == {"FINISHED"}
+    before = results.voxels_of(scene)
+    bpy.ops.patchnet.clear_results()
+    path = str(tmp_path / "out" / "octree.safetensors")
+    assert bpy.ops.patchnet.load_octree(filepath=path) == {"FINISHED"}
+    after = results.voxels_of(scene)
+    np.testing.assert_array_equal(after.octree.luminance, before.octree.luminance)
+    np.testing.assert_array_equal(after.coded.codes, before.coded.codes)
+    assert after.light == "two-lights" and after.stale == set()
+    bpy.data.objects["Slab"].location.x += 0.2
+    bpy.context.view_layer.update()
+    assert results.voxels_of(scene).stale == {"surface"}
+    assert bpy.ops.patchnet.load_octree(filepath=path) == {"FINISHED"}
+    assert results.voxels_of(scene).stale == {"surface", "light"}
+    assert "another scene" in results.voxels_of(scene).why("surface")
+
+
+@pytest.mark.usefixtures("scene")
+@pytest.mark.parametrize(
+    ("filepath", "message"),
+    [("", "no file to load"), ("/nowhere/octree.safetensors", "does not exist"), (__file__, "not a PatchNet file")],
+)
+def test_files_that_are_no_octrees(filepath: str, message: str) -> None:
+    with pytest.raises(RuntimeError, match=message):
+        bpy.ops.patchnet.load_octree(filepath=filepath)
+    assert results.result_of(bpy.context.scene) is None

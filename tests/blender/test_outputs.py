@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Commands and operators refuse outputs that would replace what they read or what is foreign, before they begin."""
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import pytest
+
+from patchnet import commands
+from patchnet.patchnet_addon.octree.file import load_octree
+from patchnet.tests.blender.job_scene import QUICK, build, saved
+
+STAGES = ("Reading", "Finding", "Voxelizing", "Drawing", "Writing", "Looking")
+OCTREE = ["--depth", "4", "--light", "two-lights"]
+REPORT = {"versions": {"patchnet": "0.0.1"}}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A scene, an octree of it, the same under other names, and things that are not ours."""
+    folder = tmp_path_factory.mktemp("files")
+    build()
+    scene = saved(folder / "small.blend")
+    octree = folder / "octree.safetensors"
+    assert commands.main(["octree", str(scene), *OCTREE, "--out", str(octree)]) == 0
+    (folder / "link.blend").symlink_to(scene)
+    (folder / "hard.blend").hardlink_to(scene)
+    (folder / "link.safetensors").symlink_to(octree)
+    (folder / "way").symlink_to(folder)
+    (folder / "make_small.py").write_text("print('a script')\n")
+    (folder / "mesh.ply").write_text("a list of mine")
+    (folder / "plot.png").write_text("no picture")
+    foreign = {
+        "report": "report.json", "octree": "octree.safetensors", "frame": "frame-0001/report.json",
+        "picture": "Eye/preview.png", "samples": "octree.samples.safetensors", "weights": "patchnet.safetensors",
+        "log": "log.jsonl", "scene": "courtyard.blend", "overview": "overview.png", "record": "frame-0002/frame.json",
+    }  # fmt: skip
+    for name, path in foreign.items():
+        (folder / name / path).parent.mkdir(parents=True)
+        (folder / name / path).write_text('{"mine": 1}')
+    (folder / "occupied" / "Eye").mkdir(parents=True)
+    (folder / "occupied" / "Eye" / "heatmap.png").mkdir()
+    (folder / "file" / "frame-0001").parent.mkdir()
+    (folder / "file" / "frame-0001").write_text("a file where a folder belongs")
+    (folder / "camera").mkdir()
+    (folder / "camera" / "Eye").write_text("a file where a folder belongs")
+    return folder
+
+
+def everything(folder: Path) -> dict[str, bytes]:
+    return {str(path): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+@pytest.fixture
+def unchanged(files: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Nothing in the folder is other than before, and no file is new."""
+    monkeypatch.chdir(files)
+    before = everything(files)
+    yield
+    assert everything(files) == before
+
+
+RUN = ["run", "small.blend", *QUICK]
+READ, FOREIGN, WAY = "what is read here", "is not replaced", "is a file where"
+REFUSED: dict[str, tuple[list[str], str]] = {
+    "octree over its scene": (["octree", "small.blend", *OCTREE, "--out", "small.blend"], READ),
+    "by another spelling": (["octree", "small.blend", *OCTREE, "--out", "./report/../small.blend"], READ),
+    "by a link": (["octree", "small.blend", *OCTREE, "--out", "link.blend"], READ),
+    "by a hard link": (["octree", "small.blend", *OCTREE, "--out", "hard.blend"], READ),
+    "from a link": (["octree", "link.blend", *OCTREE, "--out", "way/small.blend"], READ),
+    "octree over a script": (["octree", "small.blend", *OCTREE, "--out", "make_small.py"], FOREIGN),
+    "octree over a folder": (["octree", "small.blend", *OCTREE, "--out", "way"], "is a folder"),
+    "octree in a file": (["octree", "small.blend", *OCTREE, "--out", "mesh.ply/a.safetensors"], WAY),
+    "frames beside a report": (["octree", "small.blend", *OCTREE, "--frames", "1", "--out", "report"], FOREIGN),
+    "frames over a frame": (["octree", "small.blend", *OCTREE, "--frames", "1-2", "--out", "record"], FOREIGN),
+    "frames over a file": (["octree", "small.blend", *OCTREE, "--frames", "1-2", "--out", "file"], WAY),
+    "export over its octree": (["export", "octree.safetensors", "--level", "3", "--out", "octree.safetensors"], READ),
+    "export over a link to it": (["export", "octree.safetensors", "--out", "link.safetensors"], READ),
+    "export over a list": (["export", "octree.safetensors", "--out", "mesh.ply"], FOREIGN),
+    "export in a file": (["export", "octree.safetensors", "--out", "mesh.ply/a.npz"], WAY),
+    "run over a report": ([*RUN, "--out", "report"], FOREIGN),
+    "run over an octree": ([*RUN, "--out", "octree"], FOREIGN),
+    "run over an overview": ([*RUN, "--out", "overview"], FOREIGN),
+    "run over a picture": ([*RUN, "--out", "picture"], FOREIGN),
+    "run over a folder": ([*RUN, "--out", "occupied"], "is a folder"),
+    "run over a camera's file": ([*RUN, "--out", "camera"], WAY),
+    "run into a file": ([*RUN, "--out", "mesh.ply"], WAY),
+    "run where nobody writes": ([*RUN, "--out", "/proc/self/out"], "cannot be written"),
+    "run --frames over a report": ([*RUN, "--frames", "1-2", "--out", "frame"], FOREIGN),
+    "demo over a scene": (["demo", "--out", "scene"], FOREIGN),
+    "demo over an octree": (["demo", "--out", "octree"], FOREIGN),
+    "verify-light over a report": (["verify-light", "small.blend", "--depth", "4", "--out", "report"], FOREIGN),
+    "verify-light over a camera": (["verify-light", "small.blend", "--depth", "4", "--out", "camera"], WAY),
+    "dataset": (["dataset", "octree.safetensors", "--out", "samples"], FOREIGN),
+    "dataset into a file": (["dataset", "octree.safetensors", "--out", "mesh.ply"], WAY),
+    "train over weights": (["train", "octree.safetensors", "--out", "weights"], FOREIGN),
+    "train over a log": (["train", "octree.safetensors", "--out", "log"], FOREIGN),
+    "train over what it reads": (["train", "octree/../weights/patchnet.safetensors", "--out", "weights"], READ),
+    "bench over a file": (["bench", "depths", "--scene", "small.blend", "--plot", "plot.png"], FOREIGN),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_commands_refuse(name: str, unchanged: None, capsys: pytest.CaptureFixture[str]) -> None:
+    words, why = REFUSED[name]
+    assert commands.main(words) == 2
+    said = capsys.readouterr().err
+    last = said.strip().splitlines()[-1]
+    assert last.startswith("patchnet: error: ") and why in last and "Traceback" not in said
+    assert not any(stage in said for stage in STAGES), "it has begun"
+
+
+def test_the_scenes_own_files_are_not_replaced(
+    tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A picture of an earlier run that is a texture now, and one that is the mask."""
+    build()
+    scene, out = saved(tmp_path / "small.blend"), tmp_path / "out" / "frame-0001"
+    words = ["run", str(scene), "--weights", str(weights), *QUICK]
+    assert commands.main([*words, "--out", str(out)]) == 0
+    assert commands.main([*words, "--out", str(out), "--mask", str(out / "Eye" / "heatmap.png")]) == 2
+    assert "heatmap.png is what is read here" in capsys.readouterr().err
+    bpy.data.images.load(str(out / "Eye" / "preview.png")).use_fake_user = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    for where in (["--out", str(out)], ["--out", str(out.parent), "--frames", "1"]):
+        assert commands.main([*words, *where]) == 2
+        assert "preview.png is what is read here" in capsys.readouterr().err
+
+
+def test_results_of_ours_are_replaced(files: Path, tmp_path: Path, weights: Path) -> None:
+    out = tmp_path / "out"
+    words = ["run", str(files / "small.blend"), "--weights", str(weights), *QUICK, "--out", str(out)]
+    assert commands.main(words) == 0
+    first = (out / "octree.safetensors").stat().st_mtime_ns
+    assert commands.main(words) == 0
+    assert (out / "octree.safetensors").stat().st_mtime_ns > first
+    cloud = tmp_path / "cloud.ply"
+    for level in ("2", "3"):
+        assert commands.main(["export", str(out / "octree.safetensors"), "--level", level, "--out", str(cloud)]) == 0
+    tree = tmp_path / "tree.safetensors"
+    for depth in ("3", "4"):
+        words = ["octree", str(files / "small.blend"), "--depth", depth, "--light", "two-lights", "--out", str(tree)]
+        assert commands.main(words) == 0
+    assert load_octree(tree).depth == 4
+
+
+@pytest.mark.parametrize(
+    ("call", "why"),
+    [
+        ("run_all(out='//report')", FOREIGN),
+        ("run_all(out='//camera')", WAY),
+        ("run_all(out='//mesh.ply')", WAY),
+        ("bake_animation(frame_start=1, frame_end=2, out='//record')", FOREIGN),
+        ("bake_animation(frame_start=1, frame_end=2, out='//file')", WAY),
+        ("export_octree(filepath=FILES + '/mesh.ply')", FOREIGN),
+        ("export_octree(filepath=FILES + '/mesh.ply/a.npz')", WAY),
+        ("export_octree(filepath=FILES + '/nowhere/a.npz')", "cannot be written"),
+    ],
+)
+def test_operators_refuse(
+    call: str, why: str, files: Path, registered: None, unchanged: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(files / "small.blend"))
+    settings = bpy.context.scene.patchnet
+    settings.depth, settings.resolution, settings.light, settings.size = 4, "DEPTH", "two-lights", (16, 16)
+    if call.startswith("export"):
+        bpy.ops.patchnet.voxelize()
+    with pytest.raises(RuntimeError, match=why):
+        eval(f"bpy.ops.patchnet.{call}", {"bpy": bpy, "FILES": str(files)})
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_what_the_open_file_names_is_not_exported_over(files: Path, registered: None, unchanged: None) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(files / "small.blend"))
+    volume = bpy.data.volumes.new("Volume")  # of which Blender does not ask what it is
+    volume.filepath = str(files / "octree.safetensors")
+    bpy.ops.patchnet.voxelize(depth=4)
+    with pytest.raises(RuntimeError, match=READ):
+        bpy.ops.patchnet.export_octree(filepath=str(files / "link.safetensors"))
+
+
+def test_nothing_is_left_beside(files: Path) -> None:
+    assert not [name for name in os.listdir(files) if name.startswith(".")]
+    assert json.loads((files / "report" / "report.json").read_text()) == {"mine": 1}

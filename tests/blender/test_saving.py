@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A file that is saved in the middle of a job is the user's own: nothing that the job added or set is in it."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+import pytest
+
+from patchnet.operators.bake import bake_luminance, baker
+from patchnet.operators.bake.bake_call import BakeTarget
+from patchnet.operators.cycles_refine.region_renders import region_renders
+from patchnet.operators.frames import kept_frame
+from patchnet.operators.overrides import changed
+from patchnet.operators.scene import read_scene
+from patchnet.patchnet_addon.progress import Progress, drain
+from patchnet.patchnet_addon.sampling.regions import Region
+from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.tests.blender.full_scene import build_full
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+
+def save(path: Path) -> Path:
+    assert bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True) == {"FINISHED"}
+    return path
+
+
+def assert_same_file(before: Path, after: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(before))
+    snapshot = scene_snapshot()
+    bpy.ops.wm.open_mainfile(filepath=str(after))
+    assert_unchanged(snapshot)
+
+
+def link_light() -> None:
+    """The lamp shines on one object alone."""
+    receivers = bpy.data.collections.new("Receivers")
+    receivers.objects.link(bpy.data.objects["Slab"])
+    bpy.data.objects["Lamp"].light_linking.receiver_collection = receivers
+
+
+def remove_light() -> None:
+    """Cycles bakes in daylight of ours."""
+    bpy.data.objects.remove(bpy.data.objects["Lamp"])
+    bpy.context.scene.world = None
+
+
+@pytest.mark.parametrize("prepare", [link_light, remove_light])
+def test_saved_while_cycles_bakes(prepare: Callable[[], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    build_full(tmp_path, "EDIT")
+    bpy.ops.object.mode_set(mode="OBJECT")
+    prepare()
+    bpy.context.view_layer.update()
+    before, saves = save(tmp_path / "before.blend"), []
+    run = baker._run
+
+    def save_and_run(context: bpy.types.Context, target: BakeTarget) -> None:
+        saves.append(save(tmp_path / f"{len(saves)}.blend"))
+        run(context, target)
+
+    monkeypatch.setattr(baker, "_run", save_and_run)
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    drain(bake_luminance(bpy.context, source, 0.3, 1, with_daylight=prepare is remove_light))
+    assert saves
+    for path in saves:
+        assert_same_file(before, path)
+
+
+def test_saved_while_cycles_renders_regions(tmp_path: Path) -> None:
+    build_full(tmp_path, "OBJECT")
+    bpy.data.objects["Lamp"].visible_camera = True
+    before = save(tmp_path / "before.blend")
+    camera = Camera.look_at((0, -5, 0), (0, 0, 0), fov=1.0, size_px=(16, 16), name="Eye")
+    with region_renders(bpy.context, camera, 1, 0, "diffuse", sun=True) as renders:
+        drain(renders.picture(Region(0, 0, 4, 4), lambda share: Progress(share, 1, "Cycles")))
+        assert not bpy.data.objects["Lamp"].visible_camera
+        saved = save(tmp_path / "after.blend")
+        assert not bpy.data.objects["Lamp"].visible_camera, "the job goes on as before"
+    assert_same_file(before, saved)
+
+
+def test_saved_at_another_frame(tmp_path: Path) -> None:
+    build_full(tmp_path, "OBJECT")
+    scene = bpy.context.scene
+    before, frame = save(tmp_path / "before.blend"), scene.frame_current
+    with kept_frame(scene):
+        scene.frame_set(frame + 3)
+        saved = save(tmp_path / "after.blend")
+        assert scene.frame_current == frame + 3
+    assert scene.frame_current == frame
+    assert_same_file(before, saved)
+
+
+def test_a_save_that_fails_leaves_the_job_alone(tmp_path: Path) -> None:
+    build_full(tmp_path, "OBJECT")
+    lamp = bpy.data.objects["Lamp"]
+    lamp.visible_camera = True
+    with changed(lamp, visible_camera=False):
+        with pytest.raises(RuntimeError):
+            save(tmp_path / "missing" / "after.blend")
+        assert not lamp.visible_camera
+    assert lamp.visible_camera

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A cache folder that cannot be used: another takes its place, the user's alone, and it is said once."""
+
+import logging
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from patchnet.patchnet_addon import cache_folder
+from patchnet.patchnet_addon.cache_folder import kernel_folder, user_cache_folder
+from patchnet.patchnet_addon.light.kept_pages import KeptPages
+
+KERNEL = """
+import logging, sys
+import numba, numpy as np
+from patchnet.patchnet_addon.kernels import serial_kernel
+
+@serial_kernel
+def total(values):
+    result = 0.0
+    for value in values:
+        result += value
+    return result
+
+if len(sys.argv) > 1:
+    from numba.core.caching import IndexDataCacheFile
+    def full(self, key, data):
+        raise OSError(28, "No space left on device")
+    IndexDataCacheFile.save = full
+    serial_kernel(lambda value: value + 1.0)(1.0)
+print(total(np.ones(3)), sum(total.stats.cache_hits.values()), numba.config.CACHE_DIR)
+"""
+
+
+@pytest.fixture(autouse=True)
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder for temporary files of its own, and no memory of earlier answers."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    monkeypatch.setenv("TMPDIR", str(folder))
+    cache_folder._usable.cache_clear()
+    yield folder
+    cache_folder._usable.cache_clear()
+
+
+@pytest.fixture
+def unusable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """What PATCHNET_CACHE names is a file, which not even root can make a folder in."""
+    path = tmp_path / "cache"
+    path.write_text("in the way")
+    monkeypatch.setenv("PATCHNET_CACHE", str(path))
+    return path
+
+
+def test_a_folder_that_can_be_written_is_used_as_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path / "new" / "cache"))
+    assert user_cache_folder() == tmp_path / "new" / "cache"
+    assert (tmp_path / "new" / "cache").is_dir() and not os.listdir(tmp_path / "new" / "cache")
+
+
+def test_another_takes_its_place_and_it_is_said_once(
+    unusable: Path, temporary: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING, "patchnet"):
+        first = user_cache_folder()
+        assert user_cache_folder() == first
+        with pytest.raises(ZeroDivisionError), KeptPages() as kept:
+            kept.open("0" * 32)
+            raise ZeroDivisionError
+    assert first.parent == temporary and not first.stat().st_mode & 0o077
+    (said,) = caplog.messages
+    assert str(unusable) in said and str(first) in said and "cannot be used" in said and "PATCHNET_CACHE" in said
+    cache_folder._usable.cache_clear()  # as at the next start
+    assert user_cache_folder() == first
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has a variable for it")
+def test_a_user_without_a_home(temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def none() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("PATCHNET_CACHE", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", none)
+    assert user_cache_folder().parent == temporary
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the folder for temporary files is the user's own there")
+@pytest.mark.parametrize("planted", ["link", "others write", "file"])
+def test_what_others_may_have_planted_is_not_used(
+    planted: str, unusable: Path, temporary: Path, tmp_path: Path
+) -> None:
+    place = temporary / f"patchnet-{os.geteuid()}"
+    if planted == "link":
+        (tmp_path / "theirs").mkdir()
+        place.symlink_to(tmp_path / "theirs")
+    elif planted == "file":
+        place.write_text("")
+    else:
+        place.mkdir()
+        place.chmod(0o777)
+    chosen = user_cache_folder()
+    assert chosen != place and chosen.parent == temporary and not chosen.stat().st_mode & 0o077
+
+
+def test_kernels_that_are_there_are_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted, place = tmp_path / "wanted", tmp_path / "place"
+    module = wanted / "kernels" / "0123456789abcdef" / "tracing_1"
+    module.mkdir(parents=True)
+    (module / "a.nbi").write_text("index")
+    (module / "a.1.nbc").write_text("code")
+    module.chmod(0o555)
+    monkeypatch.setenv("PATCHNET_CACHE", str(wanted))
+    assert kernel_folder(wanted, "0123456789abcdef") == wanted / "kernels" / "0123456789abcdef"
+    folder = kernel_folder(place, "0123456789abcdef")
+    assert (folder / "tracing_1" / "a.1.nbc").read_text() == "code"
+    assert os.listdir(folder.parent) == [folder.name] and os.access(folder / "tracing_1", os.W_OK)
+    assert kernel_folder(place, "1" * 16) == place / "kernels" / ("1" * 16)
+
+
+def start(script: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(script), *arguments], capture_output=True, text=True, check=True, env=dict(os.environ)
+    )
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> Path:
+    path = tmp_path / "kernel.py"
+    path.write_text(KERNEL)
+    return path
+
+
+def test_the_next_start_compiles_nothing(unusable: Path, temporary: Path, script: Path) -> None:
+    first, second = start(script), start(script)
+    assert first.stdout.startswith("3.0 0 ") and second.stdout.startswith("3.0 1 ")
+    assert first.stdout.split()[2].startswith(str(temporary))
+    assert first.stderr.count("cannot be used") == 1
+
+
+def test_a_full_disk_costs_only_the_compiling(tmp_path: Path, script: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path / "full"))
+    done = start(script, "full")
+    assert done.stdout.startswith("3.0 0 ") and "Traceback" not in done.stderr
+    assert done.stderr.count("No space left on device") == 1 and str(tmp_path / "full") in done.stderr

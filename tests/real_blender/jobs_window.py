@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Somebody goes on using Blender beside a job: saves, opens menus, edits, closes windows, undoes, renders.
+
+    blender --enable-event-simulate -p 0 0 1000 800 courtyard.blend -P jobs_window.py -- OUT
+
+Writes OUT/jobs.json, a value for each thing that was seen. test_jobs_window.py judges them.
+"""
+
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+import clicks
+from visits import OUT, Visit, module
+
+SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (48, 32), "cameras": "Far", "budget": 0.1}
+LONG, SHORT = 4096, 1  # samples of a page that takes a minute, and of one that takes a moment
+
+visit = Visit("jobs")
+seen = visit.seen
+
+
+def operators() -> type:
+    """The class that knows which job works now."""
+    return module("job_operator").JobOperator
+
+
+def running() -> str:
+    """Title of the job that works now, or ""."""
+    return operators().running
+
+
+def modal() -> list[str]:
+    """Modal operators of all windows."""
+    return [item.bl_idname for window in bpy.context.window_manager.windows for item in window.modal_operators]
+
+
+def result():
+    """What was computed for the scene so far, or None."""
+    return module("results").result_of(clicks.window().scene)
+
+
+def start(samples: int, name: str = "run_all") -> clicks.Session:
+    """Start a job as its button does, and wait until Cycles bakes."""
+    clicks.window().scene.patchnet.samples = samples
+    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
+        getattr(bpy.ops.patchnet, name)("INVOKE_DEFAULT")
+    yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes beside the window", 120.0)
+    yield 0.3
+
+
+def stop() -> clicks.Session:
+    """Press Esc."""
+    yield from clicks.key("ESC", *clicks.over_viewport())
+    yield from clicks.wait_for(lambda: not running(), "Esc stops the job")
+    yield from clicks.wait_for(lambda: not bpy.app.is_job_running("OBJECT_BAKE"), "Cycles stops")
+    yield 0.3
+
+
+def prepare() -> clicks.Session:
+    """Small settings, and a picture of the user's own in an Image Editor."""
+    scene = clicks.window().scene
+    for name, value in SMALL.items():
+        setattr(scene.patchnet, name, value)
+    editor = clicks.area("OUTLINER")
+    editor.type = "IMAGE_EDITOR"
+    editor.spaces.active.image = bpy.data.images.new("Mine", 16, 16)
+    bpy.ops.wm.save_as_mainfile(filepath=str(OUT / "jobs.blend"))
+    yield 0.3
+
+
+def shown() -> str | None:
+    """What the user's Image Editor shows."""
+    image = clicks.area("IMAGE_EDITOR").spaces.active.image
+    return image and image.name
+
+
+def use_blender_meanwhile() -> clicks.Session:
+    """Ctrl-S, the File menu, a key that would move an object, while a page is baked."""
+    window, (x, y), file = clicks.window(), clicks.over_viewport(), OUT / "jobs.blend"
+    yield from start(LONG)
+    times = [file.stat().st_mtime_ns]
+    yield from clicks.key("S", x, y, ctrl=True)
+    yield 0.5
+    times.append(file.stat().st_mtime_ns)
+    (OUT / "jobs-saved.blend").write_bytes(file.read_bytes())
+    yield from clicks.click((55, window.height - 10))  # File; S is the letter of Save in it
+    yield 0.5
+    yield from clicks.key("S", 55, window.height - 60)
+    yield 0.5
+    times.append(file.stat().st_mtime_ns)
+    seen["saves"] = len(set(times)) - 1
+    item = window.scene.objects["Back wall"]
+    window.view_layer.objects.active = item
+    item.select_set(True)
+    before = tuple(item.location)
+    yield from clicks.key("G", x, y)
+    yield from clicks.move(x + 50, y + 50)
+    yield from clicks.key("LEFTMOUSE", x + 50, y + 50)
+    seen["grabbed"] = tuple(item.location) != before
+    seen["meanwhile"] = {"running": running(), "shown": shown()}
+    yield from stop()
+    seen["stopped"] = {"running": running(), "shown": shown(), "modal": modal()}
+
+
+def edit_meanwhile() -> clicks.Session:
+    """A script changes what is baked: the job ends with a sentence, and keeps no page of a scene that is none."""
+    yield from start(SHORT)
+    watch = operators().in_window._watch
+    clicks.window().scene.objects["Sun"].rotation_euler.x += 0.1
+    yield from clicks.wait_for(lambda: not running(), "the job ends", 60.0)
+    seen["edited"] = {"changes": watch.changes, "result": result() is not None, "modal": modal()}
+    clicks.window().scene.objects["Sun"].rotation_euler.x -= 0.1
+    yield 0.3
+
+
+def undo_meanwhile() -> clicks.Session:
+    """An undo ends the job, and takes nothing else."""
+    bpy.ops.ed.undo_push(message="before")
+    clicks.window().scene.objects["Back wall"].location.z += 0.1
+    bpy.ops.ed.undo_push(message="moved")
+    names = sorted(item.name for item in clicks.window().scene.objects)
+    yield from start(64)
+    bpy.ops.ed.undo()
+    yield from clicks.wait_for(lambda: not bpy.app.is_job_running("OBJECT_BAKE"), "Cycles stops")
+    yield 0.5
+    after = sorted(item.name for item in clicks.window().scene.objects)
+    seen["undone"] = {"running": running(), "modal": modal(), "same": after == names}
+
+
+def resume() -> clicks.Session:
+    """Esc after some pages; the next job goes on there."""
+    yield from start(4)
+    share = operators().in_window._display
+    yield from clicks.wait_for(lambda: share.progress.label == "Baking light" and share.progress.done >= 2, "two pages")
+    yield from stop()
+    labels: set[str] = set()
+    yield from start(4)
+    display = operators().in_window._display
+    while running():
+        labels.add(display.progress.label)
+        yield 0.02
+    seen["resumed"] = sorted(label for label in labels if label.startswith("Resuming"))
+
+
+def after_the_job() -> clicks.Session:
+    """Pictures come up in a window of their own; nothing of the job is left in the other one."""
+    yield from clicks.wait_for(lambda: len(bpy.context.window_manager.windows) == 2, "the heatmap comes up")
+    yield 0.5
+    for kind in ("MOUSEMOVE", "ESC"):
+        for window in bpy.context.window_manager.windows:
+            window.event_simulate(type=kind, value="NOTHING" if kind == "MOUSEMOVE" else "PRESS", x=300, y=300)
+            yield 0.1
+    seen["ended"] = {"modal": modal(), "shown": shown(), "stale": dict(result().reasons)}
+
+
+def false_reports() -> clicks.Session:
+    """A window closes, a collection comes, an image goes: nothing of that is a change of light."""
+    stale = seen["stale after"] = {}
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[-1]):
+        bpy.ops.wm.window_close()
+    yield 1.0
+    stale["closed window"] = dict(result().reasons)
+    scene = clicks.window().scene
+    scene.collection.children.link(bpy.data.collections.new("Empty"))
+    yield 0.3
+    stale["new collection"] = dict(result().reasons)
+    bpy.data.images.remove(bpy.data.images.new("Gone", 4, 4))
+    yield 0.3
+    stale["deleted image"] = dict(result().reasons)
+
+
+def render() -> clicks.Session:
+    """F12 uses the voxels that are there."""
+    scene, ended = clicks.window().scene, []
+    scene.render.engine = "PATCHNET"
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 48, 32, 100
+    octree = result().octree
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
+    bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
+    with bpy.context.temp_override(window=clicks.window()):
+        bpy.ops.render.render("INVOKE_DEFAULT")
+    yield from clicks.wait_for(lambda: bool(ended), "the render ends")
+    yield 0.5
+    path = OUT / "jobs-render.png"
+    bpy.data.images["Render Result"].save_render(str(path))
+    image = bpy.data.images.load(str(path))
+    pixels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    seen["render"] = {"ended": ended, "mean": float(pixels.reshape(-1, 4)[:, :3].mean())}
+    seen["render"]["same voxels"] = result().octree is octree
+
+
+def session() -> clicks.Session:
+    """The whole visit."""
+    for part in (
+        prepare,
+        use_blender_meanwhile,
+        edit_meanwhile,
+        undo_meanwhile,
+        resume,
+        after_the_job,
+        false_reports,
+        render,
+    ):
+        yield from part()
+        visit.save(part.__name__)
+
+
+visit.play(session(), pictures="WINDOW")

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender beside a job in a real window: what jobs_window.py saw is what a user should see."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
+
+BLOCKS = "{kind: sorted(item.name for item in getattr(bpy.data, kind)) for kind in KINDS}"
+KINDS = ("objects", "meshes", "materials", "worlds", "lights", "cameras", "collections", "scenes", "node_groups")
+
+
+@pytest.fixture(scope="module")
+def jobs(installed: Blender, courtyard: Path, out: Path) -> dict:
+    """What jobs_window.py saw."""
+    script = Path(__file__).with_name("jobs_window.py")
+    small_pages = Blender(installed.prefix, installed.program, installed.environment | {"PATCHNET_PAGE_SIDE": "128"})
+    done = small_pages.run_window(courtyard, "-P", script, "--", out, screen=SMALL_SCREEN)
+    (out / "jobs.log").write_text(done.stdout + done.stderr)
+    report = out / "jobs.json"
+    assert report.exists(), f"Blender ended with code {done.returncode} before the visit did: see {out / 'jobs.log'}"
+    seen: dict = json.loads(report.read_text())
+    return seen | {"said": done.stdout + done.stderr}
+
+
+def test_visit_came_to_its_end(jobs: dict) -> None:
+    assert jobs["problem"] == ""
+    assert "Traceback" not in jobs["said"]
+
+
+def test_keys_and_menus_save_beside_a_job(jobs: dict) -> None:
+    assert jobs["saves"] == 2
+
+
+def test_a_file_saved_beside_a_job_is_the_users_own(jobs: dict, installed: Blender, courtyard: Path, out: Path) -> None:
+    contents = []
+    for path in (courtyard, out / "jobs-saved.blend"):
+        values = f"[{BLOCKS}, s.render.engine, s.cycles.samples, s.world.name]"
+        line = f"import bpy, json; s = bpy.context.scene; KINDS = {KINDS}; print('blocks:', json.dumps({values}))"
+        done = installed.run("-b", path, "--python-exit-code", "1", "--python-expr", line)
+        contents.append(next(line for line in done.stdout.splitlines() if line.startswith("blocks: ")))
+    assert contents[0] == contents[1] and "PatchNet Bake" not in contents[0]
+
+
+def test_nothing_is_edited_by_accident(jobs: dict) -> None:
+    assert not jobs["grabbed"]
+    assert jobs["meanwhile"]["running"] == "Preview Selection"
+
+
+def test_image_editors_keep_their_pictures(jobs: dict) -> None:
+    assert jobs["meanwhile"]["shown"] == jobs["stopped"]["shown"] == jobs["ended"]["shown"] == "Mine"
+
+
+def test_jobs_leave_no_handler(jobs: dict) -> None:
+    assert jobs["stopped"]["running"] == "" and jobs["stopped"]["modal"] == jobs["ended"]["modal"] == []
+
+
+def test_a_change_of_what_is_baked_ends_the_job(jobs: dict) -> None:
+    assert ["light", "lamp 'Sun' moved"] in jobs["edited"]["changes"]
+    assert not jobs["edited"]["result"] and jobs["edited"]["modal"] == []
+    assert "Lamp 'Sun' moved while light was baked" in jobs["said"]
+
+
+def test_undo_ends_the_job(jobs: dict) -> None:
+    assert jobs["undone"] == {"running": "", "modal": [], "same": True}
+
+
+def test_demo_scene_resumes(jobs: dict) -> None:
+    assert len(jobs["resumed"]) == 1
+
+
+def test_only_changes_make_light_stale(jobs: dict) -> None:
+    assert jobs["ended"]["stale"] == {}
+    assert jobs["stale after"] == {"closed window": {}, "new collection": {}, "deleted image": {}}
+
+
+def test_render_takes_the_voxels_that_are_there(jobs: dict) -> None:
+    assert jobs["render"]["ended"] == ["complete"] and jobs["render"]["same voxels"] and jobs["render"]["mean"] > 0.01
