@@ -11,6 +11,7 @@ import pytest
 
 import patchnet
 from patchnet.__main__ import leave
+from patchnet.patchnet_addon.cache_folder import user_cache_folder
 from patchnet.tests.blender.job_scene import build, random_weights, saved
 
 _status = pytest.StashKey[int]()
@@ -62,3 +63,14 @@ def scene_file(tmp_path: Path) -> Path:
 def empty_scene() -> None:
     """A file with nothing in it, open."""
     bpy.ops.wm.read_homefile(use_empty=True)
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> Path:
+    """A cache folder of its own for pages, with the kernels that are compiled already."""
+    folder = tmp_path / "cache"
+    folder.mkdir()
+    kernels = user_cache_folder() / "kernels"
+    kernels.mkdir(parents=True, exist_ok=True)
+    (folder / "kernels").symlink_to(kernels)
+    return folder

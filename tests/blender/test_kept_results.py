@@ -20,11 +20,10 @@ CYCLES = {"light": "cycles", "samples": 1, **SMALL}
 
 
 @pytest.fixture
-def file(scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def file(scene: bpy.types.Scene, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The small scene as a file, lit by Cycles and encoded, and a cache folder of its own that keeps octrees."""
     monkeypatch.setenv("PATCHNET_KEEP", "1")
-    monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path / "cache"))
-    (tmp_path / "cache").mkdir()
+    monkeypatch.setenv("PATCHNET_CACHE", str(cache))
     path = saved(tmp_path / "scene.blend")
     assert bpy.ops.patchnet.run_all(**CYCLES) == {"FINISHED"}
     return path
@@ -79,10 +78,11 @@ def test_another_scene_finds_nothing(name: str, file: Path, tmp_path: Path) -> N
 
 
 def test_settings_that_changed_are_told_as_ever(file: Path) -> None:
-    bpy.context.scene.patchnet.samples = 3
+    before = bpy.context.scene.patchnet.samples
+    bpy.context.scene.patchnet.samples = before + 1
     bpy.ops.wm.save_mainfile()
     result = reopen(file)
-    assert result is not None and result.made_with["light"]["samples"] == 1
+    assert result is not None and result.made_with["light"]["samples"] == before
 
 
 def test_codes_of_other_weights_stay_where_they_are(file: Path) -> None:

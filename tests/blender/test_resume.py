@@ -19,7 +19,6 @@ from patchnet.operators.bake import baker as baking
 from patchnet.operators.bake.bake_call import BakeTarget
 from patchnet.operators.bake.bake_key import bake_key, scene_key
 from patchnet.operators.scene import read_scene
-from patchnet.patchnet_addon.cache_folder import user_cache_folder
 from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.light.atlas import Atlas
 from patchnet.patchnet_addon.light.charts import layout_charts
@@ -246,17 +245,6 @@ def octree_command(scene: Path, out: Path, cache: Path) -> subprocess.Popen[str]
     return subprocess.Popen(
         [sys.executable, "-m", "patchnet", *arguments], env=variables, stderr=subprocess.PIPE, text=True
     )
-
-
-@pytest.fixture
-def cache(tmp_path: Path) -> Path:
-    """A cache folder of its own for pages, with the kernels that are compiled already."""
-    folder = tmp_path / "cache"
-    folder.mkdir()
-    kernels = user_cache_folder() / "kernels"
-    kernels.mkdir(parents=True, exist_ok=True)
-    (folder / "kernels").symlink_to(kernels)
-    return folder
 
 
 def wait_for_pages(process: subprocess.Popen[str], cache: Path, count: int) -> None:
