@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from ..patchnet_addon.heap import peak_bytes, resident_bytes
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -34,13 +36,13 @@ class StageClock:
         """Measure the block; one that ends with an error leaves nothing."""
         self._notice_peak()
         _forget_peak()
-        before, start = _status_bytes("VmRSS"), time.perf_counter()
+        before, start = resident_bytes(), time.perf_counter()
         yield
-        self.stages[name] = Stage(time.perf_counter() - start, before, _status_bytes("VmHWM"))
+        self.stages[name] = Stage(time.perf_counter() - start, before, peak_bytes())
         self._notice_peak()
 
     def _notice_peak(self) -> None:
-        peak = _status_bytes("VmHWM")
+        peak = peak_bytes()
         if peak is not None:
             self._peak = max(peak, self._peak or 0)
 
@@ -57,15 +59,3 @@ def _forget_peak() -> None:
             file.write("5")
     except OSError:
         pass
-
-
-def _status_bytes(name: str) -> int | None:
-    """VmRSS (resident now) or VmHWM (its peak) of this process, or None."""
-    try:
-        with open("/proc/self/status", encoding="ascii", errors="replace") as file:
-            for line in file:
-                if line.startswith(f"{name}:"):
-                    return int(line.split()[1]) * 1024
-    except OSError:
-        pass
-    return None

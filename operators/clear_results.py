@@ -7,7 +7,10 @@ import bpy
 
 from . import overlay, results
 from .memory import give_back
+from .own import is_own
 from .polls import no_job_runs
+
+_DRAWN_AGAIN_S = 0.5
 
 
 class PATCHNET_OT_clear_results(bpy.types.Operator):
@@ -29,7 +32,11 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
         """Forget the scene's results."""
         results.forget(context.scene)
         overlay.forget(context)
+        for image in filter(is_own, bpy.data.images):
+            image.gl_free()  # the graphics memory; the picture stays
         give_back()
+        if not bpy.app.background:  # viewports let go of their pictures when they are drawn again
+            bpy.app.timers.register(give_back, first_interval=_DRAWN_AGAIN_S)
         return {"FINISHED"}
 
 

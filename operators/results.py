@@ -196,6 +196,11 @@ def keep_estimate(scene: bpy.types.Scene, estimate: Estimate) -> None:
     _estimates[scene.session_uid] = estimate
 
 
+def all_results() -> list[SceneResult]:
+    """Those of all scenes."""
+    return list(_results.values())
+
+
 def held_bytes() -> int:
     """Bytes that all results hold."""
     return sum(result.nbytes for result in _results.values())

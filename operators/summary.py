@@ -25,7 +25,6 @@ def summary(result: SceneResult) -> list[str]:
     lines = [
         f"Depth {'up to ' if result.layout else ''}{octree.depth}, voxel side {octree.grid.voxel_world:.4g}",
         f"{octree.leaf_count:,} voxels, {octree.node_count:,} nodes",
-        f"{result.nbytes / 2**20:.1f} MiB in memory",
         f"Light: {_LIGHTS.get(result.light, result.light)}",
     ]
     if result.coded is not None:

@@ -49,6 +49,11 @@ def forget_frames(*_: object) -> None:
     _made.clear()
 
 
+def all_results() -> list[results.SceneResult]:
+    """What is kept for frames."""
+    return [known.result for known in (*_kept.values(), *_made.values())]
+
+
 def octree_of_frame(
     depsgraph: bpy.types.Depsgraph, camera: Camera, settings: JobSettings, *, animation: bool
 ) -> Steps[CodedOctree]:

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.errors import PatchNetError
+from ...patchnet_addon.heap import trim
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
@@ -74,6 +75,8 @@ class Viewport:
         if not preview.done or self._texture is None:
             preview.work(time.perf_counter() - self._asked)  # as long as drawing itself takes
             self._texture = PictureTexture(preview.pixels())
+            if preview.done:
+                trim()  # a view that turns lets go of many arrays
         self._texture.draw(engine, context.scene)
         engine.update_stats("PatchNet", f"{preview.status}, {_STALE}" if result.stale else preview.status)
         if not (idle and preview.done) or self.mask.waiting:  # once more at the end, for strokes made meanwhile

@@ -51,6 +51,11 @@ def forget_all() -> None:
     _views.clear()
 
 
+def all_views() -> list[ShownView]:
+    """Those of all scenes and cameras."""
+    return [item.view for views in _views.values() for item in views.values()]
+
+
 def has_views(scene: bpy.types.Scene) -> bool:
     """Whether there is something to lay over this scene."""
     return bool(_views.get(scene.session_uid))

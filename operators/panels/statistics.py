@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from .. import results
+from ..memory import held
 from .tab import SubPanel, split
 
 
@@ -15,7 +16,7 @@ class PATCHNET_PT_statistics(SubPanel, bpy.types.Panel):
     bl_label = "Statistics"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Lines that were written when a step ended, and the button that frees the memory."""
+        """Lines that were written when a step ended, what all of it takes, and the button that frees the memory."""
         layout = split(self.layout)
         result = results.result_of(context.scene)
         if result is None:
@@ -24,7 +25,16 @@ class PATCHNET_PT_statistics(SubPanel, bpy.types.Panel):
         column = layout.column(align=True)
         for line in result.summary:
             column.label(text=line)
+        column = layout.column(align=True)
+        taken = held()
+        column.label(text=f"In memory: {_size(taken.results)}, pictures {_size(taken.images)}")
+        if taken.process is not None:
+            column.label(text=f"Blender as a whole: {_size(taken.process)}")
         layout.operator("patchnet.clear_results", icon="TRASH")
+
+
+def _size(nbytes: int) -> str:
+    return f"{nbytes / 2**20:.1f} MiB" if nbytes < 2**30 else f"{nbytes / 2**30:.2f} GiB"
 
 
 CLASSES = (PATCHNET_PT_statistics,)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from patchnet.operators import results
+from patchnet.operators.memory import held
 from patchnet.tests.blender.job_scene import SMALL, drop_result_images, principled
 
 pytestmark = pytest.mark.usefixtures("scene")
@@ -35,6 +36,7 @@ def test_a_job_holds_its_result_and_nothing_else(scene: bpy.types.Scene) -> None
         assert results.held_bytes() == result.nbytes > 1_000_000
         spare = 200_000 + sum(array.nbytes for layer in result.coded.weights.arrays().values() for array in [layer])
         assert array_bytes() <= result.nbytes + spare
+        assert result.nbytes <= held().results <= array_bytes() + spare
         del result
         bpy.ops.patchnet.clear_results()
         assert results.held_bytes() == 0 and array_bytes() < 200_000

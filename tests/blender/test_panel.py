@@ -176,7 +176,7 @@ def test_statistics(scene: bpy.types.Scene) -> None:
     result = small_preview()
     text = "\n".join(drawn(PATCHNET_PT_statistics))
     for part in (
-        f"{result.octree.leaf_count:,} voxels", f"{result.octree.node_count:,} nodes", "MiB in memory",
+        f"{result.octree.leaf_count:,} voxels", f"{result.octree.node_count:,} nodes", "In memory: ",
         f"Look-ahead on {result.lookahead_share:.1%}", "Voxels", "Codes", "Views", "by own kernels on the CPU",
         f"Error {result.errors[0]:.2e}, refined {result.errors[1]:.2e}",
     ):  # fmt: skip
