@@ -7,12 +7,13 @@ import argparse
 import json
 import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..patchnet_addon import bounds
 from ..patchnet_addon.errors import SettingError
+from .arguments import add_number, add_out
 from .frames import add_frames, bake_with_bars, check_frames, print_frames
 from .lines import make_parent, say_note, say_result
 from .quiet import quiet_stdout
@@ -43,20 +44,22 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
     add_views(parser)
     parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="light (cycles)")
-    parser.add_argument("--samples", type=int, default=8, help="Cycles samples per baked texel (8)")
-    parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in leaf voxels (2)")
+    add_number(parser, "--samples", bounds.SAMPLES, default=8, help="Cycles samples per baked texel (8)")
+    add_number(
+        parser, "--texel-voxels", bounds.TEXEL_VOXELS, default=2.0, help="side of a baked texel in leaf voxels (2)"
+    )
     add_exposure(parser)
     add_color(parser)
     add_both_sides(parser)
-    parser.add_argument(
-        "--rotate", type=int, default=0, metavar="SEED",
+    add_number(
+        parser, "--rotate", bounds.SEED, default=0, metavar="SEED",
         help="turn the lit surface by a random rotation; two-lights then shines from a random direction (0: upright)",
     )  # fmt: skip
     parser.add_argument(
         "--without", default="", metavar="TEXT,TEXT", help="leave out objects below a name with one of these texts"
     )
     add_frames(parser)
-    parser.add_argument("--out", type=Path, required=True, help="octree file to write; with --frames, a folder")
+    add_out(parser, "octree file to write; with --frames, a folder", required=True)
     parser.add_argument(
         "--timings", action="store_true", help="end with a line of JSON: seconds and peak memory of each stage"
     )
@@ -66,12 +69,15 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 def add_views(parser: argparse.ArgumentParser) -> None:
     """What `--depth fit` fits to."""
-    parser.add_argument(
-        "--view", type=float, nargs=6, action="append", default=[], metavar=("X", "Y", "Z", "TX", "TY", "TZ"),
+    add_number(
+        parser, "--view", bounds.COORDINATE, nargs=6, action="append", default=[],
+        metavar=("X", "Y", "Z", "TX", "TY", "TZ"),
         help="with --depth fit: position and target of a camera of 50 degrees, in world units; may be repeated",
     )  # fmt: skip
-    parser.add_argument("--size", type=int, nargs=2, default=(1920, 1080), help="pixels of the views (1920 1080)")
-    parser.add_argument("--memory", type=float, metavar="GIB", help="what building may take, with --depth fit (all)")
+    add_number(parser, "--size", bounds.VIEW_PX, nargs=2, default=(1920, 1080), help="pixels of the views (1920 1080)")
+    add_number(
+        parser, "--memory", bounds.MEMORY_GIB, metavar="GIB", help="what building may take, with --depth fit (all)"
+    )
 
 
 def view_cameras(args: argparse.Namespace) -> list[Camera]:
@@ -137,15 +143,10 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingError("--timings are those of one octree: leave them out with --frames")
     if args.same_grid and args.rotate:
         raise SettingError("--same-grid and --rotate contradict each other: leave one of them out")
-    if not args.texel_voxels > 0:
-        raise SettingError(f"Texels of {args.texel_voxels} voxels are impossible: give a positive number")
-    if args.exposure is not None and not 0.0 < args.exposure < np.inf:
-        raise SettingError(f"Exposure {args.exposure} must be a positive number, or left out to be automatic")
-    if args.memory is not None and not args.memory > 0:
-        raise SettingError(f"A memory limit of {args.memory} GiB is impossible: give a positive number for --memory")
     if args.depth != FIT:
         if not args.depth.isdecimal():
             raise SettingError(f"Depth {args.depth!r} is neither a whole number nor '{FIT}'")
+        bounds.DEPTH.read(args.depth)
         if args.view:
             raise SettingError(f"--view is what --depth {FIT} fits to: leave it out with a depth")
     elif not args.view:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ..errors import SettingError
+from ..bounds import RAYS
 from ..kernels import kernel
 from ..octree.chroma_kernels import decode_color
 from ..octree.octree import LUMINANCE_SCALE, Octree
@@ -14,7 +14,7 @@ from ..progress import Progress, Steps
 from .camera import Camera, CameraUnit, camera_in_unit_cube
 from .traverse import MAX_LEVELS, first_hit, pixel_ray
 
-MAX_SAMPLES = 32  # per pixel side
+MAX_SAMPLES = int(RAYS.high)  # per pixel side
 NO_CHROMA = np.empty((0, 2), np.uint8)
 _ROWS_PER_STEP = 8
 
@@ -24,8 +24,7 @@ def finer_rays(octree: Octree, camera: Camera, samples: int) -> tuple[CameraUnit
 
     Raises SettingError for sample counts outside 1 to MAX_SAMPLES.
     """
-    if not 1 <= samples <= MAX_SAMPLES:
-        raise SettingError(f"{samples} samples per pixel side are outside 1 to {MAX_SAMPLES}")
+    RAYS.check(samples)
     unit = camera_in_unit_cube(camera, octree.grid)
     lens = unit.lens.copy()
     lens[2:] /= samples
