@@ -184,6 +184,8 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
 
     with clock.stage("read"):
         source = read_scene(bpy.context.evaluated_depsgraph_get())
+    for warning in source.warnings:
+        say_note(warning, file=sys.stderr)
     with clock.stage("fit" if args.depth == FIT else "grid"):
         grid, layout = yield from _grid(args, source)
     with clock.stage("light"):
