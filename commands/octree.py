@@ -177,6 +177,7 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
 
     from ..operators.job.versions import versions
     from ..operators.scene import read_scene
+    from ..operators.scene.precision import light_warnings, place_warnings
     from ..patchnet_addon.light.texel_sizes import texel_sizes
     from ..patchnet_addon.octree.build import build_octree
     from ..patchnet_addon.octree.grid import Grid
@@ -184,10 +185,11 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
 
     with clock.stage("read"):
         source = read_scene(bpy.context.evaluated_depsgraph_get())
-    for warning in source.warnings:
-        say_note(warning, file=sys.stderr)
     with clock.stage("fit" if args.depth == FIT else "grid"):
         grid, layout = yield from _grid(args, source)
+    lit = light_warnings(source, grid) if args.light == "cycles" else ()
+    for warning in (*source.warnings, *place_warnings(source, grid), *lit):
+        say_note(warning, file=sys.stderr)
     with clock.stage("light"):
         shade = yield from _shade(args, source, texel_sizes(source, grid, layout, args.texel_voxels), kept)
     turned: MeshSource = RotatedSource(source, random_rotation(args.rotate)) if args.rotate else source

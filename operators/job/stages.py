@@ -20,6 +20,7 @@ from ...patchnet_addon.progress import Progress, Steps, labelled
 from ...patchnet_addon.tracing.camera import Camera
 from ..daylight import has_light
 from ..scene import SceneMesh
+from ..scene.precision import light_warnings, place_warnings
 from .encoder import Encoding, chosen_encoder
 from .settings import CYCLES, JobSettings
 from .versions import versions
@@ -45,13 +46,15 @@ class GridChoice:
     warnings: tuple[str, ...] = ()
 
 
-def choose_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
+def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
     """Grid around the surface by the settings' depth or voxel size, else by the cameras (methods 4.1b).
 
-    Raises MemoryEstimateError, before anything is built, if a given depth would not fit.
+    Raises MemoryEstimateError, before anything is built, if a given depth would not fit, and GeometryError for a
+    surface whose place leaves it no precision.
     """
     make = _fitted_grid if settings.fit else _even_grid
-    return (yield from beside(lambda: make(source, cameras, settings), Progress(0, 1, "Finding the depth")))
+    choice = yield from beside(lambda: make(source, cameras, settings), Progress(0, 1, "Finding the depth"))
+    return replace(choice, warnings=(*place_warnings(source, choice.grid), *choice.warnings))
 
 
 def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
@@ -118,6 +121,7 @@ def lit(
         return (yield from computed(lambda: _two_lights(source, settings), Progress(0, 1, _TEXTURES))), ()
     from ..bake import bake_luminance
 
+    coarse = light_warnings(source, grid)
     added = settings.daylight
     bright = has_light(depsgraph or context.evaluated_depsgraph_get()) if added is None else not added
     texel_world = yield from computed(
@@ -136,7 +140,7 @@ def lit(
         depsgraph=depsgraph,
     )
     shade = yield from computed(lambda: _baked(atlas, source), Progress(0, 1, _TEXTURES))
-    return shade, (*atlas.warnings, *(() if bright else (NO_LIGHT,)))
+    return shade, (*coarse, *atlas.warnings, *(() if bright else (NO_LIGHT,)))
 
 
 def _albedo(source: MeshSource, settings: JobSettings) -> Shade:
