@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -189,7 +188,7 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
         grid, layout = yield from _grid(args, source)
     lit = light_warnings(source, grid) if args.light == "cycles" else ()
     for warning in (*source.warnings, *place_warnings(source, grid), *lit):
-        say_note(warning, file=sys.stderr)
+        say_note(warning)
     with clock.stage("light"):
         shade = yield from _shade(args, source, texel_sizes(source, grid, layout, args.texel_voxels), kept)
     turned: MeshSource = RotatedSource(source, random_rotation(args.rotate)) if args.rotate else source
@@ -247,7 +246,7 @@ def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarra
         return two_lights_shade(source, (x, y, z), color=args.color)
     lit = has_light(bpy.context.evaluated_depsgraph_get()) if args.daylight is None else not args.daylight
     if not lit:
-        say_note(NO_LIGHT, file=sys.stderr)
+        say_note(NO_LIGHT)
     atlas = yield from bake_luminance(
         bpy.context,
         source,

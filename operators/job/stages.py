@@ -14,10 +14,11 @@ from ...patchnet_addon.beside import beside, computed
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.grid import MAX_DEPTH, Grid
-from ...patchnet_addon.octree.mesh import MeshSource, Shade
+from ...patchnet_addon.octree.mesh import Material, MeshSource, Shade
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.progress import Progress, Steps, labelled
 from ...patchnet_addon.tracing.camera import Camera
+from ...patchnet_addon.tracing.unseen import BLACK_SURFACE
 from ..daylight import has_light
 from ..scene import SceneMesh
 from ..scene.precision import light_warnings, place_warnings
@@ -208,7 +209,13 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
         "both_sides": settings.both_sides,
         "versions": versions(),
     }
+    if all(_is_black(material) for material in source.materials):
+        values[BLACK_SURFACE] = True  # for a sentence about black pictures
     return values | ({"samples": settings.samples, "texel_voxels": settings.texel_voxels} if light == CYCLES else {})
+
+
+def _is_black(material: Material) -> bool:
+    return max(*material.base_color, *material.emission) <= 0.0
 
 
 def load_network(path: Path | None) -> Weights:

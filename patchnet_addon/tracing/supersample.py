@@ -12,7 +12,7 @@ from ..octree.chroma_kernels import decode_color
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..progress import Progress, Steps
 from .camera import Camera, CameraUnit, camera_in_unit_cube
-from .traverse import MAX_LEVELS, first_hit, pixel_ray
+from .traverse import MAX_LEVELS, first_seen, pixel_ray
 
 MAX_SAMPLES = int(RAYS.high)  # per pixel side
 NO_CHROMA = np.empty((0, 2), np.uint8)
@@ -27,7 +27,7 @@ def finer_rays(octree: Octree, camera: Camera, samples: int) -> tuple[CameraUnit
     RAYS.check(samples)
     unit = camera_in_unit_cube(camera, octree.grid)
     lens = unit.lens.copy()
-    lens[2:] /= samples
+    lens[2:4] /= samples
     return unit, lens
 
 
@@ -90,9 +90,7 @@ def _supersample(  # type: ignore[no-untyped-def]
             for i in range(samples):
                 x = 2.0 * (column + (i + 0.5) / samples) / width - 1.0
                 speed = pixel_ray(frame, lens, perspective, x, y, ray_o, ray_d)
-                hit, _, _ = first_hit(
-                    child_mask, first_child, ray_o, ray_d, 0.0, 0.0, speed, lens[2], lens[3], stack, found
-                )
+                hit, _, _ = first_seen(child_mask, first_child, ray_o, ray_d, speed, lens, 1.0, stack, found)
                 shine = luminance[hit] / LUMINANCE_SCALE if hit >= 0 else background
                 total += shine
                 if len(chroma):

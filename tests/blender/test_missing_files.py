@@ -89,7 +89,7 @@ def test_command_says_and_reports_what_is_missing(
     out = tmp_path / "out"
     assert commands.main(["run", str(user), *QUICK, "--weights", str(weights), "--out", str(out)]) == 0
     said = f"Linked libraries are missing: {library}; what they hold is left out"
-    assert f"Note: {said}" in capsys.readouterr().out
+    assert f"Note: {said}" in capsys.readouterr().err
     assert any(text.startswith(said) for text in json.loads((out / "report.json").read_text())["warnings"])
 
 

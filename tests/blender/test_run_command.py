@@ -70,7 +70,7 @@ def test_light_is_added_where_there_is_none(
     path = exported / "small.obj"
     arguments = ["--light", "cycles", "--samples", "1", "--cameras", "auto"]
     assert run(path, tmp_path / "out", weights, *arguments) == 0
-    assert "no light: it was lit with a sun and a sky" in capsys.readouterr().out
+    assert "Note: The scene has no light: it was lit with a sun and a sky" in capsys.readouterr().err
 
 
 def damaged(path: Path) -> Path:
