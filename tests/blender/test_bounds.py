@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import bpy
 import pytest
 
+from patchnet.operators.kept_results import VARIABLE, limit_bytes
 from patchnet.operators.overlay.settings import PatchNetOverlaySettings
-from patchnet.operators.preferences import PatchNetPreferences
+from patchnet.operators.preferences import KEPT_GIB, PatchNetPreferences
 from patchnet.operators.properties import PatchNetSettings
 from patchnet.operators.registration import _CLASSES
 from patchnet.patchnet_addon import bounds
@@ -55,3 +56,11 @@ def test_lowest_numbers_of_properties_are_taken(scene: bpy.types.Scene) -> None:
         low = getattr(scene.patchnet, name)
         assert low > 0
         {"voxel_size": bounds.VOXEL_SIZE, "texel_voxels": bounds.TEXEL_VOXELS}[name].check(low)
+
+
+@pytest.mark.parametrize("text", ["inf", "nan", "-1", "much"])
+def test_variable_outside_its_bounds_leaves_the_preference(
+    text: str, registered: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, text)
+    assert limit_bytes() == int(KEPT_GIB * 2**30)
