@@ -19,6 +19,7 @@ from .quiet import quiet_stdout
 from .run import add_both_sides, add_color, add_exposure, require_blender
 from .scene_argument import add_scene, open_given, scene_path
 from .stage_clock import StageClock
+from .views import add_views, say_unseen, view_cameras
 
 if TYPE_CHECKING:
     from ..patchnet_addon.light.kept_pages import KeptPages
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from ..patchnet_addon.octree.mesh import MeshSource, Shade
     from ..patchnet_addon.octree.octree import Octree
     from ..patchnet_addon.progress import Steps
-    from ..patchnet_addon.tracing.camera import Camera
 
 FIT = "fit"
 
@@ -64,30 +64,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     )
     parser.set_defaults(bounds=None, daylight=None)  # what frames have in common, see octree_frames
     return parser
-
-
-def add_views(parser: argparse.ArgumentParser) -> None:
-    """What `--depth fit` fits to."""
-    add_number(
-        parser, "--view", bounds.COORDINATE, nargs=6, action="append", default=[],
-        metavar=("X", "Y", "Z", "TX", "TY", "TZ"),
-        help="with --depth fit: position and target of a camera of 50 degrees, in world units; may be repeated",
-    )  # fmt: skip
-    add_number(parser, "--size", bounds.VIEW_PX, nargs=2, default=(1920, 1080), help="pixels of the views (1920 1080)")
-    add_number(
-        parser, "--memory", bounds.MEMORY_GIB, metavar="GIB", help="what building may take, with --depth fit (all)"
-    )
-
-
-def view_cameras(args: argparse.Namespace) -> list[Camera]:
-    """The cameras of `add_views`."""
-    from ..patchnet_addon.tracing.camera import Camera
-
-    width, height = args.size
-    return [
-        Camera.look_at(np.array(values[:3]), np.array(values[3:]), size_px=(width, height), name=f"View {number}")
-        for number, values in enumerate(args.view, 1)
-    ]
 
 
 def run(args: argparse.Namespace) -> int:
@@ -210,7 +186,10 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
         if args.rotate:
             grid = Grid.around(turned.bounds_world, grid.depth)
         steps = build_octree(turned, grid, shade, layout=layout, exposure=args.exposure, provenance=provenance)
-        return (yield from steps)
+        octree = yield from steps
+    if layout is not None:
+        say_unseen(octree, view_cameras(args))
+    return octree
 
 
 def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, LeafLevels | None]]:
@@ -257,4 +236,6 @@ def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarra
         kept=kept,
         with_daylight=not lit,
     )
+    for warning in atlas.warnings:
+        say_note(warning)
     return atlas_shade(atlas, source)

@@ -132,3 +132,11 @@ def test_clipping_of_a_blender_camera_is_the_tracers(scene: bpy.types.Scene) -> 
     bpy.context.view_layer.update()
     (camera,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (24, 16), np.zeros((2, 3)))
     assert (camera.clip_start, camera.clip_end) == (0.5, 7.0)
+
+
+def test_octree_that_is_fitted_to_nothing_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build()
+    path, out = saved(tmp_path / "small.blend"), tmp_path / "fitted.safetensors"
+    words = ["octree", str(path), "--depth", "fit", "--light", "two-lights", "--size", "24", "16", "--out", str(out)]
+    assert commands.main([*words, "--view", "0", "-5", "0", "0", "-9", "0"]) == 0
+    assert "Note: Camera 'View 1' sees nothing: the surface is behind it" in capsys.readouterr().err
