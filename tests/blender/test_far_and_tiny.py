@@ -111,3 +111,14 @@ def test_vertices_that_no_number_can_place_name_their_object(weights: Path) -> N
     bpy.context.view_layer.update()
     with pytest.raises(GeometryError, match="Object 'Lath 2'"):
         look(weights)
+
+
+def test_an_object_far_from_all_others_is_named(weights: Path) -> None:
+    build()
+    bpy.data.objects["Lath 3"].location.x = 1e9
+    bpy.context.view_layer.update()
+    first, second = look(weights).warnings
+    assert first.startswith(
+        "Object 'Lath 3' lies 1e+09 from all others, which are only 2 across, and voxels are 3.1e+07"
+    )
+    assert second.startswith("Camera 'Eye' sees nothing but the voxel of side")
