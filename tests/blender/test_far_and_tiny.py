@@ -119,6 +119,6 @@ def test_an_object_far_from_all_others_is_named(weights: Path) -> None:
     bpy.context.view_layer.update()
     first, second = look(weights).warnings
     assert first.startswith(
-        "Object 'Lath 3' lies 1e+09 from all others, which are only 2 across, and voxels are 3.1e+07"
+        "Object 'Lath 3' lies 1e+09 from all others, which are only 2 across, and a voxel is 3.1e+07"
     )
     assert second.startswith("Camera 'Eye' sees nothing but the voxel of side")
