@@ -47,7 +47,18 @@ def test_there_are_numbers() -> None:
 def test_numbers_outside_their_bounds_are_refused_by_name(name: str) -> None:
     action = NUMBERS[name]
     row, read = action.type.func.__self__, action.type
-    wrong = ["nan", "inf", "-inf", "1e400", "many", "", str(row.low - 1 - abs(row.low)), str(2 * row.high + 1)]
+    wrong = [
+        "nan",
+        "inf",
+        "-inf",
+        "1e400",
+        "9" * 400,
+        "9" * 5000,
+        "many",
+        "",
+        str(row.low - 1 - abs(row.low)),
+        str(2 * row.high + 1),
+    ]
     wrong += ["1.5"] if row.whole else []
     for text in wrong:
         with pytest.raises(SettingError, match=f"^{action.option_strings[0]} "):
