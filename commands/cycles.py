@@ -6,6 +6,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from ..patchnet_addon import bounds
+from .arguments import add_number
+
 if TYPE_CHECKING:
     from ..operators.cycles_refine.settings import CyclesSettings
 
@@ -21,12 +24,20 @@ _TITLES = {
 def add_cycles(parser: argparse.ArgumentParser) -> None:
     """The arguments that begin with --cycles."""
     group = parser.add_argument_group("regions by Cycles")
-    group.add_argument(
-        "--cycles-budget", type=float, metavar="SHARE", help="share of pixels that Cycles renders, the worst (none)"
+    add_number(
+        group,
+        "--cycles-budget",
+        bounds.CYCLES_BUDGET,
+        metavar="SHARE",
+        help="share of pixels that Cycles renders, the worst (none)",
     )
-    group.add_argument("--cycles-samples", type=int, default=64, metavar="N", help="samples of these pixels (64)")
-    group.add_argument("--cycles-tile", type=int, default=16, metavar="PX", help="side of a region's tiles (16)")
-    group.add_argument("--cycles-regions", type=int, default=8, metavar="N", help="regions at most (8)")
+    add_number(
+        group, "--cycles-samples", bounds.CYCLES_SAMPLES, default=64, metavar="N", help="samples of these pixels (64)"
+    )
+    add_number(
+        group, "--cycles-tile", bounds.CYCLES_TILE, default=16, metavar="PX", help="side of a region's tiles (16)"
+    )
+    add_number(group, "--cycles-regions", bounds.CYCLES_REGIONS, default=8, metavar="N", help="regions at most (8)")
     group.add_argument(
         "--cycles-light", choices=("diffuse", "combined"), default="diffuse",
         help="what they show: as the voxels, or with gloss and glass (diffuse)",

@@ -7,6 +7,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ..patchnet_addon import bounds
+from .arguments import add_number, add_out
+
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Arguments of `patchnet dataset`."""
@@ -14,14 +17,20 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "dataset", help="draw training samples from octrees", description=__doc__
     )
     parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files, one per scene")
-    parser.add_argument("--samples", type=int, default=16_000_000, help="samples in all, the same for each octree")
-    parser.add_argument("--out", type=Path, required=True, help="folder for the sample files")
-    parser.add_argument("--seed", type=int, default=0, help="random seed")
-    parser.add_argument(
-        "--views", type=int, default=8, help="views per voxel: more are faster to learn from, less diverse"
+    add_number(
+        parser, "--samples", bounds.DATASET_SAMPLES, default=16_000_000, help="samples in all, the same for each octree"
     )
-    parser.add_argument("--least-level", type=int, default=5, help="coarsest level of voxels that is used")
-    parser.add_argument("--held-out", type=float, default=0.05, help="share of each scene kept for validation")
+    add_out(parser, "folder for the sample files", required=True)
+    add_number(parser, "--seed", bounds.SEED, default=0, help="random seed")
+    add_number(
+        parser,
+        "--views",
+        bounds.DATASET_VIEWS,
+        default=8,
+        help="views per voxel: more are faster to learn from, less diverse",
+    )
+    add_number(parser, "--least-level", bounds.LEVEL, default=5, help="coarsest level of voxels that is used")
+    add_number(parser, "--held-out", bounds.HELD_OUT, default=0.05, help="share of each scene kept for validation")
     return parser
 
 
@@ -29,7 +38,6 @@ def run(args: argparse.Namespace) -> int:
     """Draw the samples and write one file per octree."""
     import time
 
-    from ..patchnet_addon.errors import SettingError
     from ..patchnet_addon.file_kinds import SAMPLES
     from ..patchnet_addon.octree.file import load_octree
     from ..patchnet_addon.outputs import check_outputs
@@ -39,8 +47,6 @@ def run(args: argparse.Namespace) -> int:
     from .lines import say_result
     from .progress_bars import ProgressBars
 
-    if args.samples < 1 or args.views < 1 or not 0 <= args.held_out < 1:
-        raise SettingError("Samples and views must be positive numbers and the held-out share at least 0 and below 1")
     names = sample_names(args.octrees)
     check_outputs({args.out / (name + SUFFIX): SAMPLES for name in names}, args.octrees, folder=args.out)
     args.out.mkdir(parents=True, exist_ok=True)

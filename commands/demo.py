@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 from ..patchnet_addon.errors import PatchNetError
+from .arguments import add_out
 from .run import add_job_arguments, job_settings, print_result, require_blender, run_with_bars
 
 SCENE_NAME = "courtyard.blend"
@@ -24,7 +25,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     )
     add_job_arguments(parser)
     parser.set_defaults(cameras=CAMERAS, depth=DEPTH)
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results (out/demo)")
+    add_out(parser, "folder for the results (out/demo)", default=Path("out/demo"))
     return parser
 
 

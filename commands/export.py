@@ -6,6 +6,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..patchnet_addon import bounds
+from .arguments import add_number, add_out
 from .lines import make_parent, say_result
 
 
@@ -19,8 +21,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         "holds the OpenVDB grids luminance and density, where Python has the module openvdb.",
     )
     parser.add_argument("octree", type=Path, help="an octree file, such as octree.safetensors of `patchnet run`")
-    parser.add_argument("--level", type=int, help="level of the voxels; the root is 0 (the finest)")
-    parser.add_argument("--out", type=Path, required=True, help="file to write")
+    add_number(parser, "--level", bounds.LEVEL, help="level of the voxels; the root is 0 (the finest)")
+    add_out(parser, "file to write", required=True)
     return parser
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 import sys
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from ..patchnet_addon.errors import PatchNetError
 from ..patchnet_addon.log import event, is_json
@@ -18,10 +18,10 @@ def say_result(text: str, **fields: Any) -> None:
     event("result", text, **fields)
 
 
-def say_note(text: str, file: TextIO | None = None) -> None:
-    """What was assumed or left out; people get it in `file`, by default on stdout."""
-    if file is None or not is_json():
-        print(f"Note: {text}", file=file)
+def say_note(text: str) -> None:
+    """What was assumed or left out; people get it on stderr, so that it is seen where stdout is kept in a file."""
+    if not is_json():
+        print(f"Note: {text}", file=sys.stderr)
     event("warning", text, logging.WARNING)
 
 

@@ -5,20 +5,21 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..patchnet_addon import bounds
 from ..patchnet_addon.errors import SettingError
+from .arguments import add_number, add_out
 from .frames import add_frames, bake_with_bars, check_frames, print_frames
 from .lines import make_parent, say_note, say_result
 from .quiet import quiet_stdout
 from .run import add_both_sides, add_color, add_exposure, require_blender
 from .scene_argument import add_scene, open_given, scene_path
 from .stage_clock import StageClock
+from .views import add_views, say_unseen, view_cameras
 
 if TYPE_CHECKING:
     from ..patchnet_addon.light.kept_pages import KeptPages
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from ..patchnet_addon.octree.mesh import MeshSource, Shade
     from ..patchnet_addon.octree.octree import Octree
     from ..patchnet_addon.progress import Steps
-    from ..patchnet_addon.tracing.camera import Camera
 
 FIT = "fit"
 
@@ -43,46 +43,27 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
     add_views(parser)
     parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="light (cycles)")
-    parser.add_argument("--samples", type=int, default=8, help="Cycles samples per baked texel (8)")
-    parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in leaf voxels (2)")
+    add_number(parser, "--samples", bounds.SAMPLES, default=8, help="Cycles samples per baked texel (8)")
+    add_number(
+        parser, "--texel-voxels", bounds.TEXEL_VOXELS, default=2.0, help="side of a baked texel in leaf voxels (2)"
+    )
     add_exposure(parser)
     add_color(parser)
     add_both_sides(parser)
-    parser.add_argument(
-        "--rotate", type=int, default=0, metavar="SEED",
+    add_number(
+        parser, "--rotate", bounds.SEED, default=0, metavar="SEED",
         help="turn the lit surface by a random rotation; two-lights then shines from a random direction (0: upright)",
     )  # fmt: skip
     parser.add_argument(
         "--without", default="", metavar="TEXT,TEXT", help="leave out objects below a name with one of these texts"
     )
     add_frames(parser)
-    parser.add_argument("--out", type=Path, required=True, help="octree file to write; with --frames, a folder")
+    add_out(parser, "octree file to write; with --frames, a folder", required=True)
     parser.add_argument(
         "--timings", action="store_true", help="end with a line of JSON: seconds and peak memory of each stage"
     )
     parser.set_defaults(bounds=None, daylight=None)  # what frames have in common, see octree_frames
     return parser
-
-
-def add_views(parser: argparse.ArgumentParser) -> None:
-    """What `--depth fit` fits to."""
-    parser.add_argument(
-        "--view", type=float, nargs=6, action="append", default=[], metavar=("X", "Y", "Z", "TX", "TY", "TZ"),
-        help="with --depth fit: position and target of a camera of 50 degrees, in world units; may be repeated",
-    )  # fmt: skip
-    parser.add_argument("--size", type=int, nargs=2, default=(1920, 1080), help="pixels of the views (1920 1080)")
-    parser.add_argument("--memory", type=float, metavar="GIB", help="what building may take, with --depth fit (all)")
-
-
-def view_cameras(args: argparse.Namespace) -> list[Camera]:
-    """The cameras of `add_views`."""
-    from ..patchnet_addon.tracing.camera import Camera
-
-    width, height = args.size
-    return [
-        Camera.look_at(np.array(values[:3]), np.array(values[3:]), size_px=(width, height), name=f"View {number}")
-        for number, values in enumerate(args.view, 1)
-    ]
 
 
 def run(args: argparse.Namespace) -> int:
@@ -137,15 +118,10 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingError("--timings are those of one octree: leave them out with --frames")
     if args.same_grid and args.rotate:
         raise SettingError("--same-grid and --rotate contradict each other: leave one of them out")
-    if not args.texel_voxels > 0:
-        raise SettingError(f"Texels of {args.texel_voxels} voxels are impossible: give a positive number")
-    if args.exposure is not None and not 0.0 < args.exposure < np.inf:
-        raise SettingError(f"Exposure {args.exposure} must be a positive number, or left out to be automatic")
-    if args.memory is not None and not args.memory > 0:
-        raise SettingError(f"A memory limit of {args.memory} GiB is impossible: give a positive number for --memory")
     if args.depth != FIT:
         if not args.depth.isdecimal():
             raise SettingError(f"Depth {args.depth!r} is neither a whole number nor '{FIT}'")
+        bounds.DEPTH.read(args.depth)
         if args.view:
             raise SettingError(f"--view is what --depth {FIT} fits to: leave it out with a depth")
     elif not args.view:
@@ -176,6 +152,7 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
 
     from ..operators.job.versions import versions
     from ..operators.scene import read_scene
+    from ..operators.scene.precision import light_warnings, place_warnings
     from ..patchnet_addon.light.texel_sizes import texel_sizes
     from ..patchnet_addon.octree.build import build_octree
     from ..patchnet_addon.octree.grid import Grid
@@ -185,6 +162,9 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
         source = read_scene(bpy.context.evaluated_depsgraph_get())
     with clock.stage("fit" if args.depth == FIT else "grid"):
         grid, layout = yield from _grid(args, source)
+    lit = light_warnings(source, grid) if args.light == "cycles" else ()
+    for warning in (*source.warnings, *place_warnings(source, grid), *lit):
+        say_note(warning)
     with clock.stage("light"):
         shade = yield from _shade(args, source, texel_sizes(source, grid, layout, args.texel_voxels), kept)
     turned: MeshSource = RotatedSource(source, random_rotation(args.rotate)) if args.rotate else source
@@ -206,7 +186,10 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
         if args.rotate:
             grid = Grid.around(turned.bounds_world, grid.depth)
         steps = build_octree(turned, grid, shade, layout=layout, exposure=args.exposure, provenance=provenance)
-        return (yield from steps)
+        octree = yield from steps
+    if layout is not None:
+        say_unseen(octree, view_cameras(args))
+    return octree
 
 
 def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, LeafLevels | None]]:
@@ -242,7 +225,7 @@ def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarra
         return two_lights_shade(source, (x, y, z), color=args.color)
     lit = has_light(bpy.context.evaluated_depsgraph_get()) if args.daylight is None else not args.daylight
     if not lit:
-        say_note(NO_LIGHT, file=sys.stderr)
+        say_note(NO_LIGHT)
     atlas = yield from bake_luminance(
         bpy.context,
         source,
@@ -253,4 +236,6 @@ def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarra
         kept=kept,
         with_daylight=not lit,
     )
+    for warning in atlas.warnings:
+        say_note(warning)
     return atlas_shade(atlas, source)

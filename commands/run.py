@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..patchnet_addon import bounds
 from ..patchnet_addon.errors import PatchNetError, SettingError
+from .arguments import add_number, add_out
 from .cycles import add_cycles, cycles_settings, print_cycles
 from .frames import add_frames, bake_with_bars, check_frames, print_frames
 from .lines import say_note, say_result
@@ -31,7 +34,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument("--scope", choices=("visible", "selected"), default="visible", help="which objects (visible)")
     add_job_arguments(parser)
     add_frames(parser)
-    parser.add_argument("--out", type=Path, help="folder for the results (out/NAME-OF-SCENE)")
+    add_out(parser, "folder for the results (out/NAME-OF-SCENE)")
     return parser
 
 
@@ -42,26 +45,32 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
         help="octree depth; auto: 95 %% look-ahead for all cameras; fit: fine only where the cameras look (auto)",
     )  # fmt: skip
     parser.add_argument("--track", action="store_true", help="with --depth fit: the cameras at all frames of the scene")
-    parser.add_argument("--memory", type=float, metavar="GIB", help="what the octree may take while it is built (all)")
-    parser.add_argument("--voxel-size", type=float, help="side of the finest voxels in world units, instead of a depth")
+    add_number(
+        parser, "--memory", bounds.MEMORY_GIB, metavar="GIB", help="what the octree may take while it is built (all)"
+    )
+    add_number(
+        parser, "--voxel-size", bounds.VOXEL_SIZE, help="side of the finest voxels in world units, instead of a depth"
+    )
     parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="light (cycles)")
-    parser.add_argument("--samples", type=int, default=8, help="Cycles samples per baked texel (8)")
-    parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in finest voxels (2)")
+    add_number(parser, "--samples", bounds.SAMPLES, default=8, help="Cycles samples per baked texel (8)")
+    add_number(
+        parser, "--texel-voxels", bounds.TEXEL_VOXELS, default=2.0, help="side of a baked texel in finest voxels (2)"
+    )
     add_exposure(parser)
     parser.add_argument("--cameras", default="", help="names with commas between, all, or auto (the active camera)")
-    parser.add_argument(
-        "--size", type=int, nargs=2, default=(192, 192), metavar=("W", "H"),
+    add_number(
+        parser, "--size", bounds.SIZE_PX, nargs=2, default=(192, 192), metavar=("W", "H"),
         help="pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution (192 192)",
     )  # fmt: skip
     add_color(parser)
     add_both_sides(parser)
-    parser.add_argument("--budget", type=float, default=0.3, help="share of active pixels to refine, 0 to 1 (0.3)")
+    add_number(parser, "--budget", bounds.BUDGET, default=0.3, help="share of active pixels to refine, 0 to 1 (0.3)")
     parser.add_argument("--strategy", default="patchnet-behind", help="what is refined first (patchnet-behind)")
     parser.add_argument(
         "--mask", type=Path, metavar="IMAGE",
         help="painted importance, stretched over each view: multiplies the priority, black is never refined",
     )  # fmt: skip
-    parser.add_argument("--heatmap-max", type=float, help="priority at the end of the heatmap's legend")
+    add_number(parser, "--heatmap-max", bounds.HEATMAP_MAXIMUM, help="priority at the end of the heatmap's legend")
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
     parser.add_argument("--weights", type=Path, help="weights file instead of the one that is shipped")
     add_cycles(parser)
@@ -85,8 +94,8 @@ def add_color(parser: argparse.ArgumentParser) -> None:
 
 def add_exposure(parser: argparse.ArgumentParser) -> None:
     """The argument that all commands share which write lit octrees."""
-    parser.add_argument(
-        "--exposure", type=float, metavar="FACTOR",
+    add_number(
+        parser, "--exposure", bounds.EXPOSURE, metavar="FACTOR",
         help="factor on luminance (the one that brings its 99.5 %% quantile to 1)",
     )  # fmt: skip
 
@@ -142,7 +151,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         voxel_world=args.voxel_size,
         fit=args.depth == "fit",
         track=args.track,
-        memory_bytes=None if args.memory is None else int(args.memory * 2**30),
+        memory_bytes=None if args.memory is None else round(args.memory * 2**30),
         light=args.light,
         samples=args.samples,
         exposure=args.exposure,
@@ -206,7 +215,6 @@ def print_result(result: JobResult, settings: JobSettings) -> None:
 def _depth(text: str) -> int | None:
     if text in ("auto", "fit"):
         return None
-    try:
-        return int(text)
-    except ValueError as cause:
-        raise SettingError(f"Depth {text!r} is neither a whole number nor 'auto' or 'fit'") from cause
+    if not re.fullmatch(r"[+-]?\d+", text):
+        raise SettingError(f"Depth {text!r} is neither a whole number nor 'auto' or 'fit'")
+    return int(bounds.DEPTH.read(text))

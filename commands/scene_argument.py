@@ -22,7 +22,10 @@ def scene_path(scene: Path | str | None) -> Path:
     """File of the scene, for its name. Raises SceneError if none is named and none is open."""
     import bpy
 
+    from ..operators.unread_file import check_opened
+
     if scene is None and not bpy.data.filepath:
+        check_opened()
         raise SceneError(NO_SCENE)
     return Path(bpy.data.filepath if scene is None else scene)
 

@@ -17,10 +17,12 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from ..patchnet_addon import bounds
 from ..patchnet_addon.errors import SettingError
 from ..patchnet_addon.progress import drain
 from ..training.run_files import WEIGHTS, check_run
 from ..training.settings import PRESETS, TrainSettings
+from .arguments import add_number, add_out
 from .lines import say_result
 
 
@@ -33,21 +35,25 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET", help="sample files, or folders of them")
-    parser.add_argument("--out", type=Path, required=True, help="folder for checkpoint, log, weights and model card")
+    add_out(parser, "folder for checkpoint, log, weights and model card", required=True)
     parser.add_argument("--preset", choices=("quick", "paper", "improved"), default="improved")
-    parser.add_argument("--epochs", type=float, help="passes as multiples of the number of samples")
-    parser.add_argument("--passes", type=int, help="sample passes in all")
-    parser.add_argument("--batch", type=int, help="samples per step")
-    parser.add_argument("--rate", type=float, help="highest learning rate")
+    add_number(parser, "--epochs", bounds.EPOCHS, help="passes as multiples of the number of samples")
+    add_number(parser, "--passes", bounds.PASSES, help="sample passes in all")
+    add_number(parser, "--batch", bounds.BATCH, help="samples per step")
+    add_number(parser, "--rate", bounds.LEARNING_RATE, help="highest learning rate")
     parser.add_argument("--schedule", choices=("paper", "cosine"), help="how the learning rate falls")
-    parser.add_argument("--luminance-weight", type=float, help="factor of the luminance error in the loss")
+    add_number(parser, "--luminance-weight", bounds.LUMINANCE_WEIGHT, help="factor of the luminance error in the loss")
     parser.add_argument("--precision", choices=("auto", "bf16", "fp32"), help="of the encoder's matrix products")
-    parser.add_argument("--seed", type=int, help="random seed")
+    add_number(parser, "--seed", bounds.SEED, help="random seed")
     parser.add_argument("--resume", action="store_true", help="continue the run in --out")
-    parser.add_argument(
-        "--stop-after", type=int, metavar="STEPS", help="end early, leaving a checkpoint to resume from"
+    add_number(
+        parser,
+        "--stop-after",
+        bounds.STOP_AFTER,
+        metavar="STEPS",
+        help="end early, leaving a checkpoint to resume from",
     )
-    parser.add_argument("--checkpoint-minutes", type=float, default=5.0, help="time between checkpoints")
+    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, default=5.0, help="time between checkpoints")
     return parser
 
 

@@ -7,6 +7,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..patchnet_addon import bounds
+from .arguments import add_number, add_out
 from .lines import say_note, say_result
 from .run import add_both_sides, require_blender
 from .scene_argument import add_scene, open_given
@@ -26,21 +28,35 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         description="Render a scene with Cycles (diffuse and emission) and its octree from the same cameras, compare.",
     )
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room", str)
-    parser.add_argument("--depth", type=int, required=True, help="octree depth")
+    add_number(parser, "--depth", bounds.DEPTH, required=True, help="octree depth")
     parser.add_argument(
         "--cameras", default="", help="names with commas between, all, auto, or a number of cameras to place (active)"
     )
-    parser.add_argument(
-        "--size", type=int, nargs=2, default=(256, 256), metavar=("W", "H"), help="pixels; 0 follows the render aspect"
+    add_number(
+        parser,
+        "--size",
+        bounds.SIZE_PX,
+        nargs=2,
+        default=(256, 256),
+        metavar=("W", "H"),
+        help="pixels; 0 follows the render aspect",
     )
     add_both_sides(parser)
     parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="of the octree (cycles)")
-    parser.add_argument("--samples", type=int, default=64, help="Cycles samples per baked texel (64)")
-    parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a baked texel in finest voxels (2)")
-    parser.add_argument("--render-samples", type=int, default=256, help="Cycles samples per pixel of the render (256)")
-    parser.add_argument("--rays", type=int, default=32, help="rays per pixel side through the octree (32)")
-    parser.add_argument("--difference", type=float, default=0.2, help="end of the pictures' legend (0.2)")
-    parser.add_argument("--out", type=Path, required=True, help="folder for the report and the pictures")
+    add_number(parser, "--samples", bounds.SAMPLES, default=64, help="Cycles samples per baked texel (64)")
+    add_number(
+        parser, "--texel-voxels", bounds.TEXEL_VOXELS, default=2.0, help="side of a baked texel in finest voxels (2)"
+    )
+    add_number(
+        parser,
+        "--render-samples",
+        bounds.RENDER_SAMPLES,
+        default=256,
+        help="Cycles samples per pixel of the render (256)",
+    )
+    add_number(parser, "--rays", bounds.RAYS, default=32, help="rays per pixel side through the octree (32)")
+    add_number(parser, "--difference", bounds.DIFFERENCE, default=0.2, help="end of the pictures' legend (0.2)")
+    add_out(parser, "folder for the report and the pictures", required=True)
     return parser
 
 

@@ -35,7 +35,7 @@ def camera_size_px(scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> tu
 def tracing_camera(camera: bpy.types.Object, scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> Camera:
     """The view that Blender renders through an evaluated camera object, at a size as in `camera_size_px`.
 
-    Sensor fit, shift and pixel aspect follow Blender; the object's scale does not matter, as in Blender.
+    Sensor fit, shift, pixel aspect and clipping follow Blender; the object's scale does not matter, as in Blender.
     Raises SceneError for panoramic cameras and for objects that are no cameras.
     """
     data = camera.data
@@ -63,6 +63,8 @@ def tracing_camera(camera: bpy.types.Object, scene: bpy.types.Scene, size: tuple
         shift_x=shift_x,
         shift_y=shift_y,
         name=camera.name,
+        clip_start=float(data.clip_start),
+        clip_end=float(data.clip_end),
     )
 
 
@@ -174,5 +176,6 @@ def _without_repeats(cameras: list[Camera]) -> list[Camera]:
     for camera in cameras:
         axes = (camera.position_world, camera.right, camera.up, camera.forward)
         values = (*np.concatenate(axes).round(9).tolist(), camera.half_x, camera.half_y, camera.shift_x, camera.shift_y)
+        values = (*values, camera.clip_start, camera.clip_end)
         views.setdefault((*values, camera.width_px, camera.height_px, camera.kind), camera)
     return list(views.values())

@@ -11,6 +11,7 @@ from .polls import CodesJob
 from .properties import CameraProperties, ViewProperties
 from .render_preview import look
 from .seen import comparison_of
+from .tell import tell
 
 
 class PATCHNET_OT_compare(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):
@@ -22,7 +23,10 @@ class PATCHNET_OT_compare(CameraProperties, ViewProperties, CodesJob, bpy.types.
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace the view with all strategies, keep the table."""
-        found = comparison_of((yield from look(context, settings, compare=True)))
+        result = yield from look(context, settings, compare=True)
+        for warning in result.warnings:
+            tell(self, "WARNING", warning)
+        found = comparison_of(result)
         best = next(row for row in found.rows if row.name != "optimal")
         return f"{found.view}: error {found.unrefined:.2e}, best {best.name} with {best.error:.2e}"
 

@@ -26,6 +26,7 @@ from .preferences import apply_preferences
 from .properties import job_settings
 from .session_folder import session_folder_goes
 from .tell import tell, tell_start
+from .unread_file import check_opened
 from .window_job import in_window
 
 if TYPE_CHECKING:
@@ -149,6 +150,7 @@ class JobOperator(_Operator):
         try:
             apply_preferences(context)
             tell_start(self)
+            check_opened()
             self._steps = self.steps(context, job_settings(context, self))
         except PatchNetError as error:
             tell(self, "ERROR", str(error))

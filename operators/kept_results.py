@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ..patchnet_addon.errors import PatchNetError
+from ..patchnet_addon.bounds import KEPT_GIB
+from ..patchnet_addon.errors import PatchNetError, SettingError
 from . import results
 from .preferences import apply_preferences, preferences
 
@@ -73,8 +74,8 @@ def result_or_kept(scene: bpy.types.Scene) -> results.SceneResult | None:
 def limit_bytes() -> int:
     """Bytes that all entries may take together."""
     text = os.environ.get(VARIABLE, "")
-    with suppress(ValueError):
-        return int(float(text) * 2**30)
+    with suppress(SettingError):
+        return int(KEPT_GIB.read(text, VARIABLE) * 2**30)
     return int(preferences(bpy.context).kept_gib * 2**30)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
+from ..patchnet_addon.bounds import KEPT_GIB as KEPT
 from ..patchnet_addon.image.colormaps import COLORMAPS
 from ..patchnet_addon.log import set_up
 
@@ -50,7 +51,8 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
         description="Finished octrees and codes are kept in the cache folder, so that they are there again when the "
         "file is opened. They may take so much; those that were used longest ago go first. 0 keeps none",
         default=KEPT_GIB,
-        min=0.0,
+        min=KEPT.low,
+        max=KEPT.high,
         soft_max=64.0,
         step=100,
         precision=1,

@@ -34,6 +34,7 @@ from . import (
     run_all,
     show_voxels,
     staleness,
+    unread_file,
     voxelize,
 )
 from .cache import clear as clear_cache
@@ -47,6 +48,7 @@ _BEFORE = (
     staleness,
     overrides,
     job_operator,
+    unread_file,
     kept_results,
     presets_menu,
     load_octree,

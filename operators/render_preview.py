@@ -16,6 +16,7 @@ from .job.views import View, view
 from .polls import CodesJob
 from .properties import CameraProperties, ViewProperties
 from .seen import seen
+from .tell import tell
 
 
 class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):
@@ -27,6 +28,8 @@ class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace, score, refine, show."""
         result = yield from look(context, settings, compare=False)
+        for warning in result.warnings:
+            tell(self, "WARNING", warning)
         error, left = result.report["mse_unrefined"], result.report["mse"][settings.strategy]
         name = result.camera.name
         return f"{name}: error {error:.2e}, {left:.2e} after refining {settings.budget:.0%} of the active pixels"

@@ -41,6 +41,8 @@ def set_up(log_format: str | None = None, level: str = "WARNING") -> None:
     """
     chosen = log_format or os.environ.get(VARIABLE) or TEXT
     if chosen not in FORMATS:
+        if not LOG.handlers:  # else logging itself would write what is said about it, a second time
+            LOG.addHandler(_Lines(as_json=False))
         raise SettingError(
             f"There is no log format {chosen!r}: give --log-format or {VARIABLE} as {' or '.join(FORMATS)}"
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from ..patchnet_addon import bounds
 from ..patchnet_addon.errors import SettingError
 
 
@@ -34,8 +35,14 @@ class TrainSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.passes < 1 or self.batch < 1:
-            raise SettingError("Passes and batch must be positive numbers")
+        for row, value in (
+            (bounds.PASSES, self.passes),
+            (bounds.BATCH, self.batch),
+            (bounds.LEARNING_RATE, self.learning_rate),
+            (bounds.LUMINANCE_WEIGHT, self.luminance_weight),
+            (bounds.SEED, self.seed),
+        ):
+            row.check(value)
         if self.schedule not in ("paper", "cosine"):
             raise SettingError(f"Schedule '{self.schedule}' is unknown: use paper or cosine")
         if self.precision not in ("auto", "bf16", "fp32"):

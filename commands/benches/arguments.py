@@ -7,7 +7,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...patchnet_addon.errors import SettingError
+from ...patchnet_addon import bounds
+from ..arguments import add_number
 from ..quiet import quiet_stdout
 from ..run import require_blender
 
@@ -22,12 +23,14 @@ def add_scene(parser: argparse.ArgumentParser, required: bool = True) -> None:
 
 def add_depth(parser: argparse.ArgumentParser) -> None:
     """`--depth D`."""
-    parser.add_argument("--depth", type=int, default=9, help="octree depth (9)")
+    add_number(parser, "--depth", bounds.DEPTH, default=9, help="octree depth (9)")
 
 
 def add_repeats(parser: argparse.ArgumentParser, repeats: int) -> None:
     """`--repeats N`."""
-    parser.add_argument("--repeats", type=int, default=repeats, help=f"runs of each, the median counts ({repeats})")
+    add_number(
+        parser, "--repeats", bounds.REPEATS, default=repeats, help=f"runs of each, the median counts ({repeats})"
+    )
 
 
 def add_cores(parser: argparse.ArgumentParser) -> None:
@@ -38,12 +41,6 @@ def add_cores(parser: argparse.ArgumentParser) -> None:
         default="one",
         help="one: both are bound to one core, processor seconds; all: both may use every core, wall seconds (one)",
     )
-
-
-def check_repeats(args: argparse.Namespace) -> None:
-    """Raises SettingError if nothing would run."""
-    if args.repeats < 1:
-        raise SettingError(f"{args.repeats} repeats measure nothing: give at least 1 for --repeats")
 
 
 def read_triangles(scene: Path) -> np.ndarray:

@@ -13,6 +13,8 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...patchnet_addon import bounds
+from ..arguments import add_number
 from ..run import require_blender
 from .arguments import add_depth
 
@@ -27,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of `patchnet bench bake`."""
     parser.add_argument("--scene", required=True, help="scene file; demo: the courtyard; room: a closed room")
     add_depth(parser)
-    parser.add_argument("--samples", type=int, default=16, help="paths per texel (16)")
-    parser.add_argument("--texel-voxels", type=float, default=2.0, help="side of a texel in finest voxels (2)")
+    add_number(parser, "--samples", bounds.SAMPLES, default=16, help="paths per texel (16)")
+    add_number(parser, "--texel-voxels", bounds.TEXEL_VOXELS, default=2.0, help="side of a texel in finest voxels (2)")
 
 
 def measure(args: argparse.Namespace) -> Comparison:

@@ -9,7 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import add_cores, add_repeats, add_scene, check_repeats, read_triangles
+from ...patchnet_addon import bounds
+from ..arguments import add_number
+from .arguments import add_cores, add_repeats, add_scene, read_triangles
 
 if TYPE_CHECKING:
     from ...training.benchmarks.timing import Comparison
@@ -20,13 +22,19 @@ HELP = "cost per fragment, leaf and triangle as depth grows"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of `patchnet bench depths`."""
     add_scene(parser)
-    parser.add_argument(
-        "--depths", type=int, nargs=2, default=(7, 10), metavar=("FIRST", "LAST"), help="octree depths (7 10)"
+    add_number(
+        parser,
+        "--depths",
+        bounds.DEPTH,
+        nargs=2,
+        default=(7, 10),
+        metavar=("FIRST", "LAST"),
+        help="octree depths (7 10)",
     )
     parser.add_argument("--plot", type=Path, metavar="FILE", help=".png, .svg or .pdf to draw the cost into")
-    parser.add_argument("--peer-depth", type=int, default=14, help="deepest depth for Open3D (where memory ends)")
-    parser.add_argument(
-        "--most-seconds", type=float, default=60.0, help="no further run of a depth after this time (60)"
+    add_number(parser, "--peer-depth", bounds.DEPTH, default=14, help="deepest depth for Open3D (where memory ends)")
+    add_number(
+        parser, "--most-seconds", bounds.SECONDS, default=60.0, help="no further run of a depth after this time (60)"
     )
     add_cores(parser)
     add_repeats(parser, 3)
@@ -38,7 +46,6 @@ def measure(args: argparse.Namespace) -> Comparison:
     from ...training.benchmarks.depths_figure import check_figure, draw_depths
     from ...training.benchmarks.open3d_peer import import_open3d
 
-    check_repeats(args)
     check_depths(*args.depths)
     if args.plot is not None:
         check_figure(args.plot, [args.scene])

@@ -10,8 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...patchnet_addon.errors import PatchNetError, SettingError
-from .arguments import add_cores, add_repeats, check_repeats
+from ...patchnet_addon import bounds
+from ...patchnet_addon.errors import PatchNetError
+from ..arguments import add_number
+from .arguments import add_cores, add_repeats
 
 if TYPE_CHECKING:
     from ...patchnet_addon.octree.octree import Octree
@@ -23,8 +25,8 @@ HELP = "the encoder on our compiled products against NumPy's and torch's"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of `patchnet bench encode`."""
     parser.add_argument("file", type=Path, nargs="?", help="octree file (one of --nodes nodes is made)")
-    parser.add_argument("--nodes", type=int, default=600_000, help="nodes of the octree that is made (600000)")
-    parser.add_argument("--corners", type=int, default=50_000, help="corners to encode, about (50000)")
+    add_number(parser, "--nodes", bounds.NODES, default=600_000, help="nodes of the octree that is made (600000)")
+    add_number(parser, "--corners", bounds.CORNERS, default=50_000, help="corners to encode, about (50000)")
     add_cores(parser)
     add_repeats(parser, 9)
 
@@ -35,9 +37,6 @@ def measure(args: argparse.Namespace) -> Comparison:
     from ...training.benchmarks.encoding import benchmark_encoding
     from ...training.benchmarks.threads import has_one_thread
 
-    check_repeats(args)
-    if args.corners < 1:
-        raise SettingError(f"{args.corners} corners measure nothing: give at least 1 for --corners")
     all_cores = args.cores == "all"
     if not all_cores and not has_one_thread():
         return _in_a_process_of_one_thread(args)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.errors import SceneError, SettingError
-from ..octree import add_views, view_cameras
+from ..views import add_views, view_cameras
 from .arguments import add_scene
 
 if TYPE_CHECKING:

@@ -9,7 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import add_repeats, check_repeats
+from ...patchnet_addon import bounds
+from ..arguments import add_number
+from .arguments import add_repeats
 
 if TYPE_CHECKING:
     from ...training.benchmarks.timing import Comparison
@@ -20,7 +22,7 @@ HELP = "opening an octree file against numpy.load"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of `patchnet bench open`."""
     parser.add_argument("file", type=Path, nargs="?", help="octree file (one of --nodes nodes is made)")
-    parser.add_argument("--nodes", type=int, default=10_000_000, help="nodes of the octree that is made (10000000)")
+    add_number(parser, "--nodes", bounds.NODES, default=10_000_000, help="nodes of the octree that is made (10000000)")
     add_repeats(parser, 7)
 
 
@@ -30,7 +32,6 @@ def measure(args: argparse.Namespace) -> Comparison:
     from ...training.benchmarks.opening import benchmark_opening
     from ...training.benchmarks.shells import octree_of_shells
 
-    check_repeats(args)
     with tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
         path = args.file
         if path is None:

@@ -7,7 +7,7 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from .arguments import add_cores, add_depth, add_repeats, add_scene, check_repeats, read_triangles
+from .arguments import add_cores, add_depth, add_repeats, add_scene, read_triangles
 
 if TYPE_CHECKING:
     from ...training.benchmarks.timing import Comparison
@@ -28,7 +28,6 @@ def measure(args: argparse.Namespace) -> Comparison:
     from ...training.benchmarks.open3d_peer import import_open3d
     from ...training.benchmarks.voxelize import benchmark_voxelize
 
-    check_repeats(args)
     import_open3d()  # before a long scene is read
     result = benchmark_voxelize(read_triangles(args.scene), args.depth, args.repeats, all_cores=args.cores == "all")
     return replace(result, details={"scene": args.scene.name, **result.details})

@@ -20,6 +20,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.beside import beside
+from ...patchnet_addon.bounds import SAMPLES
 from ...patchnet_addon.errors import SettingError
 from ...patchnet_addon.light.charts import Charts
 from ...patchnet_addon.progress import Progress, Steps
@@ -68,8 +69,7 @@ def bake_luminance(
     """
     from ...patchnet_addon.light.atlas import COLOR_CHANNELS, Atlas
 
-    if samples < 1:
-        raise SettingError(f"{samples} samples per texel are too few: choose at least 1")
+    SAMPLES.check(samples)
     side = page_side(source.triangle_count)
     scene = "" if kept is None else scene_key(depsgraph or context.evaluated_depsgraph_get())
     charts = yield from beside(

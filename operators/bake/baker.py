@@ -17,6 +17,7 @@ from ..daylight import daylight
 from ..devices import AUTOMATIC, bakes_on_gpu
 from ..overrides import object_mode
 from ..scene.light_links import Links
+from ..scene.precision import LIFT_SHARE
 from ..scene.scene_mesh import SceneMesh
 from ..window_job import when_job_ended, window_is_alive
 from .bake_call import BakeTarget, run_as_job
@@ -79,7 +80,7 @@ class Baker:
         )
         # Far less than a voxel, but well above the rounding of single precision coordinates.
         reach = float(np.abs(source.bounds_world).max())
-        self._offset_world = max(1e-3 * charts.texel_world, 2.0**-18 * reach)
+        self._offset_world = max(1e-3 * charts.texel_world, LIFT_SHARE * reach)
 
     def page(self, page: int) -> Steps[np.ndarray]:
         """The texels (side * side, C) of a page."""

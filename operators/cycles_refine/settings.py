@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...patchnet_addon import bounds
 from ...patchnet_addon.errors import SettingError
 from ...patchnet_addon.sampling.regions import DEFAULT_MOST, DEFAULT_TILE
 
@@ -31,11 +32,9 @@ class CyclesSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.budget <= 1.0:
-            raise SettingError(f"Cycles' budget {self.budget} is outside 0 to 1: give the share of pixels to render")
-        if self.samples < 1:
-            raise SettingError(f"{self.samples} Cycles samples per pixel are too few: choose at least 1")
-        if self.tile < 1 or self.most < 1:
-            raise SettingError(f"Tiles of {self.tile} pixels and {self.most} regions are impossible: choose at least 1")
+        bounds.CYCLES_BUDGET.check(self.budget)
+        bounds.CYCLES_SAMPLES.check(self.samples)
+        bounds.CYCLES_TILE.check(self.tile)
+        bounds.CYCLES_REGIONS.check(self.most)
         if self.light not in (DIFFUSE, COMBINED):
             raise SettingError(f"Cycles renders {DIFFUSE} or {COMBINED} light, not {self.light!r}: choose one of them")

@@ -8,7 +8,7 @@ in Blender's main thread, which is where renders run without a window and from s
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -55,10 +55,16 @@ def all_results() -> list[results.SceneResult]:
 
 
 def octree_of_frame(
-    depsgraph: bpy.types.Depsgraph, camera: Camera, settings: JobSettings, *, animation: bool
+    depsgraph: bpy.types.Depsgraph,
+    camera: Camera,
+    settings: JobSettings,
+    warn: Callable[[str], None],
+    *,
+    animation: bool,
 ) -> Steps[CodedOctree]:
     """The lit and coded octree of a render's graph at its frame; `camera` sees it if the depth is to be found.
 
+    warn: takes sentences about what had to be assumed or left out where one is made.
     animation: other frames follow. Raises PatchNetError.
     """
     scene = depsgraph.scene.original
@@ -79,7 +85,7 @@ def octree_of_frame(
         if known is not None and known.key == key and (known.result is kept or known is _made.get(number)):
             return (yield from _coded(scene, known.result, settings))
     _made.pop(number, None)  # before the next one takes memory
-    result = yield from _compute(depsgraph, camera, settings, nothing_there=results.result_of(scene) is None)
+    result = yield from _compute(depsgraph, camera, settings, warn, nothing_there=results.result_of(scene) is None)
     if key:
         _made[number] = _Known(result, key)
     if kept is None:
@@ -98,7 +104,12 @@ def _coded(scene: bpy.types.Scene, result: results.SceneResult, settings: JobSet
 
 
 def _compute(
-    depsgraph: bpy.types.Depsgraph, camera: Camera, settings: JobSettings, *, nothing_there: bool
+    depsgraph: bpy.types.Depsgraph,
+    camera: Camera,
+    settings: JobSettings,
+    warn: Callable[[str], None],
+    *,
+    nothing_there: bool,
 ) -> Steps[results.SceneResult]:
     from ...patchnet_addon.light.kept_pages import KeptPages
 
@@ -111,10 +122,12 @@ def _compute(
     source, state = read_scene(depsgraph, settings.scope), scene_state(scene, depsgraph.view_layer.name)
     choice = yield from choose_grid(source, [camera], settings)
     with _bake_context(scene, depsgraph, settings), KeptPages() as pages:
-        shade, _ = yield from lit(bpy.context, source, choice.grid, choice.layout, settings, pages, depsgraph)
+        shade, assumed = yield from lit(bpy.context, source, choice.grid, choice.layout, settings, pages, depsgraph)
         octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout, state)
     octree = replace(octree, provenance=octree.provenance | {"scene": scene.name, "frame": scene.frame_current})
     coded = yield from encode(octree, weights)
+    for warning in (*source.warnings, *choice.warnings, *assumed):
+        warn(warning)
     return results.SceneResult(octree, settings.scope, choice.layout, settings.light, coded, state=state)
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from functools import partial
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from ...patchnet_addon.beside import attended
 from ...patchnet_addon.errors import StoppedError
+from ...patchnet_addon.log import event
 from ...patchnet_addon.progress import Result, Steps
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.registry import strategy
@@ -43,13 +45,14 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
         strokes = read_strokes(settings.importance, VISIBLE, depsgraph)  # what was voxelized may not be selected now
     world = None if scene.render.film_transparent else _background(engine, scene)
     _mention_left_out(engine, scene)
-    making = octree_of_frame(depsgraph, camera, settings, animation=engine.is_animation)
+    making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
     coded = pull(engine, making, 0.0, 0.3)
     importance = None if strokes is None else partial(strokes.weights, coded.octree.grid, place=place)
     picture = AdaptivePicture(coded.octree, camera, chosen, coded, importance)
     output = _Output(engine, depsgraph.view_layer.name, camera, picture, world)
     try:
         pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)
+        _warn_of_unseen(engine, picture)
         pull(engine, output.shown_meanwhile(picture.refine(settings.budget)), 0.5, 1.0)
     finally:  # a render that was stopped shows how far it came
         output.end()
@@ -117,13 +120,29 @@ class _Output:
 def _background(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> np.ndarray:
     color = world_color(scene.world)
     if color is None:
-        engine.report({"WARNING"}, VARIES)
+        warn(engine, VARIES)
         return np.zeros(3, np.float32)
     return color
 
 
+def _warn_of_unseen(engine: bpy.types.RenderEngine, picture: AdaptivePicture) -> None:
+    """Say why the picture shows nothing or is black; its world is black behind what is meant to be seen, too."""
+    from ...patchnet_addon.tracing.unseen import why_unseen
+
+    assert picture.frame is not None
+    warning = why_unseen(picture.octree, picture.camera, picture.frame.hits, float(picture.frame.preview.max()))
+    if warning is not None:
+        warn(engine, warning)
+
+
+def warn(engine: bpy.types.RenderEngine, text: str) -> None:
+    """A warning in the status bar or on the terminal, and in the log."""
+    engine.report({"WARNING"}, text)
+    event("warning", text, logging.WARNING)
+
+
 def _mention_left_out(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
     if scene.render.use_multiview:
-        engine.report({"WARNING"}, "PatchNet renders no stereo: all views show what the middle camera sees")
+        warn(engine, "PatchNet renders no stereo: all views show what the middle camera sees")
     if scene.render.use_motion_blur:
-        engine.report({"WARNING"}, "PatchNet renders no motion blur: turn it off, or leave it and have none")
+        warn(engine, "PatchNet renders no motion blur: turn it off, or leave it and have none")

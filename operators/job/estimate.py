@@ -12,6 +12,7 @@ import bpy
 from ...patchnet_addon.beside import beside
 from ...patchnet_addon.octree.grid import MAX_DEPTH, Grid
 from ...patchnet_addon.progress import Progress, Steps, labelled
+from ...patchnet_addon.quantities import bytes_text, count_text
 from ...patchnet_addon.tracing.camera import Camera
 from ..cameras import choose_cameras
 from ..devices import device_text
@@ -143,28 +144,17 @@ def estimate_lines(found: Estimate) -> list[str]:
     lines = [f"{most} {found.depth}, voxel side {found.voxel_world:.4g}"]
     if found.fitted:
         lines.append("As many voxels as cameras need")
-        lines.append(f"Building takes at most {_bytes(found.free_bytes)}")
+        lines.append(f"Building takes at most {bytes_text(found.free_bytes)}")
     else:
-        lines.append(f"About {_count(found.leaves)} voxels")
-        lines.append(f"Building takes {_bytes(found.peak_bytes)} of {_bytes(found.free_bytes)}")
-        lines.append(f"Octree {_bytes(found.octree_bytes)}, codes {_bytes(found.codes_bytes)}")
+        lines.append(f"About {count_text(found.leaves)} voxels")
+        lines.append(f"Building takes {bytes_text(found.peak_bytes)} of {bytes_text(found.free_bytes)}")
+        lines.append(f"Octree {bytes_text(found.octree_bytes)}, codes {bytes_text(found.codes_bytes)}")
     share = found.lookahead_share
     lines.append("No camera sees anything" if share is None else f"Look-ahead on {share:.0%} of pixels")
     if found.texels:
         about = "at most" if found.fitted else "about"
-        lines.append(f"Bake: {about} {_count(found.texels)} texels")
-        lines.append(f"Paths of a side: {_count(found.paths)}")
+        lines.append(f"Bake: {about} {count_text(found.texels)} texels")
+        lines.append(f"Paths of a side: {count_text(found.paths)}")
         lines.append(f"Bake on: {found.device}")
     lines.append(f"Codes: {found.encoder}")
     return lines
-
-
-def _count(number: float) -> str:
-    for limit, unit in ((1e9, " G"), (1e6, " M")):
-        if number >= limit:
-            return f"{number / limit:.1f}{unit}"
-    return f"{number:,.0f}"
-
-
-def _bytes(number: float) -> str:
-    return f"{number / 2**30:.1f} GiB" if number >= 2**30 else f"{number / 2**20:.1f} MiB"

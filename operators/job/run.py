@@ -105,7 +105,8 @@ def _compute(
             with watch.stage("cycles"):
                 cycles.append((yield from refine_view(context, octree, views[-1], settings, settings.cycles)))
             views[-1].report["cycles"] = cycles[-1].report
-    warnings = (*source.warnings, *choice.warnings, *assumed, *encoding.warnings)
+    unseen = [warning for item in views for warning in item.warnings]
+    warnings = (*source.warnings, *choice.warnings, *assumed, *encoding.warnings, *unseen)
     report = job_report(coded, views, settings, watch.seconds, warnings) | {"encoder": encoding.text}
     return JobResult(coded, tuple(views), report, warnings, choice.layout, tuple(cycles), state)
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ...patchnet_addon import bounds
 from ...patchnet_addon.errors import SettingError
 from ...patchnet_addon.image.colormaps import COLORMAPS
-from ...patchnet_addon.octree.grid import MAX_DEPTH
 from ...patchnet_addon.octree.mesh import MeshSource
 from ...patchnet_addon.sampling.registry import DEFAULT, strategy
 from ..cycles_refine.settings import CyclesSettings
@@ -20,7 +20,6 @@ from ..scene.placements import VISIBLE
 
 CYCLES = "cycles"
 TWO_LIGHTS = "two-lights"
-MAX_SIZE_PX = 16384
 Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
@@ -86,33 +85,34 @@ class JobSettings:
             raise SettingError("Leaves that fit the cameras have no one depth or voxel size: choose one of them")
         if self.track and not self.fit:
             raise SettingError("Only leaves that fit the cameras can follow a track: choose fit, or no track")
-        if self.memory_bytes is not None and self.memory_bytes <= 0:
-            raise SettingError("A memory limit must be a positive number")
-        if self.depth is not None and not 1 <= self.depth <= MAX_DEPTH:
-            raise SettingError(f"Depth {self.depth} is outside 1 to {MAX_DEPTH}: choose a depth in this range")
-        if self.voxel_world is not None and not (np.isfinite(self.voxel_world) and self.voxel_world > 0):
-            raise SettingError(f"Voxel size {self.voxel_world} must be a positive length")
+        self._check_numbers()
         if self.light not in (CYCLES, TWO_LIGHTS):
             raise SettingError(f"There is no light {self.light!r}: choose {CYCLES} or {TWO_LIGHTS}")
         if self.cycles is not None and self.light != CYCLES:
             raise SettingError(f"Regions by Cycles need voxels in Cycles' light, not {self.light}: choose {CYCLES}")
-        if self.samples < 1:
-            raise SettingError(f"{self.samples} samples per texel are too few: choose at least 1")
-        if self.exposure is not None and not (np.isfinite(self.exposure) and self.exposure > 0):
-            raise SettingError(f"Exposure {self.exposure} must be a positive number, or left out to be automatic")
-        if not (np.isfinite(self.texel_voxels) and self.texel_voxels > 0):
-            raise SettingError(f"Texels of {self.texel_voxels} voxels are impossible: give a positive number")
-        if not 0.0 <= self.budget <= 1.0:
-            raise SettingError(f"Budget {self.budget} is outside 0 to 1: give the share of active pixels to refine")
-        if self.heatmap_maximum is not None and not self.heatmap_maximum > 0:
-            raise SettingError(f"The heatmap's maximum {self.heatmap_maximum} must be a positive number")
         if self.colormap not in COLORMAPS:
             raise SettingError(f"There is no colour map {self.colormap!r}: choose one of {', '.join(COLORMAPS)}")
         for name in (self.device, self.encoder_device):
             if name not in DEVICES:
                 raise SettingError(f"There is no device {name!r}: choose one of {', '.join(DEVICES)}")
-        if min(self.size) < 0 or max(self.size) > MAX_SIZE_PX:
-            raise SettingError(f"Picture size {self.size[0]} x {self.size[1]} is outside 0 to {MAX_SIZE_PX} pixels")
+
+    def _check_numbers(self) -> None:
+        """Raises SettingError for a number outside the table's bounds; None is automatic."""
+        gib = None if self.memory_bytes is None else self.memory_bytes / 2**30
+        for row, value in (
+            (bounds.DEPTH, self.depth),
+            (bounds.VOXEL_SIZE, self.voxel_world),
+            (bounds.MEMORY_GIB, gib),
+            (bounds.SAMPLES, self.samples),
+            (bounds.EXPOSURE, self.exposure),
+            (bounds.TEXEL_VOXELS, self.texel_voxels),
+            (bounds.BUDGET, self.budget),
+            (bounds.HEATMAP_MAXIMUM, self.heatmap_maximum),
+            (bounds.SIZE_PX, self.size[0]),
+            (bounds.SIZE_PX, self.size[1]),
+        ):
+            if value is not None:
+                row.check(value)
 
     def bounds_world(self, source: MeshSource) -> np.ndarray:
         """(2, 3): what the octree's cube is put around."""

@@ -14,12 +14,14 @@ from ...patchnet_addon.beside import beside, computed
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.grid import MAX_DEPTH, Grid
-from ...patchnet_addon.octree.mesh import MeshSource, Shade
+from ...patchnet_addon.octree.mesh import Material, MeshSource, Shade
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.progress import Progress, Steps, labelled
 from ...patchnet_addon.tracing.camera import Camera
+from ...patchnet_addon.tracing.unseen import BLACK_SURFACE
 from ..daylight import has_light
 from ..scene import SceneMesh
+from ..scene.precision import light_warnings, place_warnings
 from .encoder import Encoding, chosen_encoder
 from .settings import CYCLES, JobSettings
 from .versions import versions
@@ -45,13 +47,15 @@ class GridChoice:
     warnings: tuple[str, ...] = ()
 
 
-def choose_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
+def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
     """Grid around the surface by the settings' depth or voxel size, else by the cameras (methods 4.1b).
 
-    Raises MemoryEstimateError, before anything is built, if a given depth would not fit.
+    Raises MemoryEstimateError, before anything is built, if a given depth would not fit, and GeometryError for a
+    surface whose place leaves it no precision.
     """
     make = _fitted_grid if settings.fit else _even_grid
-    return (yield from beside(lambda: make(source, cameras, settings), Progress(0, 1, "Finding the depth")))
+    choice = yield from beside(lambda: make(source, cameras, settings), Progress(0, 1, "Finding the depth"))
+    return replace(choice, warnings=(*place_warnings(source, choice.grid), *choice.warnings))
 
 
 def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
@@ -118,6 +122,7 @@ def lit(
         return (yield from computed(lambda: _two_lights(source, settings), Progress(0, 1, _TEXTURES))), ()
     from ..bake import bake_luminance
 
+    coarse = light_warnings(source, grid)
     added = settings.daylight
     bright = has_light(depsgraph or context.evaluated_depsgraph_get()) if added is None else not added
     texel_world = yield from computed(
@@ -136,7 +141,7 @@ def lit(
         depsgraph=depsgraph,
     )
     shade = yield from computed(lambda: _baked(atlas, source), Progress(0, 1, _TEXTURES))
-    return shade, (*atlas.warnings, *(() if bright else (NO_LIGHT,)))
+    return shade, (*coarse, *atlas.warnings, *(() if bright else (NO_LIGHT,)))
 
 
 def _albedo(source: MeshSource, settings: JobSettings) -> Shade:
@@ -204,7 +209,13 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
         "both_sides": settings.both_sides,
         "versions": versions(),
     }
+    if all(_is_black(material) for material in source.materials):
+        values[BLACK_SURFACE] = True  # for a sentence about black pictures
     return values | ({"samples": settings.samples, "texel_voxels": settings.texel_voxels} if light == CYCLES else {})
+
+
+def _is_black(material: Material) -> bool:
+    return max(*material.base_color, *material.emission) <= 0.0
 
 
 def load_network(path: Path | None) -> Weights:

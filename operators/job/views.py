@@ -16,6 +16,7 @@ from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import error_picture, heatmap, overlay, tint
 from ...patchnet_addon.image.tone import shown
+from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.progress import Progress, Steps, labelled
 from ...patchnet_addon.sampling.errors import mse_at
 from ...patchnet_addon.sampling.frame import Frame
@@ -42,6 +43,7 @@ class View:
 
     priority: (H, W) float32, raw scores of `strategy`. pictures: name -> (h, w, 3) encoded colours; those of PICTURES,
     and "priority" and "order", which are the heatmap and the overlay without legend. report: figures.
+    warnings: why the picture is empty or black, if it is.
     """
 
     camera: Camera
@@ -50,6 +52,7 @@ class View:
     priority: np.ndarray
     pictures: dict[str, np.ndarray]
     report: dict[str, Any]
+    warnings: tuple[str, ...] = ()
 
 
 def view(coded: CodedOctree, camera: Camera, settings: JobSettings, *, compare: bool) -> Steps[View]:
@@ -68,19 +71,27 @@ def view(coded: CodedOctree, camera: Camera, settings: JobSettings, *, compare: 
         looked_up = pixel_importance(settings.importance, settings.scope, coded.octree.grid, frame)
         frame = replace(frame, importance=(yield from labelled(looked_up, f"{camera.name}: {{}}")))
     measuring = computed(
-        lambda: _measured(frame, camera, strategies, settings), Progress(0, 1, f"{camera.name}: Measuring errors")
+        lambda: _measured(coded.octree, frame, camera, strategies, settings),
+        Progress(0, 1, f"{camera.name}: Measuring errors"),
     )
     return (yield from measuring)
 
 
-def _measured(frame: Frame, camera: Camera, strategies: Sequence[Strategy], settings: JobSettings) -> View:
+def _measured(
+    octree: Octree, frame: Frame, camera: Camera, strategies: Sequence[Strategy], settings: JobSettings
+) -> View:
     """Figures and pictures of a traced frame."""
+    from ...patchnet_addon.tracing.unseen import why_unseen
+
+    assert frame.reference is not None
+    unseen = why_unseen(octree, camera, frame.hits, max(float(frame.preview.max()), float(frame.reference.max())))
     report = frame_report(frame, camera.name, settings.budget, strategies)
     if settings.importance is not None:
         report["refinable_pixels"] = refinable(frame)
     score = strategy(settings.strategy).scores(frame)
     pictures = _pictures(frame, score, settings, camera.name)
-    return View(camera, settings.strategy, frame, frame.picture(priority(frame, score)), pictures, report)
+    urgent = frame.picture(priority(frame, score))
+    return View(camera, settings.strategy, frame, urgent, pictures, report, () if unseen is None else (unseen,))
 
 
 def _pictures(frame: Frame, score: np.ndarray, settings: JobSettings, name: str) -> dict[str, np.ndarray]:

@@ -105,4 +105,4 @@ def _changed(scene: bpy.types.Scene, item: bpy.types.Object, before: Camera) -> 
 
 
 def _lens(camera: Camera) -> list[float]:
-    return [camera.half_x, camera.half_y, camera.shift_x, camera.shift_y]
+    return [camera.half_x, camera.half_y, camera.shift_x, camera.shift_y, camera.clip_start, camera.clip_end]

@@ -6,11 +6,12 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, IntProperty
+from bpy.props import BoolProperty, EnumProperty
 
+from ...patchnet_addon.bounds import CYCLES_BUDGET, CYCLES_REGIONS, CYCLES_SAMPLES, CYCLES_TILE
 from ..cycles_refine.settings import COMBINED, DIFFUSE, CyclesSettings
 from .given import setting
-from .shapes import sample_count, share
+from .shapes import number, share
 
 
 class CyclesRefineProperties:
@@ -20,8 +21,11 @@ class CyclesRefineProperties:
         "Pixels",
         "Share of the picture's pixels that Cycles renders, in rectangles where priority is highest",
         CyclesSettings.budget,
+        CYCLES_BUDGET,
     )
-    cycles_samples: sample_count("Cycles Samples", "Cycles samples of each of these pixels", CyclesSettings.samples)
+    cycles_samples: number(
+        "Cycles Samples", "Cycles samples of each of these pixels", CyclesSettings.samples, CYCLES_SAMPLES
+    )
     cycles_light: EnumProperty(
         name="Passes",
         description="What Cycles' pixels show",
@@ -31,17 +35,14 @@ class CyclesRefineProperties:
         ],
         default=CyclesSettings.light,
     )
-    cycles_tile: IntProperty(
-        name="Tile",
-        description="Side in pixels of the tiles that regions are made of: smaller ones follow the heatmap closer",
-        default=CyclesSettings.tile,
-        min=1,
+    cycles_tile: number(
+        "Tile",
+        "Side in pixels of the tiles that regions are made of: smaller ones follow the heatmap closer",
+        CyclesSettings.tile,
+        CYCLES_TILE,
         soft_min=4,
-        max=1024,
     )
-    cycles_regions: IntProperty(
-        name="Max Regions", description="Regions at most", default=CyclesSettings.most, min=1, soft_max=32, max=256
-    )
+    cycles_regions: number("Max Regions", "Regions at most", CyclesSettings.most, CYCLES_REGIONS, soft_max=32)
     cycles_compare: BoolProperty(
         name="Compare with a Full Render",
         description="Also render the whole picture with as many samples, and a reference with four times as many, and "

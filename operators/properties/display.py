@@ -3,22 +3,21 @@
 
 from __future__ import annotations
 
-from bpy.props import EnumProperty, IntProperty
+from bpy.props import EnumProperty
 
-from ...patchnet_addon.octree.grid import MAX_DEPTH
+from ...patchnet_addon.bounds import LEVEL, SHOWN_VOXELS
 from ..voxel_object import CUBES, POINTS
-from .shapes import OF_ONE_CALL
+from .shapes import OF_ONE_CALL, number
 
 
 class LevelProperties:
     """Which level is shown or exported."""
 
-    level: IntProperty(
-        name="Level",
-        description="Level of the voxels, each half as large as on the one before; 0 takes the finest",
-        default=0,
-        min=0,
-        max=MAX_DEPTH,
+    level: number(
+        "Level",
+        "Level of the voxels, each half as large as on the one before; 0 takes the finest",
+        0,
+        LEVEL,
         options=OF_ONE_CALL,
     )
 
@@ -36,11 +35,11 @@ class DisplayProperties(LevelProperties):
         default=CUBES,
         options=OF_ONE_CALL,
     )
-    limit: IntProperty(
-        name="Limit",
-        description="Voxels at most: where a level has more, a coarser one is shown",
-        default=200_000,
-        min=1,
+    limit: number(
+        "Limit",
+        "Voxels at most: where a level has more, a coarser one is shown",
+        200_000,
+        SHOWN_VOXELS,
         soft_max=5_000_000,
         options=OF_ONE_CALL,
     )

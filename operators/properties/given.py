@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 
 from ...patchnet_addon.errors import SettingError
+from ..unread_file import check_opened
 
 
 def setting(context: bpy.types.Context, operator: bpy.types.Operator, name: str) -> Any:
@@ -23,9 +24,13 @@ def is_given(operator: bpy.types.Operator, name: str) -> bool:
 
 
 def absolute_path(text: str) -> Path | None:
-    """Absolute path of a text that may begin with // for the folder of the .blend file; None for an empty one."""
+    """Absolute path of a text that may begin with // for the folder of the .blend file; None for an empty one.
+
+    Raises SettingError, or SceneError, if there is no such folder.
+    """
     if not text:
         return None
     if text.startswith("//") and not bpy.data.filepath:
+        check_opened()
         raise SettingError(f"Path '{text}' is relative to the .blend file: save the file first")
     return Path(bpy.path.abspath(text)).absolute()

@@ -9,6 +9,7 @@ from typing import Any
 
 import bpy
 
+from ...patchnet_addon.bounds import MEMORY_GIB
 from ...patchnet_addon.errors import SettingError
 from ..importance import Importance
 from ..job.settings import JobSettings
@@ -49,7 +50,7 @@ def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope:
         voxel_world=value("voxel_size") if resolution == "VOXEL_SIZE" else None,
         fit=resolution == "FIT",
         track=resolution == "FIT" and value("track"),
-        memory_bytes=int(value("memory") * 2**30) or None,
+        memory_bytes=_bytes(value("memory")),
         light=value("light"),
         samples=value("samples"),
         exposure=value("exposure") or None,
@@ -68,6 +69,13 @@ def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope:
         device=value("device"),
         encoder_device=value("encoder_device"),
     )
+
+
+def _bytes(gib: float) -> int | None:
+    """Bytes of a memory limit; None for 0. Raises SettingError, since Blender lets a script set NaN."""
+    if gib:
+        MEMORY_GIB.check(gib)
+    return round(gib * 2**30) or None
 
 
 def _resolution(operator: bpy.types.Operator, resolution: str) -> str:

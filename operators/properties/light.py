@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
-from bpy.props import BoolProperty, EnumProperty, FloatProperty
+from bpy.props import BoolProperty, EnumProperty
 
+from ...patchnet_addon.bounds import EXPOSURE, SAMPLES, TEXEL_VOXELS
 from ..job.settings import CYCLES, TWO_LIGHTS, JobSettings
-from .shapes import automatic_at_zero, device_choice, sample_count
+from .shapes import automatic_at_zero, device_choice, number
 
 
 class LightProperties:
@@ -21,17 +22,17 @@ class LightProperties:
         ],
         default=JobSettings.light,
     )
-    samples: sample_count("Samples", "Cycles samples of each baked texel", JobSettings.samples, soft_max=256)
-    texel_voxels: FloatProperty(
-        name="Texel Size",
-        description="Side of a baked texel in finest voxels: smaller texels take longer and show finer shadows",
-        default=JobSettings.texel_voxels,
-        min=0.25,
-        max=16.0,
+    samples: number("Samples", "Cycles samples of each baked texel", JobSettings.samples, SAMPLES, soft_max=256)
+    texel_voxels: number(
+        "Texel Size",
+        "Side of a baked texel in finest voxels: smaller texels take longer and show finer shadows",
+        JobSettings.texel_voxels,
+        TEXEL_VOXELS,
     )
     exposure: automatic_at_zero(
         "Exposure",
         "Factor on the luminance of the voxels; 0 chooses it by the brightest of the surface",
+        EXPOSURE,
         precision=4,
     )
     both_sides: BoolProperty(

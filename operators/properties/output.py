@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from bpy.props import BoolProperty, IntProperty
+from bpy.props import BoolProperty
 
-from ...patchnet_addon.frames import LAST_FRAME
-from .shapes import OF_ONE_CALL, relative_path
+from ...patchnet_addon.bounds import FRAME, FRAME_STEP, Bounds
+from .shapes import OF_ONE_CALL, number, relative_path
 
 
 class OutputProperties:
@@ -33,16 +33,9 @@ class AnimationProperties:
     )
 
 
-def _frame(name: str, description: str, default: int, low: int = -LAST_FRAME) -> Any:
+def _frame(name: str, description: str, default: int, bounds: Bounds = FRAME) -> Any:
     """A frame, or a number of frames. The scene has them already, as its frame range."""
-    return IntProperty(
-        name=name,
-        description=f"{description}; the scene's if it is not given",
-        default=default,
-        min=low,
-        max=LAST_FRAME,
-        options=OF_ONE_CALL,
-    )
+    return number(name, f"{description}; the scene's if it is not given", default, bounds, options=OF_ONE_CALL)
 
 
 class FrameProperties:
@@ -50,4 +43,4 @@ class FrameProperties:
 
     frame_start: _frame("Frame Start", "First frame", 1)
     frame_end: _frame("Frame End", "Last frame", 250)
-    frame_step: _frame("Frame Step", "Frames from one to the next", 1, low=1)
+    frame_step: _frame("Frame Step", "Frames from one to the next", 1, FRAME_STEP)

@@ -6,29 +6,40 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
+from ...patchnet_addon.bounds import SHARE, Bounds
 from ..devices import AUTOMATIC, CPU, GPU
 
-MOST_SAMPLES = 65536  # that Cycles takes
 OF_ONE_CALL = {"SKIP_SAVE"}  # an operator forgets the value, so that the scene's counts for its next call
 
 
-def share(name: str, description: str, default: float, update: Callable[..., None] | None = None) -> Any:
-    """A part of a whole, 0 to 1."""
-    return FloatProperty(
-        name=name, description=description, default=default, min=0.0, max=1.0, subtype="FACTOR", update=update
-    )
+def number(name: str, description: str, default: float, bounds: Bounds, **others: Any) -> Any:
+    """A number of the table."""
+    kind = IntProperty if bounds.whole else FloatProperty
+    low, high = (int(bounds.low), int(bounds.high)) if bounds.whole else _inside(bounds)
+    return kind(name=name, description=description, default=default, min=low, max=high, **others)
 
 
-def automatic_at_zero(name: str, description: str, **bounds: float) -> Any:
-    """A number that is found where it is 0, as it is from the start."""
-    return FloatProperty(name=name, description=description, default=0.0, min=0.0, **bounds)
+def _inside(bounds: Bounds) -> tuple[float, float]:
+    """The lowest and the highest number of single precision, as Blender keeps them, that is within the bounds."""
+    low, high = np.float32(bounds.low), np.float32(bounds.high)
+    low = low if low >= bounds.low else np.nextafter(low, np.float32(np.inf))
+    high = high if high <= bounds.high else np.nextafter(high, np.float32(-np.inf))
+    return float(low), float(high)
 
 
-def sample_count(name: str, description: str, default: int, soft_max: int = MOST_SAMPLES) -> Any:
-    """A number of Cycles' samples."""
-    return IntProperty(name=name, description=description, default=default, min=1, soft_max=soft_max, max=MOST_SAMPLES)
+def share(
+    name: str, description: str, default: float, bounds: Bounds = SHARE, update: Callable[..., None] | None = None
+) -> Any:
+    """A part of a whole."""
+    return number(name, description, default, bounds, subtype="FACTOR", update=update)
+
+
+def automatic_at_zero(name: str, description: str, bounds: Bounds, **others: Any) -> Any:
+    """A number of the table that is found where it is 0, as it is from the start."""
+    return FloatProperty(name=name, description=description, default=0.0, min=0.0, max=_inside(bounds)[1], **others)
 
 
 def relative_path(name: str, description: str, subtype: str) -> Any:

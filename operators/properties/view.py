@@ -5,9 +5,10 @@ from __future__ import annotations
 
 from bpy.props import EnumProperty, IntVectorProperty, StringProperty
 
+from ...patchnet_addon.bounds import BUDGET, HEATMAP_MAXIMUM, SIZE_PX
 from ...patchnet_addon.sampling.registry import STRATEGIES
 from ..importance import IMAGE, NOTHING, VERTEX_GROUP
-from ..job.settings import MAX_SIZE_PX, JobSettings
+from ..job.settings import JobSettings
 from .shapes import automatic_at_zero, share
 
 _STRATEGY_ITEMS = [(item.name, item.title, item.description) for item in STRATEGIES.values()]
@@ -25,8 +26,8 @@ class CameraProperties:
         description="Pixels of the pictures; 0 follows the render aspect, twice 0 is the render resolution",
         size=2,
         default=JobSettings.size,
-        min=0,
-        max=MAX_SIZE_PX,
+        min=int(SIZE_PX.low),
+        max=int(SIZE_PX.high),
     )
 
 
@@ -53,7 +54,7 @@ class ViewProperties(ImportanceProperties):
     strategy: EnumProperty(
         name="Strategy", description="What is refined first", items=_STRATEGY_ITEMS, default=JobSettings.strategy
     )
-    budget: share("Budget", "Share of active pixels to refine", JobSettings.budget)
+    budget: share("Budget", "Share of active pixels to refine", JobSettings.budget, BUDGET)
     heatmap_maximum: automatic_at_zero(
-        "Heatmap Max", "Priority at the end of the heatmap's legend; 0 takes the strategy's own"
+        "Heatmap Max", "Priority at the end of the heatmap's legend; 0 takes the strategy's own", HEATMAP_MAXIMUM
     )

@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+from bpy.props import BoolProperty, EnumProperty
 
-from ...patchnet_addon.octree.grid import MAX_DEPTH
+from ...patchnet_addon.bounds import DEPTH, MEMORY_GIB, VOXEL_SIZE
 from ..scene.placements import SELECTED, VISIBLE
-from .shapes import automatic_at_zero
+from .shapes import automatic_at_zero, number
 
 
 class VoxelizeProperties:
@@ -34,15 +34,16 @@ class VoxelizeProperties:
         ],
         default="AUTO",
     )
-    depth: IntProperty(name="Depth", description="Levels of the octree", default=9, min=1, max=MAX_DEPTH)
-    voxel_size: FloatProperty(
-        name="Voxel Size", description="Side of the finest voxels", default=0.01, min=1e-6, unit="LENGTH", precision=4
-    )
+    depth: number("Depth", "Levels of the octree", 9, DEPTH)
+    voxel_size: number("Voxel Size", "Side of the finest voxels", 0.01, VOXEL_SIZE, unit="LENGTH", precision=4)
     track: BoolProperty(
         name="Whole Animation",
         description="Fit the voxels to the cameras at all frames of the scene, not only at the present one",
         default=False,
     )
     memory: automatic_at_zero(
-        "Memory Limit", "GiB that the octree may take while it is built; 0 takes what is free", soft_max=64.0
+        "Memory Limit",
+        "GiB that the octree may take while it is built; 0 takes what is free",
+        MEMORY_GIB,
+        soft_max=64.0,
     )

@@ -34,8 +34,7 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
     Raises SceneError if the file is missing, damaged, of an unknown kind, or holds no surface.
     """
     path = Path(path)
-    if not path.is_file():
-        raise SceneError(f"Scene file {path} does not exist: check its path")
+    check_scene_file(path)
     extension = path.suffix.lower()
     if extension == ".blend":
         _run(path, bpy.ops.wm.open_mainfile, filepath=str(path.absolute()), load_ui=False)
@@ -50,6 +49,14 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
     if not any(_has_surface(item) for item in bpy.data.objects):
         raise SceneError(f"Scene file {path} holds no surface that Blender could import: it may be damaged or empty")
     return scene
+
+
+def check_scene_file(path: Path) -> None:
+    """Raises SceneError if there is no such file, or a folder in its place."""
+    if path.is_dir():
+        raise SceneError(f"Scene file {path} is a folder: name a file in it")
+    if not path.is_file():
+        raise SceneError(f"Scene file {path} does not exist: check its path")
 
 
 def _has_surface(item: bpy.types.Object) -> bool:

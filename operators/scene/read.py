@@ -17,6 +17,7 @@ from .layer_names import layer_names
 from .light_links import LightLinks
 from .local_mesh import LocalMesh, read_local_mesh
 from .materials import read_material
+from .missing_files import missing_files, missing_libraries
 from .object_random import object_random
 from .placements import SELECTED, VISIBLE, surface_instances
 from .render_geometry import render_geometry
@@ -39,8 +40,10 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMes
             reader.add(instance)
     parts = reader.parts()
     if not parts:
-        raise EmptySelectionError(_nothing(scope))
+        raise EmptySelectionError(". ".join([_nothing(scope), *missing_libraries()]))
     materials, warnings = reader.materials()
+    in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
+    warnings = missing_files(in_use, depsgraph.scene.world) + warnings
     return SceneMesh(parts, materials, tuple(reader.material_names), warnings, tuple(reader.light_links.distinct))
 
 

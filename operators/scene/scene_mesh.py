@@ -118,7 +118,8 @@ class SceneMesh:
     """`MeshSource` of a Blender scene. Meshes are kept once; placed triangles exist only batch by batch.
 
     material_names: Blender's (full) name for each of `materials`, "" where a surface has none.
-    warnings: sentences about what was simplified. light_links: receiver collections of lamps that objects are in.
+    warnings: sentences about what is missing or was simplified.
+    light_links: receiver collections of lamps that objects are in.
     """
 
     parts: tuple[Placements, ...]

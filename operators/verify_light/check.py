@@ -77,8 +77,16 @@ def _compared(context: bpy.types.Context, settings: CheckSettings, kept: KeptPag
         with watch.stage("cameras"):
             steps = check_camera(context, octree, camera, settings)
             checks.append((yield from labelled(steps, f"{camera.name}: {{}}")))
-    warnings = (*source.warnings, *choice.warnings, *assumed)
+    unseen = [text for check in checks if (text := _why_unseen(octree, check)) is not None]
+    warnings = (*source.warnings, *choice.warnings, *assumed, *unseen)
     return LightCheck(octree, tuple(checks), _report(octree, checks, settings, watch.seconds, warnings))
+
+
+def _why_unseen(octree: Octree, check: CameraCheck) -> str | None:
+    from ...patchnet_addon.tracing.render import first_hits
+    from ...patchnet_addon.tracing.unseen import why_unseen
+
+    return why_unseen(octree, check.camera, first_hits(octree, check.camera), float(check.octree.max()))
 
 
 def _cameras(

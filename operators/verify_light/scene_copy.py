@@ -140,7 +140,7 @@ def _seen_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
             data.lens = _SENSOR / (2.0 * camera.half_x)
         data.shift_x = camera.shift_x / 2.0
         data.shift_y = camera.shift_y * camera.half_y / (2.0 * camera.half_x)
-        data.clip_start, data.clip_end = 1e-5, 1e9
+        data.clip_start, data.clip_end = max(camera.clip_start, 1e-5), min(camera.clip_end, 1e9)
         axes = np.stack([camera.right, camera.up, -np.asarray(camera.forward), camera.position_world], axis=1)
         item.matrix_world = Matrix([*axes.tolist(), [0.0, 0.0, 0.0, 1.0]])
         scene.collection.objects.link(item)

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...patchnet_addon import bounds
 from ...patchnet_addon.errors import SettingError
-from ...patchnet_addon.tracing.supersample import MAX_SAMPLES
 from ..job.settings import JobSettings
 
 
@@ -23,15 +23,12 @@ class CheckSettings:
     job: JobSettings
     viewpoints: int = 0
     render_samples: int = 256
-    rays: int = MAX_SAMPLES
+    rays: int = int(bounds.RAYS.high)
     difference: float = 0.2
 
     def __post_init__(self) -> None:
         if self.job.depth is None and self.job.voxel_world is None:
             raise SettingError("A comparison needs a depth: give one")
-        if self.render_samples < 2:
-            raise SettingError(f"{self.render_samples} samples per pixel are too few: choose at least 2")
-        if not 1 <= self.rays <= MAX_SAMPLES:
-            raise SettingError(f"{self.rays} rays per pixel side are outside 1 to {MAX_SAMPLES}")
-        if not self.difference > 0:
-            raise SettingError(f"The difference's maximum {self.difference} must be a positive number")
+        bounds.RENDER_SAMPLES.check(self.render_samples)
+        bounds.RAYS.check(self.rays)
+        bounds.DIFFERENCE.check(self.difference)

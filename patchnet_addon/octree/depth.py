@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import MemoryEstimateError
 from ..progress import Steps
+from ..quantities import bytes_text, count_text
 from ..tracing.camera import Camera
 from ..tracing.render import first_hits
 from .build import build_octree
@@ -143,6 +144,13 @@ def available_memory() -> int:
     return 4 << 30
 
 
+def _bound(memory_bytes: int | None) -> str:
+    """What bounds the memory, in words."""
+    if memory_bytes is None:
+        return f"{bytes_text(available_memory())} are free"
+    return f"the memory limit is {bytes_text(memory_bytes)}"
+
+
 def choose_depth(
     coarse: Octree,
     cameras: Sequence[Camera],
@@ -163,7 +171,7 @@ def choose_depth(
     leaves, octree_bytes, peak = estimate(coarse, choice, color=color)
     if depth is not None and peak > memory:
         raise MemoryEstimateError(
-            f"Depth {depth} needs about {peak / 2**30:.1f} GiB for {leaves / 1e6:.1f} M voxels, and "
-            f"{memory / 2**30:.1f} GiB are free: choose a smaller depth, a larger voxel size, or fewer objects"
+            f"Depth {depth} needs about {bytes_text(peak)} for {count_text(leaves)} voxels, and "
+            f"{_bound(memory_bytes)}: choose a smaller depth, a larger voxel size, or fewer objects"
         )
     return DepthChoice(choice, wanted, leaves, octree_bytes, peak)

@@ -23,6 +23,7 @@ class Camera:
     right, up, forward: (3,) float64, orthonormal; forward points into the picture.
     half_x, half_y: PERSP: tangents of the half angles; ORTHO: half extents in world units.
     shift_x, shift_y: offset of the picture's centre, in half extents.
+    clip_start, clip_end: what is nearer or farther along `forward` is not seen, to the accuracy of a voxel.
     Pixels are square in the sense of methods 4.1b: the pixel side follows from the height.
     """
 
@@ -38,6 +39,8 @@ class Camera:
     shift_x: float = 0.0
     shift_y: float = 0.0
     name: str = "Camera"
+    clip_start: float = 0.0
+    clip_end: float = float("inf")
 
     def __post_init__(self) -> None:
         if self.kind not in (PERSPECTIVE, ORTHOGRAPHIC):
@@ -91,7 +94,8 @@ class CameraUnit(NamedTuple):
     """A camera in the octree's unit cube, as plain arrays for kernels.
 
     frame: (4, 3) float64 position, right * half_x, up * half_y, forward.
-    lens: (4,) float64 shift_x, shift_y, pixel side at z = 0 and its growth per unit of z.
+    lens: (6,) float64 shift_x, shift_y, pixel side at z = 0, its growth per unit of z, and the z where sight begins and
+    ends.
     """
 
     frame: np.ndarray
@@ -114,5 +118,7 @@ def camera_in_unit_cube(camera: Camera, grid: Grid) -> CameraUnit:
         ]
     ).astype(np.float64)
     side = 2.0 * camera.half_y * scale / camera.height_px
-    lens = np.array([camera.shift_x, camera.shift_y, 0.0 if perspective else side, side if perspective else 0.0])
+    sides = (0.0, side) if perspective else (side, 0.0)
+    clip = camera.clip_start / grid.side_world, camera.clip_end / grid.side_world
+    lens = np.array([camera.shift_x, camera.shift_y, *sides, *clip])
     return CameraUnit(frame, lens, perspective, camera.width_px, camera.height_px)

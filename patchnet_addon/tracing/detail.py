@@ -12,7 +12,7 @@ from ..octree.grid import Grid
 from ..octree.octree import LOOK_AHEAD
 from ..progress import Progress, Steps
 from .camera import Camera, CameraUnit, camera_in_unit_cube
-from .traverse import MAX_LEVELS, first_hit, pixel_ray
+from .traverse import MAX_LEVELS, first_seen, pixel_ray
 
 _ROWS_PER_STEP = 64
 # Beside its centre, four rays with the footprint of a patch's voxels look through the gaps of each pixel.
@@ -123,9 +123,7 @@ def _trace(
             x = 2.0 * (column + 0.5 + offset[0]) / width - 1.0
             y = 2.0 * (first_row + row + 0.5 + offset[1]) / height - 1.0
             speed = pixel_ray(frame, lens, perspective, x, y, ray_o, ray_d)
-            hit, depth, t = first_hit(
-                child_mask, first_child, ray_o, ray_d, 0.0, 0.0, speed, shrink * lens[2], shrink * lens[3], stack, found
-            )
+            hit, depth, t = first_seen(child_mask, first_child, ray_o, ray_d, speed, lens, shrink, stack, found)
             if hit >= 0:
                 ray = row * width + column
                 pixel = lens[2] + lens[3] * t * speed

@@ -13,7 +13,7 @@ from ..octree.chroma_kernels import decode_color
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from .camera import Camera
 from .supersample import MAX_SAMPLES, NO_CHROMA, finer_rays
-from .traverse import MAX_LEVELS, first_hit, pixel_ray
+from .traverse import MAX_LEVELS, first_seen, pixel_ray
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +61,7 @@ def _supersample_pixels(  # type: ignore[no-untyped-def]
             for i in range(samples):
                 x = 2.0 * (column + (i + 0.5) / samples) / width - 1.0
                 speed = pixel_ray(frame, lens, perspective, x, y, ray_o, ray_d)
-                hit, _, _ = first_hit(
-                    child_mask, first_child, ray_o, ray_d, 0.0, 0.0, speed, lens[2], lens[3], stack, found
-                )
+                hit, _, _ = first_seen(child_mask, first_child, ray_o, ray_d, speed, lens, 1.0, stack, found)
                 if hit < 0:
                     continue
                 shine = luminance[hit] / LUMINANCE_SCALE

@@ -35,7 +35,9 @@ def first_hits_reference(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Node (N,) int64 (-1: miss) and t (N,) of rays through picture points; footprint scales the pixel side."""
     origin, direction, speed = pixel_rays(octree, camera, x, y)
-    side_at_0, side_per_z = camera_in_unit_cube(camera, octree.grid).lens[2:] * footprint
+    lens = camera_in_unit_cube(camera, octree.grid).lens
+    (side_at_0, side_per_z), (nearest, farthest) = lens[2:4] * footprint, lens[4:]
+    start = nearest / speed
     with np.errstate(divide="ignore"):
         inverse = 1.0 / direction
     best_t = np.full(len(x), np.inf)
@@ -46,14 +48,15 @@ def first_hits_reference(
     for level in range(octree.depth + 1):
         size = 0.5**level
         enter, leave = _box_interval(origin[ray], inverse[ray], cell * size, size)
-        met = (enter < leave) & (leave > 0)
-        ray, node, cell, enter = ray[met], node[met], cell[met], np.maximum(enter[met], 0.0)
+        met = (enter < leave) & (leave > start[ray])
+        ray, node, cell, enter = ray[met], node[met], cell[met], np.maximum(enter[met], start[ray[met]])
         stops = (octree.child_mask[node] == 0) | (size < 2 * (side_at_0 + side_per_z * enter * speed[ray]))
         for r, n, t in zip(ray[stops], node[stops], enter[stops], strict=True):
             if t < best_t[r]:
                 best_t[r], best_node[r] = t, n
         ray, node, cell = _children(octree, ray[~stops], node[~stops], cell[~stops])
-    return best_node, best_t
+    seen = best_t * speed <= farthest
+    return np.where(seen, best_node, -1), np.where(seen, best_t, np.inf)
 
 
 def supersampled_reference(
@@ -107,7 +110,7 @@ def needed_levels_reference(octree: Octree, camera: Camera, block_level: int, of
         node, t = first_hits_reference(octree, camera, sx, sy, 0.5**finer)
         hit = node >= 0
         speed = pixel_rays(octree, camera, sx, sy)[2]
-        side_at_0, side_per_z = camera_in_unit_cube(camera, octree.grid).lens[2:]
+        side_at_0, side_per_z = camera_in_unit_cube(camera, octree.grid).lens[2:4]
         pixel = side_at_0 + side_per_z * t[hit] * speed[hit]
         wanted = np.floor(-np.log2(2 * pixel)).astype(int) + 1 + LOOK_AHEAD
         for level, index, depth in zip(octree.level_of(node[hit]), node[hit], wanted, strict=True):

@@ -14,7 +14,7 @@ import numpy as np
 from ..kernels import kernel
 from ..octree.octree import LOOK_AHEAD, LUMINANCE_SCALE, Octree
 from .camera import Camera, camera_in_unit_cube
-from .traverse import MAX_LEVELS, first_hit, pixel_ray
+from .traverse import MAX_LEVELS, first_hit, first_seen, pixel_ray
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +101,7 @@ def _first_hits(
             x = (2.0 * column + 1.0) / width - 1.0
             y = (2.0 * row + 1.0) / height - 1.0
             speed = pixel_ray(frame, lens, perspective, x, y, ray_o, ray_d)
-            hit, depth, t = first_hit(
-                child_mask, first_child, ray_o, ray_d, 0.0, 0.0, speed, lens[2], lens[3], stack, found
-            )
+            hit, depth, t = first_seen(child_mask, first_child, ray_o, ray_d, speed, lens, 1.0, stack, found)
             node[pixel] = hit
             level[pixel] = depth
             for axis in range(3):
@@ -134,7 +132,7 @@ def behind(octree: Octree, camera: Camera, hits: Hits, background: float = 0.0) 
     """
     unit = camera_in_unit_cube(camera, octree.grid)
     lens = unit.lens.copy()
-    lens[2:] /= 2.0**LOOK_AHEAD
+    lens[2:4] /= 2.0**LOOK_AHEAD
     out = np.full(camera.pixel_count, background, np.float32)
     t_unit = np.where(hits.hit, hits.t_world / octree.grid.side_world, 0.0).astype(np.float64)
     _behind(
@@ -159,8 +157,8 @@ def _behind(child_mask, first_child, luminance, frame, lens, perspective, width,
             y = (2.0 * row + 1.0) / height - 1.0
             speed = pixel_ray(frame, lens, perspective, x, y, ray_o, ray_d)
             start = t_unit[pixel] + 1.5 / np.float64(1 << level[pixel])
-            hit, _, _ = first_hit(
+            hit, _, t = first_hit(
                 child_mask, first_child, ray_o, ray_d, start, 0.0, speed, lens[2], lens[3], stack, found
             )
-            if hit >= 0:
+            if hit >= 0 and t * speed <= lens[5]:
                 out[pixel] = luminance[hit] / LUMINANCE_SCALE

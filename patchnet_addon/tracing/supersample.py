@@ -6,15 +6,15 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ..errors import SettingError
+from ..bounds import RAYS
 from ..kernels import kernel
 from ..octree.chroma_kernels import decode_color
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..progress import Progress, Steps
 from .camera import Camera, CameraUnit, camera_in_unit_cube
-from .traverse import MAX_LEVELS, first_hit, pixel_ray
+from .traverse import MAX_LEVELS, first_seen, pixel_ray
 
-MAX_SAMPLES = 32  # per pixel side
+MAX_SAMPLES = int(RAYS.high)  # per pixel side
 NO_CHROMA = np.empty((0, 2), np.uint8)
 _ROWS_PER_STEP = 8
 
@@ -24,11 +24,10 @@ def finer_rays(octree: Octree, camera: Camera, samples: int) -> tuple[CameraUnit
 
     Raises SettingError for sample counts outside 1 to MAX_SAMPLES.
     """
-    if not 1 <= samples <= MAX_SAMPLES:
-        raise SettingError(f"{samples} samples per pixel side are outside 1 to {MAX_SAMPLES}")
+    RAYS.check(samples)
     unit = camera_in_unit_cube(camera, octree.grid)
     lens = unit.lens.copy()
-    lens[2:] /= samples
+    lens[2:4] /= samples
     return unit, lens
 
 
@@ -91,9 +90,7 @@ def _supersample(  # type: ignore[no-untyped-def]
             for i in range(samples):
                 x = 2.0 * (column + (i + 0.5) / samples) / width - 1.0
                 speed = pixel_ray(frame, lens, perspective, x, y, ray_o, ray_d)
-                hit, _, _ = first_hit(
-                    child_mask, first_child, ray_o, ray_d, 0.0, 0.0, speed, lens[2], lens[3], stack, found
-                )
+                hit, _, _ = first_seen(child_mask, first_child, ray_o, ray_d, speed, lens, 1.0, stack, found)
                 shine = luminance[hit] / LUMINANCE_SCALE if hit >= 0 else background
                 total += shine
                 if len(chroma):

@@ -121,6 +121,18 @@ def first_hit(child_mask, first_child, origin, direction, t_start, z0, dz, side0
 
 
 @device
+def first_seen(child_mask, first_child, origin, direction, speed, lens, footprint, stack, cell):  # type: ignore[no-untyped-def]
+    """`first_hit` of a ray of `pixel_ray` between the lens's planes of sight; footprint scales the pixel side."""
+    node, level, t = first_hit(
+        child_mask, first_child, origin, direction, lens[4] / speed, 0.0, speed, footprint * lens[2],
+        footprint * lens[3], stack, cell,
+    )  # fmt: skip
+    if node >= 0 and t * speed > lens[5]:
+        return np.int64(-1), 0, _FAR
+    return node, level, t
+
+
+@device
 def pixel_ray(frame, lens, perspective, x, y, origin, direction):  # type: ignore[no-untyped-def]
     """Ray through picture coordinates x, y in [-1, 1] (right and up); returns its axial speed.
 

@@ -273,7 +273,7 @@ def test_texels_are_bounded() -> None:
     assert atlas.charts.texel_world > 0.01
     assert len(atlas.texels) <= 1024
     assert "texels" in atlas.warnings[0]
-    with pytest.raises(SettingError, match="samples"):
+    with pytest.raises(SettingError, match="Samples per texel 0 is outside"):
         drain(bake_luminance(bpy.context, source, 0.1, 0))
 
 

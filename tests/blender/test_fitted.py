@@ -116,7 +116,7 @@ def test_a_small_memory_limit_is_said(scene: bpy.types.Scene, weights: Path) -> 
         ({"fit": True, "depth": 7}, "choose one"),
         ({"fit": True, "voxel_world": 0.1}, "choose one"),
         ({"track": True}, "track"),
-        ({"memory_bytes": 0}, "memory"),
+        ({"memory_bytes": 0}, "Memory limit"),
     ],
 )
 def test_settings_that_contradict_each_other(values: dict[str, object], said: str) -> None:

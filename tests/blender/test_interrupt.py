@@ -54,7 +54,7 @@ def start(command: str, folder: Path, *, temporary: Path) -> subprocess.Popen[by
     """A command whose bake would take days, at work in Cycles."""
     (folder / "work").mkdir(exist_ok=True)
     scene = saved(folder / "work" / "small.blend")
-    words = [command, str(scene), "--depth", "6", "--samples", "50000000", "--out", str(folder / "work" / "out")]
+    words = [command, str(scene), "--depth", "6", "--samples", "65536", "--out", str(folder / "work" / "out")]
     if command == "run":
         words += ["--size", "16", "16", "--weights", str(random_weights(folder))]
     cache = folder / f"cache-{secrets.token_hex(4)}"

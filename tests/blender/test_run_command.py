@@ -70,7 +70,7 @@ def test_light_is_added_where_there_is_none(
     path = exported / "small.obj"
     arguments = ["--light", "cycles", "--samples", "1", "--cameras", "auto"]
     assert run(path, tmp_path / "out", weights, *arguments) == 0
-    assert "no light: it was lit with a sun and a sky" in capsys.readouterr().out
+    assert "Note: The scene has no light: it was lit with a sun and a sky" in capsys.readouterr().err
 
 
 def damaged(path: Path) -> Path:
@@ -146,10 +146,10 @@ def test_bad_scenes_end_with_one_sentence(
         (["--budget", "1.5"], "outside 0 to 1"),
         (["--strategy", "best"], "patchnet-behind"),
         (["--cameras", "Nobody"], "'Eye'"),
-        (["--samples", "0"], "at least 1"),
-        (["--size", "-1", "20"], "Picture size"),
+        (["--samples", "0"], "--samples 0 is outside 1 to"),
+        (["--size", "-1", "20"], "--size -1 is outside 0 to"),
         (["--colormap", "jet"], "viridis"),
-        (["--heatmap-max", "0"], "positive"),
+        (["--heatmap-max", "0"], "--heatmap-max 0.0 is outside"),
     ],
 )
 def test_bad_arguments_end_with_one_sentence(

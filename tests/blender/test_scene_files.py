@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
+from patchnet.commands.scene_argument import scene_path
 from patchnet.operators.scene import open_scene, read_scene
 from patchnet.patchnet_addon.errors import SceneError
 
@@ -49,7 +50,7 @@ def test_files_are_read(triangle: bpy.types.Object, tmp_path: Path, extension: s
 def test_missing_unknown_and_damaged_files(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="does not exist"):
         open_scene(tmp_path / "nothing.glb")
-    with pytest.raises(SceneError, match="does not exist"):
+    with pytest.raises(SceneError, match=r"is a folder: name a file in it$"):
         open_scene(tmp_path)
     (tmp_path / "scene.doc").write_text("text")
     with pytest.raises(SceneError, match=r"unknown extension '\.doc'"):
@@ -59,3 +60,20 @@ def test_missing_unknown_and_damaged_files(tmp_path: Path) -> None:
         path.write_bytes(b"this is no scene at all \x00\x01\x02" * 10)
         with pytest.raises(SceneError, match=f"damaged.{extension}"):
             open_scene(path)
+
+
+def test_operators_name_the_file_that_could_not_be_opened(registered: None, tmp_path: Path) -> None:
+    """As `blender -b damaged.blend` leaves them: with a scene of nobody's."""
+    path = tmp_path / "damaged.blend"
+    path.write_bytes(b"BLENDER-v405" + b"this is no scene " * 50)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with pytest.raises(RuntimeError, match="damaged"):
+        bpy.ops.wm.open_mainfile(filepath=str(path))
+    for arguments in ({}, {"out": "//out"}):
+        with pytest.raises(RuntimeError, match=r"damaged\.blend could not be opened, it may be damaged"):
+            bpy.ops.patchnet.run_all(**arguments)
+    with pytest.raises(SceneError, match=r"damaged\.blend could not be opened"):
+        scene_path(None)
+    bpy.ops.wm.read_homefile(use_empty=True)  # whatever is opened next is there to work on
+    with pytest.raises(RuntimeError, match=r"has no camera|No visible object"):
+        bpy.ops.patchnet.run_all()

@@ -6,6 +6,7 @@ import logging
 
 import pytest
 
+from patchnet import commands
 from patchnet.patchnet_addon import log
 from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.progress import Progress
@@ -47,6 +48,14 @@ def test_unexpected_errors_carry_their_traceback(capsys: pytest.CaptureFixture[s
     (line,) = lines(capsys)
     assert line["message"] == "ZeroDivisionError: by nothing" and line["exit_code"] == 1
     assert "test_log.py" in line["traceback"]
+
+
+def test_unknown_format_is_said_once(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    log.LOG.handlers.clear()
+    monkeypatch.setenv(log.VARIABLE, "foo")
+    assert commands.main(["info", "octree.safetensors"]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith("patchnet: error: There is no log format 'foo': give --log-format or PATCHNET_LOG as")
 
 
 def test_people_are_told_nothing_twice(capsys: pytest.CaptureFixture[str]) -> None:

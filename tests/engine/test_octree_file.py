@@ -79,6 +79,8 @@ def test_depth_is_bounded_by_memory(mesh):
     assert choice.bounded_by_memory and choice.peak_bytes <= 50_000_000
     with pytest.raises(MemoryEstimateError, match=r"Depth 14 needs about [\d.]+ GiB"):
         choose_depth(coarse, [camera], depth=14, memory_bytes=50_000_000)
+    with pytest.raises(MemoryEstimateError, match=r"and the memory limit is 1\.0 MiB: choose"):
+        choose_depth(coarse, [camera], depth=9, memory_bytes=2**20)
 
 
 def test_estimate_is_near_the_truth(mesh):

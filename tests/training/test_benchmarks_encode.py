@@ -65,7 +65,7 @@ def test_an_octree_file_without_look_ahead_and_no_corners(tmp_path, capsys):
     assert main(["bench", "encode", str(path), "--cores", "all"]) == 2
     assert "no corners to encode" in capsys.readouterr().err
     assert main(["bench", "encode", "--corners", "0"]) == 2
-    assert "at least 1 for --corners" in capsys.readouterr().err
+    assert "--corners 0 is outside 1 to" in capsys.readouterr().err
 
 
 def test_products_are_those_of_the_encoder():

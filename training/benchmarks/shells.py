@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from ...patchnet_addon.errors import SettingError
+from ...patchnet_addon.bounds import NODES
 from ...patchnet_addon.light.two_lights import two_lights_shade
 from ...patchnet_addon.octree.build import build_octree
 from ...patchnet_addon.octree.grid import Grid
@@ -16,7 +16,6 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.progress import drain
 
 MIN_SHELL_DEPTH = 7
-MAX_NODES = 1 << 28
 _STEP = 0.06  # each shell is smaller by this share of the outermost radius
 _ROWS = 96
 
@@ -24,10 +23,9 @@ _ROWS = 96
 def octree_of_shells(nodes: int) -> Octree:
     """Octree of `nodes` nodes or a few percent more, below 100,000 up to four times as many; lit by two lights.
 
-    The same for the same number. Raises SettingError unless 1 <= nodes <= MAX_NODES.
+    The same for the same number. Raises SettingError for numbers of nodes outside their bounds.
     """
-    if not 1 <= nodes <= MAX_NODES:
-        raise SettingError(f"An octree of {nodes} nodes is not made: give --nodes between 1 and {MAX_NODES}")
+    NODES.check(nodes, "--nodes")
     wanted = 1.03 * nodes
     depth = int(math.log(max(wanted / sphere_nodes(0), 1.0), 4))
     if depth < MIN_SHELL_DEPTH:  # shells would share voxels

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether single precision, in which Blender keeps places and Cycles computes light, resolves a surface.
+
+Voxels themselves are made in double precision, from the meshes' own coordinates and the objects' transforms.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...patchnet_addon.errors import GeometryError
+from ...patchnet_addon.octree.grid import Grid
+from .scene_mesh import SceneMesh
+
+LIFT_SHARE = 2.0**-18  # of the farthest coordinate: that far off a surface Cycles takes its light at least
+_LARGEST = 1e15  # squares of lengths beyond it do not fit into single precision any more, with room for a light's
+_LEAST_LIT, _MOST_LIT = 1e-7, 4e9  # across, and from the origin: beyond them Cycles was seen to be wrong
+_COARSE_PLACES, _COARSE_LIGHT = 1 / 16, 1 / 64  # shares of the surface's extent that are too coarse for any picture
+_FEW_VOXELS = 2.0
+_TO_ORIGIN = "move the scene, with its cameras and lamps, to the origin"
+
+
+def place_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
+    """Sentences if places are coarser than the grid's voxels, or one object is far from all others.
+
+    Raises GeometryError where nothing could be seen.
+    """
+    reach, name = _farthest(source)
+    if reach > _LARGEST:
+        raise GeometryError(
+            f"Object '{name}' reaches {reach:.2g} from the origin, more than single precision can compute with: "
+            "scale the scene down, or leave the object out"
+        )
+    spacing = float(np.spacing(np.float32(reach)))
+    where = f"Object '{name}' lies {reach:.2g} from the origin, where Blender's numbers are {spacing:.2g} apart"
+    if spacing > _COARSE_PLACES * grid.side_world:
+        raise GeometryError(f"{where}, and all that is seen is {grid.side_world:.2g} across: {_TO_ORIGIN}")
+    if spacing > grid.voxel_world:
+        return (
+            f"{where}, more than a voxel ({grid.voxel_world:.2g}): cameras and vertices stand no finer than that; "
+            f"{_TO_ORIGIN}",
+        )
+    return _lonely(source, grid)
+
+
+def light_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
+    """A sentence if Cycles' light is coarser than the grid's voxels. Raises GeometryError where it would be wrong."""
+    reach, name = _farthest(source)
+    extent = float(np.ptp(source.bounds_world, axis=0).max())
+    other = "or choose the two-lights shading"
+    if extent < _LEAST_LIT:
+        raise GeometryError(
+            f"The surface of '{name}' is {extent:.2g} across: Cycles lights nothing below {_LEAST_LIT:g} rightly; "
+            f"scale the scene up, {other}"
+        )
+    if reach > _MOST_LIT:
+        raise GeometryError(
+            f"Object '{name}' reaches {reach:.2g} from the origin: Cycles lights nothing beyond {_MOST_LIT:g} rightly; "
+            f"scale the scene down, {other}"
+        )
+    lift = LIFT_SHARE * reach
+    where = f"Object '{name}' lies {reach:.2g} from the origin, where Cycles takes light {lift:.2g} off the surface"
+    if lift > _COARSE_LIGHT * extent:
+        raise GeometryError(f"{where}, and all that is lit is {extent:.2g} across: {_TO_ORIGIN}, {other}")
+    if lift > grid.voxel_world:
+        return (f"{where}, farther than a voxel ({grid.voxel_world:.2g}): shadows are less exact; {_TO_ORIGIN}",)
+    return ()
+
+
+def _farthest(source: SceneMesh) -> tuple[float, str]:
+    """The farthest coordinate of any axis, and the object that it belongs to."""
+    names, boxes = _boxes(source)
+    return float(np.abs(source.bounds_world).max()), names[int(np.abs(boxes).max(axis=(1, 2)).argmax())]
+
+
+def _lonely(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
+    """A sentence if one object is so far from all others that those are no larger than voxels."""
+    names, boxes = _boxes(source)
+    if len(names) < 2:
+        return ()
+    centres = boxes.mean(axis=1)
+    far = int(np.abs(centres - np.median(centres, axis=0)).max(axis=1).argmax())
+    others = np.delete(boxes, far, axis=0)
+    low, high = others[:, 0].min(axis=0), others[:, 1].max(axis=0)
+    gap, extent = float(np.maximum(boxes[far, 0] - high, low - boxes[far, 1]).max()), float((high - low).max())
+    if gap < grid.side_world / 2 or extent > _FEW_VOXELS * grid.voxel_world:
+        return ()
+    return (
+        f"Object '{names[far]}' lies {gap:.2g} from all others, which are only {extent:.2g} across, and a voxel is "
+        f"{grid.voxel_world:.2g}: leave it out, or move it closer",
+    )
+
+
+def _boxes(source: SceneMesh) -> tuple[list[str], np.ndarray]:
+    """Names (N) of all placed objects and their boxes (N, 2, 3) in world units, as their meshes' boxes are placed."""
+    names: list[str] = []
+    boxes = []
+    for part in source.parts:
+        vertices = part.mesh.vertices.astype(np.float64)
+        middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+        half = vertices.max(axis=0) - middle
+        linear = part.matrices_world[:, :3, :3]
+        centre, reach = linear @ middle + part.matrices_world[:, :3, 3], np.abs(linear) @ half
+        names += part.objects
+        boxes.append(np.stack([centre - reach, centre + reach], axis=1))
+    return names, np.concatenate(boxes)

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Numbers of Blender's properties are those of the table, and what scripts set beside it is refused."""
+
+import math
+from collections.abc import Iterator
+
+import bpy
+import pytest
+
+from patchnet.operators.kept_results import VARIABLE, limit_bytes
+from patchnet.operators.overlay.settings import PatchNetOverlaySettings
+from patchnet.operators.preferences import KEPT_GIB, PatchNetPreferences
+from patchnet.operators.properties import PatchNetSettings
+from patchnet.operators.registration import _CLASSES
+from patchnet.patchnet_addon import bounds
+
+ROWS = [row for row in vars(bounds).values() if isinstance(row, bounds.Bounds)]
+
+
+def of_the_table(low: float, high: float) -> bool:
+    """Whether a row has these bounds, in the single precision of Blender; or 0 for automatic below its high one."""
+    same = [row for row in ROWS if math.isclose(row.high, high, rel_tol=1e-6)]
+    return any(low == 0.0 or math.isclose(row.low, low, rel_tol=1e-6) for row in same)
+
+
+def numbers() -> Iterator[tuple[str, bpy.types.Property]]:
+    """All numbers that our operators, settings and preferences declare."""
+    of_operators = [item for item in _CLASSES if issubclass(item, bpy.types.Operator)]
+    for item in (*of_operators, PatchNetSettings, PatchNetOverlaySettings, PatchNetPreferences):
+        rna = item.bl_rna
+        if item in of_operators:
+            rna = getattr(bpy.ops.patchnet, item.bl_idname.partition(".")[2]).get_rna_type()
+        ours = {name for base in item.__mro__ for name in getattr(base, "__annotations__", {})}
+        for name, prop in rna.properties.items():
+            if name in ours and prop.type in ("INT", "FLOAT"):
+                yield f"{item.__name__}.{name}", prop
+
+
+def test_every_number_of_ours_has_bounds_of_the_table(registered: None) -> None:
+    found = dict(numbers())
+    assert len(found) > 30
+    assert not [name for name, prop in found.items() if not of_the_table(prop.hard_min, prop.hard_max)]
+
+
+@pytest.mark.parametrize("name", ["memory", "voxel_size", "texel_voxels", "exposure", "budget", "heatmap_maximum"])
+def test_nan_is_refused_with_a_sentence(name: str, scene: bpy.types.Scene) -> None:
+    scene.patchnet.resolution = "VOXEL_SIZE" if name == "voxel_size" else "DEPTH"
+    setattr(scene.patchnet, name, math.nan)
+    with pytest.raises(RuntimeError, match=r"nan is outside .* to "):
+        bpy.ops.patchnet.run_all(light="two-lights")
+
+
+def test_lowest_numbers_of_properties_are_taken(scene: bpy.types.Scene) -> None:
+    for name in ("voxel_size", "texel_voxels"):
+        setattr(scene.patchnet, name, 0.0)
+        low = getattr(scene.patchnet, name)
+        assert low > 0
+        {"voxel_size": bounds.VOXEL_SIZE, "texel_voxels": bounds.TEXEL_VOXELS}[name].check(low)
+
+
+@pytest.mark.parametrize("text", ["inf", "nan", "-1", "much"])
+def test_variable_outside_its_bounds_leaves_the_preference(
+    text: str, registered: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, text)
+    assert limit_bytes() == int(KEPT_GIB * 2**30)

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files that a scene names and that are not there are warned of with their paths."""
+
+import json
+from pathlib import Path
+
+import bpy
+import pytest
+
+from patchnet import commands
+from patchnet.operators.scene import read_scene
+from patchnet.patchnet_addon.errors import EmptySelectionError
+from patchnet.tests.blender.job_scene import QUICK, build, saved
+
+
+def warnings() -> str:
+    return "\n".join(read_scene(bpy.context.evaluated_depsgraph_get()).warnings)
+
+
+def with_texture(path: str, source: str = "FILE") -> bpy.types.Material:
+    """The small scene, its slab with an image from `path`, which may not be there."""
+    build()
+    slab = bpy.data.objects["Slab"]
+    slab.data.materials.clear()
+    material = bpy.data.materials.new("Painted")
+    slab.data.materials.append(material)
+    material.use_nodes = True
+    node = material.node_tree.nodes.new("ShaderNodeTexImage")
+    node.image = bpy.data.images.new("picture", 4, 4)
+    node.image.source, node.image.filepath = source, path
+    shader = next(each for each in material.node_tree.nodes if each.type == "BSDF_PRINCIPLED")
+    material.node_tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+    return material
+
+
+def test_missing_image_is_named_with_its_path_and_material(tmp_path: Path) -> None:
+    with_texture(str(tmp_path / "wood.png"))
+    assert f"Images are missing, which Cycles shows in pink: {tmp_path / 'wood.png'} (material 'Painted')" in warnings()
+
+
+def test_image_that_is_there_or_packed_is_not_named(tmp_path: Path) -> None:
+    path = tmp_path / "wood.png"
+    image = bpy.data.images.new("made", 4, 4)
+    image.file_format, image.filepath_raw = "PNG", str(path)
+    image.save()
+    with_texture(str(path))
+    assert "missing" not in warnings()
+    bpy.data.images["picture"].pack()
+    path.unlink()
+    assert "missing" not in warnings()
+
+
+def test_missing_tiles_are_named(tmp_path: Path) -> None:
+    with_texture(str(tmp_path / "wood.<UDIM>.png"), "TILED")
+    assert str(tmp_path / "wood.1001.png") in warnings()
+
+
+@pytest.fixture
+def linked(tmp_path: Path) -> tuple[Path, Path]:
+    """A library, and a file that links the slab of it and has no other surface."""
+    library, user = tmp_path / "library.blend", tmp_path / "user.blend"
+    build()
+    saved(library)
+    build()
+    for item in [item for item in bpy.data.objects if item.type == "MESH"]:
+        bpy.data.objects.remove(item)
+    with bpy.data.libraries.load(str(library), link=True) as (_, into):
+        into.objects = ["Slab"]
+    bpy.context.scene.collection.objects.link(into.objects[0])
+    saved(user)
+    return library, user
+
+
+def test_missing_library_is_named_where_nothing_is_left(linked: tuple[Path, Path]) -> None:
+    library, user = linked
+    library.unlink()
+    bpy.ops.wm.open_mainfile(filepath=str(user))
+    with pytest.raises(EmptySelectionError, match=f"Linked libraries are missing: {library}"):
+        warnings()
+
+
+def test_command_says_and_reports_what_is_missing(
+    linked: tuple[Path, Path], weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    library, user = linked
+    bpy.ops.mesh.primitive_cube_add(size=2.0)
+    saved(user)
+    library.unlink()
+    out = tmp_path / "out"
+    assert commands.main(["run", str(user), *QUICK, "--weights", str(weights), "--out", str(out)]) == 0
+    said = f"Linked libraries are missing: {library}; what they hold is left out"
+    assert f"Note: {said}" in capsys.readouterr().err
+    assert any(text.startswith(said) for text in json.loads((out / "report.json").read_text())["warnings"])
+
+
+def test_data_that_a_library_lacks_is_named(linked: tuple[Path, Path]) -> None:
+    library, user = linked
+    build()
+    bpy.data.objects["Slab"].name = "Renamed"
+    bpy.ops.wm.save_as_mainfile(filepath=str(library))
+    bpy.ops.wm.open_mainfile(filepath=str(user))
+    with pytest.raises(EmptySelectionError, match=f"Library {library} lacks object 'Slab'"):
+        warnings()

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cameras that see nothing, and black pictures: operators, command and render engine say why."""
+
+import json
+import logging
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet import commands
+from patchnet.operators.cameras import choose_cameras
+from patchnet.operators.job.run import run_job
+from patchnet.operators.job.settings import JobSettings
+from patchnet.patchnet_addon.progress import drain
+from patchnet.tests.blender.engine_scene import build_for_engine, rendered
+from patchnet.tests.blender.job_scene import QUICK, build, principled, saved
+
+BEHIND = "Camera 'Eye' sees nothing: the surface is behind it; turn or move it"
+
+
+def turn_away() -> None:
+    bpy.data.objects["Eye"].rotation_euler = (-1.5, 0.0, 0.0)
+
+
+def said(caplog: pytest.LogCaptureFixture) -> list[str]:
+    return [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+
+
+@pytest.fixture
+def heard(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
+    caplog.set_level(logging.WARNING, "patchnet")
+    return caplog
+
+
+def test_operators_say_why_nothing_is_seen(scene: bpy.types.Scene, heard: pytest.LogCaptureFixture) -> None:
+    turn_away()
+    small = {"depth": 5, "size": (24, 16), "light": "two-lights"}
+    assert bpy.ops.patchnet.run_all(**small) == {"FINISHED"}
+    assert BEHIND in said(heard)
+    for operator in (bpy.ops.patchnet.render_preview, bpy.ops.patchnet.compare):
+        heard.clear()
+        assert operator(size=(24, 16)) == {"FINISHED"}
+        assert BEHIND in said(heard)
+    heard.clear()
+    bpy.data.objects["Eye"].rotation_euler = (1.5, 0.0, 0.05)
+    assert bpy.ops.patchnet.render_preview(size=(24, 16)) == {"FINISHED"}
+    assert not said(heard)
+
+
+def test_command_says_and_reports_it(weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build()
+    turn_away()
+    path, out = saved(tmp_path / "away.blend"), tmp_path / "out"
+    assert commands.main(["run", str(path), *QUICK, "--weights", str(weights), "--out", str(out)]) == 0
+    assert f"Note: {BEHIND}" in capsys.readouterr().err
+    assert BEHIND in json.loads((out / "report.json").read_text())["warnings"]
+
+
+def test_render_engine_says_it(
+    registered: None, weights: Path, tmp_path: Path, heard: pytest.LogCaptureFixture
+) -> None:
+    scene = build_for_engine(weights, tmp_path)
+    turn_away()
+    assert (rendered(scene)["Level"] == -1).all()
+    assert BEHIND in said(heard)
+
+
+def test_black_materials_are_named_as_the_reason(weights: Path) -> None:
+    build()
+    for material in bpy.data.materials:
+        principled(material.name).inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+    settings = JobSettings(depth=5, light="two-lights", size=(24, 16), weights=weights)
+    assert drain(run_job(bpy.context, settings)).warnings == (
+        "Camera 'Eye' sees only black: all materials of the surface are black",
+    )
+
+
+def test_lamp_that_reaches_nothing_is_named_as_the_reason(weights: Path) -> None:
+    build()
+    lamp = bpy.data.objects["Lamp"]
+    lamp.data.type, lamp.data.energy = "SPOT", 10.0
+    lamp.location, lamp.rotation_euler = (0.0, 0.0, 50.0), (np.pi, 0.0, 0.0)  # into the sky
+    bpy.context.view_layer.update()
+    settings = JobSettings(depth=5, samples=1, texel_voxels=8.0, size=(24, 16), weights=weights)
+    (warning,) = drain(run_job(bpy.context, settings)).warnings
+    assert warning.startswith("Camera 'Eye' sees only black: no light of the scene reaches the surface; add light")
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+def test_clipping_is_that_of_cycles(kind: str, weights: Path) -> None:
+    """The slab stands behind the laths: each is gone where Cycles' own render has it gone, to a voxel's accuracy."""
+    build()
+    eye = bpy.data.objects["Eye"]
+    eye.location, eye.rotation_euler = (0.0, -5.0, 0.0), (np.pi / 2, 0.0, 0.0)
+    eye.data.type, eye.data.ortho_scale = kind, 3.0
+    settings = JobSettings(depth=6, light="two-lights", size=(24, 16), weights=weights)
+    for clip, seen in (((4.8, 100.0), "slab"), ((0.1, 5.0), "laths"), ((0.1, 100.0), "both")):
+        eye.data.clip_start, eye.data.clip_end = clip
+        bpy.context.view_layer.update()
+        result = drain(run_job(bpy.context, settings))
+        hits = result.views[0].frame.hits
+        depth = hits.z_world[hits.hit]
+        assert ((depth > 5.2).any(), (depth < 4.8).any()) == {
+            "slab": (True, False), "laths": (False, True), "both": (True, True)
+        }[seen]  # fmt: skip
+        assert not result.warnings
+        cycles = alpha_of_cycles((24, 16))
+        if seen == "slab":
+            assert (hits.hit.reshape(16, 24) == (cycles > 0.5)).mean() > 0.95
+        assert (cycles.mean() > 0.25) == (seen != "laths")  # which are thin
+
+
+def alpha_of_cycles(size: tuple[int, int]) -> np.ndarray:
+    """(H, W) what Cycles covers of the picture, row 0 at the bottom."""
+    scene = bpy.context.scene
+    scene.render.engine, scene.cycles.samples, scene.render.film_transparent = "CYCLES", 4, True
+    scene.render.resolution_x, scene.render.resolution_y = size
+    scene.render.image_settings.file_format = "PNG"
+    path = Path(bpy.app.tempdir) / "cycles.png"
+    scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(str(path), check_existing=False)
+    values = np.array(image.pixels[:], np.float32).reshape(size[1], size[0], 4)[..., 3]
+    bpy.data.images.remove(image)
+    return values
+
+
+def test_clipping_of_a_blender_camera_is_the_tracers(scene: bpy.types.Scene) -> None:
+    bpy.data.cameras["Eye"].clip_start, bpy.data.cameras["Eye"].clip_end = 0.5, 7.0
+    bpy.context.view_layer.update()
+    (camera,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (24, 16), np.zeros((2, 3)))
+    assert (camera.clip_start, camera.clip_end) == (0.5, 7.0)
+
+
+def test_octree_that_is_fitted_to_nothing_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build()
+    path, out = saved(tmp_path / "small.blend"), tmp_path / "fitted.safetensors"
+    words = ["octree", str(path), "--depth", "fit", "--light", "two-lights", "--size", "24", "16", "--out", str(out)]
+    assert commands.main([*words, "--view", "0", "-5", "0", "0", "-9", "0"]) == 0
+    assert "Note: Camera 'View 1' sees nothing: the surface is behind it" in capsys.readouterr().err

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Numbers of the command line stay within the table's bounds, all of them, and outputs have names."""
+
+import argparse
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from patchnet import commands
+from patchnet.patchnet_addon import bounds
+from patchnet.patchnet_addon.bounds import Bounds
+from patchnet.patchnet_addon.errors import SettingError
+
+
+def actions(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.Action]]:
+    """All arguments of a parser and of the sub-commands below it."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for below in action.choices.values():
+                yield from actions(below)
+        else:
+            yield parser.prog, action
+
+
+def numbers() -> Iterator[tuple[str, argparse.Action]]:
+    """Those that take a number: their type is `Bounds.read`."""
+    modules = {
+        name: commands.importlib.import_module(f".{name.replace('-', '_')}", commands.__name__)
+        for name in commands.NAMES
+    }
+    for program, action in actions(commands._parser(modules, "patchnet")):
+        assert action.type not in (int, float), f"{program} {action.option_strings} has no bounds"
+        if isinstance(getattr(getattr(action.type, "func", None), "__self__", None), Bounds):
+            yield f"{program} {action.option_strings[0]}", action
+
+
+NUMBERS = dict(numbers())
+
+
+def test_there_are_numbers() -> None:
+    assert {"patchnet run --memory", "patchnet octree --view", "patchnet train --rate"} <= NUMBERS.keys()
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_numbers_outside_their_bounds_are_refused_by_name(name: str) -> None:
+    action = NUMBERS[name]
+    row, read = action.type.func.__self__, action.type
+    wrong = [
+        "nan",
+        "inf",
+        "-inf",
+        "1e400",
+        "9" * 400,
+        "9" * 5000,
+        "many",
+        "",
+        str(row.low - 1 - abs(row.low)),
+        str(2 * row.high + 1),
+    ]
+    wrong += ["1.5"] if row.whole else []
+    for text in wrong:
+        with pytest.raises(SettingError, match=f"^{action.option_strings[0]} "):
+            read(text)
+    for value in (row.low, row.high):
+        assert read(str(int(value) if row.whole else value)) == value
+    if action.default is not None:
+        for value in action.default if isinstance(action.default, list | tuple) else [action.default]:
+            row.check(value)
+
+
+def test_every_row_of_the_table_has_finite_bounds() -> None:
+    rows = [row for row in vars(bounds).values() if isinstance(row, Bounds)]
+    assert len({row.what for row in rows}) >= 20
+    for row in rows:
+        assert math.isfinite(row.low) and math.isfinite(row.high) and row.low < row.high
+        with pytest.raises(SettingError, match="outside"):
+            row.check(math.nan)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--memory", "nan"], "--memory nan is outside 0.001 to 1048576"),
+        (["--samples", "100000000000"], "--samples 100000000000 is outside 1 to 65536"),
+        (["--samples", "1.5"], "--samples '1.5' is not a whole number"),
+        (["--size", "20000", "16"], "--size 20000 is outside 0 to 16384"),
+        (["--out", ""], "--out is empty: give the path of the output"),
+    ],
+)
+def test_refusal_is_a_sentence_and_exit_code_2(
+    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert commands.main(["run", "scene.blend", *words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"patchnet: error: {said}")
+    assert not list(tmp_path.iterdir())
