@@ -9,20 +9,18 @@ for a while held 1.3 GB of them.
 from __future__ import annotations
 
 import ctypes
+import functools
 import sys
 from typing import Any
 
-_TBB_CLEAN_ALL_BUFFERS = 0  # TBBMALLOC_CLEAN_ALL_BUFFERS of oneTBB's scalable_allocator.h
+_TBB_ALL_BUFFERS = 0  # TBBMALLOC_CLEAN_ALL_BUFFERS of oneTBB's scalable_allocator.h
 _JEMALLOC_PURGE = b"arena.4096.purge"  # MALLCTL_ARENAS_ALL is 4096
 
 
 def trim() -> None:
     """Return what is free in the allocators of this process to the system; those that are not there are left out."""
+    _clean_tbb()
     program = _loaded(None)
-    for library in (program, _loaded("tbbmalloc.dll") if sys.platform == "win32" else None):
-        clean = getattr(library, "scalable_allocation_command", None)
-        if clean is not None:
-            clean(_TBB_CLEAN_ALL_BUFFERS, None)
     for name in ("mallctl", "je_mallctl"):
         control = getattr(program, name, None)
         if control is not None:
@@ -34,6 +32,14 @@ def trim() -> None:
             glibc(0)
 
 
+def _clean_tbb() -> None:
+    for library in (_loaded(None), _loaded("tbbmalloc.dll") if sys.platform == "win32" else None):
+        clean = getattr(library, "scalable_allocation_command", None)
+        if clean is not None:
+            clean(_TBB_ALL_BUFFERS, None)
+
+
+@functools.cache
 def _loaded(name: str | None) -> Any:
     """A library that this process has, or the program itself; None where that cannot be had."""
     try:
