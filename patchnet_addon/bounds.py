@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from .errors import SettingError
 from .frames import LAST_FRAME
 from .octree.grid import MAX_DEPTH
@@ -29,7 +31,8 @@ class Bounds:
 
     def check(self, value: float, what: str = "") -> None:
         """Raises SettingError that names the number (as `what`, if that is given) unless it is within the bounds."""
-        if not self.low <= value <= self.high:
+        # Blender keeps its properties in single precision, their bounds too: 1e-12 comes back a little smaller.
+        if not min(self.low, _single(self.low)) <= value <= max(self.high, _single(self.high)):
             raise SettingError(f"{what or self.what} {value} is outside {self._range()}: {self.advice}")
         if self.whole and value != int(value):
             raise SettingError(f"{what or self.what} {value} is not a whole number: choose one of {self._range()}")
@@ -48,6 +51,10 @@ class Bounds:
 
     def _range(self) -> str:
         return f"{_text(self.low)} to {_text(self.high)}"
+
+
+def _single(value: float) -> float:
+    return float(np.float32(value))
 
 
 def _text(value: float) -> str:

@@ -30,6 +30,8 @@ _SKIPPED_PROPERTIES = {
     "users",
     "depsgraph",
 }
+# Notes of a simulation's cache about the frames that were seen. Any jump to another frame makes and changes them.
+_SKIPPED_NOTES = {"info", "is_frame_skip", "is_outdated"}
 _DEPTH = 4
 # Items of lists that are compared with all their settings; of others the name counts.
 _LISTED = (
@@ -127,6 +129,8 @@ def _settings(owner: bpy.types.bpy_struct, depth: int) -> dict[str, Any]:
         key = prop.identifier
         if key in _SKIPPED_PROPERTIES or (key == "use_nodes" and bpy.app.version >= (5, 0, 0)):
             continue  # asking for it only warns from 5.0 on
+        if isinstance(owner, bpy.types.PointCache) and key in _SKIPPED_NOTES:
+            continue
         if isinstance(owner, bpy.types.Mesh) and prop.type == "COLLECTION":
             continue
         try:

@@ -14,13 +14,14 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, Visit, module
+from visits import OUT, Heard, Visit, module
 
 SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (48, 32), "cameras": "Far", "budget": 0.1}
 LONG, SHORT = 4096, 1  # samples of a page that takes a minute, and of one that takes a moment
 
 visit = Visit("jobs")
 seen = visit.seen
+heard = Heard()
 
 
 def operators() -> type:
@@ -48,7 +49,7 @@ def start(samples: int, name: str = "run_all") -> clicks.Session:
     clicks.window().scene.patchnet.samples = samples
     with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
         getattr(bpy.ops.patchnet, name)("INVOKE_DEFAULT")
-    yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes beside the window", 120.0)
+    yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes beside the window", 240.0)
     yield 0.3
 
 
@@ -112,7 +113,12 @@ def edit_meanwhile() -> clicks.Session:
     watch = operators().in_window._watch
     clicks.window().scene.objects["Sun"].rotation_euler.x += 0.1
     yield from clicks.wait_for(lambda: not running(), "the job ends", 60.0)
-    seen["edited"] = {"changes": watch.changes, "result": result() is not None, "modal": modal()}
+    seen["edited"] = {
+        "changes": watch.changes,
+        "told": heard.told[-1:],
+        "result": result() is not None,
+        "modal": modal(),
+    }
     clicks.window().scene.objects["Sun"].rotation_euler.x -= 0.1
     yield 0.3
 
@@ -137,13 +143,10 @@ def resume() -> clicks.Session:
     share = operators().in_window._display
     yield from clicks.wait_for(lambda: share.progress.label == "Baking light" and share.progress.done >= 2, "two pages")
     yield from stop()
-    labels: set[str] = set()
+    heard.labels.clear()
     yield from start(4)
-    display = operators().in_window._display
-    while running():
-        labels.add(display.progress.label)
-        yield 0.02
-    seen["resumed"] = sorted(label for label in labels if label.startswith("Resuming"))
+    yield from clicks.wait_for(lambda: not running(), "the job ends", 240.0)
+    seen["resumed"] = [label for label in heard.labels if label.startswith("Resuming")]
 
 
 def after_the_job() -> clicks.Session:

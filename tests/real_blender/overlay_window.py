@@ -196,6 +196,7 @@ def automatic():
     preferences.open_pictures = "WINDOW"
     before = len(bpy.context.window_manager.windows)
     in_area("IMAGE_EDITOR", bpy.ops.patchnet.render_preview)
+    yield from clicks.wait_for(lambda: len(bpy.context.window_manager.windows) > before, "a window opens")
     yield 0.5
     seen["windows"] = len(bpy.context.window_manager.windows) - before
     new = bpy.context.window_manager.windows[-1]

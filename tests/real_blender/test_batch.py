@@ -13,6 +13,7 @@ from patchnet.tests.real_blender.executable import ROOT, Blender
 
 QUICK = ("--depth", "5", "--light", "two-lights", "--cameras", "Camera", "--size", "16", "16")
 PICTURES = {"preview.png", "heatmap.png", "overlay.png", "priority.exr", "refined.png", "reference.png", "error.png"}
+UNFREED = "Not freed memory blocks"  # what Blender says at its exit
 
 
 def batch(blender: Blender, scene: Path, arguments: str):
@@ -34,6 +35,7 @@ def test_batch_line_writes_pictures_and_report(installed: Blender, courtyard: Pa
     (frame,) = report["frames"]
     assert frame["camera"] == "Far" and frame["mse"]["optimal"] <= frame["mse_unrefined"]
     assert {path.name for path in (out / "batch" / "Far").iterdir()} == PICTURES
+    assert UNFREED not in done.stdout + done.stderr
 
 
 def test_bad_input_is_an_exit_code_and_a_sentence(installed: Blender, courtyard: Path, out: Path) -> None:
@@ -56,6 +58,7 @@ def test_command_on_the_open_file(installed: Blender, cube: Path, out: Path) -> 
     done = installed.run(*words, "--log-format", "json")
     assert done.returncode == 0, done.stdout + done.stderr
     said = [json.loads(line) for line in done.stderr.splitlines() if line.startswith("{")]
+    assert UNFREED not in done.stdout + done.stderr
     assert said[0]["event"] == "start" and said[-1]["event"] == "result" and said[-1]["made"] == [2, 3]
     assert json.loads((out / "command" / "report.json").read_text())["complete"]
     again = installed.run(*words)
@@ -129,6 +132,7 @@ def test_animation_is_rendered_to_its_last_frame(installed: Blender, cube: Path,
         f"import bpy; s = bpy.context.scene; {again}",
     )
     assert done.returncode == 0 and "Traceback" not in done.stdout + done.stderr, done.stdout[-2000:] + done.stderr
+    assert UNFREED not in done.stdout + done.stderr
     assert sorted(path.stem for path in pictures.iterdir()) == [
         f"{name}_000{frame}" for name in "ab" for frame in (1, 2, 3)
     ]

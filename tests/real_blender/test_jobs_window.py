@@ -16,7 +16,7 @@ KINDS = ("objects", "meshes", "materials", "worlds", "lights", "cameras", "colle
 def jobs(installed: Blender, courtyard: Path, out: Path) -> dict:
     """What jobs_window.py saw."""
     script = Path(__file__).with_name("jobs_window.py")
-    small_pages = Blender(installed.prefix, installed.program, installed.environment | {"PATCHNET_PAGE_SIDE": "128"})
+    small_pages = Blender(installed.prefix, installed.program, installed.environment | {"PATCHNET_PAGE_SIDE": "256"})
     done = small_pages.run_window(courtyard, "-P", script, "--", out, screen=SMALL_SCREEN)
     (out / "jobs.log").write_text(done.stdout + done.stderr)
     report = out / "jobs.json"
@@ -60,7 +60,7 @@ def test_jobs_leave_no_handler(jobs: dict) -> None:
 def test_a_change_of_what_is_baked_ends_the_job(jobs: dict) -> None:
     assert ["light", "lamp 'Sun' moved"] in jobs["edited"]["changes"]
     assert not jobs["edited"]["result"] and jobs["edited"]["modal"] == []
-    assert "Lamp 'Sun' moved while light was baked" in jobs["said"]
+    assert "Lamp 'Sun' moved while its light was baked" in jobs["edited"]["told"][0]
 
 
 def test_undo_ends_the_job(jobs: dict) -> None:

@@ -26,6 +26,35 @@ def side_box() -> tuple[int, int, int, int]:
     return side.x, side.y, side.width, side.height
 
 
+class Heard:
+    """What jobs said since this was made. begun: their titles; labels: of their steps; told: their reports' texts.
+
+    Jobs are heard of, not looked at: those that take a moment are over before anybody looks.
+    """
+
+    def __init__(self) -> None:
+        self.begun: list[str] = []
+        self.labels: list[str] = []
+        self.told: list[str] = []
+        display, operators = module("job_display").JobDisplay, module("job_operator")
+        begin, see, tell = display.begin, display.see, operators.tell
+
+        def heard_begin(shown, context):
+            self.begun.append(shown._title)
+            begin(shown, context)
+
+        def heard_see(shown, progress):
+            if progress.label not in self.labels[-1:]:
+                self.labels.append(progress.label)
+            see(shown, progress)
+
+        def heard_tell(operator, kind, text, **fields):
+            self.told.append(text)
+            tell(operator, kind, text, **fields)
+
+        display.begin, display.see, operators.tell = heard_begin, heard_see, heard_tell
+
+
 class Visit:
     """`seen` has a value for each thing that was seen; it goes into OUT/NAME.json. "clock": when parts were over."""
 

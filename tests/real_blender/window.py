@@ -14,7 +14,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, Visit, module, side_box
+from visits import OUT, Heard, Visit, module, side_box
 
 SMALL = {"resolution": "DEPTH", "depth": 6, "samples": 1, "size": (48, 32), "cameras": "Far"}
 
@@ -22,6 +22,7 @@ STEPS = ("run_all", "voxelize", "bake_light", "precompute_codes", "render_previe
 
 visit = Visit("window")
 seen = visit.seen
+heard = Heard()
 
 
 def running() -> str:
@@ -49,8 +50,10 @@ def blocks() -> dict[str, list[str]]:
 
 def job(buttons: dict[str, tuple[int, int]], name: str, seconds: float = 200.0):
     """Click a button and wait for its job; the longest time that the window stood still meanwhile."""
-    yield from clicks.click((yield from clicks.find_again(name, buttons[name])))
-    yield from clicks.wait_for(lambda: bool(running()), "the button starts its job", 60.0)
+    place = yield from clicks.find_again(name, buttons[name])
+    before = len(heard.begun)
+    yield from clicks.click(place)
+    yield from clicks.wait_for(lambda: len(heard.begun) > before, "the button starts its job", 60.0)
     start = last = time.monotonic()
     longest = 0.0
     while running():
