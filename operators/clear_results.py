@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..patchnet_addon.heap import page_out
 from . import overlay, results
 from .memory import give_back
 from .own import is_own
@@ -34,6 +35,7 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
         overlay.forget(context)
         for image in filter(is_own, bpy.data.images):
             image.gl_free()  # the graphics memory; the picture stays
+        page_out("llvmlite")
         give_back()
         if not bpy.app.background:  # viewports let go of their pictures when they are drawn again
             bpy.app.timers.register(give_back, first_interval=_DRAWN_AGAIN_S)

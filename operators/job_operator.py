@@ -18,6 +18,7 @@ from ..patchnet_addon.log import unexpected
 from ..patchnet_addon.progress import Steps
 from ..patchnet_addon.streams import keep_streams
 from . import job_watch, results
+from .compile_ahead import compiled_ahead
 from .job.settings import JobSettings
 from .job_display import JobDisplay
 from .job_events import passes
@@ -53,6 +54,7 @@ class JobOperator(_Operator):
     fraction: ClassVar[float] = 0.0  # of its present step, or of all, for the panel
     # The operator itself. Not of type JobOperator: typing would keep the class, and Blender as a module hang at exit.
     in_window: ClassVar[Any] = None
+    uses_kernels: ClassVar[bool] = True  # those that do not wait for none
     _outcome: set[str]
     _steps: Steps[str]
     _file: Path | None = None  # what the steps write, for the log
@@ -100,6 +102,8 @@ class JobOperator(_Operator):
             return self.execute(context)
         if not self._begin(context):
             return {"CANCELLED"}
+        if self.uses_kernels:
+            self._steps = _after_compiling(self._steps)
         self._scene, self._layer = context.scene, context.view_layer
         self._watch = job_watch.begin(context.scene)
         JobOperator.running, JobOperator.fraction, JobOperator.in_window = self.bl_label, 0.0, self
@@ -221,6 +225,11 @@ class JobOperator(_Operator):
         context.window_manager.event_timer_remove(self._timer)
         self._display.end(context)
         give_back()
+
+
+def _after_compiling(steps: Steps[str]) -> Steps[str]:
+    yield from compiled_ahead()
+    return (yield from steps)
 
 
 @persistent

@@ -37,6 +37,7 @@ class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
 
     filepath: StringProperty(name="File", description="An octree, ends in .safetensors", subtype="FILE_PATH")
     filter_glob: StringProperty(default="*.safetensors", options={"HIDDEN"})
+    uses_kernels = False
     _asked = False
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

@@ -139,7 +139,7 @@ def apply_preferences(context: bpy.types.Context) -> None:
     chosen = preferences(context)
     set_up(level=chosen.log_level)
     folder = bpy.path.abspath(chosen.cache_folder) if chosen.cache_folder else ""
-    if not folder and IS_EXTENSION:
+    if not folder and IS_EXTENSION and "PATCHNET_CACHE" not in os.environ:
         folder = bpy.utils.extension_path_user(ROOT_PACKAGE, path="cache")
     if folder:
         os.environ.setdefault("PATCHNET_CACHE", folder)

@@ -39,6 +39,7 @@ class Counting(JobOperator):
     """Counts to a number, or fails on the way; `closed` is set by its cleaning up."""
 
     bl_label = "Count"
+    uses_kernels = False
 
     def __init__(self, count: int, error: Exception | None = None) -> None:
         self.count, self.error, self.closed = count, error, False

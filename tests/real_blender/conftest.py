@@ -20,6 +20,11 @@ OUT = ROOT / "out" / "real-blender"
 _SCENE = "bl_ext.user_default.patchnet.operators.demo_scene"
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Memory comes first: it is measured where no kernel is compiled yet, and the others take those kernels."""
+    items.sort(key=lambda item: item.path.name != "test_memory.py")
+
+
 @pytest.fixture(scope="session")
 def out() -> Path:
     """An empty folder for what the tests leave."""

@@ -15,8 +15,7 @@ BAKED = "Baking light"
 def visits(installed: Blender, courtyard: Path, out: Path) -> tuple[dict, dict]:
     """What was seen before Blender died, and after the file was opened."""
     script = Path(__file__).with_name("reload_window.py")
-    variables = {"PATCHNET_KEEP": "1", "PATCHNET_CACHE": str(out / "cache")}
-    keeping = Blender(installed.prefix, installed.program, installed.environment | variables)
+    keeping = Blender(installed.prefix, installed.program, installed.environment | {"PATCHNET_KEEP": "1"})
     seen = []
     for name, file in (("made", courtyard), ("opened", out / "reload.blend")):
         done = keeping.run_window(file, "-P", script, "--", out, name, screen=SMALL_SCREEN)

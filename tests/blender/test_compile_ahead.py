@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Kernels are compiled in another process before the first job of a window; what goes wrong there stops no job."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import IO
+
+import pytest
+
+import patchnet
+from patchnet.operators.compile_ahead import ahead, small_jobs_path
+from patchnet.operators.compile_ahead.ahead import compiled_ahead
+from patchnet.patchnet_addon.progress import drain
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of kernels, with none in it."""
+    monkeypatch.setattr(ahead, "_kernels", lambda: (tmp_path, "versions"))
+    return tmp_path
+
+
+@pytest.fixture
+def other(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], SimpleNamespace]:
+    """Python code in the place of the other Blender; what was started."""
+
+    def stand_in(code: str) -> SimpleNamespace:
+        started = SimpleNamespace(processes=[])
+
+        def start(said: IO[bytes]) -> subprocess.Popen[bytes]:
+            started.processes.append(subprocess.Popen([sys.executable, "-c", code], stdout=said, stderr=said))
+            return started.processes[-1]
+
+        monkeypatch.setattr(ahead, "_start", start)
+        return started
+
+    return stand_in
+
+
+def test_once_on_a_machine(folder: Path, other: Callable[[str], SimpleNamespace]) -> None:
+    started = other("pass")
+    for _ in range(2):
+        drain(compiled_ahead())
+    assert len(started.processes) == 1 and len(list(folder.glob("all-*"))) == 1
+
+
+def test_progress_counts_kernels(folder: Path, other: Callable[[str], SimpleNamespace]) -> None:
+    other("import time; time.sleep(0.3)")
+    (folder / "tracing").mkdir()
+    for number in range(41):
+        (folder / "tracing" / f"{number}.nbc").touch()
+    reports = []
+    drain(compiled_ahead(), reports.append)
+    assert reports[-1].done == 41 and reports[-1].total == ahead.ABOUT and reports[-1].waiting
+
+
+def test_a_failure_is_told_once_and_stops_nothing(
+    folder: Path, other: Callable[[str], SimpleNamespace], caplog: pytest.LogCaptureFixture
+) -> None:
+    started = other("import sys; print('no module named numba'); sys.exit(1)")
+    with caplog.at_level("WARNING", "patchnet"):
+        for _ in range(2):
+            drain(compiled_ahead())
+    assert len(started.processes) == 1 and list(folder.glob("all-*")) == []
+    assert caplog.text.count("no module named numba") == 1 and "exit code 1" in caplog.text
+
+
+def test_stopping_ends_the_other_process(folder: Path, other: Callable[[str], SimpleNamespace]) -> None:
+    started = other("import time; time.sleep(600)")
+    steps = compiled_ahead()
+    while not started.processes:
+        next(steps)
+    steps.close()
+    assert started.processes[0].poll() is not None and list(folder.glob("all-*")) == []
+    drained = other("pass")
+    drain(compiled_ahead())
+    assert len(drained.processes) == 1, "the next job goes on"
+
+
+def test_small_jobs_call_the_kernels(tmp_path: Path) -> None:
+    words = [sys.executable, small_jobs_path(), "--", "patchnet", Path(patchnet.__file__).parent, *sys.path]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=600)
+    assert done.returncode == 0 and "Traceback" not in done.stderr, done.stdout + done.stderr

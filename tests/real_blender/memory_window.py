@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Somebody previews a scene, looks around in it and renders it, then frees the memory. No kernel is compiled before.
+
+    blender --enable-event-simulate -p 0 0 1000 800 courtyard.blend -P memory_window.py -- OUT
+
+Writes OUT/memory.json: bytes of the process after each part, and what the panel says. test_memory.py judges them.
+"""
+
+import importlib
+import math
+import os
+import sys
+from pathlib import Path
+
+import bpy
+from mathutils import Quaternion
+
+sys.path.insert(0, str(Path(__file__).parent))
+import clicks
+from visits import PACKAGE, Heard, Visit, module
+
+SETTINGS = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 9, "samples": 1, "cameras": "Middle"}
+
+visit = Visit("memory")
+seen = visit.seen
+heard = Heard()
+heap = importlib.import_module(f"{PACKAGE}.patchnet_addon.heap")
+
+
+def measure(part: str) -> clicks.Session:
+    """The process's bytes, and what the panel says of them."""
+    yield 1.0
+    heap.trim()
+    held = module("memory").held()
+    seen[part] = {"process": heap.resident_bytes(), "results": held.results, "images": held.images}
+    visit.save(part)
+
+
+def close_windows() -> clicks.Session:
+    """Every window but the first."""
+    while len(bpy.context.window_manager.windows) > 1:
+        with bpy.context.temp_override(window=bpy.context.window_manager.windows[-1]):
+            bpy.ops.wm.window_close()
+        yield 0.5
+
+
+def render(engine: str) -> clicks.Session:
+    """F12, and the window with the picture closed again."""
+    scene, ended = clicks.window().scene, []
+    scene.render.engine = engine
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 480, 270, 100
+    scene.cycles.samples = 1
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
+    with bpy.context.temp_override(window=clicks.window()):
+        bpy.ops.render.render("INVOKE_DEFAULT")
+    yield from clicks.wait_for(lambda: bool(ended), f"the render by {engine} ends", 200.0)
+    yield 1.0
+    yield from close_windows()
+
+
+def preview() -> clicks.Session:
+    """The whole job."""
+    scene = clicks.window().scene
+    for name, value in SETTINGS.items():
+        setattr(scene.patchnet, name, value)
+    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
+        bpy.ops.patchnet.run_all("INVOKE_DEFAULT")
+    yield from clicks.wait_for(lambda: not module("job_operator").JobOperator.running, "the job ends", 400.0)
+    seen["steps"] = list(heard.labels)
+    yield from measure("job")
+
+
+def look_around() -> clicks.Session:
+    """The viewport in the shading mode of the render engine, from ten sides."""
+    clicks.window().scene.render.engine = "PATCHNET"
+    space = clicks.area("VIEW_3D").spaces.active
+    space.shading.type = "RENDERED"
+    for _ in range(10):
+        space.region_3d.view_rotation = Quaternion((0, 0, 1), math.radians(6)) @ space.region_3d.view_rotation
+        yield 0.5
+    yield 2.0
+    yield from measure("viewport")
+
+
+def free() -> clicks.Session:
+    """Free Memory, with the viewport as it was in the beginning."""
+    clicks.area("VIEW_3D").spaces.active.shading.type = "SOLID"
+    yield 0.5
+    bpy.ops.patchnet.clear_results()
+    yield 1.0
+    yield from measure("freed")
+
+
+def kernels() -> None:
+    """How many kernels were compiled in the other Blender, and after it."""
+    folder = Path(os.environ.get("PATCHNET_CACHE", "")) / "kernels"
+    (mark,) = folder.rglob("all-*")
+    later = [path.stat().st_mtime_ns > mark.stat().st_mtime_ns for path in folder.rglob("*.nbc")]
+    about = module("compile_ahead.ahead").ABOUT
+    seen["kernels"] = {"about": about, "ahead": later.count(False), "later": later.count(True)}
+
+
+def session() -> clicks.Session:
+    """The whole visit. Blender keeps 100 MB and more of its first render with Cycles, whoever asks for it."""
+    yield from measure("start")
+    yield from render("CYCLES")
+    yield from measure("rendered by Cycles")
+    yield from preview()
+    yield from look_around()
+    yield from render("PATCHNET")
+    yield from measure("rendered")
+    yield from free()
+    kernels()
+
+
+visit.play(session(), pictures="WINDOW")

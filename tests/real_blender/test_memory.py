@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Memory of a Blender that was used for a while and then freed: what memory_window.py saw."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
+
+MB = 1_000_000
+KEPT_BYTES = 300 * MB  # of kernels, their loader, meshes and pictures
+
+
+@pytest.fixture(scope="module")
+def memory(installed: Blender, courtyard: Path, out: Path) -> dict:
+    """What memory_window.py saw."""
+    script = Path(__file__).with_name("memory_window.py")
+    done = installed.run_window(courtyard, "-P", script, "--", out, screen=SMALL_SCREEN, seconds=800.0)
+    (out / "memory.log").write_text(done.stdout + done.stderr)
+    assert (out / "memory.json").exists(), f"see {out / 'memory.log'}"
+    seen: dict = json.loads((out / "memory.json").read_text())
+    return seen | {"said": done.stdout + done.stderr}
+
+
+def test_visit_came_to_its_end(memory: dict) -> None:
+    assert memory["problem"] == "" and "Traceback" not in memory["said"]
+    assert "Baking light" in memory["steps"]
+
+
+def test_kernels_are_compiled_in_another_process(memory: dict) -> None:
+    assert memory["steps"][0] == "Compiling kernels"
+    kernels = memory["kernels"]
+    assert kernels["later"] == 0
+    assert kernels["ahead"] == pytest.approx(kernels["about"], rel=0.1), "ABOUT is what the progress counts up to"
+
+
+def test_panel_states_what_is_held(memory: dict) -> None:
+    assert memory["start"]["results"] == memory["start"]["images"] == memory["freed"]["results"] == 0
+    assert memory["job"]["results"] > 10 * MB and memory["job"]["images"] > MB
+    assert memory["viewport"]["process"] - memory["freed"]["process"] > memory["viewport"]["results"]
+
+
+def test_freed_memory_goes_back_to_the_system(memory: dict) -> None:
+    assert memory["freed"]["process"] - memory["rendered by Cycles"]["process"] < KEPT_BYTES
