@@ -87,7 +87,7 @@ def free() -> clicks.Session:
     clicks.area("VIEW_3D").spaces.active.shading.type = "SOLID"
     yield 0.5
     bpy.ops.patchnet.clear_results()
-    yield 1.0
+    yield 3.0
     yield from measure("freed")
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
 
-MB = 1_000_000
+MB = 2**20
 KEPT_BYTES = 300 * MB  # of kernels, their loader, meshes and pictures
 
 
