@@ -24,7 +24,7 @@ def main() -> NoReturn:
 
 def _run() -> int:
     from .commands import main as run_command
-    from .patchnet_addon.streams import keep_streams
+    from .patchnet_addon.runtime.streams import keep_streams
 
     keep_streams()
     return run_command()
@@ -37,7 +37,7 @@ def leave(code: int) -> NoReturn:
     is being destroyed. So once it is loaded, the process ends as soon as everything is written, and what Blender would
     have tidied up is.
     """
-    from .patchnet_addon.streams import finish_streams
+    from .patchnet_addon.runtime.streams import finish_streams
 
     if (error := finish_streams()) is not None and not code:
         code = 2
@@ -47,7 +47,7 @@ def leave(code: int) -> NoReturn:
     import atexit
 
     from .operators.session_folder import session_folder_goes
-    from .patchnet_addon.unfinished import remove_unfinished
+    from .patchnet_addon.runtime.unfinished import remove_unfinished
 
     session_folder_goes()
     atexit._run_exitfuncs()

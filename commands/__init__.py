@@ -38,9 +38,9 @@ def main(
     (one sentence on stderr), 130 when interrupted, 143 by SIGTERM, and with a log for programs 1 for what should not
     have happened, which else is raised.
     """
-    from ..patchnet_addon import log
-    from ..patchnet_addon.errors import FileAccessError, PatchNetError
-    from ..patchnet_addon.interrupt import exit_code_of, prompt_interrupt
+    from ..patchnet_addon.runtime import log
+    from ..patchnet_addon.runtime.errors import FileAccessError, PatchNetError
+    from ..patchnet_addon.runtime.interrupt import exit_code_of, prompt_interrupt
     from .lines import say_error
 
     words = sys.argv[1:] if argv is None else list(argv)
@@ -71,7 +71,7 @@ class _Parser(argparse.ArgumentParser):
     """Says what it does not understand as an event where programs listen."""
 
     def error(self, message: str) -> NoReturn:
-        from ..patchnet_addon.log import is_json
+        from ..patchnet_addon.runtime.log import is_json
         from .lines import say_error
 
         if not is_json():
@@ -91,7 +91,7 @@ def _parser(modules: dict[str, ModuleType], program: str) -> argparse.ArgumentPa
 
 
 def _add_log_format(parser: argparse.ArgumentParser) -> None:
-    from ..patchnet_addon.log import FORMATS, VARIABLE
+    from ..patchnet_addon.runtime.log import FORMATS, VARIABLE
 
     parser.add_argument(
         "--log-format", choices=FORMATS, default=argparse.SUPPRESS,
@@ -101,7 +101,7 @@ def _add_log_format(parser: argparse.ArgumentParser) -> None:
 
 def _log_format(words: Sequence[str]) -> str | None:
     """--log-format before anything else is understood, so that even misunderstandings are said in it."""
-    from ..patchnet_addon.log import FORMATS
+    from ..patchnet_addon.runtime.log import FORMATS
 
     given = [following for word, following in pairwise(words) if word == "--log-format"]
     given += [word.partition("=")[2] for word in words if word.startswith("--log-format=")]

@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon.bounds import Bounds
-from ..patchnet_addon.errors import OutputError
+from ..patchnet_addon.runtime.bounds import Bounds
+from ..patchnet_addon.runtime.errors import OutputError
 
 
 def add_number(parser: argparse._ActionsContainer, flag: str, bounds: Bounds, **others: Any) -> None:

@@ -44,8 +44,8 @@ def execute(words: Sequence[str]) -> int:
 
     from ..operators.preferences import apply_preferences, preferences
     from ..operators.session_folder import session_folder_goes
-    from ..patchnet_addon.errors import PatchNetError
-    from ..patchnet_addon.streams import keep_streams
+    from ..patchnet_addon.runtime.errors import PatchNetError
+    from ..patchnet_addon.runtime.streams import keep_streams
     from . import EXIT_ERROR, EXIT_UNEXPECTED, main
     from .lines import say_error
 

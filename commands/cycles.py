@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from ..patchnet_addon import bounds
+from ..patchnet_addon.runtime import bounds
 from .arguments import add_number
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def add_cycles(parser: argparse.ArgumentParser) -> None:
 def cycles_settings(args: argparse.Namespace) -> CyclesSettings | None:
     """None unless a budget was given; raises SettingError for values outside their range."""
     from ..operators.cycles_refine.settings import CyclesSettings
-    from ..patchnet_addon.errors import SettingError
+    from ..patchnet_addon.runtime.errors import SettingError
 
     if args.cycles_budget is None:
         if args.cycles_compare:

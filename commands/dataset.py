@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon import bounds
+from ..patchnet_addon.runtime import bounds
 from .arguments import add_number, add_out
 
 
@@ -38,10 +38,10 @@ def run(args: argparse.Namespace) -> int:
     """Draw the samples and write one file per octree."""
     import time
 
-    from ..patchnet_addon.file_kinds import SAMPLES
     from ..patchnet_addon.octree.file import load_octree
-    from ..patchnet_addon.outputs import check_outputs
-    from ..patchnet_addon.progress import drain
+    from ..patchnet_addon.runtime.file_kinds import SAMPLES
+    from ..patchnet_addon.runtime.outputs import check_outputs
+    from ..patchnet_addon.runtime.progress import drain
     from ..training.dataset import SUFFIX, save_samples
     from ..training.samples import SampleSettings, draw_samples
     from .lines import say_result

@@ -7,7 +7,7 @@ import argparse
 import time
 from pathlib import Path
 
-from ..patchnet_addon.errors import PatchNetError
+from ..patchnet_addon.runtime.errors import PatchNetError
 from .arguments import add_out
 from .run import add_job_arguments, job_settings, print_result, require_blender, run_with_bars
 
@@ -35,8 +35,8 @@ def run(args: argparse.Namespace) -> int:
     from ..operators.demo_scene import save_demo_scene
     from ..operators.job.output_files import check_job
     from ..operators.scene import open_scene
-    from ..patchnet_addon.file_kinds import BLEND
-    from ..patchnet_addon.outputs import check_outputs
+    from ..patchnet_addon.runtime.file_kinds import BLEND
+    from ..patchnet_addon.runtime.outputs import check_outputs
     from .quiet import quiet_stdout
 
     start = time.monotonic()

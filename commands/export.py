@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..patchnet_addon import bounds
+from ..patchnet_addon.runtime import bounds
 from .arguments import add_number, add_out
 from .lines import make_parent, say_result
 
@@ -30,8 +30,8 @@ def run(args: argparse.Namespace) -> int:
     """Write the file; returns 0. Raises PatchNetError."""
     from ..patchnet_addon.octree.export.formats import export_octree, format_of
     from ..patchnet_addon.octree.file import load_octree
-    from ..patchnet_addon.outputs import check_outputs
-    from ..patchnet_addon.progress import drain
+    from ..patchnet_addon.runtime.outputs import check_outputs
+    from ..patchnet_addon.runtime.progress import drain
     from .progress_bars import ProgressBars
 
     check_outputs({args.out: format_of(args.out).kind}, [args.octree])

@@ -7,8 +7,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..patchnet_addon.errors import SettingError
-from ..patchnet_addon.frames import frame_range, parse_frames
+from ..patchnet_addon.runtime.errors import SettingError
+from ..patchnet_addon.runtime.frames import frame_range, parse_frames
 from .lines import say_note, say_result
 from .scene_argument import opened_file
 
@@ -44,7 +44,7 @@ def bake_with_bars(args: argparse.Namespace, maker: FrameMaker, out: Path) -> An
     import bpy
 
     from ..operators.job.animation import FramePlan, bake_frames
-    from ..patchnet_addon.progress import drain
+    from ..patchnet_addon.runtime.progress import drain
     from .progress_bars import ProgressBars
     from .quiet import quiet_stdout
 

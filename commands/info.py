@@ -8,8 +8,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon.files import FileHeader
-from ..patchnet_addon.log import event
+from ..patchnet_addon.runtime.files import FileHeader
+from ..patchnet_addon.runtime.log import event
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
@@ -26,7 +26,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 def run(args: argparse.Namespace) -> int:
     """Print the file's contents; returns 0. Raises FileFormatError for foreign or damaged files."""
-    from ..patchnet_addon.files import read_arrays, read_header
+    from ..patchnet_addon.runtime.files import read_arrays, read_header
 
     header = read_header(args.file)
     read_arrays(args.file, header.kind)  # compares every array with its checksum

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon.errors import PatchNetError
-from ..patchnet_addon.log import event, is_json
+from ..patchnet_addon.runtime.errors import PatchNetError
+from ..patchnet_addon.runtime.log import event, is_json
 
 
 def say_result(text: str, **fields: Any) -> None:

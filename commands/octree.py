@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..patchnet_addon import bounds
-from ..patchnet_addon.errors import SettingError
+from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.errors import SettingError
 from .arguments import add_number, add_out
 from .frames import add_frames, bake_with_bars, check_frames, print_frames
 from .lines import make_parent, say_note, say_result
@@ -22,12 +22,12 @@ from .stage_clock import StageClock
 from .views import add_views, say_unseen, view_cameras
 
 if TYPE_CHECKING:
-    from ..patchnet_addon.light.kept_pages import KeptPages
+    from ..patchnet_addon.lightmap.page_cache import KeptPages
     from ..patchnet_addon.octree.grid import Grid
     from ..patchnet_addon.octree.leaf_levels import LeafLevels
-    from ..patchnet_addon.octree.mesh import MeshSource, Shade
     from ..patchnet_addon.octree.octree import Octree
-    from ..patchnet_addon.progress import Steps
+    from ..patchnet_addon.runtime.progress import Steps
+    from ..patchnet_addon.surface.mesh import MeshSource, Shade
 
 FIT = "fit"
 
@@ -72,9 +72,9 @@ def run(args: argparse.Namespace) -> int:
     clock = StageClock()
     with clock.stage("start"):
         require_blender()
-    from ..patchnet_addon.light.kept_pages import KeptPages
+    from ..patchnet_addon.lightmap.page_cache import KeptPages
     from ..patchnet_addon.octree.file import save_octree
-    from ..patchnet_addon.progress import drain
+    from ..patchnet_addon.runtime.progress import drain
     from .progress_bars import ProgressBars
 
     check_out(args)
@@ -104,8 +104,8 @@ def check_out(args: argparse.Namespace) -> None:
     """Raises OutputError if --out cannot be written, or would replace what the open or the named scene is read from."""
     from ..operators.job.output_files import scene_inputs
     from ..operators.job.reports import REPORT_NAME
-    from ..patchnet_addon.file_kinds import OCTREE, REPORT
-    from ..patchnet_addon.outputs import check_outputs
+    from ..patchnet_addon.runtime.file_kinds import OCTREE, REPORT
+    from ..patchnet_addon.runtime.outputs import check_outputs
 
     inputs, folder = [*scene_inputs(), *filter(None, [args.scene])], None if args.frames is None else args.out
     check_outputs({args.out: OCTREE} if folder is None else {folder / REPORT_NAME: REPORT}, inputs, folder=folder)
@@ -153,10 +153,10 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
     from ..operators.job.versions import versions
     from ..operators.scene import read_scene
     from ..operators.scene.precision import light_warnings, place_warnings
-    from ..patchnet_addon.light.texel_sizes import texel_sizes
+    from ..patchnet_addon.lightmap.texel_sizes import texel_sizes
     from ..patchnet_addon.octree.build import build_octree
     from ..patchnet_addon.octree.grid import Grid
-    from ..patchnet_addon.octree.rotated import RotatedSource, random_rotation
+    from ..patchnet_addon.surface.rotated import RotatedSource, random_rotation
 
     with clock.stage("read"):
         source = read_scene(bpy.context.evaluated_depsgraph_get())
@@ -194,10 +194,11 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
 
 def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, LeafLevels | None]]:
     """Cube and depth of the upright surface, and the levels of the leaves where they are fitted."""
-    from ..patchnet_addon.light.opacity import opacity_shade
-    from ..patchnet_addon.octree.depth import available_memory, most_leaves
-    from ..patchnet_addon.octree.fit import LAYOUT_BYTES, fit_leaf_levels
-    from ..patchnet_addon.octree.grid import MAX_DEPTH, Grid
+    from ..patchnet_addon.lod.depth import available_memory, most_leaves
+    from ..patchnet_addon.lod.fit import LAYOUT_BYTES, fit_leaf_levels
+    from ..patchnet_addon.octree.grid import Grid
+    from ..patchnet_addon.runtime.bounds import MAX_DEPTH
+    from ..patchnet_addon.surface.opacity import opacity_shade
 
     bounds_world = source.bounds_world if args.bounds is None else np.array(args.bounds)
     if args.depth != FIT:
@@ -216,8 +217,8 @@ def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarra
     from ..operators.bake import bake_luminance
     from ..operators.daylight import has_light
     from ..operators.job.stages import NO_LIGHT
-    from ..patchnet_addon.light.atlas import atlas_shade
-    from ..patchnet_addon.light.two_lights import DIRECTION, two_lights_shade
+    from ..patchnet_addon.lightmap.atlas import atlas_shade
+    from ..patchnet_addon.surface.two_lights import DIRECTION, two_lights_shade
 
     if args.light == "two-lights":
         direction = np.random.default_rng(args.rotate).normal(size=3) if args.rotate else np.array(DIRECTION)

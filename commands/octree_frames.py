@@ -13,10 +13,10 @@ import bpy
 from ..operators.job.frame_maker import Common, FrameMaker
 from ..operators.job.output_files import OCTREE_NAME
 from ..operators.scene.placements import VISIBLE
-from ..patchnet_addon.file_kinds import OCTREE, FileKind
-from ..patchnet_addon.light.kept_pages import KeptPages
+from ..patchnet_addon.lightmap.page_cache import KeptPages
 from ..patchnet_addon.octree.file import save_octree
-from ..patchnet_addon.progress import Steps
+from ..patchnet_addon.runtime.file_kinds import OCTREE, FileKind
+from ..patchnet_addon.runtime.progress import Steps
 from .octree import build, hide_from_renders, without
 from .stage_clock import StageClock
 

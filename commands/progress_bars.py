@@ -9,10 +9,10 @@ import time
 from types import TracebackType
 from typing import Any
 
-from ..patchnet_addon.log import is_json
-from ..patchnet_addon.progress import Progress
-from ..patchnet_addon.progress_log import ProgressLog
-from ..patchnet_addon.remaining import Remaining
+from ..patchnet_addon.runtime.log import is_json
+from ..patchnet_addon.runtime.progress import Progress
+from ..patchnet_addon.runtime.progress_log import ProgressLog
+from ..patchnet_addon.runtime.remaining import Remaining
 
 _FORMAT = "{desc} {bar} {n:3.0f} % {elapsed}{postfix}"
 _PAUSE_S = 10.0  # between two lines of one step

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from ..patchnet_addon.streams import is_written
+from ..patchnet_addon.runtime.streams import is_written
 
 
 @contextmanager

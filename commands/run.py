@@ -8,8 +8,8 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..patchnet_addon import bounds
-from ..patchnet_addon.errors import PatchNetError, SettingError
+from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.errors import PatchNetError, SettingError
 from .arguments import add_number, add_out
 from .cycles import add_cycles, cycles_settings, print_cycles
 from .frames import add_frames, bake_with_bars, check_frames, print_frames
@@ -176,7 +176,7 @@ def run_with_bars(settings: JobSettings) -> JobResult:
     import bpy
 
     from ..operators.job.run import run_job
-    from ..patchnet_addon.progress import drain
+    from ..patchnet_addon.runtime.progress import drain
     from .progress_bars import ProgressBars
     from .quiet import quiet_stdout
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon.errors import SceneError
+from ..patchnet_addon.runtime.errors import SceneError
 
 NO_SCENE = "There is no scene: name its file, or open one with `blender -b FILE --command patchnet`"
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from ..patchnet_addon.heap import peak_bytes, resident_bytes
+from ..patchnet_addon.runtime.heap import peak_bytes, resident_bytes
 
 
 @dataclass(frozen=True)

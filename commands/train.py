@@ -17,9 +17,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon import bounds
-from ..patchnet_addon.errors import SettingError
-from ..patchnet_addon.progress import drain
+from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.errors import SettingError
+from ..patchnet_addon.runtime.progress import drain
 from ..training.run_files import WEIGHTS, check_run
 from ..training.settings import PRESETS, TrainSettings
 from .arguments import add_number, add_out

@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..patchnet_addon import bounds
+from ..patchnet_addon.runtime import bounds
 from .arguments import add_number, add_out
 from .lines import say_note, say_result
 from .run import add_both_sides, require_blender
@@ -69,8 +69,8 @@ def run(args: argparse.Namespace) -> int:
     from ..operators.job.output_folder import output_folder
     from ..operators.verify_light import verify_light
     from ..operators.verify_light.pictures import check_files, save_check
-    from ..patchnet_addon.outputs import check_outputs
-    from ..patchnet_addon.progress import drain
+    from ..patchnet_addon.runtime.outputs import check_outputs
+    from ..patchnet_addon.runtime.progress import drain
     from .progress_bars import ProgressBars
     from .quiet import quiet_stdout
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..patchnet_addon import bounds
+from ..patchnet_addon.runtime import bounds
 from .arguments import add_number
 from .lines import say_note
 

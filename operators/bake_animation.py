@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import bpy
 
-from ..patchnet_addon.errors import SettingError
-from ..patchnet_addon.frames import frame_range
-from ..patchnet_addon.progress import Steps
+from ..patchnet_addon.runtime.errors import SettingError
+from ..patchnet_addon.runtime.frames import frame_range
+from ..patchnet_addon.runtime.progress import Steps
 from .job.settings import JobSettings
 from .job_operator import JobOperator
 from .properties import (

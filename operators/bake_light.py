@@ -8,9 +8,9 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..patchnet_addon.errors import SceneError
 from ..patchnet_addon.octree.grid import Grid
-from ..patchnet_addon.progress import Progress, Steps
+from ..patchnet_addon.runtime.errors import SceneError
+from ..patchnet_addon.runtime.progress import Progress, Steps
 from . import results
 from .job.settings import JobSettings
 from .job.stages import build, lit
@@ -28,7 +28,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Read the surface again, light it, and build the octree on the same grid."""
-        from ..patchnet_addon.light.kept_pages import KeptPages
+        from ..patchnet_addon.lightmap.page_cache import KeptPages
         from .scene import read_scene
 
         before = results.voxels_of(context.scene)

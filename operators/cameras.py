@@ -9,7 +9,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..patchnet_addon.errors import SceneError
+from ..patchnet_addon.runtime.errors import SceneError
 from ..patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
 from .frames import go_to_frame, kept_frame
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..patchnet_addon.errors import SettingError
+from ..patchnet_addon.runtime.errors import SettingError
 from .preferences import kept, preferences
 from .properties import absolute_path
 from .tell import tell

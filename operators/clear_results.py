@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..patchnet_addon.heap import page_out
+from ..patchnet_addon.runtime.heap import page_out
 from . import overlay, results
 from .memory import give_back
 from .own import is_own

@@ -11,7 +11,7 @@ from typing import Any
 
 import bpy
 
-from ..patchnet_addon.log import LOG
+from ..patchnet_addon.runtime.log import LOG
 from . import results
 from .devices import gpu_is_enabled
 from .job.versions import machine, versions

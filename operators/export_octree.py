@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from ..patchnet_addon.progress import Steps
+from ..patchnet_addon.runtime.progress import Steps
 from . import results
 from .job.settings import JobSettings
 from .polls import VoxelJob
@@ -75,9 +75,9 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Write the file."""
-        from ..patchnet_addon.errors import SettingError
         from ..patchnet_addon.octree.export.formats import export_octree, format_of
-        from ..patchnet_addon.outputs import check_outputs
+        from ..patchnet_addon.runtime.errors import SettingError
+        from ..patchnet_addon.runtime.outputs import check_outputs
         from .job.output_files import scene_inputs
 
         octree = results.voxels_of(context.scene).octree

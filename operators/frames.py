@@ -13,7 +13,7 @@ from typing import Any
 
 import bpy
 
-from ..patchnet_addon.interrupt import interrupts_wait
+from ..patchnet_addon.runtime.interrupt import interrupts_wait
 from . import results
 from .overrides import put_back_when_saved
 from .window_job import when_job_ended

@@ -13,7 +13,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..patchnet_addon.errors import PatchNetError
+from ..patchnet_addon.runtime.errors import PatchNetError
 from .own import OWNER
 
 

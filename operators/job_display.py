@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import bpy
 
-from ..patchnet_addon.progress import Progress
-from ..patchnet_addon.progress_log import ProgressLog
-from ..patchnet_addon.remaining import Remaining
+from ..patchnet_addon.runtime.progress import Progress
+from ..patchnet_addon.runtime.progress_log import ProgressLog
+from ..patchnet_addon.runtime.remaining import Remaining
 
 
 class JobDisplay:

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 from bpy.app.handlers import persistent
 
-from ..patchnet_addon.beside import attended
-from ..patchnet_addon.errors import FileAccessError, PatchNetError, StoppedError
-from ..patchnet_addon.interrupt import TERMINATED, end_process, exit_code_of, prompt_interrupt
-from ..patchnet_addon.log import unexpected
-from ..patchnet_addon.progress import Steps
-from ..patchnet_addon.streams import keep_streams
+from ..patchnet_addon.runtime.errors import FileAccessError, PatchNetError, StoppedError
+from ..patchnet_addon.runtime.interrupt import TERMINATED, end_process, exit_code_of, prompt_interrupt
+from ..patchnet_addon.runtime.log import unexpected
+from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.streams import keep_streams
+from ..patchnet_addon.runtime.worker import attended
 from . import job_watch, results
 from .compile_ahead import compiled_ahead
 from .job.settings import JobSettings

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..patchnet_addon.errors import SceneError
+from ..patchnet_addon.runtime.errors import SceneError
 
 if TYPE_CHECKING:
     from .scene_state import SceneState

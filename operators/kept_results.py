@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ..patchnet_addon.bounds import KEPT_GIB
-from ..patchnet_addon.errors import PatchNetError, SettingError
+from ..patchnet_addon.runtime.bounds import KEPT_GIB
+from ..patchnet_addon.runtime.errors import PatchNetError, SettingError
 from . import results
 from .preferences import apply_preferences, preferences
 
 if TYPE_CHECKING:
+    from ..patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
     from ..patchnet_addon.network.weights import Weights
-    from ..patchnet_addon.octree_cache import CachedOctree, OctreeCache
     from .scene_state import SceneState
 
 VARIABLE = "PATCHNET_KEEP"  # GiB, in the place of the preference
@@ -80,8 +80,8 @@ def limit_bytes() -> int:
 
 
 def _cache() -> OctreeCache:
-    from ..patchnet_addon.cache_folder import OCTREES, user_cache_folder
-    from ..patchnet_addon.octree_cache import OctreeCache
+    from ..patchnet_addon.codes.octree_cache import OctreeCache
+    from ..patchnet_addon.runtime.cache_folder import OCTREES, user_cache_folder
 
     return OctreeCache(user_cache_folder() / OCTREES, limit_bytes())
 
@@ -99,7 +99,7 @@ def _fingerprint(scene: bpy.types.Scene) -> list[Any]:
 
 
 def _entry(result: results.SceneResult, scene: bpy.types.Scene) -> CachedOctree:
-    from ..patchnet_addon.octree_cache import CachedOctree
+    from ..patchnet_addon.codes.octree_cache import CachedOctree
 
     notes = {
         "fingerprint": _fingerprint(scene),

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import bpy
 from bpy.props import StringProperty
 
-from ..patchnet_addon.beside import computed
-from ..patchnet_addon.errors import CodesFileError, SettingError
-from ..patchnet_addon.progress import Progress, Steps
+from ..patchnet_addon.runtime.errors import CodesFileError, SettingError
+from ..patchnet_addon.runtime.progress import Progress, Steps
+from ..patchnet_addon.runtime.worker import computed
 from . import results
 from .job.settings import JobSettings
 from .job_operator import JobOperator

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ..patchnet_addon.heap import resident_bytes, trim
+from ..patchnet_addon.runtime.heap import resident_bytes, trim
 from . import results
 from .own import is_own
 

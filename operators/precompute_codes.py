@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import bpy
 
-from ..patchnet_addon.progress import Steps
+from ..patchnet_addon.runtime.progress import Steps
 from . import results
 from .job.settings import JobSettings
 from .job.stages import encode_as_set, load_network

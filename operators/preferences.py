@@ -9,9 +9,9 @@ from dataclasses import dataclass, fields
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
-from ..patchnet_addon.bounds import KEPT_GIB as KEPT
 from ..patchnet_addon.image.colormaps import COLORMAPS
-from ..patchnet_addon.log import set_up
+from ..patchnet_addon.runtime.bounds import KEPT_GIB as KEPT
+from ..patchnet_addon.runtime.log import set_up
 
 ROOT_PACKAGE = __package__.rpartition(".")[0]  # "patchnet", or "bl_ext.<repository>.patchnet" in Blender
 IS_EXTENSION = ROOT_PACKAGE.startswith("bl_ext.")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..patchnet_addon.progress import Steps
+from ..patchnet_addon.runtime.progress import Steps
 from . import results
 from .job.settings import JobSettings
 from .polls import CodesJob

@@ -8,7 +8,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..patchnet_addon.progress import Steps
+from ..patchnet_addon.runtime.progress import Steps
 from . import overlay, results
 from .cameras import choose_cameras
 from .job.settings import JobSettings

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ..patchnet_addon.errors import SettingError
+from ..patchnet_addon.runtime.errors import SettingError
 from .job_watch import changes_meanwhile
 from .summary import summary
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..patchnet_addon.progress import Steps
+from ..patchnet_addon.runtime.progress import Steps
 from . import overlay, results
 from .job.settings import JobSettings
 from .job_operator import JobOperator

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from ..patchnet_addon.unfinished import goes_with_process
+from ..patchnet_addon.runtime.unfinished import goes_with_process
 
 _NAME = re.compile(r"blender_\w{6}")  # without one of its own, Blender names the folder of all temporary files
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..patchnet_addon.errors import PatchNetError
+from ..patchnet_addon.runtime.errors import PatchNetError
 from . import results
 from .polls import has_voxels, in_object_mode, no_job_runs
 from .preferences import apply_preferences

@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ..patchnet_addon import log
+from ..patchnet_addon.runtime import log
 
 _EVENTS = {
     "INFO": ("result", logging.INFO),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from ..patchnet_addon.errors import SceneError
+from ..patchnet_addon.runtime.errors import SceneError
 
 _unread: list[str] = []  # its path, while nothing was opened since
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..patchnet_addon.progress import Progress, Steps
+from ..patchnet_addon.runtime.progress import Progress, Steps
 from . import results
 from .cameras import choose_cameras, track_cameras
 from .job.settings import JobSettings

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import bpy
 
-from ..patchnet_addon.errors import SceneError
-from ..patchnet_addon.progress import Progress, Steps
+from ..patchnet_addon.runtime.errors import SceneError
+from ..patchnet_addon.runtime.progress import Progress, Steps
 from . import results
 
 BAKE, RENDER = "OBJECT_BAKE", "RENDER"

@@ -18,7 +18,7 @@ def ctrl_c() -> Iterator[None]:
 @pytest.fixture
 def text_log() -> Iterator[None]:
     """The log is text again after the test."""
-    from patchnet.patchnet_addon import log
+    from patchnet.patchnet_addon.runtime import log
 
     yield
     log.set_up(log.TEXT)

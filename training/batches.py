@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..patchnet_addon.codes.brick import fill_brick
-from ..patchnet_addon.kernels import serial_kernel
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
+from ..patchnet_addon.runtime.kernels import serial_kernel
 from .forest import Forest
 from .samples import COVERAGE_SCALE
 from .symmetry import COUNT, cube_symmetries

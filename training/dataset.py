@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..patchnet_addon.errors import FileFormatError
-from ..patchnet_addon.files import read_arrays, write_arrays
 from ..patchnet_addon.octree.file import load_octree, octree_hash
 from ..patchnet_addon.octree.octree import Octree
+from ..patchnet_addon.runtime.errors import FileFormatError
+from ..patchnet_addon.runtime.files import read_arrays, write_arrays
 from .samples import VIEW_FIELDS, Samples, SampleSettings
 
 KIND = "samples"

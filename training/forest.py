@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..patchnet_addon.errors import PatchNetError
 from ..patchnet_addon.octree.octree import Octree
+from ..patchnet_addon.runtime.errors import PatchNetError
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from ..patchnet_addon.errors import FileFormatError, SettingError
-from ..patchnet_addon.file_kinds import CHECKPOINT as CHECKPOINT_KIND
-from ..patchnet_addon.file_kinds import MODEL_CARD, PNG, TRAINING_LOG
-from ..patchnet_addon.file_kinds import WEIGHTS as WEIGHTS_KIND
-from ..patchnet_addon.outputs import check_outputs
+from ..patchnet_addon.runtime.errors import FileFormatError, SettingError
+from ..patchnet_addon.runtime.file_kinds import CHECKPOINT as CHECKPOINT_KIND
+from ..patchnet_addon.runtime.file_kinds import MODEL_CARD, PNG, TRAINING_LOG
+from ..patchnet_addon.runtime.file_kinds import WEIGHTS as WEIGHTS_KIND
+from ..patchnet_addon.runtime.outputs import check_outputs
 
 CHECKPOINT = "checkpoint.pt"
 LOG = "log.jsonl"

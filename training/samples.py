@@ -14,10 +14,10 @@ from numba import prange
 
 from ..patchnet_addon.codes.brick import fill_brick
 from ..patchnet_addon.codes.patch_rays import see_brick, set_view
-from ..patchnet_addon.errors import PatchNetError
-from ..patchnet_addon.kernels import device, kernel
 from ..patchnet_addon.octree.octree import Octree
-from ..patchnet_addon.progress import Progress, Steps
+from ..patchnet_addon.runtime.errors import PatchNetError
+from ..patchnet_addon.runtime.kernels import device, kernel
+from ..patchnet_addon.runtime.progress import Progress, Steps
 from .voxel_choice import choose_voxels, held_out_voxels, usable_nodes
 
 VIEW_FIELDS = 12  # entry 3, direction 3, up 3, ratio, coverage, luminance

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ..patchnet_addon import bounds
-from ..patchnet_addon.errors import SettingError
+from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.errors import SettingError
 
 
 @dataclass(frozen=True)

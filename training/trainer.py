@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from ..patchnet_addon.errors import FileFormatError, PatchNetError, SettingError
 from ..patchnet_addon.network.weights import Weights, save_weights
-from ..patchnet_addon.progress import Progress, Steps
+from ..patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
+from ..patchnet_addon.runtime.progress import Progress, Steps
 from .batches import Augmentation, Batch, gather_batch
 from .dataset import Dataset
 from .forest import Forest, plant

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..patchnet_addon.errors import PatchNetError
 from ..patchnet_addon.octree.grid import morton_decode
 from ..patchnet_addon.octree.octree import LOOK_AHEAD, Octree
+from ..patchnet_addon.runtime.errors import PatchNetError
 
 BLOCK_LEVEL = 3  # spatial blocks for validation are the cells of this level
 _REPEATS = 16  # a level is drawn from at most this often per voxel it has, however coarse it is

@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...patchnet_addon import bounds
+from ...patchnet_addon.runtime import bounds
 from ..arguments import add_number
 from ..quiet import quiet_stdout
 from ..run import require_blender

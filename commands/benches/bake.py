@@ -13,7 +13,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...patchnet_addon import bounds
+from ...patchnet_addon.runtime import bounds
 from ..arguments import add_number
 from ..run import require_blender
 from .arguments import add_depth
@@ -42,7 +42,7 @@ def measure(args: argparse.Namespace) -> Comparison:
     from ...operators.scene import read_scene
     from ...operators.verify_light.rates import measure_rates
     from ...patchnet_addon.octree.grid import Grid
-    from ...patchnet_addon.progress import drain
+    from ...patchnet_addon.runtime.progress import drain
     from ..progress_bars import ProgressBars
     from ..quiet import quiet_stdout
     from ..verify_light import open_or_build
@@ -61,8 +61,8 @@ def measure(args: argparse.Namespace) -> Comparison:
 
 def _laid_out(source: Any, grid: Any, args: argparse.Namespace) -> Any:
     from ...operators.bake.bake import page_side
-    from ...patchnet_addon.light.charts import layout_charts
-    from ...patchnet_addon.light.path_counts import path_counts
+    from ...patchnet_addon.lightmap.charts import layout_charts
+    from ...patchnet_addon.lightmap.path_counts import path_counts
 
     texel = grid.voxel_world * args.texel_voxels
     side = page_side(source.triangle_count)
@@ -74,8 +74,8 @@ def _cameras(source: Any, grid: Any) -> Any:
     """Cameras in free space; the octree for it is a coarse one in plain light."""
     from dataclasses import replace
 
-    from ...patchnet_addon.light.two_lights import two_lights_shade
     from ...patchnet_addon.octree.build import build_octree
+    from ...patchnet_addon.surface.two_lights import two_lights_shade
     from ...patchnet_addon.tracing.viewpoints import viewpoints
 
     octree = yield from build_octree(source, replace(grid, depth=min(grid.depth, 8)), two_lights_shade(source))
@@ -88,7 +88,7 @@ def _compared(scene: str, args: argparse.Namespace, source: Any, charts: Any, co
     import numpy as np
 
     from ...operators.verify_light.rates import rate
-    from ...patchnet_addon.light.path_counts import own_texels
+    from ...patchnet_addon.lightmap.path_counts import own_texels
     from ...training.benchmarks.timing import Comparison
 
     own, samples = own_texels(charts), charts.page_samples[charts.page]

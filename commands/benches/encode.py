@@ -10,8 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...patchnet_addon import bounds
-from ...patchnet_addon.errors import PatchNetError
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import PatchNetError
 from ..arguments import add_number
 from .arguments import add_cores, add_repeats
 

@@ -7,7 +7,7 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ...patchnet_addon.errors import SceneError, SettingError
+from ...patchnet_addon.runtime.errors import SceneError, SettingError
 from ..views import add_views, view_cameras
 from .arguments import add_scene
 

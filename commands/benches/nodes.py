@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...patchnet_addon.errors import SettingError
+from ...patchnet_addon.runtime.errors import SettingError
 from .arguments import add_depth, add_scene, read_triangles
 
 if TYPE_CHECKING:

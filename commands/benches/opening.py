@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...patchnet_addon import bounds
+from ...patchnet_addon.runtime import bounds
 from ..arguments import add_number
 from .arguments import add_repeats
 

@@ -7,7 +7,7 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ...patchnet_addon.errors import SceneError
+from ...patchnet_addon.runtime.errors import SceneError
 from .arguments import add_depth, add_scene
 
 if TYPE_CHECKING:

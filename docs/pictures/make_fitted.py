@@ -23,14 +23,15 @@ from patchnet.operators.demo_scene import save_demo_scene
 from patchnet.operators.scene import open_scene, read_scene
 from patchnet.patchnet_addon.image.contact_sheet import contact_sheet
 from patchnet.patchnet_addon.image.tone import gray, to_bytes
-from patchnet.patchnet_addon.light.opacity import opacity_shade
-from patchnet.patchnet_addon.light.two_lights import two_lights_shade
+from patchnet.patchnet_addon.lod.depth import coarse_octree, estimate
+from patchnet.patchnet_addon.lod.fit import fit_leaf_levels
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.depth import coarse_octree, estimate
-from patchnet.patchnet_addon.octree.fit import fit_leaf_levels
-from patchnet.patchnet_addon.octree.grid import MAX_DEPTH, Grid
+from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.bounds import MAX_DEPTH
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.opacity import opacity_shade
+from patchnet.patchnet_addon.surface.two_lights import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 

@@ -21,11 +21,11 @@ from patchnet.__main__ import leave
 from patchnet.operators.scene import open_scene, read_scene
 from patchnet.patchnet_addon.image.contact_sheet import contact_sheet
 from patchnet.patchnet_addon.image.tone import gray, to_bytes
-from patchnet.patchnet_addon.light.two_lights import two_lights_shade
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.mesh import Material, MeshSource, TriangleBatch, TriangleMesh
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import Material, MeshSource, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.two_lights import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
 

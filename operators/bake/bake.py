@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from ...patchnet_addon.beside import beside
-from ...patchnet_addon.bounds import SAMPLES
-from ...patchnet_addon.errors import SettingError
-from ...patchnet_addon.light.charts import Charts
-from ...patchnet_addon.progress import Progress, Steps
+from ...patchnet_addon.lightmap.charts import Charts
+from ...patchnet_addon.runtime.bounds import SAMPLES
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.worker import beside
 from ..devices import AUTOMATIC, bakes_on_gpu
 from ..job_watch import check_unchanged
 from ..scene.scene_mesh import SceneMesh
@@ -31,8 +31,8 @@ from .bake_key import bake_key, scene_key
 from .baker import Baker
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
-    from ...patchnet_addon.light.atlas import Atlas
-    from ...patchnet_addon.light.kept_pages import KeptPages
+    from ...patchnet_addon.lightmap.atlas import Atlas
+    from ...patchnet_addon.lightmap.page_cache import KeptPages
 
 MAX_TEXELS = 1 << 25
 # Triangles up to which pages have this side: a bake starts with reading the whole scene into Cycles, so that large
@@ -67,7 +67,7 @@ def bake_luminance(
     depsgraph: what `source` was read from, for the pages' key; None takes the context's.
     Raises SceneError if Cycles is not there or cannot bake, SettingError for a GPU that is not enabled.
     """
-    from ...patchnet_addon.light.atlas import COLOR_CHANNELS, Atlas
+    from ...patchnet_addon.lightmap.atlas import COLOR_CHANNELS, Atlas
 
     SAMPLES.check(samples)
     side = page_side(source.triangle_count)
@@ -101,7 +101,7 @@ def bake_luminance(
 def _charts(
     source: SceneMesh, texel_world: float | np.ndarray, samples: int, max_texels: int, side: int
 ) -> Steps[Charts]:
-    from ...patchnet_addon.light.charts import layout_charts
+    from ...patchnet_addon.lightmap.charts import layout_charts
 
     return layout_charts(source, texel_world, samples=samples, max_texels=max_texels, page_side=side)
 

@@ -15,9 +15,9 @@ from typing import Any
 
 import bpy
 
-from ...patchnet_addon.errors import SceneError, StoppedError
-from ...patchnet_addon.interrupt import interrupts_wait
-from ...patchnet_addon.progress import Progress, Steps
+from ...patchnet_addon.runtime.errors import SceneError, StoppedError
+from ...patchnet_addon.runtime.interrupt import interrupts_wait
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ..window_job import BAKE, as_job
 from .page_mesh import CHART_LAYER
 

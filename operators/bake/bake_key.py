@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ...patchnet_addon.light.charts import Charts
+from ...patchnet_addon.lightmap.charts import Charts
+from ...patchnet_addon.runtime.source_hash import source_hash
 from ..own import is_own
 from ..scene.scene_mesh import SceneMesh
 from .digest import Digest, names
@@ -17,8 +17,7 @@ from .digest import Digest, names
 _CHART_ARRAYS = (
     "page", "x", "y", "log_width", "log_height", "kind", "origin", "along", "page_samples", "page_size"
 )  # fmt: skip
-_ROOT = Path(__file__).parents[2]
-_CODE = ("operators/bake", "operators/scene", "patchnet_addon/light")
+_CODE = ("operators.bake.bake",)  # and what it imports
 
 
 def bake_key(
@@ -52,11 +51,7 @@ def scene_key(depsgraph: bpy.types.Depsgraph) -> str:
 @cache
 def _code_hash() -> str:
     """Hash of the code that bakes: another version never takes pages of this one."""
-    digest = Digest()
-    for folder in _CODE:
-        for path in sorted((_ROOT / folder).glob("*.py")):
-            digest.text(path.name, path.read_bytes())
-    return digest.hexdigest()
+    return source_hash(*_CODE)
 
 
 def _devices() -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...patchnet_addon.errors import SceneError
+from ...patchnet_addon.runtime.errors import SceneError
 from ..overrides import changed
 from ..temporary import sync_view_layers, temporary
 from ..window_job import window_is_alive

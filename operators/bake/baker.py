@@ -9,10 +9,10 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ...patchnet_addon.beside import computed
-from ...patchnet_addon.light.charts import Charts
-from ...patchnet_addon.octree.mesh import Material
-from ...patchnet_addon.progress import Progress, Steps
+from ...patchnet_addon.lightmap.charts import Charts
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.worker import computed
+from ...patchnet_addon.surface.mesh import Material
 from ..daylight import daylight
 from ..devices import AUTOMATIC, bakes_on_gpu
 from ..overrides import object_mode
@@ -112,7 +112,7 @@ class Baker:
         normals may point into a building. Where another triangle of a closed piece gets light from outside, the dark
         ones of it are only hidden.
         """
-        from ...patchnet_addon.light.chart_lookup import group_means
+        from ...patchnet_addon.lightmap.chart_lookup import group_means
 
         means = group_means(self._charts, front, part.triangles, page)[:, 0]
         dark = means <= 1e-6 * means.max(initial=0.0)
@@ -127,7 +127,7 @@ class Baker:
 
         share: of the back, where both are lit.
         """
-        from ...patchnet_addon.light.chart_lookup import group_means, texel_owners
+        from ...patchnet_addon.lightmap.chart_lookup import group_means, texel_owners
 
         means = [group_means(self._charts, side, triangles, page)[:, 0] for side in (front, back)]
         weight = np.full(len(triangles), share, np.float32)  # of the back
@@ -204,7 +204,7 @@ class Baker:
 
     def _texels(self, page: int, part: PageTriangles) -> int:
         """How many texels are part's on its page."""
-        from ...patchnet_addon.light.chart_lookup import texel_owners
+        from ...patchnet_addon.lightmap.chart_lookup import texel_owners
 
         mine = np.zeros(len(self._charts.page) + 1, bool)  # the last one: texels without a triangle
         mine[part.triangles] = True

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import bpy
 import numpy as np
 
-from ...patchnet_addon.light.charts import Charts
+from ...patchnet_addon.lightmap.charts import Charts
 from ..scene.scene_mesh import Run, SceneMesh
 from .closed_runs import ClosedPieces
 from .object_data import attribute_values

@@ -29,7 +29,7 @@ class PATCHNET_OT_clear_cache(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Delete, and say what is left."""
-        from ...patchnet_addon.cache_folder import user_cache_folder
+        from ...patchnet_addon.runtime.cache_folder import user_cache_folder
 
         apply_preferences(context)
         root = user_cache_folder()

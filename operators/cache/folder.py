@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ...patchnet_addon.cache_folder import BAKES, KERNELS, OCTREES
+from ...patchnet_addon.runtime.cache_folder import BAKES, KERNELS, OCTREES
 
 _HASH = re.compile(r"[0-9a-f]{16}")
 _KEY = re.compile(r"[0-9a-f]{32}")

@@ -18,7 +18,7 @@ class PATCHNET_OT_measure_cache(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Measure, and keep the text."""
-        from ...patchnet_addon.cache_folder import user_cache_folder
+        from ...patchnet_addon.runtime.cache_folder import user_cache_folder
 
         apply_preferences(context)
         kept.cache = cache_size(user_cache_folder()).text()

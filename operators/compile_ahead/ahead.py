@@ -22,10 +22,10 @@ from typing import IO
 
 import bpy
 
-from ...patchnet_addon.beside import computed
-from ...patchnet_addon.cache_folder import user_cache_folder
-from ...patchnet_addon.compiling import NOTE
-from ...patchnet_addon.progress import Progress, Steps
+from ...patchnet_addon.runtime.cache_folder import user_cache_folder
+from ...patchnet_addon.runtime.compiling import NOTE
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.worker import computed
 from ..preferences import ROOT_PACKAGE
 
 ABOUT = 164  # kernels that the small jobs call, for the progress alone
@@ -93,7 +93,7 @@ def _kernels() -> tuple[Path, str]:
     import numba
     from numba.core.registry import cpu_target
 
-    from ...patchnet_addon import kernels  # noqa: F401  names the folder
+    from ...patchnet_addon.runtime import kernels  # noqa: F401  names the folder
 
     versions = (sys.version, numba.__version__, cpu_target.target_context.codegen().magic_tuple())
     folder = Path(numba.config.CACHE_DIR)

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ...patchnet_addon.light.textures import luminance
 from ...patchnet_addon.sampling.frame import Frame
 from ...patchnet_addon.sampling.regions import Region
+from ...patchnet_addon.surface.textures import luminance
 from .settings import REFERENCE_FACTOR, CyclesSettings
 
 PREVIEW, REFINED, COMPOSITED, OVER_REFINED, FULL = (

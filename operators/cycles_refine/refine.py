@@ -10,10 +10,10 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...patchnet_addon.beside import computed
-from ...patchnet_addon.errors import SettingError
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.progress import Progress, Steps
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.sampling.frame import Frame
 from ...patchnet_addon.sampling.refine import refine, refined_picture
 from ...patchnet_addon.sampling.regions import Region, choose_regions, region_mask

@@ -16,9 +16,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...patchnet_addon.beside import computed
 from ...patchnet_addon.image.exr import read_exr
-from ...patchnet_addon.progress import Progress, Steps
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.sampling.regions import Region
 from ...patchnet_addon.tracing.camera import Camera
 from ..daylight import daylight

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...patchnet_addon.interrupt import interrupts_wait
+from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from . import furniture, ironwork, masonry, plants, roofs
 from .cameras import build_cameras
 from .lighting import build_light

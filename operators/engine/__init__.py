@@ -40,7 +40,7 @@ def _forget_frames(*_: object) -> None:
     """What was made for frames of an animation is not needed after it, nor what the allocator kept of their arrays."""
     import sys
 
-    from ...patchnet_addon.heap import trim
+    from ...patchnet_addon.runtime.heap import trim
 
     module = sys.modules.get(f"{__package__}.frame_octree")  # not there before the first render
     if module is not None:

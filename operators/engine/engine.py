@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ...patchnet_addon.errors import PatchNetError, StoppedError
+from ...patchnet_addon.runtime.errors import PatchNetError, StoppedError
 from .passes import PASSES
 
 ENGINE = "PATCHNET"

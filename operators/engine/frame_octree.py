@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import bpy
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
-from ...patchnet_addon.errors import SceneError
-from ...patchnet_addon.progress import Progress, Steps
+from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import Camera
 from .. import results
 from ..job.settings import CYCLES, JobSettings
@@ -111,7 +111,7 @@ def _compute(
     *,
     nothing_there: bool,
 ) -> Steps[results.SceneResult]:
-    from ...patchnet_addon.light.kept_pages import KeptPages
+    from ...patchnet_addon.lightmap.page_cache import KeptPages
 
     if settings.light == CYCLES and threading.current_thread() is not threading.main_thread():
         why = "There are no voxels yet" if nothing_there else "The scene is not what was voxelized and lit"

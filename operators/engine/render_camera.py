@@ -9,7 +9,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ...patchnet_addon.errors import SceneError
+from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.sampling.importance import Place
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
 from ...patchnet_addon.tracing.part import camera_part

@@ -10,10 +10,10 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ...patchnet_addon.beside import attended
-from ...patchnet_addon.errors import StoppedError
-from ...patchnet_addon.log import event
-from ...patchnet_addon.progress import Result, Steps
+from ...patchnet_addon.runtime.errors import StoppedError
+from ...patchnet_addon.runtime.log import event
+from ...patchnet_addon.runtime.progress import Result, Steps
+from ...patchnet_addon.runtime.worker import attended
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera

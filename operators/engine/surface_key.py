@@ -16,7 +16,7 @@ from ..scene_state import MOVES_BY_ITSELF
 
 _SETTINGS = (
     "scope", "depth", "voxel_world", "fit", "memory_bytes", "light", "samples", "exposure", "color", "texel_voxels",
-    "weights",
+    "both_sides", "weights",
 )  # fmt: skip
 _STILL = (bpy.types.Camera, bpy.types.Scene)  # their animation changes no surface
 _FILMS = frozenset({"SEQUENCE", "MOVIE"})

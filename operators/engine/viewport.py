@@ -10,8 +10,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...patchnet_addon.errors import PatchNetError
-from ...patchnet_addon.heap import trim
+from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.heap import trim
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera

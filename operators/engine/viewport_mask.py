@@ -12,7 +12,7 @@ import time
 import bpy
 import numpy as np
 
-from ...patchnet_addon.errors import PatchNetError, SettingError
+from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from .. import results
 from ..importance import Importance, Strokes, read_strokes
 from ..importance.image import painted_image

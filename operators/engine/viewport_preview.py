@@ -8,9 +8,9 @@ import time
 
 import numpy as np
 
-from ...patchnet_addon.beside import attended
-from ...patchnet_addon.errors import PatchNetError
-from ...patchnet_addon.progress import Progress, Steps, drain
+from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.progress import Progress, Steps, drain
+from ...patchnet_addon.runtime.worker import attended
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from .passes import combined
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...patchnet_addon.errors import SettingError
+from ...patchnet_addon.runtime.errors import SettingError
 
 _GRAY = np.array([0.2126, 0.7152, 0.0722], np.float32)
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...patchnet_addon.errors import SettingError
+from ...patchnet_addon.runtime.errors import SettingError
 
 NOTHING = "NONE"
 IMAGE = "IMAGE"

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.octree.grid import Grid
-from ...patchnet_addon.progress import Steps
+from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.sampling.frame import Frame
 from ...patchnet_addon.sampling.importance import Place, beside_hits, picture_weights
 from ..scene.render_geometry import render_geometry

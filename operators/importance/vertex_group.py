@@ -12,9 +12,9 @@ import bpy
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from ...patchnet_addon.errors import SettingError
 from ...patchnet_addon.octree.grid import Grid
-from ...patchnet_addon.progress import Progress, Steps
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.frame import Frame
 from ..scene.placements import surface_instances
 

@@ -13,11 +13,11 @@ from typing import Any
 
 import bpy
 
-from ...patchnet_addon.errors import PatchNetError, SettingError
-from ...patchnet_addon.file_kinds import FRAME_RECORD, REPORT, FileKind
-from ...patchnet_addon.frames import errors_of_frame
-from ...patchnet_addon.outputs import check_outputs
-from ...patchnet_addon.progress import Progress, Steps
+from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, REPORT, FileKind
+from ...patchnet_addon.runtime.frames import errors_of_frame
+from ...patchnet_addon.runtime.outputs import check_outputs
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ..frames import go_to_frame, kept_frame
 from .common import same_daylight, same_grid
 from .frame_key import content_key, file_key

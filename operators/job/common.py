@@ -9,9 +9,10 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ...patchnet_addon.frames import errors_of_frame
-from ...patchnet_addon.octree.grid import MAX_DEPTH, Grid
-from ...patchnet_addon.progress import Progress, Steps, labelled
+from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.runtime.bounds import MAX_DEPTH
+from ...patchnet_addon.runtime.frames import errors_of_frame
+from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ..daylight import has_light
 from ..frames import go_to_frame
 from ..scene import read_scene

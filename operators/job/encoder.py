@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...patchnet_addon.errors import SettingError
 from ...patchnet_addon.network.weights import Weights
+from ...patchnet_addon.runtime.errors import SettingError
 from ..devices import AUTOMATIC, GPU
 from .settings import JobSettings
 

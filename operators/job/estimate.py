@@ -9,10 +9,11 @@ from typing import Any
 
 import bpy
 
-from ...patchnet_addon.beside import beside
-from ...patchnet_addon.octree.grid import MAX_DEPTH, Grid
-from ...patchnet_addon.progress import Progress, Steps, labelled
-from ...patchnet_addon.quantities import bytes_text, count_text
+from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.runtime.bounds import MAX_DEPTH
+from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.quantities import bytes_text, count_text
+from ...patchnet_addon.runtime.worker import beside
 from ...patchnet_addon.tracing.camera import Camera
 from ..cameras import choose_cameras
 from ..devices import device_text
@@ -77,7 +78,7 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
 
 
 def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings, device: str) -> Steps[Estimate]:
-    from ...patchnet_addon.octree.depth import available_memory, choose_depth, coarse_octree, estimate, expected_share
+    from ...patchnet_addon.lod.depth import available_memory, choose_depth, coarse_octree, estimate, expected_share
 
     bounds = settings.bounds_world(source)
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds), "Estimating")
@@ -122,8 +123,8 @@ def _depth(settings: JobSettings, bounds: Any, automatic: int) -> int:
 
 def _texels(source: SceneMesh, grid: Grid, settings: JobSettings) -> Steps[int]:
     """Texels of the bake; of fitted leaves as if all were on the deepest level, which is the most it can be."""
-    from ...patchnet_addon.light.charts import texels_wanted
-    from ...patchnet_addon.light.texel_sizes import texel_sizes
+    from ...patchnet_addon.lightmap.charts import texels_wanted
+    from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
     from ..bake.bake import MAX_TEXELS
 
     texel_world = texel_sizes(source, grid, None, settings.texel_voxels)

@@ -9,12 +9,17 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ...patchnet_addon.runtime.source_hash import source_hash
 from ..bake.bake_key import add_scene, add_surface
 from ..bake.digest import Digest
 from ..scene import read_scene
 
-_ROOT = Path(__file__).parents[2]
-_CODE = ("operators", "patchnet_addon")
+# What makes results, and what it imports; a worker is a program of its own.
+_CODE = (
+    "commands.octree", "commands.octree_frames", "operators.job.run", "operators.job.frame_maker",
+    "operators.job.animation", "operators.voxelize", "operators.bake_light", "operators.precompute_codes",
+    "operators.load_octree", "patchnet_addon.network.torch_worker",
+)  # fmt: skip
 
 
 def content_key(context: bpy.types.Context, scope: str, settings: str) -> str:
@@ -53,11 +58,7 @@ def _begun(settings: str) -> Digest:
 @cache
 def code_hash() -> str:
     """Hash of the code that makes results: another version does not mix its results with those of this one."""
-    digest = Digest()
-    for folder in _CODE:
-        for path in sorted((_ROOT / folder).rglob("*.py")):
-            digest.text(path.relative_to(_ROOT).as_posix(), path.read_bytes())
-    return digest.hexdigest()
+    return source_hash(*_CODE)
 
 
 def _add_cameras(digest: Digest, depsgraph: bpy.types.Depsgraph) -> None:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ...patchnet_addon.file_kinds import FileKind
-from ...patchnet_addon.progress import Progress, Steps
+from ...patchnet_addon.runtime.file_kinds import FileKind
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ..cameras import choose_cameras, scene_cameras
 from ..importance import importance_key
 from ..scene import SceneMesh

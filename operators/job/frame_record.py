@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...patchnet_addon.file_kinds import FRAME_RECORD
-from ...patchnet_addon.outputs import identities, identity
+from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD
+from ...patchnet_addon.runtime.outputs import identities, identity
 from .reports import is_inside, write_json
 
 RECORD_NAME = "frame.json"

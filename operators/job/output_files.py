@@ -8,9 +8,9 @@ from pathlib import Path
 
 import bpy
 
-from ...patchnet_addon.file_kinds import CODES, EXR, OCTREE, PNG, REPORT, FileKind
 from ...patchnet_addon.network.weights import default_weights_path
-from ...patchnet_addon.outputs import check_outputs
+from ...patchnet_addon.runtime.file_kinds import CODES, EXR, OCTREE, PNG, REPORT, FileKind
+from ...patchnet_addon.runtime.outputs import check_outputs
 from ..cycles_refine.pictures import cycles_file_names
 from ..cycles_refine.settings import CyclesSettings
 from .reports import REPORT_NAME

@@ -10,11 +10,11 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from ...patchnet_addon.errors import OutputError, PatchNetError
-from ...patchnet_addon.file_kinds import FileKind
-from ...patchnet_addon.outputs import check_outputs
-from ...patchnet_addon.owned_folder import owned_folder, remove_left_over
-from ...patchnet_addon.replace import temporary_path
+from ...patchnet_addon.runtime.errors import OutputError, PatchNetError
+from ...patchnet_addon.runtime.file_kinds import FileKind
+from ...patchnet_addon.runtime.outputs import check_outputs
+from ...patchnet_addon.runtime.owned_folder import owned_folder, remove_left_over
+from ...patchnet_addon.runtime.replace import temporary_path
 from .reports import REPORT_NAME, remove_omitted, reported
 
 

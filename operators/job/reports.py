@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from ...patchnet_addon.file_kinds import EXR, PNG, REPORT, FileKind
-from ...patchnet_addon.outputs import identities, identity
-from ...patchnet_addon.replace import replaced_file
+from ...patchnet_addon.runtime.file_kinds import EXR, PNG, REPORT, FileKind
+from ...patchnet_addon.runtime.outputs import identities, identity
+from ...patchnet_addon.runtime.replace import replaced_file
 
 REPORT_NAME = "report.json"
 _PICTURES = {ending: kind for kind in (PNG, EXR) for ending in kind.endings}

@@ -16,7 +16,7 @@ from ...patchnet_addon.codes.file import save_codes
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import save_octree
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
-from ...patchnet_addon.progress import Progress, Steps
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.registry import strategy
 from ..cameras import choose_cameras, track_cameras
 from ..cycles_refine.pictures import save_cycles
@@ -36,7 +36,7 @@ from .versions import machine, versions
 from .views import View, overview, save_view, view
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
-    from ...patchnet_addon.light.kept_pages import KeptPages
+    from ...patchnet_addon.lightmap.page_cache import KeptPages
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResul
 
     The scene is as before afterwards, and nothing is written if a step fails. Raises PatchNetError.
     """
-    from ...patchnet_addon.light.kept_pages import KeptPages
+    from ...patchnet_addon.lightmap.page_cache import KeptPages
 
     folders = view_folders(context.scene, settings.cameras)
     files, inputs = job_files(folders.values(), settings.cycles), job_inputs(settings)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...patchnet_addon import bounds
-from ...patchnet_addon.errors import SettingError
 from ...patchnet_addon.image.colormaps import COLORMAPS
-from ...patchnet_addon.octree.mesh import MeshSource
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling.registry import DEFAULT, strategy
+from ...patchnet_addon.surface.mesh import MeshSource
 from ..cycles_refine.settings import CyclesSettings
 from ..devices import AUTOMATIC, DEVICES
 from ..importance import Importance

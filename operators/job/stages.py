@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ...patchnet_addon.beside import beside, computed
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.network.weights import Weights
-from ...patchnet_addon.octree.grid import MAX_DEPTH, Grid
-from ...patchnet_addon.octree.mesh import Material, MeshSource, Shade
+from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.bounds import MAX_DEPTH
+from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.worker import beside, computed
+from ...patchnet_addon.surface.mesh import Material, MeshSource, Shade
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.unseen import BLACK_SURFACE
 from ..daylight import has_light
@@ -27,8 +28,8 @@ from .settings import CYCLES, JobSettings
 from .versions import versions
 
 if TYPE_CHECKING:  # nothing needs them before something is built
-    from ...patchnet_addon.light.atlas import Atlas
-    from ...patchnet_addon.light.kept_pages import KeptPages
+    from ...patchnet_addon.lightmap.atlas import Atlas
+    from ...patchnet_addon.lightmap.page_cache import KeptPages
     from ...patchnet_addon.network.encode import Encoder
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
     from ..scene_state import SceneState
@@ -60,7 +61,7 @@ def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetti
 
 def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
     """All leaves on one level."""
-    from ...patchnet_addon.octree.depth import choose_depth, coarse_octree
+    from ...patchnet_addon.lod.depth import choose_depth, coarse_octree
 
     bounds_world = settings.bounds_world(source)
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Finding the depth")
@@ -81,9 +82,9 @@ def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSetti
 
 def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
     """Leaves as deep as the cameras need them, as far as memory allows."""
-    from ...patchnet_addon.light.opacity import opacity_shade
-    from ...patchnet_addon.octree.depth import LOOK_AHEAD_SHARE, available_memory, most_leaves
-    from ...patchnet_addon.octree.fit import LAYOUT_BYTES, fit_leaf_levels
+    from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE, available_memory, most_leaves
+    from ...patchnet_addon.lod.fit import LAYOUT_BYTES, fit_leaf_levels
+    from ...patchnet_addon.surface.opacity import opacity_shade
 
     grid = Grid.around(settings.bounds_world(source), MAX_DEPTH)
     memory = settings.memory_bytes or available_memory()
@@ -145,25 +146,25 @@ def lit(
 
 
 def _albedo(source: MeshSource, settings: JobSettings) -> Shade:
-    from ...patchnet_addon.light.albedo import albedo_shade
+    from ...patchnet_addon.surface.albedo import albedo_shade
 
     return albedo_shade(source, color=settings.color)
 
 
 def _two_lights(source: MeshSource, settings: JobSettings) -> Shade:
-    from ...patchnet_addon.light.two_lights import two_lights_shade
+    from ...patchnet_addon.surface.two_lights import two_lights_shade
 
     return two_lights_shade(source, color=settings.color)
 
 
 def _texel_sizes(source: SceneMesh, grid: Grid, layout: LeafLevels | None, settings: JobSettings) -> Any:
-    from ...patchnet_addon.light.texel_sizes import texel_sizes
+    from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
 
     return texel_sizes(source, grid, layout, settings.texel_voxels)
 
 
 def _baked(atlas: Atlas, source: MeshSource) -> Shade:
-    from ...patchnet_addon.light.atlas import atlas_shade
+    from ...patchnet_addon.lightmap.atlas import atlas_shade
 
     return atlas_shade(atlas, source)
 

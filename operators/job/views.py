@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ...patchnet_addon.beside import beside, computed
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import error_picture, heatmap, overlay, tint
 from ...patchnet_addon.image.tone import shown
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.worker import beside, computed
 from ...patchnet_addon.sampling.errors import mse_at
 from ...patchnet_addon.sampling.frame import Frame
 from ...patchnet_addon.sampling.refine import priority, refinable, refine, refined_colors, refined_picture, urgency

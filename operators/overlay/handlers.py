@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from ...patchnet_addon import log
+from ...patchnet_addon.runtime import log
 from .framed import EDITORS
 from .paint import free_shader
 from .settings import overlay_settings

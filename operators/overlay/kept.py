@@ -9,7 +9,7 @@ from weakref import ReferenceType, ref
 import bpy
 import numpy as np
 
-from ...patchnet_addon.errors import PatchNetError
+from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.tracing.camera import Camera
 from .. import results
 from ..cameras import tracing_camera

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from ...patchnet_addon.bounds import CYCLES_BUDGET, CYCLES_REGIONS, CYCLES_SAMPLES, CYCLES_TILE
+from ...patchnet_addon.runtime.bounds import CYCLES_BUDGET, CYCLES_REGIONS, CYCLES_SAMPLES, CYCLES_TILE
 from ..cycles_refine.settings import COMBINED, DIFFUSE, CyclesSettings
 from .given import setting
 from .shapes import number, share

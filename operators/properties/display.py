@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from bpy.props import EnumProperty
 
-from ...patchnet_addon.bounds import LEVEL, SHOWN_VOXELS
+from ...patchnet_addon.runtime.bounds import LEVEL, SHOWN_VOXELS
 from ..voxel_object import CUBES, POINTS
 from .shapes import OF_ONE_CALL, number
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ...patchnet_addon.errors import SettingError
+from ...patchnet_addon.runtime.errors import SettingError
 from ..unread_file import check_opened
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import bpy
 
-from ...patchnet_addon.bounds import MEMORY_GIB
-from ...patchnet_addon.errors import SettingError
+from ...patchnet_addon.runtime.bounds import MEMORY_GIB
+from ...patchnet_addon.runtime.errors import SettingError
 from ..importance import Importance
 from ..job.settings import JobSettings
 from ..preferences import Preferences, preferences

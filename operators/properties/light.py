@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from bpy.props import BoolProperty, EnumProperty
 
-from ...patchnet_addon.bounds import EXPOSURE, SAMPLES, TEXEL_VOXELS
+from ...patchnet_addon.runtime.bounds import EXPOSURE, SAMPLES, TEXEL_VOXELS
 from ..job.settings import CYCLES, TWO_LIGHTS, JobSettings
 from .shapes import automatic_at_zero, device_choice, number
 

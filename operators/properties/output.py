@@ -7,7 +7,7 @@ from typing import Any
 
 from bpy.props import BoolProperty
 
-from ...patchnet_addon.bounds import FRAME, FRAME_STEP, Bounds
+from ...patchnet_addon.runtime.bounds import FRAME, FRAME_STEP, Bounds
 from .shapes import OF_ONE_CALL, number, relative_path
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ...patchnet_addon.bounds import SHARE, Bounds
+from ...patchnet_addon.runtime.bounds import SHARE, Bounds
 from ..devices import AUTOMATIC, CPU, GPU
 
 OF_ONE_CALL = {"SKIP_SAVE"}  # an operator forgets the value, so that the scene's counts for its next call

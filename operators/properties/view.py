@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from bpy.props import EnumProperty, IntVectorProperty, StringProperty
 
-from ...patchnet_addon.bounds import BUDGET, HEATMAP_MAXIMUM, SIZE_PX
+from ...patchnet_addon.runtime.bounds import BUDGET, HEATMAP_MAXIMUM, SIZE_PX
 from ...patchnet_addon.sampling.registry import STRATEGIES
 from ..importance import IMAGE, NOTHING, VERTEX_GROUP
 from ..job.settings import JobSettings

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from bpy.props import BoolProperty, EnumProperty
 
-from ...patchnet_addon.bounds import DEPTH, MEMORY_GIB, VOXEL_SIZE
+from ...patchnet_addon.runtime.bounds import DEPTH, MEMORY_GIB, VOXEL_SIZE
 from ..scene.placements import SELECTED, VISIBLE
 from .shapes import automatic_at_zero, number
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import bpy
 
-from ...patchnet_addon.errors import SceneError
-from ...patchnet_addon.interrupt import interrupts_wait
+from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.interrupt import interrupts_wait
 
 # Extension -> names of import operators, the first one that exists is used, and the add-on that brings them.
 _IMPORTERS: dict[str, tuple[tuple[str, ...], str]] = {

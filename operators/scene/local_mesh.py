@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from ...patchnet_addon.errors import GeometryError
+from ...patchnet_addon.runtime.errors import GeometryError
 from .layer_names import GENERATED
 
 _NORMAL_SCALE = 32767.0

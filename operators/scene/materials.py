@@ -10,7 +10,7 @@ from typing import TypeVar
 import bpy
 import numpy as np
 
-from ...patchnet_addon.octree.mesh import Material, Texture
+from ...patchnet_addon.surface.mesh import Material, Texture
 from .images import ImageReader
 from .layer_names import shader_tree
 from .node_links import Input, Output, source

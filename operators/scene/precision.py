@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...patchnet_addon.errors import GeometryError
 from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.runtime.errors import GeometryError
 from .scene_mesh import SceneMesh
 
 LIFT_SHARE = 2.0**-18  # of the farthest coordinate: that far off a surface Cycles takes its light at least

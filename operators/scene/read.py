@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ...patchnet_addon.errors import EmptySelectionError, GeometryError, SettingError
-from ...patchnet_addon.octree.mesh import Material
+from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError, SettingError
+from ...patchnet_addon.surface.mesh import Material
 from .images import ImageReader
 from .layer_names import layer_names
 from .light_links import LightLinks

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...patchnet_addon.errors import GeometryError
-from ...patchnet_addon.octree.mesh import Material, TriangleBatch
+from ...patchnet_addon.runtime.errors import GeometryError
+from ...patchnet_addon.surface.mesh import Material, TriangleBatch
 from .light_links import Links
 from .local_mesh import LocalMesh
 

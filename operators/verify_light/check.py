@@ -13,7 +13,7 @@ import numpy as np
 
 from ...patchnet_addon.image.comparison import Guides, compare, psnr
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
-from ...patchnet_addon.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.tracing.camera import Camera
 from ..cameras import camera_size_px, choose_cameras
 from ..daylight import daylight, has_light
@@ -25,7 +25,7 @@ from .reference import Reference, render_reference
 from .settings import CheckSettings
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
-    from ...patchnet_addon.light.kept_pages import KeptPages
+    from ...patchnet_addon.lightmap.page_cache import KeptPages
 
 _COVERAGE_RAYS = 8
 
@@ -54,7 +54,7 @@ def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[L
 
     A comparison that is stopped finds the pages of light that it has baked when it is started again.
     """
-    from ...patchnet_addon.light.kept_pages import KeptPages
+    from ...patchnet_addon.lightmap.page_cache import KeptPages
 
     with KeptPages() as kept:
         return (yield from _compared(context, settings, kept))

@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from ...patchnet_addon.file_kinds import PNG, REPORT, FileKind
 from ...patchnet_addon.image.difference import difference_picture, side_by_side
 from ...patchnet_addon.image.heatmap import magnify
 from ...patchnet_addon.image.tone import gray
+from ...patchnet_addon.runtime.file_kinds import PNG, REPORT, FileKind
 from ..images import save_png
 from ..job.reports import REPORT_NAME, write_report
 from .check import CameraCheck, LightCheck

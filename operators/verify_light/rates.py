@@ -11,9 +11,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...patchnet_addon.interrupt import interrupts_wait
-from ...patchnet_addon.light.charts import Charts
-from ...patchnet_addon.progress import Progress, Steps, drain
+from ...patchnet_addon.lightmap.charts import Charts
+from ...patchnet_addon.runtime.interrupt import interrupts_wait
+from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.tracing.camera import Camera
 from ..bake.baker import Baker
 from ..scene.scene_mesh import SceneMesh

@@ -14,9 +14,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...patchnet_addon.errors import SceneError
 from ...patchnet_addon.image.exr import read_exr
-from ...patchnet_addon.light.textures import luminance
+from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.surface.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
 from .render_call import render
 from .scene_copy import prepared

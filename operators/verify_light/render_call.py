@@ -15,9 +15,9 @@ from pathlib import Path
 
 import bpy
 
-from ...patchnet_addon.errors import PatchNetError, SceneError, StoppedError
-from ...patchnet_addon.interrupt import interrupts_wait
-from ...patchnet_addon.progress import Progress, Steps
+from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, StoppedError
+from ...patchnet_addon.runtime.interrupt import interrupts_wait
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ..overrides import changed
 from ..window_job import RENDER, as_job, window_is_alive
 

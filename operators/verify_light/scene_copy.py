@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ...patchnet_addon.errors import SceneError
+from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from ..overrides import changed, object_mode, put_back_when_saved
 from ..temporary import scene_copy, temporary

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import device
 from ..octree.octree import LOOK_AHEAD, Octree
+from ..runtime.kernels import device
 from .patches import BLOCK_SIDE, child_at
 
 EMPTY = -1

@@ -7,12 +7,12 @@ import importlib.util
 
 import numpy as np
 
-from ..errors import SettingError
 from ..network.compiled_encode import CompiledEncoder
 from ..network.encode import Encoder, NumpyEncoder
 from ..network.weights import CODE_SIZE, Weights
 from ..octree.octree import LOOK_AHEAD, Octree
-from ..progress import Progress, Steps
+from ..runtime.errors import SettingError
+from ..runtime.progress import Progress, Steps
 from .coded_octree import CodedOctree
 from .patches import BLOCK_SIZE, corner_neighbours, corner_table, voxel_blocks
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..octree.octree import Octree
-from ..progress import Progress, Steps
+from ..runtime.progress import Progress, Steps
 from .patch_rays import PatchRays, render_patches
 from .predict import Prediction
 

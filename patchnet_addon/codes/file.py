@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import CodesFileError
-from ..files import read_arrays, write_arrays
 from ..network.weights import CODE_SIZE, Weights
 from ..octree.file import octree_hash
 from ..octree.octree import LOOK_AHEAD, Octree
+from ..runtime.errors import CodesFileError
+from ..runtime.files import read_arrays, write_arrays
 from .coded_octree import CodedOctree
 
 KIND = "codes"

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import prange
 
-from ..kernels import device, kernel
 from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..runtime.kernels import device, kernel
 from .brick import fill_brick
 
 VIEWPORT_PX = 64

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import device, serial_kernel
 from ..octree.grid import morton_decode, morton_encode
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT, Octree
+from ..runtime.kernels import device, serial_kernel
 
 BLOCK_SIDE = 4  # 2^LOOK_AHEAD cells
 CHANNELS = 5

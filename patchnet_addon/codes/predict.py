@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import prange
 
-from ..kernels import kernel
 from ..network.decode import decode
+from ..runtime.kernels import kernel
 from .coded_octree import CodedOctree
 from .patches import OCTANTS
 

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from ..errors import SettingError
+from ..runtime.errors import SettingError
 
 # Every fifth of 256 entries, sRGB bytes in hexadecimal; linear between them is within 1/255 of the full tables.
 # viridis is by Stefan van der Walt and Nathaniel Smith (CC0), turbo by Anton Mikhailov (Apache-2.0).

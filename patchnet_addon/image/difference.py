@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import SettingError
+from ..runtime.errors import SettingError
 from .colormaps import diverging
 from .heatmap import magnify, with_legend
 from .tone import gray

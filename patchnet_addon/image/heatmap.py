@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import SettingError
+from ..runtime.errors import SettingError
 from .colormaps import colormap, red_ramp
 from .pixel_font import GLYPH_HEIGHT, draw_text, text_width
 from .tone import gray

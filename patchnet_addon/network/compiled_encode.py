@@ -10,7 +10,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ..kernels import kernel
+from ..runtime.kernels import kernel
 from .encode import Buffers, sum_corner
 from .octants import octant_matrices
 from .product import Panels, multiply

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..kernels import device, serial_kernel
+from ..runtime.kernels import device, serial_kernel
 from .lanes import LANES, add, at_least, load, store, zeros
 from .octants import octant_matrices
 from .weights import Weights

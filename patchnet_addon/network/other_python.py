@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import SettingError
+from ..runtime.errors import SettingError
 from .array_stream import read_array, write_array
 from .weights import Weights
 

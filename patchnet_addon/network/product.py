@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from ..kernels import device, kernel
+from ..runtime.kernels import device, kernel
 from .lanes import LANES, add_product, at_least, load, spread, store
 
 WIDTH = 2 * LANES  # columns of a panel

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import WeightsFileError
-from ..files import content_hash, read_arrays, write_arrays
+from ..runtime.errors import WeightsFileError
+from ..runtime.files import content_hash, read_arrays, write_arrays
 
 CODE_SIZE = 10
 HARMONICS = 25

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import device, serial_kernel
-from .chroma import BLUE, GREEN, RED
-from .mesh import Fragments
+from ..runtime.kernels import device, serial_kernel
+from ..surface.chroma import BLUE, GREEN, RED
+from ..surface.mesh import Fragments
 
 MIN_OPACITY = 1.0 / 255.0
 _BRICK_BITS = 6

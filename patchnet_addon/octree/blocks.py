@@ -13,11 +13,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..kernels import device, serial_kernel
+from ..runtime.kernels import device, serial_kernel
+from ..surface.mesh import MeshSource
 from .clip import BRICK_LEVELS, cell_key
 from .grid import Grid
 from .leaf_levels import LeafLevels
-from .mesh import MeshSource
 
 FRAGMENTS_PER_TASK = 1 << 18
 _LEAST_SHARE = 50_000  # fragments for which a core of its own is worth while

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import GeometryError
-from ..light.exposure import quantile_exposure
-from ..progress import Steps
+from ..runtime.errors import GeometryError
+from ..runtime.progress import Steps
+from ..surface.mesh import MeshSource, Shade
+from .exposure import quantile_exposure
 from .grid import Grid
 from .leaf_levels import LeafLevels
 from .levels import luminance_of_level, number_children, red_blue_of_level, stored_chroma, stored_luminance
-from .mesh import MeshSource, Shade
 from .octree import Octree
 from .subtrees import Subtrees, subtrees
 from .voxelize import BLOCK_FRAGMENTS, LeafSums, voxelize

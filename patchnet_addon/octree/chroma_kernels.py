@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import device
-from .chroma import BLUE, GRAY_SHARE, GREEN, RED, SHARE_SCALE
+from ..runtime.kernels import device
+from ..surface.chroma import BLUE, GRAY_SHARE, GREEN, RED, SHARE_SCALE
 
 
 @device

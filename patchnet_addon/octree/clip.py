@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import device, serial_kernel
-from .polygon import POLYGON_ROWS, cell_range, load_triangle, moments, split_x, split_y, split_z, splitter
+from ..runtime.kernels import device, serial_kernel
+from ..surface.polygon import POLYGON_ROWS, cell_range, load_triangle, moments, split_x, split_y, split_z, splitter
 
 BRICK_LEVELS = 5  # a brick has 32 cells along each axis
 _BRICK = 1 << BRICK_LEVELS

@@ -7,6 +7,7 @@ import itertools
 
 import numpy as np
 
+from ..surface.polygon_reference import half_space
 from .grid import morton_encode
 
 
@@ -38,21 +39,6 @@ def piece_reference(corners_voxel: np.ndarray, cell: tuple[int, ...]) -> list:
         polygon = half_space(polygon, axis, cell[axis], +1.0)
         polygon = half_space(polygon, axis, cell[axis] + 1, -1.0)
     return polygon
-
-
-def half_space(polygon: list, axis: int, plane: float, sign: float) -> list:
-    """Part of the polygon with sign * (coordinate - plane) >= 0 (Sutherland and Hodgman)."""
-    kept = []
-    for (a, wa), (b, wb) in zip(polygon, polygon[1:] + polygon[:1], strict=True):
-        da, db = sign * (a[axis] - plane), sign * (b[axis] - plane)
-        if da >= 0:
-            kept.append((a, wa))
-        if (da < 0 < db) or (db < 0 < da):
-            t = da / (da - db)
-            point = a + t * (b - a)
-            point[axis] = plane
-            kept.append((point, wa + t * (wb - wa)))
-    return kept
 
 
 def _share_and_centroid(polygon: list) -> tuple[float, np.ndarray]:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import OctreeFileError, SettingError
-from ..files import content_hash, read_arrays, write_arrays
+from ..runtime.errors import OctreeFileError, SettingError
+from ..runtime.files import content_hash, read_arrays, write_arrays
 from .grid import Grid
 from .octree import POPCOUNT, Octree
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import SettingError
+from ..runtime.bounds import MAX_DEPTH
+from ..runtime.errors import SettingError
 
-MAX_DEPTH = 18
 # The cube is a little larger than the geometry, so that surfaces on its faces do not depend on rounding.
 _MARGIN = 1.0 + 2.0**-16
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .grid import MAX_DEPTH
+from ..runtime.bounds import MAX_DEPTH
 
 
 @dataclass(frozen=True, eq=False)

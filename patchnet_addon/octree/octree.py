@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .chroma import decoded_colors
+from ..surface.chroma import decoded_colors
 from .grid import Grid, morton_decode, morton_encode
 
 LUMINANCE_SCALE = 65535.0

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import SettingError
+from ..runtime.errors import SettingError
 from .grid import morton_decode
 from .octree import POPCOUNT, Octree
 

@@ -12,13 +12,13 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..progress import Progress, Steps
+from ..runtime.progress import Progress, Steps
+from ..surface.mesh import Fragments, MeshSource, Shade, TriangleBatch
 from .accumulate import LeafAccumulator
 from .blocks import BlockRange, CellSet, all_cells, plan_passes, tasks_of, to_cells
 from .clip import clip_triangles
 from .grid import Grid
 from .leaf_levels import LeafLevels
-from .mesh import Fragments, MeshSource, Shade, TriangleBatch
 
 Kept = TypeVar("Kept")
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..beside import beside
 from ..octree.octree import Octree
-from ..progress import Progress, Steps
+from ..runtime.progress import Progress, Steps
+from ..runtime.worker import beside
 from ..tracing.camera import Camera
 from ..tracing.part import camera_part
 from .frame import Frame

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import SettingError
+from ..runtime.errors import SettingError
 from .frame import Frame
 from .pixel_hash import pixel_hash
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import SettingError
+from ..runtime.errors import SettingError
 from .rectangles import Box, best_rectangle
 
 DEFAULT_TILE, DEFAULT_MOST = 16, 8

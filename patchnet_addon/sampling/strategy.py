@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import SettingError
+from ..runtime.errors import SettingError
 from .frame import Frame
 
 # What a score may read beyond the 1-sample picture; a caller computes only what the chosen strategies need.

@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from ..errors import SettingError
 from ..octree.octree import Octree
-from ..progress import Progress, Steps
+from ..runtime.errors import SettingError
+from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera
 from .frame import Frame
 from .strategy import BEHIND, EXACT, PREDICTION, REFERENCE, Strategy

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import SettingError
 from ..octree.grid import Grid
+from ..runtime.errors import SettingError
 
 PERSPECTIVE = "PERSP"
 ORTHOGRAPHIC = "ORTHO"

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..errors import SettingError
+from ..runtime.errors import SettingError
 from .camera import Camera
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from ..kernels import kernel
 from ..octree.chroma_kernels import decode_color
 from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..runtime.kernels import kernel
 from .camera import Camera
 from .supersample import MAX_SAMPLES, NO_CHROMA, finer_rays
 from .traverse import MAX_LEVELS, first_seen, pixel_ray

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from ..kernels import kernel
 from ..octree.octree import LOOK_AHEAD, LUMINANCE_SCALE, Octree
+from ..runtime.kernels import kernel
 from .camera import Camera, camera_in_unit_cube
 from .traverse import MAX_LEVELS, first_hit, first_seen, pixel_ray
 

@@ -6,11 +6,11 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ..bounds import RAYS
-from ..kernels import kernel
 from ..octree.chroma_kernels import decode_color
 from ..octree.octree import LUMINANCE_SCALE, Octree
-from ..progress import Progress, Steps
+from ..runtime.bounds import RAYS
+from ..runtime.kernels import kernel
+from ..runtime.progress import Progress, Steps
 from .camera import Camera, CameraUnit, camera_in_unit_cube
 from .traverse import MAX_LEVELS, first_seen, pixel_ray
 

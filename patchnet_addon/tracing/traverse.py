@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import device
+from ..runtime.kernels import device
 
 MAX_LEVELS = 24
 _FAR = 1e300

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import SceneError, SettingError
 from ..octree.octree import Octree
-from ..progress import Progress, Steps
+from ..runtime.errors import SceneError, SettingError
+from ..runtime.progress import Progress, Steps
 from .camera import Camera
 from .render import Hits, first_hits
 

@@ -11,7 +11,7 @@ import pytest
 
 import patchnet
 from patchnet.__main__ import leave
-from patchnet.patchnet_addon.cache_folder import user_cache_folder
+from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder
 from patchnet.tests.blender.job_scene import build, random_weights, saved
 
 _status = pytest.StashKey[int]()

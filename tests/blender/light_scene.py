@@ -14,9 +14,9 @@ import numpy as np
 from patchnet.operators.bake import bake_luminance
 from patchnet.operators.scene import SceneMesh, read_scene
 from patchnet.operators.verify_light.reference import render_reference
-from patchnet.patchnet_addon.light.atlas import Atlas, atlas_shade
-from patchnet.patchnet_addon.octree.mesh import Fragments
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import Fragments
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 
 PIXELS = 16  # of the picture's side

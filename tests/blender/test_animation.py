@@ -12,10 +12,10 @@ from patchnet.operators import results
 from patchnet.operators.job.animation import AnimationResult, FramePlan, bake_frames
 from patchnet.operators.job.frame_maker import JobMaker
 from patchnet.operators.job.settings import JobSettings
-from patchnet.patchnet_addon.errors import PatchNetError, SettingError
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.job_scene import box, drop_result_images, random_weights
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 

@@ -10,10 +10,10 @@ from patchnet.operators.bake import bake_luminance, bake_scene, baker
 from patchnet.operators.bake.bake_call import BakeTarget
 from patchnet.operators.devices import gpu_is_enabled
 from patchnet.operators.scene import SceneMesh, read_scene
-from patchnet.patchnet_addon.errors import SceneError, SettingError
-from patchnet.patchnet_addon.light.atlas import Atlas, atlas_shade
-from patchnet.patchnet_addon.octree.mesh import Fragments
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
+from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import Fragments
 from patchnet.tests.blender.light_scene import CUBE_FACES, SQUARE
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 

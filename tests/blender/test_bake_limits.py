@@ -7,7 +7,7 @@ import pytest
 
 from patchnet.operators.bake import bake_luminance
 from patchnet.operators.scene import read_scene
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.light_scene import assert_agrees, compare, lamp, material, shader, shown, simple, slab
 
 pytestmark = pytest.mark.usefixtures("empty_scene")

@@ -10,9 +10,9 @@ from mathutils import Euler, Matrix
 
 from patchnet.operators.bake import bake_luminance
 from patchnet.operators.scene import SceneMesh, read_scene
-from patchnet.patchnet_addon.light.atlas import Atlas, atlas_shade
-from patchnet.patchnet_addon.octree.mesh import Fragments
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import Fragments
 from patchnet.tests.blender.light_scene import SQUARE
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 

@@ -12,7 +12,7 @@ from patchnet.operators.overlay.settings import PatchNetOverlaySettings
 from patchnet.operators.preferences import KEPT_GIB, PatchNetPreferences
 from patchnet.operators.properties import PatchNetSettings
 from patchnet.operators.registration import _CLASSES
-from patchnet.patchnet_addon import bounds
+from patchnet.patchnet_addon.runtime import bounds
 
 ROWS = [row for row in vars(bounds).values() if isinstance(row, bounds.Bounds)]
 

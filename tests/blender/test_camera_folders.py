@@ -17,9 +17,9 @@ from patchnet.operators.job.camera_folders import camera_folders
 from patchnet.operators.job.output_files import job_files
 from patchnet.operators.job.output_folder import output_folder
 from patchnet.operators.job.reports import write_report
-from patchnet.patchnet_addon.errors import OutputError
-from patchnet.patchnet_addon.file_kinds import OCTREE
-from patchnet.patchnet_addon.replace import replaced_file
+from patchnet.patchnet_addon.runtime.errors import OutputError
+from patchnet.patchnet_addon.runtime.file_kinds import OCTREE
+from patchnet.patchnet_addon.runtime.replace import replaced_file
 from patchnet.tests.blender.job_scene import QUICK, build, saved
 
 ALIKE = ("A/b", "A?b", "A_b", "Cam", "cam", "Camera.001", "Camera_001", "straße", "STRASSE", "con", "", "é", "e\u0301")

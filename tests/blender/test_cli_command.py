@@ -16,8 +16,8 @@ import patchnet
 from patchnet import commands
 from patchnet.commands import blender_command, progress_bars
 from patchnet.commands.blender_command import execute
-from patchnet.patchnet_addon import log
 from patchnet.patchnet_addon.octree.file import load_octree
+from patchnet.patchnet_addon.runtime import log
 from patchnet.tests.blender.job_scene import QUICK, build, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 

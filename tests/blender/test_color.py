@@ -16,11 +16,11 @@ from patchnet.operators.job.settings import JobSettings
 from patchnet.operators.job.stages import build as build_stage
 from patchnet.operators.job.stages import lit
 from patchnet.operators.scene import read_scene
-from patchnet.patchnet_addon.light.kept_pages import KeptPages
+from patchnet.patchnet_addon.lightmap.page_cache import KeptPages
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_frame
 from patchnet.tests.blender.job_scene import box, random_weights

@@ -13,7 +13,7 @@ import pytest
 import patchnet
 from patchnet.operators.compile_ahead import ahead, small_jobs_path
 from patchnet.operators.compile_ahead.ahead import compiled_ahead
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
 
 
 @pytest.fixture

@@ -11,10 +11,10 @@ import pytest
 
 from patchnet.operators.scene import open_scene, read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
-from patchnet.patchnet_addon.light.albedo import albedo_shade
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.albedo import albedo_shade
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 

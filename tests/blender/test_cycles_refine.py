@@ -18,8 +18,8 @@ from patchnet.operators.cycles_refine.settings import COMBINED, CyclesSettings
 from patchnet.operators.job.run import run_job
 from patchnet.operators.job.settings import JobSettings
 from patchnet.operators.verify_light import render_call
-from patchnet.patchnet_addon.errors import SceneError, SettingError
-from patchnet.patchnet_addon.progress import Progress, Steps, drain
+from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
+from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
 from patchnet.patchnet_addon.sampling.regions import Region, region_mask
 from patchnet.tests.blender.full_scene import build_full
 from patchnet.tests.blender.job_scene import build, drop_result_images, saved

@@ -11,8 +11,8 @@ from mathutils import Matrix
 
 from patchnet.operators.job.run import JobResult, run_job
 from patchnet.operators.job.settings import JobSettings
-from patchnet.patchnet_addon.errors import GeometryError
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.errors import GeometryError
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.job_scene import build
 
 

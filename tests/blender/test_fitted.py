@@ -13,9 +13,9 @@ from patchnet.operators import results
 from patchnet.operators.cameras import track_cameras
 from patchnet.operators.job.run import run_job
 from patchnet.operators.job.settings import JobSettings
-from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.octree.file import load_octree
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.blender.job_scene import drop_result_images, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot

@@ -15,8 +15,8 @@ from patchnet.operators.job.run import run_job
 from patchnet.operators.job.settings import JobSettings
 from patchnet.operators.job.views import View
 from patchnet.operators.overlay.result_images import image_name
-from patchnet.patchnet_addon.errors import SettingError
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.tests.blender.job_scene import SMALL
 

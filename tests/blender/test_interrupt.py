@@ -19,10 +19,10 @@ import pytest
 from patchnet import commands
 from patchnet.operators.bake import bake_luminance
 from patchnet.operators.scene import open_scene, read_scene
-from patchnet.patchnet_addon.cache_folder import user_cache_folder
-from patchnet.patchnet_addon.interrupt import prompt_interrupt
 from patchnet.patchnet_addon.octree.file import load_octree
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder
+from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.job_scene import QUICK, build, random_weights, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 

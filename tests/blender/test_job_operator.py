@@ -9,9 +9,9 @@ import pytest
 
 from patchnet.operators import job_operator
 from patchnet.operators.job_operator import JobOperator
-from patchnet.patchnet_addon.beside import computed
-from patchnet.patchnet_addon.errors import SettingError
-from patchnet.patchnet_addon.progress import Progress
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import Progress
+from patchnet.patchnet_addon.runtime.worker import computed
 
 
 class Window:

@@ -9,7 +9,7 @@ import pytest
 
 from patchnet import commands
 from patchnet.operators.scene import read_scene
-from patchnet.patchnet_addon.errors import EmptySelectionError
+from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
 from patchnet.tests.blender.job_scene import QUICK, build, saved
 
 

@@ -19,7 +19,7 @@ from patchnet.operators.overlay.result_images import image_name
 from patchnet.patchnet_addon.codes.file import load_codes
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import load_octree
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.blender.job_scene import SMALL, build, drop_result_images
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot

@@ -16,7 +16,7 @@ from patchnet.operators.overlay.places import Rect
 from patchnet.operators.overlay.result_images import RAW, image_name, show_images
 from patchnet.patchnet_addon.image.colormaps import colormap
 from patchnet.patchnet_addon.image.heatmap import heatmap, places_on_page, with_legend
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.blender.job_scene import build
 

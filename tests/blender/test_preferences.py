@@ -15,9 +15,9 @@ from patchnet.operators.copy_diagnostics import diagnostics
 from patchnet.operators.job.encoder import chosen_encoder
 from patchnet.operators.job.run import run_job
 from patchnet.operators.job.settings import JobSettings
-from patchnet.patchnet_addon.light.kept_pages import KeptPages
+from patchnet.patchnet_addon.lightmap.page_cache import KeptPages
 from patchnet.patchnet_addon.network.weights import Weights
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import SMALL
 

@@ -15,9 +15,9 @@ from patchnet.operators.engine import frame_octree, panels
 from patchnet.operators.engine.engine import ENGINE
 from patchnet.operators.engine.passes import NO_DEPTH, PASSES
 from patchnet.operators.engine.render_frame import pull
-from patchnet.patchnet_addon.beside import computed
-from patchnet.patchnet_addon.errors import StoppedError
-from patchnet.patchnet_addon.progress import Progress, drain
+from patchnet.patchnet_addon.runtime.errors import StoppedError
+from patchnet.patchnet_addon.runtime.progress import Progress, drain
+from patchnet.patchnet_addon.runtime.worker import computed
 from patchnet.patchnet_addon.sampling.frame import Frame
 from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES

@@ -19,11 +19,11 @@ from patchnet.operators.bake import baker as baking
 from patchnet.operators.bake.bake_call import BakeTarget
 from patchnet.operators.bake.bake_key import bake_key, scene_key
 from patchnet.operators.scene import read_scene
-from patchnet.patchnet_addon.errors import SettingError
-from patchnet.patchnet_addon.light.atlas import Atlas
-from patchnet.patchnet_addon.light.charts import layout_charts
-from patchnet.patchnet_addon.light.kept_pages import KeptPages
-from patchnet.patchnet_addon.progress import Progress, drain
+from patchnet.patchnet_addon.lightmap.atlas import Atlas
+from patchnet.patchnet_addon.lightmap.charts import layout_charts
+from patchnet.patchnet_addon.lightmap.page_cache import KeptPages
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.tests.blender.job_scene import build, principled, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 

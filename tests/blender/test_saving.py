@@ -13,7 +13,7 @@ from patchnet.operators.cycles_refine.region_renders import region_renders
 from patchnet.operators.frames import kept_frame
 from patchnet.operators.overrides import changed
 from patchnet.operators.scene import read_scene
-from patchnet.patchnet_addon.progress import Progress, drain
+from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.sampling.regions import Region
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.blender.full_scene import build_full

@@ -9,7 +9,7 @@ import pytest
 
 from patchnet.commands.scene_argument import scene_path
 from patchnet.operators.scene import open_scene, read_scene
-from patchnet.patchnet_addon.errors import SceneError
+from patchnet.patchnet_addon.runtime.errors import SceneError
 
 
 @pytest.fixture

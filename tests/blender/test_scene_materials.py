@@ -14,7 +14,7 @@ import pytest
 from patchnet.operators.scene import open_scene, read_scene
 from patchnet.operators.scene.images import ImageReader
 from patchnet.operators.scene.materials import read_material
-from patchnet.patchnet_addon.octree.mesh import Material
+from patchnet.patchnet_addon.surface.mesh import Material
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 

@@ -7,7 +7,7 @@ import pytest
 from mathutils import Euler, Matrix
 
 from patchnet.operators.scene import SceneMesh, read_scene, scene_mesh
-from patchnet.patchnet_addon.errors import EmptySelectionError, GeometryError, SettingError
+from patchnet.patchnet_addon.runtime.errors import EmptySelectionError, GeometryError, SettingError
 from patchnet.tests.blender.light_scene import CUBE_FACES
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 

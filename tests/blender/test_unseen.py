@@ -13,7 +13,7 @@ from patchnet import commands
 from patchnet.operators.cameras import choose_cameras
 from patchnet.operators.job.run import run_job
 from patchnet.operators.job.settings import JobSettings
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.engine_scene import build_for_engine, rendered
 from patchnet.tests.blender.job_scene import QUICK, build, principled, saved
 

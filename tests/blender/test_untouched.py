@@ -13,8 +13,8 @@ from patchnet.operators.job.run import run_job
 from patchnet.operators.job.settings import JobSettings
 from patchnet.operators.scene import read_scene
 from patchnet.operators.verify_light import CheckSettings, verify_light
-from patchnet.patchnet_addon.errors import SceneError
-from patchnet.patchnet_addon.progress import Steps, drain
+from patchnet.patchnet_addon.runtime.errors import SceneError
+from patchnet.patchnet_addon.runtime.progress import Steps, drain
 from patchnet.tests.blender.full_scene import MODES, build_full
 from patchnet.tests.blender.job_scene import drop_result_images
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot

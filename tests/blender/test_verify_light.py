@@ -16,9 +16,9 @@ from patchnet.operators.job.settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, LightCheck, verify_light
 from patchnet.operators.verify_light.check import check_camera
 from patchnet.operators.verify_light.reference import render_reference
-from patchnet.patchnet_addon.cache_folder import user_cache_folder
-from patchnet.patchnet_addon.errors import SettingError
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 LEAST_PSNR_DB = 26.0  # at depth 7, where a voxel is 16 mm and edges stand out

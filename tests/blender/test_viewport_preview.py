@@ -5,7 +5,7 @@ import numpy as np
 
 from patchnet.operators.engine.passes import combined
 from patchnet.operators.engine.viewport_preview import ViewportPreview
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.tracing.camera import Camera

@@ -4,7 +4,7 @@
 import numpy as np
 
 from patchnet.patchnet_addon.octree.voxelize import LeafSums, all_leaves, voxelize
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
 
 
 def leaves_of(source, grid, shade, **settings):

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.beside import attended
-from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.progress import Progress, Steps, drain
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
+from patchnet.patchnet_addon.runtime.worker import attended
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.frame import Frame
 from patchnet.patchnet_addon.sampling.refine import refine, refined_picture

@@ -7,15 +7,15 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.light.atlas import Atlas, atlas_shade
-from patchnet.patchnet_addon.light.chart_lookup import texel_owners
-from patchnet.patchnet_addon.light.charts import layout_charts
-from patchnet.patchnet_addon.light.irradiance import ExactSums, irradiance_of_materials
-from patchnet.patchnet_addon.light.textures import TextureTable
+from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
+from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
+from patchnet.patchnet_addon.lightmap.charts import layout_charts
+from patchnet.patchnet_addon.lightmap.irradiance import ExactSums, irradiance_of_materials
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.mesh import Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.octree.voxelize import LeafSums
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.textures import TextureTable
 
 from .leaf_samples import leaves_of
 

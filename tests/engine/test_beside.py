@@ -9,11 +9,11 @@ import numba
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon import kernels  # noqa: F401 - it hears of compilations
-from patchnet.patchnet_addon.beside import attended, beside, computed
-from patchnet.patchnet_addon.compiling import NOTE, is_compiling
-from patchnet.patchnet_addon.errors import SettingError
-from patchnet.patchnet_addon.progress import Progress, Result, Steps, drain
+from patchnet.patchnet_addon.runtime import kernels  # noqa: F401 - it hears of compilations
+from patchnet.patchnet_addon.runtime.compiling import NOTE, is_compiling
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import Progress, Result, Steps, drain
+from patchnet.patchnet_addon.runtime.worker import attended, beside, computed
 
 _LONG_S = 30.0  # never waited for
 

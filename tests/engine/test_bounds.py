@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from patchnet import commands
-from patchnet.patchnet_addon import bounds
-from patchnet.patchnet_addon.bounds import Bounds
-from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.runtime import bounds
+from patchnet.patchnet_addon.runtime.bounds import Bounds
+from patchnet.patchnet_addon.runtime.errors import SettingError
 
 
 def actions(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.Action]]:

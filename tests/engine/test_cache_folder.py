@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.patchnet_addon import cache_folder
-from patchnet.patchnet_addon.cache_folder import kernel_folder, user_cache_folder
-from patchnet.patchnet_addon.light.kept_pages import KeptPages
+from patchnet.patchnet_addon.lightmap.page_cache import KeptPages
+from patchnet.patchnet_addon.runtime import cache_folder
+from patchnet.patchnet_addon.runtime.cache_folder import kernel_folder, user_cache_folder
 
 KERNEL = """
 import logging, sys
 import numba, numpy as np
-from patchnet.patchnet_addon.kernels import serial_kernel
+from patchnet.patchnet_addon.runtime.kernels import serial_kernel
 
 @serial_kernel
 def total(values):

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from patchnet.patchnet_addon.errors import SettingError
-from patchnet.patchnet_addon.light.atlas import Atlas, atlas_shade
-from patchnet.patchnet_addon.light.chart_lookup import lookup, texel_owners, triangle_means
-from patchnet.patchnet_addon.light.charts import Charts, layout_charts
-from patchnet.patchnet_addon.light.packing import SINGLE
-from patchnet.patchnet_addon.octree.mesh import Fragments, Material, TriangleMesh
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
+from patchnet.patchnet_addon.lightmap.chart_lookup import lookup, texel_owners, triangle_means
+from patchnet.patchnet_addon.lightmap.charts import Charts, layout_charts
+from patchnet.patchnet_addon.lightmap.packing import SINGLE
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import Fragments, Material, TriangleMesh
 
 
 def triangles(count: int, seed: int = 0, spread: float = 1.5) -> np.ndarray:

@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.patchnet_addon.errors import OctreeFileError
+from patchnet.patchnet_addon.lod.depth import estimate, most_leaves, peak_bytes
 from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.chroma import BLUE, GREEN, RED, decoded_colors, encoded_chroma
-from patchnet.patchnet_addon.octree.depth import estimate, most_leaves, peak_bytes
 from patchnet.patchnet_addon.octree.export.octree_file import truncated
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.levels import stored_chroma
-from patchnet.patchnet_addon.octree.mesh import Fragments, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.errors import OctreeFileError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.chroma import BLUE, GREEN, RED, decoded_colors, encoded_chroma
+from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
 
 WEIGHTS = np.array([RED, GREEN, BLUE])
 GRID = Grid((-1.5, -1.5, -1.5), 3.0, 6)

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from patchnet import commands
-from patchnet.patchnet_addon.errors import PatchNetError
+from patchnet.patchnet_addon.runtime.errors import PatchNetError
 
 
 @pytest.fixture

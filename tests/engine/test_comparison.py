@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.errors import FileFormatError, SettingError
 from patchnet.patchnet_addon.image.colormaps import diverging
 from patchnet.patchnet_addon.image.comparison import (
     MAX_PSNR_DB,
@@ -21,6 +20,7 @@ from patchnet.patchnet_addon.image.comparison import (
 )
 from patchnet.patchnet_addon.image.difference import difference_picture, side_by_side
 from patchnet.patchnet_addon.image.exr import read_exr
+from patchnet.patchnet_addon.runtime.errors import FileFormatError, SettingError
 
 SIZE = 24
 

@@ -4,12 +4,12 @@
 import numpy as np
 import pytest
 
-import patchnet.patchnet_addon.light.charts as charts_module
-from patchnet.patchnet_addon.light.chart_lookup import group_means, texel_owners, triangle_means
-from patchnet.patchnet_addon.light.charts import Charts, layout_charts
-from patchnet.patchnet_addon.octree.mesh import Material, TriangleBatch, TriangleMesh
+import patchnet.patchnet_addon.lightmap.charts as charts_module
+from patchnet.patchnet_addon.lightmap.chart_lookup import group_means, texel_owners, triangle_means
+from patchnet.patchnet_addon.lightmap.charts import Charts, layout_charts
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import Material, TriangleBatch, TriangleMesh
 
 TEXEL = 1.0
 SAMPLES = 64

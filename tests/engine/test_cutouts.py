@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.light.albedo import albedo_shade
-from patchnet.patchnet_addon.light.footprint_reference import bilinear_reference, footprint_reference
-from patchnet.patchnet_addon.light.opacity import opacity_shade
-from patchnet.patchnet_addon.light.textures import TextureTable
 from patchnet.patchnet_addon.octree.clip_reference import piece_reference
 from patchnet.patchnet_addon.octree.grid import Grid, morton_decode, morton_encode
-from patchnet.patchnet_addon.octree.mesh import Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.octree.voxelize import LeafSums, clip_batch, triangle_areas_and_normals
+from patchnet.patchnet_addon.surface.albedo import albedo_shade
+from patchnet.patchnet_addon.surface.footprint_reference import bilinear_reference, footprint_reference
+from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.opacity import opacity_shade
+from patchnet.patchnet_addon.surface.textures import TextureTable
 
 from .leaf_samples import leaves_of
 

@@ -10,13 +10,13 @@ from patchnet.patchnet_addon.codes import encode
 from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.file import load_codes, save_codes
 from patchnet.patchnet_addon.codes.predict import interpolate_codes, interpolate_codes_reference, predict
-from patchnet.patchnet_addon.errors import CodesFileError, SettingError
-from patchnet.patchnet_addon.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.decode import decode
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
 from patchnet.patchnet_addon.network.weights import Weights
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.errors import CodesFileError, SettingError
+from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree
 
 BACKENDS = ["compiled", "numpy", "torch"]

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.patchnet_addon.errors import PatchNetError, SettingError
 from patchnet.patchnet_addon.octree.export import vdb
 from patchnet.patchnet_addon.octree.export.formats import FORMATS, export_octree
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxel_cloud import voxel_cloud
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import dense_cells, octree_from_leaves, random_octree
 
 needs_vdb = pytest.mark.skipif(not vdb.vdb_module_name(), reason="this Python has no openvdb module")

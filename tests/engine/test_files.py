@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
-from patchnet.patchnet_addon.errors import OctreeFileError, PatchNetError
-from patchnet.patchnet_addon.files import content_hash, read_arrays, read_header, write_arrays
+from patchnet.patchnet_addon.runtime.errors import OctreeFileError, PatchNetError
+from patchnet.patchnet_addon.runtime.files import content_hash, read_arrays, read_header, write_arrays
 
 ARRAYS = {
     "mask": np.arange(7, dtype=np.uint8),

@@ -4,17 +4,17 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.errors import GeometryError
-from patchnet.patchnet_addon.light.albedo import albedo_shade
-from patchnet.patchnet_addon.light.opacity import opacity_shade
-from patchnet.patchnet_addon.octree import fit
+from patchnet.patchnet_addon.lod import fit
+from patchnet.patchnet_addon.lod.detail import FINE_OFFSETS, needed_levels
+from patchnet.patchnet_addon.lod.fit import fit_leaf_levels
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.fit import fit_leaf_levels
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.mesh import Material, Texture, TriangleBatch, TriangleMesh
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.errors import GeometryError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.albedo import albedo_shade
+from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.opacity import opacity_shade
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.detail import FINE_OFFSETS, needed_levels
 from patchnet.patchnet_addon.tracing.reference import needed_levels_reference
 from patchnet.patchnet_addon.tracing.render import first_hits
 

@@ -3,8 +3,8 @@
 
 import pytest
 
-from patchnet.patchnet_addon.errors import SettingError
-from patchnet.patchnet_addon.frames import parse_frames
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.frames import parse_frames
 
 
 @pytest.mark.parametrize(

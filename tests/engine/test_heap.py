@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.patchnet_addon.heap import page_out, peak_bytes, resident_bytes, trim
+from patchnet.patchnet_addon.runtime.heap import page_out, peak_bytes, resident_bytes, trim
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux says what a process takes")
 SIZE = 64 << 20

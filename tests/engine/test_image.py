@@ -4,12 +4,12 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.image.colormaps import COLORMAPS, colormap, red_ramp
 from patchnet.patchnet_addon.image.contact_sheet import contact_sheet
 from patchnet.patchnet_addon.image.heatmap import error_picture, heatmap, magnify, overlay
 from patchnet.patchnet_addon.image.pixel_font import _GLYPHS, draw_text, text_mask
 from patchnet.patchnet_addon.image.tone import srgb_encode, to_bytes
+from patchnet.patchnet_addon.runtime.errors import SettingError
 
 
 @pytest.mark.parametrize("name", COLORMAPS)

@@ -73,13 +73,13 @@ def imported_parts(path: Path) -> set[str]:
 def test_engine_and_training_import_without_blender(package: str) -> None:
     pytest.importorskip("torch")
     imported = run_python(IMPORT_ALL, package, ",".join(BLENDER), "").split()
-    assert package == "patchnet.training" or "patchnet.patchnet_addon.errors" in imported
+    assert package == "patchnet.training" or "patchnet.patchnet_addon.runtime.errors" in imported
 
 
 def test_engine_imports_with_what_the_extension_bundles() -> None:
     """Only files named for torch may need it, and nothing needs what Blender users do not have."""
     imported = run_python(IMPORT_ALL, "patchnet.patchnet_addon", ",".join(BLENDER + NOT_IN_THE_ZIP), "torch").split()
-    assert "patchnet.patchnet_addon.errors" in imported
+    assert "patchnet.patchnet_addon.runtime.errors" in imported
 
 
 def test_command_and_package_are_light() -> None:

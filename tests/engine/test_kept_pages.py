@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.light.kept_pages import KeptPages, tidy
+from patchnet.patchnet_addon.lightmap.page_cache import KeptPages, tidy
 
 
 def test_pages_stay_until_their_bake_ends(tmp_path: Path) -> None:

@@ -7,10 +7,10 @@ import logging
 import pytest
 
 from patchnet import commands
-from patchnet.patchnet_addon import log
-from patchnet.patchnet_addon.errors import SettingError
-from patchnet.patchnet_addon.progress import Progress
-from patchnet.patchnet_addon.progress_log import ProgressLog
+from patchnet.patchnet_addon.runtime import log
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import Progress
+from patchnet.patchnet_addon.runtime.progress_log import ProgressLog
 
 pytestmark = pytest.mark.usefixtures("text_log")
 

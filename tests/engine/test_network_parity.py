@@ -4,13 +4,13 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.errors import WeightsFileError
-from patchnet.patchnet_addon.files import write_arrays
 from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.decode import decode
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
 from patchnet.patchnet_addon.network.harmonics import real_harmonics
 from patchnet.patchnet_addon.network.weights import NETWORK, Weights, load_weights, save_weights
+from patchnet.patchnet_addon.runtime.errors import WeightsFileError
+from patchnet.patchnet_addon.runtime.files import write_arrays
 
 COUNT = 5000  # more than one block of the decoder
 TOLERANCE = 1e-4

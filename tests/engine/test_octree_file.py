@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.errors import MemoryEstimateError, OctreeFileError, SettingError
+from patchnet.patchnet_addon.lod.depth import choose_depth, coarse_octree, most_leaves, peak_bytes, wanted_depth
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.depth import choose_depth, coarse_octree, most_leaves, peak_bytes, wanted_depth
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.mesh import TriangleMesh
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.errors import MemoryEstimateError, OctreeFileError, SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from patchnet.patchnet_addon import files
-from patchnet.patchnet_addon.errors import OctreeFileError
-from patchnet.patchnet_addon.files import read_arrays, read_header, write_arrays
 from patchnet.patchnet_addon.octree.file import KIND, load_octree, octree_arrays, octree_hash, save_octree
+from patchnet.patchnet_addon.runtime import files
+from patchnet.patchnet_addon.runtime.errors import OctreeFileError
+from patchnet.patchnet_addon.runtime.files import read_arrays, read_header, write_arrays
 from patchnet.tests.engine.octree_samples import octree_from_leaves
 
 fuzz = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -171,7 +171,7 @@ def test_newer_version_is_refused(octree, tmp_path, monkeypatch):
 WRITER = """
 import sys
 import numpy as np
-from patchnet.patchnet_addon.files import write_arrays
+from patchnet.patchnet_addon.runtime.files import write_arrays
 print("ready", flush=True)
 for number in range(1, 100_000):
     write_arrays(sys.argv[1], {"values": np.full(1_000_000, number)}, {"number": number}, "octree")

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon import file_kinds
-from patchnet.patchnet_addon.errors import OutputError
-from patchnet.patchnet_addon.file_kinds import FileKind
-from patchnet.patchnet_addon.files import write_arrays
-from patchnet.patchnet_addon.outputs import check_outputs
-from patchnet.patchnet_addon.replace import replaced_file
+from patchnet.patchnet_addon.runtime import file_kinds
+from patchnet.patchnet_addon.runtime.errors import OutputError
+from patchnet.patchnet_addon.runtime.file_kinds import FileKind
+from patchnet.patchnet_addon.runtime.files import write_arrays
+from patchnet.patchnet_addon.runtime.outputs import check_outputs
+from patchnet.patchnet_addon.runtime.replace import replaced_file
 
 RECORD = {"frame": 1, "content": "", "file": "", "files": {}, "summary": {}}
 

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.patchnet_addon import owned_folder as module
-from patchnet.patchnet_addon.owned_folder import SILENT_S, machine, owned_folder, remove_left_over
+from patchnet.patchnet_addon.runtime import owned_folder as module
+from patchnet.patchnet_addon.runtime.owned_folder import SILENT_S, machine, owned_folder, remove_left_over
 
 WORK = """
 import sys, time
 from pathlib import Path
-from patchnet.patchnet_addon.owned_folder import owned_folder
+from patchnet.patchnet_addon.runtime.owned_folder import owned_folder
 with owned_folder(Path(sys.argv[1])) as files:
     (files / "half").write_text("half")
     print("ready", flush=True)

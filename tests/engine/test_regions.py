@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.sampling.rectangles import best_rectangle, best_rectangle_reference
 from patchnet.patchnet_addon.sampling.regions import Region, choose_regions, region_mask
 

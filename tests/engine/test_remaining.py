@@ -3,8 +3,8 @@
 
 import pytest
 
-from patchnet.patchnet_addon.progress import Progress
-from patchnet.patchnet_addon.remaining import Remaining
+from patchnet.patchnet_addon.runtime.progress import Progress
+from patchnet.patchnet_addon.runtime.remaining import Remaining
 
 
 class Clock:

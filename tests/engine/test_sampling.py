@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from patchnet.patchnet_addon.errors import SettingError
+from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.sampling.active import active_pixels
 from patchnet.patchnet_addon.sampling.errors import mse_at, pooled_mse, psnr
 from patchnet.patchnet_addon.sampling.frame import Frame

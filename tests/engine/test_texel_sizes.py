@@ -3,10 +3,10 @@
 
 import numpy as np
 
-from patchnet.patchnet_addon.light.texel_sizes import texel_sizes
+from patchnet.patchnet_addon.lightmap.texel_sizes import texel_sizes
 from patchnet.patchnet_addon.octree.grid import Grid, morton_encode
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
-from patchnet.patchnet_addon.octree.mesh import TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 
 GRID = Grid((0.0, 0.0, 0.0), 8.0, 9)
 

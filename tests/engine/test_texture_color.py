@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.light.albedo import albedo_shade
-from patchnet.patchnet_addon.light.texture_color import color_of_fragments
-from patchnet.patchnet_addon.light.texture_color_reference import colors_reference
-from patchnet.patchnet_addon.light.textures import REC709, TextureTable
-from patchnet.patchnet_addon.light.two_lights import two_lights_shade
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.octree.voxelize import clip_batch, triangle_areas_and_normals
+from patchnet.patchnet_addon.surface.albedo import albedo_shade
+from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.texture_color import color_of_fragments
+from patchnet.patchnet_addon.surface.texture_color_reference import colors_reference
+from patchnet.patchnet_addon.surface.textures import REC709, TextureTable
+from patchnet.patchnet_addon.surface.two_lights import two_lights_shade
 
 WHITE = (1.0, 1.0, 1.0)
 

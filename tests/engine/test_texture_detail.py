@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.light.atlas import Atlas, atlas_shade
-from patchnet.patchnet_addon.light.charts import layout_charts
-from patchnet.patchnet_addon.octree.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
+from patchnet.patchnet_addon.lightmap.charts import layout_charts
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
 
 DARK, BRIGHT, LIGHT = 0.2, 0.8, 0.9
 CORNERS = np.array([[[0.0, 0, 0], [8, 0, 0], [0, 8, 0]]])

@@ -9,9 +9,9 @@ import pytest
 
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.mesh import TriangleMesh
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.unseen import BLACK_SURFACE, why_unseen

@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from patchnet.patchnet_addon.errors import GeometryError
 from patchnet.patchnet_addon.octree.blocks import all_cells
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.clip_reference import clip_reference
 from patchnet.patchnet_addon.octree.grid import Grid, morton_decode, morton_encode
-from patchnet.patchnet_addon.octree.mesh import TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.errors import GeometryError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import TriangleBatch, TriangleMesh
 
 from .leaf_samples import leaves_of
 

@@ -15,8 +15,8 @@ from patchnet.patchnet_addon.octree.clip_reference import clip_reference
 from patchnet.patchnet_addon.octree.file import octree_arrays
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
-from patchnet.patchnet_addon.octree.mesh import Fragments, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
+from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
 
 from .leaf_samples import leaves_of
 

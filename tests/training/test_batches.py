@@ -7,7 +7,7 @@ import pytest
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
 from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_blocks
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.training.batches import Augmentation, Batch, gather_batch
 from patchnet.training.forest import plant
 from patchnet.training.procedural import octree_from_leaves, spheres_and_slats

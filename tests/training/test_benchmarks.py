@@ -10,7 +10,7 @@ import pytest
 
 from patchnet.commands import bench, main
 from patchnet.commands.benches import voxelize as command
-from patchnet.patchnet_addon.errors import PatchNetError
+from patchnet.patchnet_addon.runtime.errors import PatchNetError
 from patchnet.training.benchmarks.open3d_peer import Open3DVoxels, import_open3d
 from patchnet.training.benchmarks.timing import compare, one_core, take_turns
 from patchnet.training.benchmarks.voxelize import benchmark_voxelize

@@ -8,8 +8,8 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.commands.benches import nodes as nodes_command
-from patchnet.patchnet_addon.errors import SettingError
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
+from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.training.benchmarks.shells import octree_of_shells, shell_radii, shell_triangles
 

@@ -10,10 +10,10 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.commands.stage_clock import StageClock
-from patchnet.patchnet_addon.octree.depth import coarse_octree, estimate
+from patchnet.patchnet_addon.lod.depth import coarse_octree, estimate
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.mesh import TriangleMesh
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.training.benchmarks.child import run_child
 from patchnet.training.benchmarks.shells import shell_triangles
 from patchnet.training.benchmarks.voxelize import OurVoxels

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.errors import FileFormatError, PatchNetError, SettingError
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
-from patchnet.patchnet_addon.progress import drain
+from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.training.batches import Augmentation
 from patchnet.training.dataset import Dataset, load_dataset, save_samples
 from patchnet.training.procedural import spheres_and_slats

@@ -10,7 +10,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ...patchnet_addon.errors import PatchNetError
+from ...patchnet_addon.runtime.errors import PatchNetError
 
 
 @dataclass(frozen=True)

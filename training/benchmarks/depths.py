@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from ...patchnet_addon.errors import SettingError
-from ...patchnet_addon.octree.depth import available_memory
-from ...patchnet_addon.octree.grid import MAX_DEPTH, Grid
+from ...patchnet_addon.lod.depth import available_memory
+from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.runtime.bounds import MAX_DEPTH
+from ...patchnet_addon.runtime.errors import SettingError
 from .open3d_peer import BYTES_PER_VOXEL, Open3DVoxels
 from .timing import Comparison, how_measured, take_turns
 from .voxelize import WARM_DEPTH, OurVoxels

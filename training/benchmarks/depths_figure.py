@@ -9,9 +9,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...patchnet_addon.errors import PatchNetError, SettingError
-from ...patchnet_addon.file_kinds import PDF, PNG, SVG
-from ...patchnet_addon.outputs import check_outputs
+from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ...patchnet_addon.runtime.file_kinds import PDF, PNG, SVG
+from ...patchnet_addon.runtime.outputs import check_outputs
 from .depths import DepthCost
 
 if TYPE_CHECKING:

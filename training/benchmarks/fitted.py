@@ -13,11 +13,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ...patchnet_addon.octree.depth import COARSE_DEPTH, estimate
+from ...patchnet_addon.lod.depth import COARSE_DEPTH, estimate
+from ...patchnet_addon.lod.detail import lookahead_share
 from ...patchnet_addon.octree.file import load_octree
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.tracing.camera import Camera
-from ...patchnet_addon.tracing.detail import lookahead_share
 from .timing import Comparison
 from .whole_scene import Built, cut, octree_of
 

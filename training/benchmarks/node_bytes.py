@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...patchnet_addon.files import read_header
 from ...patchnet_addon.octree.file import load_octree, octree_arrays
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.files import read_header
 from .tables import markdown_table
 from .timing import Comparison
 

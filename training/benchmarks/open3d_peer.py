@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...patchnet_addon.errors import PatchNetError
+from ...patchnet_addon.runtime.errors import PatchNetError
 
 # Measured with Open3D 0.20 on a sphere of 1.2 M voxels: 84; its hash table doubles now and then.
 BYTES_PER_VOXEL = 120

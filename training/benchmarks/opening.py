@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ...patchnet_addon.errors import OctreeFileError
-from ...patchnet_addon.files import read_arrays
 from ...patchnet_addon.octree.file import KIND, load_octree, octree_arrays
+from ...patchnet_addon.runtime.errors import OctreeFileError
+from ...patchnet_addon.runtime.files import read_arrays
 from .timing import Comparison, compare, take_turns
 
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from ...patchnet_addon.octree.build import build_octree
 from ...patchnet_addon.octree.grid import Grid
-from ...patchnet_addon.octree.mesh import Fragments, TriangleBatch, TriangleMesh
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.progress import drain
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
 from .open3d_peer import Open3DVoxels
 from .timing import Comparison, compare
 

@@ -3,7 +3,7 @@
 
 Compared is the peak of resident memory of the whole process, Blender included, with what could be predicted before the
 octree was built: the largest of the peaks until then, and what was resident then plus the estimate of
-`patchnet_addon/octree/depth.py`. A ratio above 1 means that less was taken than predicted.
+`patchnet_addon/lod/depth.py`. A ratio above 1 means that less was taken than predicted.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...patchnet_addon.errors import PatchNetError
-from ...patchnet_addon.octree.depth import COARSE_DEPTH, estimate
+from ...patchnet_addon.lod.depth import COARSE_DEPTH, estimate
 from ...patchnet_addon.octree.file import load_octree
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.errors import PatchNetError
 from .child import run_child
 from .timing import Comparison
 

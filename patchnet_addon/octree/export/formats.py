@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...errors import SettingError
-from ...file_kinds import NPZ, OCTREE, PLY, VDB, FileKind
-from ...progress import Steps
+from ...runtime.errors import SettingError
+from ...runtime.file_kinds import NPZ, OCTREE, PLY, VDB, FileKind
+from ...runtime.progress import Steps
 from ..octree import Octree
 from ..voxel_cloud import check_level
 from .npz import write_npz

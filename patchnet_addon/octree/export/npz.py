@@ -24,9 +24,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ...file_kinds import NPZ
-from ...progress import Progress, Steps
-from ...replace import replaced_file
+from ...runtime.file_kinds import NPZ
+from ...runtime.progress import Progress, Steps
+from ...runtime.replace import replaced_file
 from ..octree import Octree
 from ..voxel_cloud import VoxelRun, voxel_counts, voxel_runs
 

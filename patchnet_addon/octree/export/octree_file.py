@@ -6,8 +6,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ...errors import SettingError
-from ...progress import Progress, Steps
+from ...runtime.errors import SettingError
+from ...runtime.progress import Progress, Steps
 from ..file import save_octree
 from ..octree import Octree
 from ..voxel_cloud import voxel_counts

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...file_kinds import PLY
 from ...image.tone import srgb_encode, to_bytes
-from ...progress import Progress, Steps
-from ...replace import replaced_file
+from ...runtime.file_kinds import PLY
+from ...runtime.progress import Progress, Steps
+from ...runtime.replace import replaced_file
 from ..octree import Octree
 from ..voxel_cloud import VoxelRun, voxel_counts, voxel_runs
 

@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import PatchNetError, SettingError
-from ...file_kinds import VDB
-from ...progress import Progress, Steps
-from ...replace import replaced_path
+from ...runtime.errors import PatchNetError, SettingError
+from ...runtime.file_kinds import VDB
+from ...runtime.progress import Progress, Steps
+from ...runtime.replace import replaced_path
 from ..octree import Octree
 from ..voxel_cloud import VoxelRun, voxel_counts, voxel_runs
 

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Finished pages of a bake on disk, so that a bake that was stopped or killed goes on where it was.
+
+ROOT / KEY / page-00007.safetensors: the key says everything that determines the pages, see the baker. A page is written
+when it is done, complete or not at all. What nobody came back for goes when the next bake begins.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import shutil
+import time
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from ..runtime.cache_folder import BAKES, user_cache_folder
+from ..runtime.errors import FileFormatError, PatchNetError
+from ..runtime.files import read_arrays, write_arrays
+
+KIND = "light page"
+MAX_AGE_S = 30 * 24 * 3600.0
+MAX_BYTES = 8 << 30
+_IN_USE_S = 3600.0  # a bake that wrote a page within this time may still run elsewhere
+_LOG = logging.getLogger("patchnet")
+
+
+class KeptPages:
+    """Context manager around a bake and what is made of it.
+
+    If the block ends well, the pages are deleted, since nobody needs them any more; after an error, a stop or a kill
+    they stay for the next bake with the same key. A disk that is full or read-only costs only the resuming.
+    """
+
+    def __init__(self, root: Path | None = None) -> None:
+        """`root`: folder of all bakes, by default in the user's cache folder."""
+        self._root = root or user_cache_folder() / BAKES
+        self._folders: list[Path] = []
+        self._writes = True
+
+    def __enter__(self) -> KeptPages:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for folder in self._folders:
+            if kind is None:
+                shutil.rmtree(folder, ignore_errors=True)
+            with contextlib.suppress(OSError):  # not empty, or not there
+                folder.rmdir()
+
+    def open(self, key: str) -> None:
+        """From now on `load` and `save` are about the bake `key`; pages of others are tidied."""
+        self._folders.append(self._root / key)
+        try:
+            self._folders[-1].mkdir(parents=True, exist_ok=True)
+            tidy(self._root, keep=key)
+        except OSError as cause:
+            self._give_up(cause)
+
+    def pages(self) -> set[int]:
+        """Numbers of the pages that are there."""
+        names = (path.stem.removeprefix("page-") for path in self._folders[-1].glob("page-*.safetensors"))
+        return {int(name) for name in names if name.isdigit()}
+
+    def load(self, page: int, texel_count: int, channels: int = 2) -> np.ndarray | None:
+        """Texels (texel_count, channels) float32 of a finished page, or None if it is not there as a whole."""
+        path = self._path(page)
+        if not path.exists():
+            return None
+        try:
+            texels = read_arrays(path, KIND)[0].get("texels")
+        except FileFormatError as error:
+            _LOG.warning("A page is baked again: %s", error)
+            with contextlib.suppress(OSError):
+                path.unlink()
+            return None
+        if texels is None or texels.shape != (texel_count, channels) or texels.dtype != np.float32:
+            return None
+        return texels
+
+    def save(self, page: int, texels: np.ndarray) -> None:
+        """Keep a finished page."""
+        if not self._writes:
+            return
+        try:
+            self._folders[-1].mkdir(parents=True, exist_ok=True)  # another process may have ended the same bake
+            write_arrays(self._path(page), {"texels": texels}, {"page": page}, KIND)
+        except (OSError, PatchNetError) as cause:
+            self._give_up(cause)
+
+    def _path(self, page: int) -> Path:
+        return self._folders[-1] / f"page-{page:05d}.safetensors"
+
+    def _give_up(self, cause: Exception) -> None:
+        self._writes = False
+        _LOG.warning("A bake that is stopped now cannot be resumed: %s", cause)
+
+
+def tidy(root: Path, keep: str, max_age_s: float = MAX_AGE_S, max_bytes: int = MAX_BYTES) -> None:
+    """Delete bakes in `root` that are too old, then the oldest while all take more than `max_bytes`; never `keep`."""
+    now = time.time()
+    bakes = sorted((path.stat().st_mtime, path) for path in root.iterdir() if path.is_dir())
+    sizes = {path: sum(item.stat().st_size for item in path.iterdir() if item.is_file()) for _, path in bakes}
+    total = sum(sizes.values())
+    for changed, path in bakes:
+        age = now - changed
+        if path.name != keep and (age > max_age_s or (total > max_bytes and age > _IN_USE_S)):
+            shutil.rmtree(path, ignore_errors=True)
+            total -= sizes[path]

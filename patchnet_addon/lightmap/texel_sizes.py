@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Texels as large as the leaves of an octree ask for, triangle by triangle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..octree.grid import Grid, morton_encode
+from ..octree.leaf_levels import LeafLevels
+from ..surface.mesh import MeshSource
+
+_MOST_PARTS = 16  # along an edge of a triangle that crosses many blocks
+
+
+def texel_sizes(source: MeshSource, grid: Grid, layout: LeafLevels | None, texel_voxels: float) -> float | np.ndarray:
+    """Sides (T,) float32, world units, of texels that are `texel_voxels` leaves wide; one for all without `layout`.
+
+    Where a triangle crosses leaves of several sizes, it gets as many texels as if each part had its own: the mean of
+    the inverse of their area counts, over points at most a block apart, or _MOST_PARTS^2 of them.
+    """
+    if layout is None:
+        return grid.voxel_world * texel_voxels
+    sides = np.empty(source.triangle_count, np.float32)
+    block_world = grid.side_world / (1 << layout.block_level)
+    for batch in source.batches():
+        corners = batch.corners_world
+        edges = np.roll(corners, -1, axis=1) - corners
+        longest = np.sqrt((edges * edges).sum(axis=-1).max(axis=-1))
+        parts = np.clip(np.ceil(longest / block_world), 1, _MOST_PARTS).astype(np.int64)
+        result = sides[batch.first_triangle : batch.first_triangle + len(batch)]
+        for number in np.unique(parts):
+            chosen = np.flatnonzero(parts == number)
+            points = np.einsum("pc,tcx->tpx", _centres(int(number)), corners[chosen])
+            leaf = _leaf_sides(points.reshape(-1, 3), grid, layout).reshape(points.shape[:2])
+            result[chosen] = texel_voxels / np.sqrt((1.0 / leaf**2).mean(axis=1))
+    return sides
+
+
+def _centres(parts: int) -> np.ndarray:
+    """Barycentric centres (parts^2, 3) of the equal triangles that edges cut into `parts` divide a triangle into."""
+    i, j = (axis.ravel() for axis in np.meshgrid(np.arange(parts), np.arange(parts)))
+    upright = i + j < parts
+    upside_down = i + j < parts - 1
+    first = np.concatenate([i[upright] + 1 / 3, i[upside_down] + 2 / 3]) / parts
+    second = np.concatenate([j[upright] + 1 / 3, j[upside_down] + 2 / 3]) / parts
+    return np.stack([1.0 - first - second, first, second], axis=1)
+
+
+def _leaf_sides(points_world: np.ndarray, grid: Grid, layout: LeafLevels) -> np.ndarray:
+    """Sides (N,) of the leaves around points (N, 3); where none are made, of a block."""
+    last = (1 << layout.block_level) - 1
+    cells = np.clip(np.floor(grid.to_unit(points_world) * (last + 1)), 0, last).astype(np.int64)
+    levels = layout.levels[morton_encode(cells).astype(np.int64)]
+    return grid.side_world / np.exp2(np.where(levels > 0, levels, layout.block_level).astype(np.float64))

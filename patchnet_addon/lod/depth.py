@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Depth by the level-of-detail contract (methods 4.1b), and memory before it is spent."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..octree.build import build_octree
+from ..octree.grid import Grid
+from ..octree.octree import LOOK_AHEAD, Octree
+from ..octree.voxelize import BLOCK_FRAGMENTS
+from ..runtime.bounds import MAX_DEPTH
+from ..runtime.errors import MemoryEstimateError
+from ..runtime.progress import Steps
+from ..runtime.quantities import bytes_text, count_text
+from ..surface.mesh import Fragments, MeshSource, TriangleBatch
+from ..tracing.camera import Camera
+from ..tracing.render import first_hits
+
+COARSE_DEPTH = 7
+MIN_DEPTH = 5
+LOOK_AHEAD_SHARE = 0.95
+BYTES_PER_NODE = 14
+COLOR_BYTES_PER_NODE = 2
+# While an octree is built, a leaf of the present pass is summed in fixed point (48 bytes and its share of a brick,
+# about 25) and handed out as key and sums (28 bytes); what is kept of a leaf and its share of the coarser nodes is 15
+# bytes, and twice that while the passes are joined. Colour adds 32 bytes in fixed point, 8 to the sums, 2 to the rest.
+_KEPT_BYTES_PER_LEAF = 15
+_PASS_BYTES_PER_LEAF = 105
+_COLOR_KEPT_BYTES_PER_LEAF = 2
+_COLOR_PASS_BYTES_PER_LEAF = 40
+_PASS_LEAVES = BLOCK_FRAGMENTS * 3 // 4
+_NODES_PER_LEAF = 1.36
+
+
+@dataclass(frozen=True)
+class DepthChoice:
+    """A depth and why: `wanted` is what the cameras need, `depth` what memory allows; bytes are estimates."""
+
+    depth: int
+    wanted: int
+    leaves: int
+    octree_bytes: int
+    peak_bytes: int
+
+    @property
+    def bounded_by_memory(self) -> bool:
+        """Whether the cameras would need more than fits."""
+        return self.depth < self.wanted
+
+
+def coarse_octree(
+    source: MeshSource, depth: int = COARSE_DEPTH, bounds_world: np.ndarray | None = None
+) -> Steps[Octree]:
+    """A quick octree without light, to see where the surface is; around `bounds_world` (2, 3), or else its own."""
+    bounds_world = source.bounds_world if bounds_world is None else bounds_world
+    return (yield from build_octree(source, Grid.around(bounds_world, depth), _no_shade, exposure=1.0))
+
+
+def _no_shade(_batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros(len(fragments), np.float32), np.ones(len(fragments), np.float32)
+
+
+def wanted_depth(coarse: Octree, cameras: Sequence[Camera], share: float = LOOK_AHEAD_SHARE) -> int:
+    """Smallest depth at which `share` of every camera's hit pixels have look-ahead (methods 4.1b).
+
+    A ray that enters a voxel at axial distance z stops at the first level with side < 2 c z and needs LOOK_AHEAD
+    levels more.
+    """
+    wanted = MIN_DEPTH
+    for camera in cameras:
+        stop = stop_levels(coarse, camera)
+        if len(stop):
+            wanted = max(wanted, int(np.quantile(stop, share, method="higher")) + LOOK_AHEAD)
+    return min(wanted, MAX_DEPTH)
+
+
+def stop_levels(coarse: Octree, camera: Camera) -> np.ndarray:
+    """(n,) level at which the ray of each pixel that hits something stops, in an octree that is deep enough."""
+    hits = first_hits(coarse, camera)
+    z = hits.z_world[hits.hit]
+    # The coarse voxel may stand up to its diagonal before the surface; the nearest it can be is what counts.
+    side = 2.0 * camera.pixel_side(np.maximum(z, 1e-9)) / coarse.grid.side_world  # (n,) in cube sides
+    return np.maximum(np.floor(-np.log2(side)) + 1, 0)
+
+
+def expected_share(coarse: Octree, cameras: Sequence[Camera], depth: int) -> float | None:
+    """Share of hit pixels that will have look-ahead at a depth, in the camera with least of it; None without hits."""
+    shares = [np.mean(stop + LOOK_AHEAD <= depth) for camera in cameras if len(stop := stop_levels(coarse, camera))]
+    return float(min(shares)) if shares else None
+
+
+def estimate(coarse: Octree, depth: int, *, color: bool = False) -> tuple[int, int, int]:
+    """Leaves, bytes of the octree and peak bytes while building it, for `depth` levels over the same cube.
+
+    Voxels along a surface grow as area * 4^level + edges * 2^level; the two finest coarse levels give both terms.
+    """
+    finest, before = len(coarse.keys(coarse.depth)), len(coarse.keys(coarse.depth - 1))
+    area = max(finest - 2 * before, 0) / (2 * 4.0 ** (coarse.depth - 1))
+    edges = (finest - area * 4.0**coarse.depth) / 2.0**coarse.depth
+    estimated = area * 4.0**depth + edges * 2.0**depth
+    if depth <= coarse.depth:
+        estimated = len(coarse.keys(depth))
+    node_bytes = BYTES_PER_NODE + (COLOR_BYTES_PER_NODE if color else 0)
+    return int(estimated), int(estimated * _NODES_PER_LEAF * node_bytes), peak_bytes(estimated, color=color)
+
+
+def _bytes_per_leaf(color: bool) -> tuple[int, int]:
+    """What is kept of a leaf, and what it takes beside that in its pass."""
+    if not color:
+        return _KEPT_BYTES_PER_LEAF, _PASS_BYTES_PER_LEAF
+    return _KEPT_BYTES_PER_LEAF + _COLOR_KEPT_BYTES_PER_LEAF, _PASS_BYTES_PER_LEAF + _COLOR_PASS_BYTES_PER_LEAF
+
+
+def peak_bytes(leaves: float, *, color: bool = False) -> int:
+    """Bytes that building an octree takes at most, beside the scene."""
+    kept, in_pass = _bytes_per_leaf(color)
+    return int(max(kept * leaves + in_pass * min(leaves, _PASS_LEAVES), 2 * kept * leaves))
+
+
+def most_leaves(memory_bytes: float, *, color: bool = False) -> int:
+    """How many leaves an octree may have to be built within `memory_bytes`; inverse of `peak_bytes`."""
+    kept, in_pass = _bytes_per_leaf(color)
+    in_one_pass = memory_bytes / (kept + in_pass)
+    if in_one_pass <= _PASS_LEAVES:
+        return int(max(in_one_pass, 0))
+    return int(min((memory_bytes - in_pass * _PASS_LEAVES) / kept, memory_bytes / (2 * kept)))
+
+
+def available_memory() -> int:
+    """Bytes that can be used now without swapping; where the system does not say, 4 GiB."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as file:
+            for line in file:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) * 1024
+    except OSError:
+        pass
+    if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
+    return 4 << 30
+
+
+def _bound(memory_bytes: int | None) -> str:
+    """What bounds the memory, in words."""
+    if memory_bytes is None:
+        return f"{bytes_text(available_memory())} are free"
+    return f"the memory limit is {bytes_text(memory_bytes)}"
+
+
+def choose_depth(
+    coarse: Octree,
+    cameras: Sequence[Camera],
+    depth: int | None = None,
+    memory_bytes: int | None = None,
+    *,
+    color: bool = False,
+) -> DepthChoice:
+    """The given depth, or for None the smallest that gives the cameras look-ahead, bounded by memory.
+
+    color: whether the octree is to hold it. Raises MemoryEstimateError if a given depth would not fit.
+    """
+    memory = available_memory() if memory_bytes is None else memory_bytes
+    wanted = wanted_depth(coarse, cameras) if depth is None else depth
+    choice = wanted
+    while depth is None and choice > MIN_DEPTH and estimate(coarse, choice, color=color)[2] > memory:
+        choice -= 1
+    leaves, octree_bytes, peak = estimate(coarse, choice, color=color)
+    if depth is not None and peak > memory:
+        raise MemoryEstimateError(
+            f"Depth {depth} needs about {bytes_text(peak)} for {count_text(leaves)} voxels, and "
+            f"{_bound(memory_bytes)}: choose a smaller depth, a larger voxel size, or fewer objects"
+        )
+    return DepthChoice(choice, wanted, leaves, octree_bytes, peak)

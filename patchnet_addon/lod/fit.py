@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Camera-fitted octrees: leaves as deep as a set of cameras needs for look-ahead, and coarse elsewhere (methods 4.1b).
+
+Round by round the octree so far is seen through all cameras. Where a ray hits, leaves become as deep as its pixel
+needs, but only two levels deeper a round: coarse voxels stand before the surface and hide what lies behind, so that
+what they ask for is only a hint, which the next round corrects. Light does not matter for that, opacity does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..octree.grid import Grid
+from ..octree.leaf_levels import LeafLevels
+from ..octree.levels import hierarchy
+from ..octree.voxelize import voxelize
+from ..runtime.bounds import MAX_DEPTH
+from ..runtime.errors import GeometryError
+from ..runtime.kernels import serial_kernel
+from ..runtime.progress import Steps, labelled
+from ..surface.mesh import MeshSource, Shade
+from ..tracing.camera import Camera
+from .detail import lookahead_share, needed_levels
+
+BLOCK_LEVEL = 8  # also the level of the leaves that no camera sees
+LAYOUT_BYTES = 16 * 8**BLOCK_LEVEL  # what is known of each block, and what fitting keeps beside it
+LEVELS_PER_ROUND = 2
+LABEL = "Fitting to the cameras"
+
+
+@dataclass(frozen=True, eq=False)
+class FittedLevels:
+    """The leaves' levels, and what bounded them.
+
+    wanted: the deepest level that the cameras ask for. leaves: how many there are.
+    lookahead_share: share of hit pixels with look-ahead in the camera that has least of it.
+    """
+
+    layout: LeafLevels
+    wanted: int
+    leaves: int
+    lookahead_share: float
+
+
+def fit_leaf_levels(
+    source: MeshSource,
+    grid: Grid,
+    cameras: Sequence[Camera],
+    shade: Shade,
+    *,
+    most_leaves: float = np.inf,
+    deepest: int = MAX_DEPTH,
+) -> Steps[FittedLevels]:
+    """Levels of leaves with look-ahead wherever `cameras` see the surface, within the cube of `grid`.
+
+    shade: its opacity counts. most_leaves: where there would be more, the leaves become coarser in those blocks first
+    that show the fewest pixels per leaf.
+    Raises GeometryError when no opaque surface is left.
+    """
+    block_level = min(BLOCK_LEVEL, deepest)
+    grid = replace(grid, depth=deepest)
+    layout = LeafLevels.uniform(block_level, block_level)
+    leaves = yield from _leaf_keys(source, grid, layout, shade)
+    if not leaves:
+        raise GeometryError("No opaque surface is left to voxelize: all triangles are fully transparent")
+    surface = leaves[block_level]
+    needed, last = np.zeros(len(surface), np.uint8), False
+    for cap in _caps(block_level, deepest):
+        seen, pixels = yield from _look(leaves, grid, cameras, layout)
+        # The last look sees the finest leaves, and through their gaps: it adds to what was asked for, takes nothing.
+        needed = np.maximum(needed, seen[surface]) if last else seen[surface]
+        wanted = layout.levels.copy()
+        wanted[surface] = np.clip(needed, block_level, cap)
+        finer = _within(LeafLevels(wanted), pixels, leaves, most_leaves)
+        leaves = yield from _changed(leaves, layout, finer, source, grid, shade)
+        layout = finer
+        if last:
+            break
+        last = needed.max(initial=0) <= cap or cap == deepest
+    child_mask, first_child = hierarchy(leaves, max(leaves))
+    return FittedLevels(
+        layout,
+        wanted=int(needed.max(initial=block_level)),
+        leaves=sum(len(keys) for keys in leaves.values()),
+        lookahead_share=min((lookahead_share(child_mask, first_child, grid, camera) for camera in cameras), default=1),
+    )
+
+
+def _caps(block_level: int, deepest: int) -> Iterator[int]:
+    """The deepest leaves of each round; the last cap is for the last look, too."""
+    yield from range(block_level + LEVELS_PER_ROUND, deepest, LEVELS_PER_ROUND)
+    yield deepest
+    yield deepest
+
+
+def _changed(
+    leaves: dict[int, np.ndarray], before: LeafLevels, after: LeafLevels, source: MeshSource, grid: Grid, shade: Shade
+) -> Steps[dict[int, np.ndarray]]:
+    """Keys of the leaves of `after`, of which `leaves` are those of `before`; only blocks that differ are made anew."""
+    different = before.levels != after.levels
+    if not different.any():
+        return leaves
+    kept = {
+        level: keys[~different[keys >> np.uint64(3 * (level - before.block_level))]] for level, keys in leaves.items()
+    }
+    made = yield from _leaf_keys(source, grid, LeafLevels(np.where(different, after.levels, np.uint8(0))), shade)
+    together = {level: _merged(kept.get(level), made.get(level)) for level in {*kept, *made}}
+    return {level: keys for level, keys in together.items() if len(keys)}
+
+
+def _look(
+    leaves: dict[int, np.ndarray], grid: Grid, cameras: Sequence[Camera], layout: LeafLevels
+) -> Steps[tuple[np.ndarray, np.ndarray]]:
+    """Levels (blocks,) uint8 that all cameras ask for where they see the leaves so far, and how many pixels (blocks,)
+    uint32 show each block."""
+    needed, pixels = np.zeros(len(layout.levels), np.uint8), np.zeros(len(layout.levels), np.uint32)
+    child_mask, first_child = hierarchy(leaves, max(leaves))
+    for camera in cameras:
+        steps = needed_levels(child_mask, first_child, grid, camera, needed, pixels)
+        yield from labelled(steps, f"{LABEL}: {camera.name}")
+    return needed, pixels
+
+
+def _within(layout: LeafLevels, pixels: np.ndarray, leaves: dict[int, np.ndarray], most_leaves: float) -> LeafLevels:
+    """The layout, or one with at most about `most_leaves`: a level less in the blocks with the fewest pixels per leaf.
+
+    A block has four times as many leaves a level deeper, as far as that can be known from its present `leaves`.
+    """
+    expected = np.zeros(len(layout.levels), np.float32)
+    for level, keys in leaves.items():
+        _add_expected(keys, level, np.uint64(3 * (level - layout.block_level)), layout.levels, expected)
+    levels = layout.levels.copy()
+    while (excess := expected.sum(dtype=np.float64) - most_leaves) > 0:
+        deep = np.flatnonzero((expected > 0) & (levels > layout.block_level))
+        if len(deep) == 0:
+            break
+        deep = deep[np.argsort(pixels[deep] / expected[deep], kind="stable")]
+        gain = np.cumsum(0.75 * expected[deep], dtype=np.float64)
+        lowered = deep[: np.searchsorted(gain, excess) + 1]
+        levels[lowered] -= 1
+        expected[lowered] *= 0.25
+    return LeafLevels(levels)
+
+
+def _leaf_keys(source: MeshSource, grid: Grid, layout: LeafLevels, shade: Shade) -> Steps[dict[int, np.ndarray]]:
+    """Ascending keys of the leaves on each level."""
+    steps = voxelize(source, grid, shade, lambda leaves, _: {part.level: part.keys for part in leaves}, layout=layout)
+    passes = yield from labelled(steps, LABEL)
+    levels = sorted({level for keys in passes for level in keys})
+    return {level: np.concatenate([keys[level] for keys in passes if level in keys]) for level in levels}
+
+
+@serial_kernel
+def _add_expected(keys, level, shift, levels, expected):  # type: ignore[no-untyped-def]
+    """Add to `expected` (blocks,) what each leaf of `level` becomes on the level that its block is to have."""
+    for key in keys:
+        block = key >> shift
+        expected[block] += 4.0 ** (np.int64(levels[block]) - level)
+
+
+def _merged(first: np.ndarray | None, second: np.ndarray | None) -> np.ndarray:
+    """Ascending keys of both, which have none in common."""
+    both = np.concatenate([keys for keys in (first, second) if keys is not None])
+    both.sort(kind="stable")  # two ascending runs: a merge
+    return both

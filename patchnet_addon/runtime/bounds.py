@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What numbers may be: one table for arguments of commands, properties of Blender, and settings made by scripts.
+
+No row has room for what is not finite. A property whose 0 stands for "automatic" begins at 0 and not at the row's
+lowest number; settings then look at the row again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import SettingError
+from .frames import LAST_FRAME
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Numbers from `low` to `high`, both of them included.
+
+    what: the number's name in sentences. whole: without a fraction. advice: what a person may do instead.
+    """
+
+    what: str
+    low: float
+    high: float
+    whole: bool = False
+    advice: str = "choose a number in this range"
+
+    def check(self, value: float, what: str = "") -> None:
+        """Raises SettingError that names the number (as `what`, if that is given) unless it is within the bounds."""
+        # Blender keeps its properties in single precision, their bounds too: 1e-12 comes back a little smaller.
+        if not min(self.low, _single(self.low)) <= value <= max(self.high, _single(self.high)):
+            raise SettingError(f"{what or self.what} {value} is outside {self._range()}: {self.advice}")
+        if self.whole and value != int(value):
+            raise SettingError(f"{what or self.what} {value} is not a whole number: choose one of {self._range()}")
+
+    def read(self, text: str, what: str = "") -> float:
+        """The number that a text is; an int where it is whole. Raises SettingError as `check`."""
+        try:
+            value = int(text) if self.whole else float(text)
+        except ValueError as cause:
+            kind = "whole number" if self.whole else "number"
+            raise SettingError(
+                f"{what or self.what} {text!r} is not a {kind}: choose one of {self._range()}"
+            ) from cause
+        self.check(value, what)
+        return value
+
+    def _range(self) -> str:
+        return f"{_text(self.low)} to {_text(self.high)}"
+
+
+def _single(value: float) -> float:
+    return float(np.float32(value))
+
+
+def _text(value: float) -> str:
+    if value == int(value) and abs(value) < 1e15:
+        return str(int(value))
+    return f"{value:g}"
+
+
+MAX_DEPTH = 18  # of octrees: pictures of 1920 x 1080 from inside a hall need levels 15 to 18
+_PIXEL_SHARE = "give a share of the pixels"
+_LARGEST = 1e9  # of factors and of ends of legends
+_MOST_PATHS = 65536  # as many as Cycles' own panel offers
+MAX_SEED = 2**32 - 1
+
+# What is voxelized.
+DEPTH = Bounds("Depth", 1, MAX_DEPTH, True, "choose a depth in this range")
+LEVEL = Bounds("Level", 0, MAX_DEPTH, True, "choose a level in this range")
+VOXEL_SIZE = Bounds("Voxel size", 1e-12, 1e12, advice="choose a length in this range")
+MEMORY_GIB = Bounds("Memory limit (GiB)", 0.001, 2.0**20, advice="choose as many GiB as the octree may take")
+COORDINATE = Bounds("Coordinate", -1e30, 1e30)
+SHARE = Bounds("Share", 0, 1)
+SHOWN_VOXELS = Bounds("Limit", 1, 2**31 - 1, True)
+
+# Light.
+SAMPLES = Bounds("Samples per texel", 1, _MOST_PATHS, True)
+TEXEL_VOXELS = Bounds("Texel size in voxels", 0.25, 16)
+EXPOSURE = Bounds("Exposure", 1e-9, _LARGEST, advice="choose a factor in this range, or leave it automatic")
+
+# Views.
+SIZE_PX = Bounds("Picture size", 0, 16384, True, "choose a number of pixels in this range")
+VIEW_PX = Bounds("Picture size", 1, 16384, True, "choose a number of pixels in this range")
+BUDGET = Bounds("Budget", 0, 1, advice="give the share of active pixels to refine")
+HEATMAP_MAXIMUM = Bounds("Heatmap maximum", 1e-9, _LARGEST)
+RAYS = Bounds("Rays per pixel side", 1, 32, True)
+FRAME = Bounds("Frame", -LAST_FRAME, LAST_FRAME, True)
+FRAME_STEP = Bounds("Frame step", 1, LAST_FRAME, True)
+
+# Regions by Cycles, and comparisons with it.
+CYCLES_BUDGET = Bounds("Cycles' budget", 0, 1, advice=_PIXEL_SHARE)
+CYCLES_SAMPLES = Bounds("Cycles samples", 1, _MOST_PATHS, True)
+CYCLES_TILE = Bounds("Side of tiles in pixels", 1, 1024, True)
+CYCLES_REGIONS = Bounds("Regions", 1, 256, True)
+RENDER_SAMPLES = Bounds("Render samples", 2, _MOST_PATHS, True)
+DIFFERENCE = Bounds("End of the difference's legend", 1e-9, _LARGEST)
+
+# The cache.
+KEPT_GIB = Bounds("Kept octrees (GiB)", 0, 2.0**20)
+
+# Training.
+SEED = Bounds("Seed", 0, MAX_SEED, True)
+DATASET_SAMPLES = Bounds("Samples", 1, 10**12, True)
+DATASET_VIEWS = Bounds("Views per voxel", 1, 4096, True)
+HELD_OUT = Bounds("Held-out share", 0, 0.99, advice="give a share of each scene")
+EPOCHS = Bounds("Epochs", 1e-9, 1e6)
+PASSES = Bounds("Sample passes", 1, 10**15, True)
+BATCH = Bounds("Batch", 1, 2**24, True)
+LEARNING_RATE = Bounds("Learning rate", 1e-9, 10)
+LUMINANCE_WEIGHT = Bounds("Luminance weight", 0, 1e6)
+STOP_AFTER = Bounds("Steps", 1, 10**15, True)
+CHECKPOINT_MINUTES = Bounds("Minutes between checkpoints", 0, 1e6)
+
+# Benchmarks.
+REPEATS = Bounds("Repeats", 1, 10_000, True)
+NODES = Bounds("Nodes", 1, 2**28, True)
+CORNERS = Bounds("Corners", 1, 10**9, True)
+SECONDS = Bounds("Seconds", 0, 1e6)

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Compilation of numba kernels: one cache folder, one launch at a time.
+
+Two facts shape this file. Parallel kernels launched from two threads at once abort the process under numba's
+`workqueue` layer, so every parallel launch takes one lock. And numba's cache does not notice an edited callee in
+another file, so the cache folder's name holds a hash of all sources of kernels and of what they import.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import logging
+import pickle
+import threading
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numba
+from numba.core import event
+from numba.core.caching import FunctionCache
+
+from .cache_folder import kernel_folder, user_cache_folder
+from .compiling import compilation_begins, compilation_ends
+from .source_hash import ROOT, source_hash
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_LAUNCH_LOCK = threading.RLock()
+
+
+def _with_kernels() -> list[str]:
+    """Modules that define kernels, or what extends them."""
+    paths = [path for folder in ("patchnet_addon", "training") for path in (ROOT / folder).rglob("*.py")]
+    texts = {path: path.read_bytes() for path in paths}
+    found = [path for path, text in texts.items() if b"kernels import" in text or b"numba.extending import" in text]
+    return [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in found]
+
+
+numba.config.CACHE_DIR = str(kernel_folder(user_cache_folder(), source_hash(*_with_kernels())))
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]
+    """numba's cache of a function's compiled code; files that cannot be read or written cost time and nothing else."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Compiled code for a signature, or None."""
+        try:
+            return super().load_overload(sig, target_context)
+        except (OSError, EOFError, pickle.UnpicklingError) as cause:
+            _say_uncached(cause)
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep compiled code."""
+        try:
+            super().save_overload(sig, data)
+        except OSError as cause:
+            _say_uncached(cause)
+
+
+@functools.cache
+def _say_once(reason: str) -> None:
+    logging.getLogger("patchnet").warning(
+        "Compiled kernels cannot be kept in %s (%s): they are compiled again at the next start; make room, or name "
+        "another folder in the preferences or in PATCHNET_CACHE",
+        numba.config.CACHE_DIR, reason,
+    )  # fmt: skip
+
+
+def _say_uncached(cause: Exception) -> None:
+    _say_once(str((isinstance(cause, OSError) and cause.strerror) or type(cause).__name__))
+
+
+class _Compilations(event.Listener):  # type: ignore[misc]
+    """Hears of each kernel that is compiled because the cache does not have it."""
+
+    def on_start(self, _event: event.Event) -> None:
+        compilation_begins()
+
+    def on_end(self, _event: event.Event) -> None:
+        compilation_ends()
+
+
+event.register("numba:compile", _Compilations())
+
+
+def device(function: Function) -> Function:
+    """A function that kernels call; inlined by the compiler, never launched by itself."""
+    return _compiled(function)
+
+
+def kernel(function: Function) -> Function:
+    """A function over arrays, compiled for all cores at its first call; launches are serialised."""
+    return _serialised(function, _compiled(function, parallel=True))
+
+
+def serial_kernel(function: Function) -> Function:
+    """Like `kernel`, for work that one core does in order; may be launched from several threads at once."""
+    return _compiled(function)
+
+
+def _compiled(function: Function, **options: bool) -> Any:
+    compiled = numba.njit(function, nogil=True, error_model="numpy", **options)
+    with contextlib.suppress(RuntimeError):  # no folder at all can be written
+        compiled._cache = _Cache(function)  # what cache=True would do, but for the errors
+    return compiled
+
+
+def _serialised(function: Function, compiled: Any) -> Function:
+    @functools.wraps(function)
+    def launch(*arguments: Any) -> Any:
+        with _LAUNCH_LOCK:
+            return compiled(*arguments)
+
+    return launch  # type: ignore[return-value]

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Source hashes: which version of the code made a result, found by following imports.
+
+What is cached or resumed must not meet results of other code. A list of folders would have to be kept true by hand; the
+modules themselves say what they depend on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+# Imports of this package are relative. Those within functions count as well.
+_IMPORT = re.compile(r"^[ \t]*from[ \t]+(\.+)([\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)", re.MULTILINE)
+
+
+def source_hash(*modules: str, root: Path = ROOT) -> str:
+    """16 hex digits over the sources of modules, such as "operators.bake.bake", and of all of ours that they import.
+
+    root: the folder of the package. Names do not count: a file that moves changes the imports of it.
+    """
+    digest = hashlib.sha256()
+    for content in sorted(hashlib.sha256(path.read_bytes()).digest() for path in dependencies(modules, root)):
+        digest.update(content)
+    return digest.hexdigest()[:16]
+
+
+def dependencies(modules: Iterable[str], root: Path = ROOT) -> set[Path]:
+    """Files of modules and of all modules of this package that they import, directly or through others.
+
+    Raises ValueError for a module that there is not.
+    """
+    waiting = []
+    for name in modules:
+        path = _file(root, name.split("."))
+        if path is None:
+            raise ValueError(f"There is no module {name} in {root}")
+        waiting.append(path)
+    found: set[Path] = set()
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            waiting.extend(_imported(root, path))
+    return found
+
+
+def _imported(root: Path, path: Path) -> list[Path]:
+    """Files that a file imports, and the packages that are imported on the way."""
+    here = list(path.parent.relative_to(root).parts)
+    found = []
+    for dots, module, names in _IMPORT.findall(path.read_text(encoding="utf-8")):
+        base = here[: len(here) - len(dots) + 1] + (module.split(".") if module else [])
+        candidates = [base[:count] for count in range(1, len(base) + 1)]
+        candidates += [[*base, name] for name in re.findall(r"\w+", re.sub(r"\bas\s+\w+|#.*", "", names))]
+        found += [file for parts in candidates if (file := _file(root, parts)) is not None]
+    return found
+
+
+def _file(root: Path, parts: list[str]) -> Path | None:
+    path = root.joinpath(*parts)
+    for candidate in (path.with_name(f"{path.name}.py"), path / "__init__.py"):
+        if candidate.is_file():
+            return candidate
+    return None

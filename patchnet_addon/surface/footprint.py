@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Opacity integrated over the outline of a fragment (methods 7.2a); functions that kernels call.
+
+The outline is the triangle cut by its cell once more, laid on the texture. There it is cut by the lines of a raster:
+squares of the pyramid's level on which it covers up to `MAX_SQUARES`, or parts of the finest texels where it is small.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..runtime.kernels import device
+from .polygon import load_triangle, moments, split_x, split_y, split_z
+from .texels import bilinear, cut, opacity_range, wrapped
+from .textures import CUT_SAMPLES, MIRROR, REPEAT
+
+MAX_SQUARES = 64  # of a fragment's bounding box
+# Squares along a finest texel: where a threshold cuts, fragments far smaller than a texel show its contour.
+CUT_PARTS = 32
+SOFT_PARTS = 8
+SMALL = 0.25  # of a finest texel: bilinear values hardly bend over it
+_EVEN = 1e-6
+# Polygons by their first row. A triangle cut by six planes has at most 9 vertices, a square of the raster 4 more.
+_TRIANGLE, _BELOW, _ABOVE, _PIECE, _REST, _SLAB, _FREE, _SQUARE = (24 * place for place in range(8))
+ROWS = 8 * 24
+
+
+@device
+def _coordinate(key, axis):  # type: ignore[no-untyped-def]
+    """Coordinate of a cell along one axis; the compiled twin of `grid.morton_decode`."""
+    bits = (key >> np.uint64(axis)) & np.uint64(0x1249249249249249)
+    bits = (bits ^ (bits >> np.uint64(2))) & np.uint64(0x10C30C30C30C30C3)
+    bits = (bits ^ (bits >> np.uint64(4))) & np.uint64(0x100F00F00F00F00F)
+    bits = (bits ^ (bits >> np.uint64(8))) & np.uint64(0x1F0000FF0000FF)
+    bits = (bits ^ (bits >> np.uint64(16))) & np.uint64(0x1F00000000FFFF)
+    bits = (bits ^ (bits >> np.uint64(32))) & np.uint64(0x1FFFFF)
+    return np.int64(bits)
+
+
+@device
+def _bounds(rows, polygon, count, axis):  # type: ignore[no-untyped-def]
+    low = rows[polygon, axis]
+    high = low
+    for i in range(polygon + 1, polygon + count):
+        low = min(low, rows[i, axis])
+        high = max(high, rows[i, axis])
+    return low, high
+
+
+@device
+def _piece_in_cell(rows, key):  # type: ignore[no-untyped-def]
+    """Cut the triangle at row 0 by its cell. Returns the piece's first row and number of vertices."""
+    piece = _TRIANGLE
+    count = 3
+    for axis in range(3):
+        cell = float(_coordinate(key, axis))
+        low, high = _bounds(rows, piece, count, axis)
+        for side in range(2):
+            if not (low < cell if side == 0 else high > cell + 1.0):
+                continue
+            # The half that stays lands in _PIECE or _REST, whichever the polygon is not in.
+            kept = _REST if piece == _PIECE else _PIECE
+            below = _BELOW if side == 0 else kept
+            above = kept if side == 0 else _ABOVE
+            if axis == 0:
+                n_below, n_above = split_x(rows, piece, count, cell + side, below, above)
+            elif axis == 1:
+                n_below, n_above = split_y(rows, piece, count, cell + side, below, above)
+            else:
+                n_below, n_above = split_z(rows, piece, count, cell + side, below, above)
+            piece = kept
+            count = n_above if side == 0 else n_below
+            if count < 3:
+                return piece, 0
+    return piece, count
+
+
+@device
+def piece_on_texture(rows, corners_voxel, key, triangle, uvs, m):  # type: ignore[no-untyped-def]
+    """Outline of a fragment on the texture, at _PIECE, columns 3 and 4. Returns its number of vertices, 0 for none."""
+    load_triangle(corners_voxel, triangle, rows)
+    piece, count = _piece_in_cell(rows, key)
+    for i in range(count):
+        s = rows[piece + i, 3]
+        t = rows[piece + i, 4]
+        a = uvs[0, 0] + s * (uvs[1, 0] - uvs[0, 0]) + t * (uvs[2, 0] - uvs[0, 0])
+        b = uvs[0, 1] + s * (uvs[1, 1] - uvs[0, 1]) + t * (uvs[2, 1] - uvs[0, 1])
+        rows[_PIECE + i, 3] = m[0, 0] * a + m[0, 1] * b + m[0, 2]
+        rows[_PIECE + i, 4] = m[1, 0] * a + m[1, 1] * b + m[1, 2]
+    return count
+
+
+@device
+def _span(low, high, size, margin, extension):  # type: ignore[no-untyped-def]
+    """First and last square that [low, high] (in squares) reaches; beyond a border that does not repeat, one stands
+    for all."""
+    first = math.floor(low)
+    last = math.floor(high)
+    if extension in (REPEAT, MIRROR):
+        return first, last
+    return min(max(first, -margin), size + margin - 1), min(max(last, -margin), size + margin - 1)
+
+
+@device
+def _scale(rows, count, columns, lines):  # type: ignore[no-untyped-def]
+    """Write the outline in units of squares, counter-clockwise, to columns 1 and 2, and 3 and 4 (those are never
+    set onto a line, so that areas add up)."""
+    turn = 0.0
+    for i in range(count):
+        j = (i + 1) % count
+        a = _PIECE + i
+        b = _PIECE + j
+        turn += (rows[a, 3] - rows[_PIECE, 3]) * (rows[b, 4] - rows[_PIECE, 4])
+        turn -= (rows[b, 3] - rows[_PIECE, 3]) * (rows[a, 4] - rows[_PIECE, 4])
+    for i in range(count):
+        source = _PIECE + (i if turn >= 0.0 else count - 1 - i)
+        x = rows[source, 3] * columns
+        y = rows[source, 4] * lines
+        rows[_REST + i, 1] = x
+        rows[_REST + i, 2] = y
+        rows[_REST + i, 3] = x
+        rows[_REST + i, 4] = y
+
+
+@device
+def _square(x, y, columns, lines, texels, offset, height, width, parts, extension, threshold):  # type: ignore[no-untyped-def]
+    """Opacity * luminance, and opacity, of one square; `parts` 0: a texel, otherwise a part of a finest one."""
+    if parts == 0:
+        column = wrapped(x, width, extension)
+        row = wrapped(y, height, extension)
+        if column < 0 or row < 0:
+            return 0.0, 0.0
+        place = offset + row * width + column
+        return float(texels[place, 0]), float(texels[place, 1])
+    # Where the threshold cuts, the samples of `cut_coverage`, so that all levels say the same of an area. Without it
+    # the centre is the mean, as no part crosses a line between the centres of texels.
+    side = 1 if math.isnan(threshold) else max(CUT_SAMPLES // parts, 2)
+    shine = 0.0
+    opacity = 0.0
+    for j in range(side):
+        v = (y + (j + 0.5) / side) / lines
+        for i in range(side):
+            u = (x + (i + 0.5) / side) / columns
+            one, other = bilinear(texels, offset, height, width, extension, u, v)
+            one, other = cut(one, other, threshold)
+            shine += one
+            opacity += other
+    return shine / (side * side), opacity / (side * side)
+
+
+@device
+def _integrate(  # type: ignore[no-untyped-def]
+    rows, count, x, x_last, y_low, y_high, columns, lines, texels, offset, height, width, parts, extension, threshold
+):
+    """Cut the outline at _REST into the raster's squares and add them up. Returns means over the outline, or -1."""
+    area = 0.0
+    shine = 0.0
+    opacity = 0.0
+    rest = _REST
+    free = _FREE
+    while x <= x_last and count >= 3:
+        if x == x_last:
+            slab, n_slab, count = rest, count, 0
+        else:
+            slab = _SLAB
+            n_slab, count = split_y(rows, rest, count, x + 1.0, slab, free)
+            rest, free = free, rest
+        column, spare = slab, _BELOW
+        y = y_low
+        if n_slab >= 3:
+            low, _ = _bounds(rows, slab, n_slab, 2)
+            y = min(max(y_low, math.floor(low)), y_high)
+        while y <= y_high and n_slab >= 3:
+            if y == y_high:
+                piece, n_piece, n_slab = column, n_slab, 0
+            else:
+                piece = _SQUARE
+                n_piece, n_slab = split_z(rows, column, n_slab, y + 1.0, piece, spare)
+                column, spare = spare, (_ABOVE if column == slab else column)
+            if n_piece >= 3:
+                part, _, _ = moments(rows, piece, n_piece)
+                if part > 0.0:
+                    one, other = _square(
+                        x, y, columns, lines, texels, offset, height, width, parts, extension, threshold
+                    )
+                    area += part
+                    shine += part * one
+                    opacity += part * other
+            y += 1
+        x += 1
+    if area <= 0.0:
+        return -1.0, -1.0
+    return shine / area, opacity / area
+
+
+@device
+def footprint_means(  # type: ignore[no-untyped-def]
+    rows, count, u, v, texels, level_offset, level_height, level_width, first, levels, extension, threshold
+):  # fmt: skip
+    """Means of opacity * luminance, and of opacity, over the outline at _PIECE, whose centroid is (u, v).
+
+    Opacity is -1 where the outline has no area on the texture. Luminance times opacity is -1 where opacity is even, so
+    that any average of the texture's luminance will do.
+    """
+    u_low, u_high = _bounds(rows, _PIECE, count, 3)
+    v_low, v_high = _bounds(rows, _PIECE, count, 4)
+    level = first
+    soft = math.isnan(threshold)
+    if soft and max((u_high - u_low) * level_width[first], (v_high - v_low) * level_height[first]) <= SMALL:
+        return bilinear(texels, level_offset[first], level_height[first], level_width[first], extension, u, v)
+    parts = SOFT_PARTS if soft else CUT_PARTS
+    while True:
+        height = level_height[level]
+        width = level_width[level]
+        columns = width * max(parts, 1)
+        lines = height * max(parts, 1)
+        margin = max(parts, 1)
+        x_low, x_high = _span(u_low * columns, u_high * columns, columns, margin, extension)
+        y_low, y_high = _span(v_low * lines, v_high * lines, lines, margin, extension)
+        if (x_high - x_low + 1.0) * (y_high - y_low + 1.0) <= MAX_SQUARES:
+            break
+        parts //= 2
+        if parts == 0:
+            level += 1
+        if level >= first + levels:  # many times the whole texture
+            place = level_offset[first + levels - 1]
+            one, other = float(texels[place, 0]), float(texels[place, 1])
+            return cut(one, other, threshold) if levels == 1 else (one, other)
+    offset = level_offset[level]
+    if parts > 0:
+        least, most = opacity_range(
+            texels, offset, height, width, extension,
+            math.floor(u_low * width - 0.5), math.floor(u_high * width - 0.5) + 1,
+            math.floor(v_low * height - 0.5), math.floor(v_high * height - 0.5) + 1,
+        )  # fmt: skip
+        if not soft:
+            least = 1.0 if least >= threshold else 0.0
+            most = 1.0 if most >= threshold else 0.0
+    else:
+        least, most = opacity_range(texels, offset, height, width, extension, x_low, x_high, y_low, y_high)
+    if most - least <= _EVEN:
+        return -1.0, most
+    _scale(rows, count, columns, lines)
+    return _integrate(
+        rows, count, x_low, x_high, y_low, y_high, columns, lines, texels, offset, height, width, parts, extension,
+        threshold,
+    )  # fmt: skip

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Triangles as the voxelizer reads them: batches with material ids, never all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from ..runtime.errors import GeometryError
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """An image in linear Rec. 709 (colour) or raw values (alpha).
+
+    pixels: (H, W, C) float32, row 0 at v = 0, C = 1 (alpha) or 3 (colour).
+    extension: "REPEAT", "EXTEND", "MIRROR" or "CLIP" (nothing outside the image), as Blender names them.
+    transform: image coordinates are this (2, 3) matrix times (u, v, 1); None for (u, v) themselves.
+    """
+
+    name: str
+    pixels: np.ndarray
+    extension: str = "REPEAT"
+    transform: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """View-independent part of a material. base_color and emission are linear Rec. 709."""
+
+    name: str
+    base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    base_texture: Texture | None = None  # multiplied with base_color
+    alpha: float = 1.0
+    alpha_texture: Texture | None = None  # multiplied with alpha
+    alpha_threshold: float | None = None  # opacity becomes 0 or 1 at this value; None: partial opacity
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleBatch:
+    """Triangles of one placed object.
+
+    corners_world: (T, 3, 3) float64, triangle, corner, axis.
+    uvs: (T, 3, 2) float32; zeros where the mesh has none.
+    materials: (T,) int32 into the source's `materials`.
+    first_triangle: index of the batch's first triangle among all triangles of the source, in its fixed order.
+    """
+
+    corners_world: np.ndarray
+    uvs: np.ndarray
+    materials: np.ndarray
+    first_triangle: int
+    name: str = ""
+
+    def __len__(self) -> int:
+        return len(self.corners_world)
+
+
+class MeshSource(Protocol):
+    """A surface that can be read batch by batch, any number of times, always in the same order."""
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """Materials that batches refer to."""
+
+    @property
+    def bounds_world(self) -> np.ndarray:
+        """(2, 3) float64, lowest and highest corner."""
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of all batches."""
+
+    def batches(self) -> Iterator[TriangleBatch]:
+        """All triangles."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fragments:
+    """Pieces of the triangles of one batch, each inside one leaf cell (methods 7.2).
+
+    keys: (F,) uint64 Morton keys of the cells. triangle: (F,) int32 in the batch.
+    barycentric: (F, 2) float32, weights of corners 1 and 2 at the piece's centroid.
+    area_world: (F,) float64.
+    cut_keys: (F,) uint64 cells that the pieces were cut out of, and corners_voxel: (T, 3, 3) float64, the batch's
+    triangles in units of these cells: together the outline of each piece. None where only the centroids are known.
+    """
+
+    keys: np.ndarray
+    triangle: np.ndarray
+    barycentric: np.ndarray
+    area_world: np.ndarray
+    cut_keys: np.ndarray | None = None
+    corners_voxel: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+
+Shade = Callable[[TriangleBatch, Fragments], tuple[np.ndarray, ...]]
+"""Luminance (F,) float32, linear before exposure, and opacity (F,) float32 in [0, 1] of fragments; from a shade of
+colour also their linear colour (F, 3) float32, of which only the hue counts: it is brought to that luminance."""
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """A `MeshSource` that is held in memory: one batch, or several that were read before."""
+
+    parts: tuple[TriangleBatch, ...]
+    materials: tuple[Material, ...] = (Material("default"),)
+    bounds_world: np.ndarray = field(init=False)
+    triangle_count: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        corners = [part.corners_world.reshape(-1, 3) for part in self.parts if len(part)]
+        if not corners:
+            raise GeometryError("The mesh has no triangles: choose objects that have a surface")
+        low = np.min([points.min(axis=0) for points in corners], axis=0)
+        high = np.max([points.max(axis=0) for points in corners], axis=0)
+        object.__setattr__(self, "bounds_world", np.stack([low, high]).astype(np.float64))
+        object.__setattr__(self, "triangle_count", sum(len(part) for part in self.parts))
+
+    @classmethod
+    def from_arrays(cls, corners_world: np.ndarray, materials: tuple[Material, ...] | None = None) -> TriangleMesh:
+        """Mesh from triangle corners (T, 3, 3), all of the first material and without texture coordinates."""
+        corners = np.ascontiguousarray(corners_world, np.float64)
+        count = len(corners)
+        batch = TriangleBatch(corners, np.zeros((count, 3, 2), np.float32), np.zeros(count, np.int32), 0)
+        return cls((batch,), materials or (Material("default"),))
+
+    def batches(self) -> Iterator[TriangleBatch]:
+        """The parts, in order."""
+        return iter(self.parts)
