@@ -14,8 +14,8 @@ from typing import Any
 import bpy
 
 from ..patchnet_addon.runtime.interrupt import interrupts_wait
-from . import results
 from .overrides import put_back_when_saved
+from .quiet import quiet
 from .window_job import when_job_ended
 
 _UNREADABLE = (AttributeError, IndexError, KeyError, TypeError, ValueError)
@@ -29,7 +29,7 @@ def kept_frame(scene: bpy.types.Scene) -> Iterator[None]:
     before = list(_animated_values())
 
     def restore() -> None:
-        with suppress(ReferenceError), results.quiet():  # another file may have been opened meanwhile
+        with suppress(ReferenceError), quiet():  # another file may have been opened meanwhile
             go_to_frame(scene, frame, subframe)
             for owner, path, index, value in before:
                 with suppress(*_UNREADABLE):

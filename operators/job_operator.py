@@ -17,7 +17,7 @@ from ..patchnet_addon.runtime.log import unexpected
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.streams import keep_streams
 from ..patchnet_addon.runtime.worker import attended
-from . import job_watch, results
+from . import job_watch
 from .compile_ahead import compiled_ahead
 from .job.settings import JobSettings
 from .job_display import JobDisplay
@@ -25,6 +25,7 @@ from .job_events import passes
 from .memory import give_back
 from .preferences import apply_preferences
 from .properties import job_settings
+from .quiet import quiet
 from .session_folder import session_folder_goes
 from .tell import tell, tell_start
 from .unread_file import check_opened
@@ -144,7 +145,7 @@ class JobOperator(_Operator):
     def stop(self) -> None:
         """Close the steps, which clean up; the next event ends the operator."""
         self._outcome = self._outcome or {"CANCELLED"}
-        with results.quiet():  # what stopping puts back is as it was
+        with quiet():  # what stopping puts back is as it was
             self._steps.close()
 
     def _begin(self, context: bpy.types.Context) -> bool:
@@ -190,7 +191,7 @@ class JobOperator(_Operator):
         alive: the step returns soon, with work left to others, because a window waits.
         """
         try:
-            with results.quiet(), in_window(alive), attended() if alive or bpy.app.background else nullcontext():
+            with quiet(), in_window(alive), attended() if alive or bpy.app.background else nullcontext():
                 progress = next(self._steps)
         except StopIteration as stop:
             tell(self, "INFO", stop.value, file=self._file)

@@ -13,7 +13,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from . import results
+from .quiet import quiet
 
 Act = Callable[[], object]
 _changes: list[tuple[Act, Act]] = []  # how to put a change back, and how to make it again; in the order they were made
@@ -87,7 +87,7 @@ def object_mode(context: bpy.types.Context) -> Iterator[None]:
 
 @persistent
 def _before_save(*_: object) -> None:
-    with results.quiet():
+    with quiet():
         for put_back, _make in reversed(_changes):
             with suppress(ReferenceError):  # removed meanwhile
                 put_back()
@@ -95,7 +95,7 @@ def _before_save(*_: object) -> None:
 
 @persistent
 def _after_save(*_: object) -> None:
-    with results.quiet():
+    with quiet():
         for _put_back, make_again in _changes:
             with suppress(ReferenceError):
                 make_again()

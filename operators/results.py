@@ -117,7 +117,6 @@ class SceneResult:
 listeners: list[Callable[[bpy.types.Scene, SceneResult], None]] = []
 _results: dict[int, SceneResult] = {}
 _estimates: dict[int, Estimate] = {}
-_quiet = 0
 
 
 def result_of(scene: bpy.types.Scene) -> SceneResult | None:
@@ -204,23 +203,6 @@ def all_results() -> list[SceneResult]:
 def held_bytes() -> int:
     """Bytes that all results hold."""
     return sum(result.nbytes for result in _results.values())
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Changes within the block are our own and are undone in it: they make nothing stale."""
-    global _quiet
-    _quiet += 1
-    try:
-        yield
-    finally:
-        bpy.context.view_layer.update()
-        _quiet -= 1
-
-
-def is_quiet() -> bool:
-    """Whether changes are our own now."""
-    return _quiet > 0
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from . import results
 from .polls import has_voxels, in_object_mode, no_job_runs
 from .preferences import apply_preferences
 from .properties import DisplayProperties, setting
+from .quiet import quiet
 from .tell import tell, tell_start
 from .voxel_object import show
 
@@ -38,7 +39,7 @@ class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
             octree = results.voxels_of(context.scene).octree
             wanted = self.level or octree.depth
             level = level_within(octree, self.limit, wanted)
-            with results.quiet():
+            with quiet():
                 item = show(context.scene, voxel_cloud(octree, level), self.display)
         except PatchNetError as error:
             tell(self, "ERROR", str(error))

@@ -18,6 +18,7 @@ from bpy.app.handlers import persistent
 from . import results
 from .images import is_shown
 from .job_watch import watches_of
+from .quiet import is_quiet
 from .results import SceneResult
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Mark what does not fit what the user changed."""
     result, estimate, watches = results.result_of(scene), results.estimate_of(scene), watches_of(scene)
     nothing_there = result is None and estimate is None and not watches
-    if nothing_there or results.is_quiet() or not results.in_main_thread():
+    if nothing_there or is_quiet() or not results.in_main_thread():
         return
     updates = list(islice(depsgraph.updates, _MOST_UPDATES + 1))
     if result is not None and result.state is not None:

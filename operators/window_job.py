@@ -13,7 +13,7 @@ import bpy
 
 from ..patchnet_addon.runtime.errors import SceneError
 from ..patchnet_addon.runtime.progress import Progress, Steps
-from . import results
+from .quiet import quiet
 
 BAKE, RENDER = "OBJECT_BAKE", "RENDER"
 _POLL_S = 0.1
@@ -103,7 +103,7 @@ def when_job_ended(clean_up: Callable[[], None]) -> None:
     def look() -> float | None:
         if job_is_running():
             return _POLL_S
-        with suppress(ReferenceError), results.quiet():  # another file may have been opened meanwhile
+        with suppress(ReferenceError), quiet():  # another file may have been opened meanwhile
             clean_up()
         return None
 

@@ -22,6 +22,7 @@ from .. import results
 from ..job.settings import CYCLES, JobSettings
 from ..job.stages import build, choose_grid, encode, lit, load_network
 from ..kept_results import result_or_kept
+from ..quiet import quiet
 from ..scene import read_scene
 from ..scene_state import scene_state
 from ..staleness import look_again
@@ -137,7 +138,7 @@ def _bake_context(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, settin
     if settings.light != CYCLES:
         yield
         return
-    with results.quiet(), scene_copy(scene) as copy:
+    with quiet(), scene_copy(scene) as copy:
         layer = copy.view_layers[depsgraph.view_layer.name]
         with bpy.context.temp_override(scene=copy, view_layer=layer):
             yield

@@ -13,9 +13,9 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
-from .. import results
 from ..importance import Importance, Strokes, read_strokes
 from ..importance.image import painted_image
+from ..quiet import quiet
 from ..scene.placements import VISIBLE
 
 _REST = 5.0  # between two looks at an image, in times that one takes
@@ -96,7 +96,7 @@ class ViewportMask:
         self._touched, self._reading = False, True
         try:
             layer.update()
-            with results.quiet():
+            with quiet():
                 self._take(read_strokes(self._chosen, VISIBLE, layer.depsgraph))
         except PatchNetError as error:
             self._problem = str(error)

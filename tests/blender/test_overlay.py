@@ -14,6 +14,7 @@ from patchnet.operators.job.views import ERROR_MAXIMUM, View, view
 from patchnet.operators.overlay import framed, handlers, kept, open_pictures, places, shown_view
 from patchnet.operators.overlay.places import Rect
 from patchnet.operators.overlay.result_images import RAW, image_name, show_images
+from patchnet.operators.quiet import quiet
 from patchnet.patchnet_addon.image.colormaps import colormap
 from patchnet.patchnet_addon.image.heatmap import heatmap, places_on_page, with_legend
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -189,7 +190,7 @@ def test_images_are_named_after_the_camera(made: tuple[View, JobSettings]) -> No
         image.pixels.foreach_get(values)
         np.testing.assert_array_equal(values.reshape(SIZE[1], SIZE[0], 4)[..., 0], shown.values[name])
     unknown = {name: values for name, values in shown.values.items() if name != "coverage"}
-    with results.quiet():  # as in operators: removing an image makes Blender report every lamp
+    with quiet():  # as in operators: removing an image makes Blender report every lamp
         show_images(result, dataclasses.replace(shown, values=unknown))
     assert image_name("Eye", "coverage") not in bpy.data.images
     assert "Coverage not computed" in dataclasses.replace(shown, values=unknown).said_of(0, 0, 1.0)
