@@ -9,7 +9,16 @@ from setuptools import find_packages, setup
 from setuptools.command.build_py import build_py
 
 PARTS = ("patchnet_addon", "operators", "training", "commands")
-DATA = ["**/*.safetensors", "**/*.md", "**/*.json", "**/*.npz", "**/*.toml", "**/*.sh", "**/*.png", "presets/**/*.py"]
+DATA = [
+    "**/*.safetensors",
+    "**/*.md",
+    "**/*.json",
+    "**/*.npz",
+    "**/*.toml",
+    "**/*.sh",
+    "**/*.png",
+    "ui/presets/**/*.py",
+]
 
 
 class BuildTree(build_py):

@@ -41,7 +41,7 @@ def main(
     from ..patchnet_addon.runtime import log
     from ..patchnet_addon.runtime.errors import FileAccessError, PatchNetError
     from ..patchnet_addon.runtime.interrupt import exit_code_of, prompt_interrupt
-    from .lines import say_error
+    from .shared.lines import say_error
 
     words = sys.argv[1:] if argv is None else list(argv)
     modules = {name: importlib.import_module(f".{name.replace('-', '_')}", __name__) for name in names or NAMES}
@@ -72,7 +72,7 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         from ..patchnet_addon.runtime.log import is_json
-        from .lines import say_error
+        from .shared.lines import say_error
 
         if not is_json():
             super().error(message)

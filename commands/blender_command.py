@@ -42,12 +42,12 @@ def execute(words: Sequence[str]) -> int:
 
     import bpy
 
-    from ..operators.preferences import apply_preferences, preferences
-    from ..operators.session_folder import session_folder_goes
+    from ..operators.jobs.session_folder import session_folder_goes
+    from ..operators.ui.preferences import apply_preferences, preferences
     from ..patchnet_addon.runtime.errors import PatchNetError
     from ..patchnet_addon.runtime.streams import keep_streams
     from . import EXIT_ERROR, EXIT_UNEXPECTED, main
-    from .lines import say_error
+    from .shared.lines import say_error
 
     keep_streams()
     session_folder_goes()
@@ -67,7 +67,7 @@ def execute(words: Sequence[str]) -> int:
 
 def _blender_path(word: str) -> str:
     """A word with Blender's `//`, the folder of the open file, spelled out. Raises SettingError if none is open."""
-    from ..operators.properties import absolute_path
+    from ..operators.ui.properties import absolute_path
 
     path: Path | None = absolute_path(word) if word.startswith("//") else None
     return word if path is None else str(path)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..patchnet_addon.runtime import bounds
-from .arguments import add_number, add_out
+from .shared.arguments import add_number, add_out
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -44,8 +44,8 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.runtime.progress import drain
     from ..training.dataset import SUFFIX, save_samples
     from ..training.samples import SampleSettings, draw_samples
-    from .lines import say_result
-    from .progress_bars import ProgressBars
+    from .shared.lines import say_result
+    from .shared.progress_bars import ProgressBars
 
     names = sample_names(args.octrees)
     check_outputs({args.out / (name + SUFFIX): SAMPLES for name in names}, args.octrees, folder=args.out)

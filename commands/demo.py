@@ -8,8 +8,9 @@ import time
 from pathlib import Path
 
 from ..patchnet_addon.runtime.errors import PatchNetError
-from .arguments import add_out
-from .run import add_job_arguments, job_settings, print_result, require_blender, run_with_bars
+from .run import print_result, run_with_bars
+from .shared.arguments import add_out
+from .shared.job_arguments import add_job_arguments, job_settings, require_blender
 
 SCENE_NAME = "courtyard.blend"
 CAMERAS = "Far,Middle,Close"
@@ -33,11 +34,11 @@ def run(args: argparse.Namespace) -> int:
     """Build, save, run, print; returns 0. Raises PatchNetError."""
     require_blender()
     from ..operators.demo_scene import save_demo_scene
-    from ..operators.job.output_files import check_job
+    from ..operators.pipeline.output_files import check_job
     from ..operators.scene import open_scene
     from ..patchnet_addon.runtime.file_kinds import BLEND
     from ..patchnet_addon.runtime.outputs import check_outputs
-    from .quiet import quiet_stdout
+    from .shared.quiet import quiet_stdout
 
     start = time.monotonic()
     settings = job_settings(args, args.out)

@@ -7,8 +7,8 @@ import argparse
 from pathlib import Path
 
 from ..patchnet_addon.runtime import bounds
-from .arguments import add_number, add_out
-from .lines import make_parent, say_result
+from .shared.arguments import add_number, add_out
+from .shared.lines import make_parent, say_result
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.octree.file import load_octree
     from ..patchnet_addon.runtime.outputs import check_outputs
     from ..patchnet_addon.runtime.progress import drain
-    from .progress_bars import ProgressBars
+    from .shared.progress_bars import ProgressBars
 
     check_outputs({args.out: format_of(args.out).kind}, [args.octree])
     octree = load_octree(args.octree)

@@ -12,14 +12,14 @@ import numpy as np
 
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
-from .arguments import add_number, add_out
-from .frames import add_frames, bake_with_bars, check_frames, print_frames
-from .lines import make_parent, say_note, say_result
-from .quiet import quiet_stdout
-from .run import add_both_sides, add_color, add_exposure, require_blender
-from .scene_argument import add_scene, open_given, scene_path
-from .stage_clock import StageClock
-from .views import add_views, say_unseen, view_cameras
+from .shared.arguments import add_number, add_out
+from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
+from .shared.job_arguments import add_both_sides, add_color, add_exposure, require_blender
+from .shared.lines import make_parent, say_note, say_result
+from .shared.quiet import quiet_stdout
+from .shared.scene_argument import add_scene, open_given, scene_path
+from .shared.stage_clock import StageClock
+from .shared.views import add_views, say_unseen, view_cameras
 
 if TYPE_CHECKING:
     from ..patchnet_addon.lightmap.page_cache import KeptPages
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.lightmap.page_cache import KeptPages
     from ..patchnet_addon.octree.file import save_octree
     from ..patchnet_addon.runtime.progress import drain
-    from .progress_bars import ProgressBars
+    from .shared.progress_bars import ProgressBars
 
     check_out(args)
     with clock.stage("open"):
@@ -102,8 +102,8 @@ def run(args: argparse.Namespace) -> int:
 
 def check_out(args: argparse.Namespace) -> None:
     """Raises OutputError if --out cannot be written, or would replace what the open or the named scene is read from."""
-    from ..operators.job.output_files import scene_inputs
-    from ..operators.job.reports import REPORT_NAME
+    from ..operators.pipeline.output_files import scene_inputs
+    from ..operators.pipeline.reports import REPORT_NAME
     from ..patchnet_addon.runtime.file_kinds import OCTREE, REPORT
     from ..patchnet_addon.runtime.outputs import check_outputs
 
@@ -150,7 +150,7 @@ def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps
     """The octree of the scene that is open, at its present frame."""
     import bpy
 
-    from ..operators.job.versions import versions
+    from ..operators.pipeline.versions import versions
     from ..operators.scene import read_scene
     from ..operators.scene.precision import light_warnings, place_warnings
     from ..patchnet_addon.lightmap.texel_sizes import texel_sizes
@@ -214,9 +214,9 @@ def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarra
     """Shade of the upright surface with baked light, or of the turned one with two lights."""
     import bpy
 
-    from ..operators.bake import bake_luminance
-    from ..operators.daylight import has_light
-    from ..operators.job.stages import NO_LIGHT
+    from ..operators.cycles.bake import bake_luminance
+    from ..operators.cycles.daylight import has_light
+    from ..operators.pipeline.stages import NO_LIGHT
     from ..patchnet_addon.lightmap.atlas import atlas_shade
     from ..patchnet_addon.surface.two_lights import DIRECTION, two_lights_shade
 

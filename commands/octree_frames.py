@@ -10,15 +10,15 @@ from typing import Any
 
 import bpy
 
-from ..operators.job.frame_maker import Common, FrameMaker
-from ..operators.job.output_files import OCTREE_NAME
+from ..operators.animation.frame_maker import Common, FrameMaker
+from ..operators.pipeline.output_files import OCTREE_NAME
 from ..operators.scene.placements import VISIBLE
 from ..patchnet_addon.lightmap.page_cache import KeptPages
 from ..patchnet_addon.octree.file import save_octree
 from ..patchnet_addon.runtime.file_kinds import OCTREE, FileKind
 from ..patchnet_addon.runtime.progress import Steps
 from .octree import build, hide_from_renders, without
-from .stage_clock import StageClock
+from .shared.stage_clock import StageClock
 
 _NOT_IN_FILES = ("scene", "out", "frames", "overwrite", "same_grid", "timings", "command")
 

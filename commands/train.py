@@ -22,8 +22,8 @@ from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
 from ..training.run_files import WEIGHTS, check_run
 from ..training.settings import PRESETS, TrainSettings
-from .arguments import add_number, add_out
-from .lines import say_result
+from .shared.arguments import add_number, add_out
+from .shared.lines import say_result
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     from ..training.model_card import write_card
     from ..training.provenance import describe_command, describe_machine, describe_versions
     from ..training.trainer import RunOptions, train
-    from .progress_bars import ProgressBars
+    from .shared.progress_bars import ProgressBars
 
     datasets = [load_dataset(path) for path in files]
     settings = settings_of(args, sum(dataset.samples.views[..., 0].size for dataset in datasets))

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..patchnet_addon.runtime import bounds
-from .arguments import add_number, add_out
-from .lines import say_note, say_result
-from .run import add_both_sides, require_blender
-from .scene_argument import add_scene, open_given
+from .shared.arguments import add_number, add_out
+from .shared.job_arguments import add_both_sides, require_blender
+from .shared.lines import say_note, say_result
+from .shared.own_scenes import DEMO, ROOM, open_or_build
+from .shared.scene_argument import add_scene
 
 if TYPE_CHECKING:
     from ..operators.verify_light import CheckSettings, LightCheck
 
-DEMO, ROOM = "demo", "room"
 _COLUMNS = ("silhouettes", "creases", "shadows", "textures", "smooth")
 
 
@@ -65,14 +65,14 @@ def run(args: argparse.Namespace) -> int:
     require_blender()
     import bpy
 
-    from ..operators.job.output_files import scene_inputs
-    from ..operators.job.output_folder import output_folder
+    from ..operators.pipeline.output_files import scene_inputs
+    from ..operators.pipeline.output_folder import output_folder
     from ..operators.verify_light import verify_light
     from ..operators.verify_light.pictures import check_files, save_check
     from ..patchnet_addon.runtime.outputs import check_outputs
     from ..patchnet_addon.runtime.progress import drain
-    from .progress_bars import ProgressBars
-    from .quiet import quiet_stdout
+    from .shared.progress_bars import ProgressBars
+    from .shared.quiet import quiet_stdout
 
     settings = check_settings(args)
     given = [] if args.scene in (None, DEMO, ROOM) else [Path(args.scene)]
@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
 
 def check_settings(args: argparse.Namespace) -> CheckSettings:
     """Settings from parsed arguments; raises SettingError for values outside their range."""
-    from ..operators.job.settings import JobSettings
+    from ..operators.settings.job_settings import JobSettings
     from ..operators.verify_light import CheckSettings
 
     number = int(args.cameras) if args.cameras.isdigit() else 0
@@ -112,28 +112,11 @@ def camera_folders_of(settings: CheckSettings) -> dict[str, str]:
     """The folder of each camera by its name, of the open scene's or of those that will be placed. Raises SceneError."""
     import bpy
 
-    from ..operators.job.camera_folders import camera_folders, view_folders
+    from ..operators.pipeline.camera_folders import camera_folders, view_folders
 
     if settings.viewpoints:
         return camera_folders(f"View {number}" for number in range(1, settings.viewpoints + 1))
     return view_folders(bpy.context.scene, settings.job.cameras)
-
-
-def open_or_build(scene: str | None) -> None:
-    """Open the scene's file if one is named, or build one of the project's own scenes in an empty file."""
-    import bpy
-
-    from ..operators.demo_scene import build_courtyard, build_room
-    from .quiet import quiet_stdout
-
-    builder = {DEMO: build_courtyard, ROOM: build_room}.get(scene or "")
-    if scene is None or builder is None:
-        open_given(scene)
-        return
-    with quiet_stdout():
-        bpy.ops.wm.read_homefile(use_empty=True)
-        builder(bpy.context.scene)
-    bpy.context.scene.name = scene.capitalize()
 
 
 def print_check(check: LightCheck) -> None:

@@ -20,8 +20,8 @@ import bpy  # noqa: TID251
 
 import patchnet
 from patchnet.__main__ import leave
-from patchnet.operators.job_operator import JobOperator
-from patchnet.operators.properties import PatchNetSettings
+from patchnet.operators.jobs.job_operator import JobOperator
+from patchnet.operators.ui.properties import PatchNetSettings
 
 PAGE = Path(__file__).with_name("operators.md")
 

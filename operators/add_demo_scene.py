@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import bpy
 
-from .polls import in_object_mode, no_job_runs
-from .tell import tell, tell_start
+from .jobs.polls import in_object_mode, no_job_runs
+from .jobs.tell import tell, tell_start
 
 NAME = "PatchNet Courtyard"
 

@@ -10,9 +10,10 @@ import bpy
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.frames import frame_range
 from ..patchnet_addon.runtime.progress import Steps
-from .job.settings import JobSettings
-from .job_operator import JobOperator
-from .properties import (
+from .jobs.job_operator import JobOperator
+from .jobs.tell import tell
+from .settings.job_settings import JobSettings
+from .ui.properties import (
     AnimationProperties,
     CameraProperties,
     CodesProperties,
@@ -24,7 +25,6 @@ from .properties import (
     is_given,
     setting,
 )
-from .tell import tell
 
 
 class PATCHNET_OT_bake_animation(
@@ -55,8 +55,8 @@ class PATCHNET_OT_bake_animation(
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Bake the frames that are not there."""
-        from .job.animation import FramePlan, bake_frames
-        from .job.frame_maker import JobMaker
+        from .animation.animation import FramePlan, bake_frames
+        from .animation.frame_maker import JobMaker
 
         if settings.out is None:
             raise SettingError("An animation needs a folder for its frames: choose the output folder")

@@ -11,13 +11,13 @@ import numpy as np
 from ..patchnet_addon.octree.grid import Grid
 from ..patchnet_addon.runtime.errors import SceneError
 from ..patchnet_addon.runtime.progress import Progress, Steps
-from . import results
-from .job.settings import JobSettings
-from .job.stages import build, lit
-from .job_watch import read_state
-from .polls import VoxelJob
-from .properties import LightProperties
-from .tell import tell
+from .jobs.polls import VoxelJob
+from .jobs.tell import tell
+from .pipeline.stages import build, lit
+from .session import results
+from .settings.job_settings import JobSettings
+from .state.watch import read_state
+from .ui.properties import LightProperties
 
 
 class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):

@@ -6,9 +6,9 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.errors import SettingError
-from .preferences import kept, preferences
-from .properties import absolute_path
-from .tell import tell
+from .jobs.tell import tell
+from .ui.preferences import kept, preferences
+from .ui.properties import absolute_path
 
 
 class PATCHNET_OT_check_python(bpy.types.Operator):

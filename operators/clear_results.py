@@ -6,10 +6,11 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.heap import page_out
-from . import overlay, results
-from .memory import give_back
-from .own import is_own
-from .polls import no_job_runs
+from . import overlay
+from .jobs.polls import no_job_runs
+from .scene_access.own import is_own
+from .session import results
+from .session.memory import give_back
 
 _DRAWN_AGAIN_S = 0.5
 

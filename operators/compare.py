@@ -6,12 +6,12 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
-from .job.settings import JobSettings
-from .polls import CodesJob
-from .properties import CameraProperties, ViewProperties
+from .jobs.polls import CodesJob
+from .jobs.tell import tell
 from .render_preview import look
-from .seen import comparison_of
-from .tell import tell
+from .session.seen import comparison_of
+from .settings.job_settings import JobSettings
+from .ui.properties import CameraProperties, ViewProperties
 
 
 class PATCHNET_OT_compare(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):

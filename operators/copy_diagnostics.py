@@ -12,10 +12,10 @@ from typing import Any
 import bpy
 
 from ..patchnet_addon.runtime.log import LOG
-from . import results
-from .devices import gpu_is_enabled
-from .job.versions import machine, versions
-from .preferences import preferences
+from .pipeline.versions import machine, versions
+from .scene_access.devices import gpu_is_enabled
+from .session import results
+from .ui.preferences import preferences
 
 _MOST = 20
 

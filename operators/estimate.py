@@ -6,12 +6,12 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
-from . import results
-from .job.settings import JobSettings
-from .job_operator import JobOperator
-from .properties import CameraProperties, LightProperties, VoxelizeProperties
-from .step_settings import ESTIMATED, recorded
-from .tell import tell
+from .jobs.job_operator import JobOperator
+from .jobs.tell import tell
+from .session import results
+from .settings.job_settings import JobSettings
+from .settings.step_settings import ESTIMATED, recorded
+from .ui.properties import CameraProperties, LightProperties, VoxelizeProperties
 
 
 class PATCHNET_OT_estimate(VoxelizeProperties, LightProperties, CameraProperties, JobOperator, bpy.types.Operator):
@@ -23,7 +23,7 @@ class PATCHNET_OT_estimate(VoxelizeProperties, LightProperties, CameraProperties
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Look, and keep what was found for the panel."""
-        from .job.estimate import estimate_job
+        from .pipeline.estimate import estimate_job
 
         found = yield from estimate_job(context, settings)
         found.settings = recorded(context.scene.patchnet, *ESTIMATED)

@@ -9,10 +9,10 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..patchnet_addon.runtime.progress import Steps
-from . import results
-from .job.settings import JobSettings
-from .polls import VoxelJob
-from .properties import LevelProperties, absolute_path, setting
+from .jobs.polls import VoxelJob
+from .session import results
+from .settings.job_settings import JobSettings
+from .ui.properties import LevelProperties, absolute_path, setting
 
 _FORMATS = [
     (".ply", "Point Cloud (.ply)", "Centres, normals, colours, luminance and sides of the voxels"),
@@ -78,7 +78,7 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
         from ..patchnet_addon.octree.export.formats import export_octree, format_of
         from ..patchnet_addon.runtime.errors import SettingError
         from ..patchnet_addon.runtime.outputs import check_outputs
-        from .job.output_files import scene_inputs
+        from .pipeline.output_files import scene_inputs
 
         octree = results.voxels_of(context.scene).octree
         level = setting(context, self, "level") or octree.depth

@@ -12,12 +12,12 @@ from bpy.props import StringProperty
 from ..patchnet_addon.runtime.errors import CodesFileError, SettingError
 from ..patchnet_addon.runtime.progress import Progress, Steps
 from ..patchnet_addon.runtime.worker import computed
-from . import results
-from .job.settings import JobSettings
-from .job_operator import JobOperator
-from .job_watch import read_state
-from .properties import CodesProperties, absolute_path
-from .tell import tell
+from .jobs.job_operator import JobOperator
+from .jobs.tell import tell
+from .session import results
+from .settings.job_settings import JobSettings
+from .state.watch import read_state
+from .ui.properties import CodesProperties, absolute_path
 
 if TYPE_CHECKING:
     from ..patchnet_addon.codes.coded_octree import CodedOctree
@@ -57,7 +57,7 @@ class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Open the files, compare them with the scene, keep them."""
-        from .job.stages import load_network
+        from .pipeline.stages import load_network
 
         path = absolute_path(self.filepath)
         if path is None:

@@ -8,12 +8,12 @@ from dataclasses import replace
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
-from . import results
-from .job.settings import JobSettings
-from .job.stages import encode_as_set, load_network
-from .polls import VoxelJob
-from .properties import CodesProperties
-from .tell import tell
+from .jobs.polls import VoxelJob
+from .jobs.tell import tell
+from .pipeline.stages import encode_as_set, load_network
+from .session import results
+from .settings.job_settings import JobSettings
+from .ui.properties import CodesProperties
 
 
 class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator):

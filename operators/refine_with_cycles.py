@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
-from . import results
-from .job.settings import JobSettings
-from .polls import CodesJob
-from .properties import CameraProperties, CyclesRefineProperties, ViewProperties, cycles_settings
+from .jobs.polls import CodesJob
+from .jobs.tell import tell
 from .render_preview import look
 from .scene.placements import SELECTED
-from .tell import tell
+from .session import results
+from .settings.job_settings import JobSettings
+from .ui.properties import CameraProperties, CyclesRefineProperties, ViewProperties, cycles_settings
 
 if TYPE_CHECKING:
-    from .cycles_refine.refine import CyclesView
+    from .pipeline.cycles_regions import CyclesView
 
 
 class PATCHNET_OT_refine_with_cycles(
@@ -30,8 +30,8 @@ class PATCHNET_OT_refine_with_cycles(
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace, score, choose regions, render them, show."""
-        from .cycles_refine.pictures import show_cycles
-        from .cycles_refine.refine import check_light, refine_view
+        from .pipeline.cycles_pictures import show_cycles
+        from .pipeline.cycles_regions import check_light, refine_view
 
         wanted = cycles_settings(context, self)
         octree, scope = results.codes_of(context.scene).octree, results.voxels_of(context.scene).scope

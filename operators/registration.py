@@ -12,33 +12,27 @@ from . import (
     bake_animation,
     bake_light,
     check_python,
+    clear_cache,
     clear_results,
     compare,
     copy_diagnostics,
-    engine,
     estimate,
     export_octree,
-    job_operator,
-    kept_results,
     load_octree,
+    measure_cache,
     overlay,
-    overrides,
-    panels,
     precompute_codes,
-    preferences,
-    presets_menu,
-    properties,
     refine_with_cycles,
+    render_engine,
     render_preview,
-    results,
     run_all,
     show_voxels,
-    staleness,
-    unread_file,
     voxelize,
 )
-from .cache import clear as clear_cache
-from .cache import measure as measure_cache
+from .jobs import job_operator
+from .scene_access import overrides, unread_file
+from .session import kept_results, results, staleness
+from .ui import panels, preferences, presets_menu, properties
 
 # Have register() and unregister() of their own.
 _BEFORE = (
@@ -84,7 +78,7 @@ def register() -> None:
     for item in _CLASSES:
         bpy.utils.register_class(item)
     overlay.register()
-    engine.register()
+    render_engine.register()
     # Blender disables its extensions before it exits. Whatever else is still registered then makes it hang.
     if not preferences.IS_EXTENSION:
         atexit.register(unregister)
@@ -93,7 +87,7 @@ def register() -> None:
 def unregister() -> None:
     """Forget everything, last first."""
     atexit.unregister(unregister)
-    engine.unregister()
+    render_engine.unregister()
     overlay.unregister()
     for item in reversed(_CLASSES):
         bpy.utils.unregister_class(item)

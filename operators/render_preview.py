@@ -9,14 +9,15 @@ import bpy
 import numpy as np
 
 from ..patchnet_addon.runtime.progress import Steps
-from . import overlay, results
-from .cameras import choose_cameras
-from .job.settings import JobSettings
-from .job.views import View, view
-from .polls import CodesJob
-from .properties import CameraProperties, ViewProperties
-from .seen import seen
-from .tell import tell
+from . import overlay
+from .jobs.polls import CodesJob
+from .jobs.tell import tell
+from .pipeline.views import View, view
+from .scene.cameras import choose_cameras
+from .session import results
+from .session.seen import seen
+from .settings.job_settings import JobSettings
+from .ui.properties import CameraProperties, ViewProperties
 
 
 class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):

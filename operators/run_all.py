@@ -6,10 +6,13 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
-from . import overlay, results
-from .job.settings import JobSettings
-from .job_operator import JobOperator
-from .properties import (
+from . import overlay
+from .jobs.job_operator import JobOperator
+from .jobs.tell import tell
+from .session import results
+from .session.seen import seen
+from .settings.job_settings import JobSettings
+from .ui.properties import (
     CameraProperties,
     CodesProperties,
     LightProperties,
@@ -17,8 +20,6 @@ from .properties import (
     ViewProperties,
     VoxelizeProperties,
 )
-from .seen import seen
-from .tell import tell
 
 
 class PATCHNET_OT_run_all(
@@ -38,7 +39,7 @@ class PATCHNET_OT_run_all(
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Run the job, keep its results, show the first camera's pictures."""
-        from .job.run import run_job
+        from .pipeline.run import run_job
 
         self._file = settings.out
         result = yield from run_job(context, settings)

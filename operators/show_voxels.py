@@ -6,12 +6,12 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.errors import PatchNetError
-from . import results
-from .polls import has_voxels, in_object_mode, no_job_runs
-from .preferences import apply_preferences
-from .properties import DisplayProperties, setting
-from .quiet import quiet
-from .tell import tell, tell_start
+from .jobs.polls import has_voxels, in_object_mode, no_job_runs
+from .jobs.tell import tell, tell_start
+from .scene_access.quiet import quiet
+from .session import results
+from .ui.preferences import apply_preferences
+from .ui.properties import DisplayProperties, setting
 from .voxel_object import show
 
 

@@ -6,14 +6,14 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.progress import Progress, Steps
-from . import results
-from .cameras import choose_cameras, track_cameras
-from .job.settings import JobSettings
-from .job.stages import UNLIT, build, choose_grid, unlit
-from .job_operator import JobOperator
-from .job_watch import read_state
-from .properties import CameraProperties, VoxelizeProperties
-from .tell import tell
+from .jobs.job_operator import JobOperator
+from .jobs.tell import tell
+from .pipeline.stages import UNLIT, build, choose_grid, unlit
+from .scene.cameras import choose_cameras, track_cameras
+from .session import results
+from .settings.job_settings import JobSettings
+from .state.watch import read_state
+from .ui.properties import CameraProperties, VoxelizeProperties
 
 
 class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bpy.types.Operator):

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...patchnet_addon.runtime import bounds
-from ..arguments import add_number
-from ..quiet import quiet_stdout
-from ..run import require_blender
+from ..shared.arguments import add_number
+from ..shared.job_arguments import require_blender
+from ..shared.quiet import quiet_stdout
 
 if TYPE_CHECKING:
     import numpy as np

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
-from ..arguments import add_number
-from ..run import require_blender
+from ..shared.arguments import add_number
+from ..shared.job_arguments import require_blender
 from .arguments import add_depth
 
 if TYPE_CHECKING:
@@ -38,14 +38,14 @@ def measure(args: argparse.Namespace) -> Comparison:
     require_blender()
     import bpy
 
-    from ...operators.daylight import daylight, has_light
+    from ...operators.cycles.daylight import daylight, has_light
     from ...operators.scene import read_scene
     from ...operators.verify_light.rates import measure_rates
     from ...patchnet_addon.octree.grid import Grid
     from ...patchnet_addon.runtime.progress import drain
-    from ..progress_bars import ProgressBars
-    from ..quiet import quiet_stdout
-    from ..verify_light import open_or_build
+    from ..shared.own_scenes import open_or_build
+    from ..shared.progress_bars import ProgressBars
+    from ..shared.quiet import quiet_stdout
 
     with quiet_stdout(), ProgressBars() as bars:
         open_or_build(args.scene)
@@ -60,7 +60,7 @@ def measure(args: argparse.Namespace) -> Comparison:
 
 
 def _laid_out(source: Any, grid: Any, args: argparse.Namespace) -> Any:
-    from ...operators.bake.bake import page_side
+    from ...operators.cycles.bake.bake import page_side
     from ...patchnet_addon.lightmap.charts import layout_charts
     from ...patchnet_addon.lightmap.path_counts import path_counts
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import PatchNetError
-from ..arguments import add_number
+from ..shared.arguments import add_number
 from .arguments import add_cores, add_repeats
 
 if TYPE_CHECKING:

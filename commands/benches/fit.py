@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime.errors import SceneError, SettingError
-from ..views import add_views, view_cameras
+from ..shared.views import add_views, view_cameras
 from .arguments import add_scene
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
-from ..arguments import add_number
+from ..shared.arguments import add_number
 from .arguments import add_repeats
 
 if TYPE_CHECKING:

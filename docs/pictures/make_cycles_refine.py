@@ -17,10 +17,10 @@ from PIL import Image
 
 from patchnet.__main__ import leave
 from patchnet.commands.run import run_with_bars
-from patchnet.operators.cycles_refine.pictures import comparison_sheet
-from patchnet.operators.cycles_refine.settings import CyclesSettings
 from patchnet.operators.demo_scene import build_courtyard
-from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.pipeline.cycles_pictures import comparison_sheet
+from patchnet.operators.settings.cycles_settings import CyclesSettings
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.image.tone import to_bytes
 from patchnet.patchnet_addon.sampling.registry import strategy
 

@@ -82,7 +82,7 @@ def preview():
     if hasattr(preferences, "open_pictures"):
         preferences.open_pictures = "NEVER"
     in_area("VIEW_3D", bpy.ops.patchnet.estimate)
-    job = module("job_operator").JobOperator
+    job = module("jobs.job_operator").JobOperator
     in_area("VIEW_3D", bpy.ops.patchnet.run_all, "INVOKE_DEFAULT")
     yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes", JOB_S)
     yield 2.0

@@ -11,11 +11,12 @@ from collections.abc import Sequence
 import bpy
 from bpy.app.handlers import persistent
 
-from ..job.settings import JobSettings
-from ..job.views import View
-from . import drag_wipe, handlers, inspect_pixels, kept, open_pictures, panel, settings, toggle
-from .result_images import show_images
-from .shown_view import view_to_show
+from ..pipeline.views import View
+from ..session import views as kept
+from ..session.result_images import show_images
+from ..session.shown_view import view_to_show
+from ..settings.job_settings import JobSettings
+from . import drag_wipe, handlers, inspect_pixels, open_pictures, panel, settings, toggle
 
 _MODULES = (toggle, drag_wipe, inspect_pixels, panel)
 _CLASSES = tuple(item for module in _MODULES for item in module.CLASSES)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import kept
+from ..session import views as kept
 from .framed import framed, place_under
 from .places import wipe_at
 from .settings import overlay_settings

@@ -9,12 +9,13 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.image.colormaps import colormap
-from ..preferences import preferences
-from . import kept, paint
+from ..session import views as kept
+from ..session.shown_view import TITLES, ShownView
+from ..ui.preferences import preferences
+from . import paint
 from .framed import EDITORS, Framed, framed, free_rect
 from .places import Rect, beside, sides_of_wipe, tick_values
 from .settings import NOTHING, overlay_settings
-from .shown_view import TITLES, ShownView
 from .textures import texture_of
 
 _LEGEND_PX = 190

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import bpy
 
 from ...patchnet_addon.image.heatmap import places_on_page
-from ..cameras import camera_size_px
-from . import kept
+from ..scene.cameras import camera_size_px
+from ..session import views as kept
+from ..session.result_images import PAGES
+from ..session.shown_view import ShownView
 from .places import Rect, frame_rect, image_rect, visible_rect
-from .result_images import PAGES
-from .shown_view import ShownView
 
 EDITORS = frozenset({"VIEW_3D", "IMAGE_EDITOR"})
 _BARS = frozenset({"HEADER", "TOOL_HEADER", "TOOLS", "UI", "ASSET_SHELF", "ASSET_SHELF_HEADER"})

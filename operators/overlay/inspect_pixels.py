@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import bpy
 
-from . import handlers, kept
+from ..session import views as kept
+from . import handlers
 from .drawing import Inspected, inspected, maximum_of
 from .framed import Place, framed, place_under
 from .places import pixel_at

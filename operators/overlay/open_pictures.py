@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import bpy
 
-from ..own import is_own
-from ..preferences import OPEN_NEVER, OPEN_WINDOW, preferences
+from ..scene_access.own import is_own
+from ..ui.preferences import OPEN_NEVER, OPEN_WINDOW, preferences
 
 
 def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> bool:

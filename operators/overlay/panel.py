@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from . import handlers, kept
+from ..session import views as kept
+from . import handlers
 from .inspect_pixels import PATCHNET_OT_inspect_pixels
 from .settings import overlay_settings
 from .toggle import NO_VIEW

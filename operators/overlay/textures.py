@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .shown_view import ShownView
+from ..session.shown_view import ShownView
 
 _MOST = 6  # two sides of a wipe in three editors
 _textures: OrderedDict[tuple[Any, ...], Any] = OrderedDict()

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import bpy
 
-from . import handlers, kept
+from ..session import views as kept
+from . import handlers
 from .settings import overlay_settings
 
 NO_VIEW = "There are no pictures yet: run Render Preview first"

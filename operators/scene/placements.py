@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from ..own import is_own
+from ..scene_access.own import is_own
 
 SELECTED = "SELECTED"
 VISIBLE = "VISIBLE"

@@ -15,13 +15,13 @@ from ...patchnet_addon.image.comparison import Guides, compare, psnr
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.tracing.camera import Camera
-from ..cameras import camera_size_px, choose_cameras
-from ..daylight import daylight, has_light
-from ..job.stages import build, choose_grid, lit
-from ..job.stopwatch import Stopwatch
-from ..job.versions import machine, versions
+from ..cycles.camera_render import Reference, render_reference
+from ..cycles.daylight import daylight, has_light
+from ..pipeline.stages import build, choose_grid, lit
+from ..pipeline.stopwatch import Stopwatch
+from ..pipeline.versions import machine, versions
 from ..scene import read_scene
-from .reference import Reference, render_reference
+from ..scene.cameras import camera_size_px, choose_cameras
 from .settings import CheckSettings
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes

@@ -10,8 +10,8 @@ from ...patchnet_addon.image.difference import difference_picture, side_by_side
 from ...patchnet_addon.image.heatmap import magnify
 from ...patchnet_addon.image.tone import gray
 from ...patchnet_addon.runtime.file_kinds import PNG, REPORT, FileKind
-from ..images import save_png
-from ..job.reports import REPORT_NAME, write_report
+from ..pipeline.reports import REPORT_NAME, write_report
+from ..scene_access.images import save_png
 from .check import CameraCheck, LightCheck
 
 _PICTURES = ("cycles.png", "octree.png", "difference.png", "side_by_side.png")

@@ -15,9 +15,9 @@ from ...patchnet_addon.lightmap.charts import Charts
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.tracing.camera import Camera
-from ..bake.baker import Baker
+from ..cycles.bake.baker import Baker
+from ..cycles.scene_copy import prepared
 from ..scene.scene_mesh import SceneMesh
-from .scene_copy import prepared
 
 _LEAST_PX, _MOST_PX = 64, 2048
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
-from ..job.settings import JobSettings
+from ..settings.job_settings import JobSettings
 
 
 @dataclass(frozen=True)

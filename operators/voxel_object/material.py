@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..own import OWNER
+from ..scene_access.own import OWNER
 
 _NAME = "PatchNet Voxels"
 LUMINANCE = "luminance"

@@ -12,7 +12,7 @@ from mathutils import Matrix
 from ...patchnet_addon.image.tone import srgb_encode
 from ...patchnet_addon.octree.voxel_cloud import VoxelCloud
 from ...patchnet_addon.runtime.errors import SceneError
-from ..own import OWNER
+from ..scene_access.own import OWNER
 from .material import COLOR, LUMINANCE, voxel_material
 from .node_groups import SIDE, cubes_group, points_group
 

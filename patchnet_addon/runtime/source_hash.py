@@ -18,7 +18,9 @@ _IMPORT = re.compile(r"^[ \t]*from[ \t]+(\.+)([\w.]*)[ \t]+import[ \t]+(\([^)]*\
 
 
 def source_hash(*modules: str, root: Path = ROOT) -> str:
-    """16 hex digits over the sources of modules, such as "operators.bake.bake", and of all of ours that they import.
+    """16 hex digits over the sources of modules, and of all of ours that they import.
+
+    modules: names such as "operators.cycles.bake.bake".
 
     root: the folder of the package. Names do not count: a file that moves changes the imports of it.
     """

@@ -7,8 +7,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from patchnet.operators.engine.engine import ENGINE
-from patchnet.operators.engine.passes import PASSES
+from patchnet.operators.render_engine.engine import ENGINE
+from patchnet.operators.render_engine.passes import PASSES
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.tests.blender.job_scene import build
 

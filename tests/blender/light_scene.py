@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from patchnet.operators.bake import bake_luminance
+from patchnet.operators.cycles.bake import bake_luminance
+from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.operators.scene import SceneMesh, read_scene
-from patchnet.operators.verify_light.reference import render_reference
 from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments

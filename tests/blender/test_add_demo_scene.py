@@ -5,7 +5,7 @@ import bpy
 import pytest
 
 from patchnet.operators.add_demo_scene import NAME
-from patchnet.operators.job_operator import JobOperator
+from patchnet.operators.jobs.job_operator import JobOperator
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("scene")

@@ -8,10 +8,10 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators import results
-from patchnet.operators.job.animation import AnimationResult, FramePlan, bake_frames
-from patchnet.operators.job.frame_maker import JobMaker
-from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.animation.animation import AnimationResult, FramePlan, bake_frames
+from patchnet.operators.animation.frame_maker import JobMaker
+from patchnet.operators.session import results
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from patchnet.operators.bake import bake_luminance
+from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.scene import SceneMesh, read_scene
 from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
 from patchnet.patchnet_addon.runtime.progress import drain

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.cycles_refine.settings import CyclesSettings
-from patchnet.operators.images import save_png
-from patchnet.operators.job.camera_folders import camera_folders
-from patchnet.operators.job.output_files import job_files
-from patchnet.operators.job.output_folder import output_folder
-from patchnet.operators.job.reports import write_report
+from patchnet.operators.pipeline.camera_folders import camera_folders
+from patchnet.operators.pipeline.output_files import job_files
+from patchnet.operators.pipeline.output_folder import output_folder
+from patchnet.operators.pipeline.reports import write_report
+from patchnet.operators.scene_access.images import save_png
+from patchnet.operators.settings.cycles_settings import CyclesSettings
 from patchnet.patchnet_addon.runtime.errors import OutputError
 from patchnet.patchnet_addon.runtime.file_kinds import OCTREE
 from patchnet.patchnet_addon.runtime.replace import replaced_file

@@ -7,7 +7,7 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Euler, Matrix, Vector
 
-from patchnet.operators.cameras import choose_cameras, tracing_camera
+from patchnet.operators.scene.cameras import choose_cameras, tracing_camera
 from patchnet.patchnet_addon.runtime.errors import SceneError
 
 

@@ -14,8 +14,9 @@ import pytest
 
 import patchnet
 from patchnet import commands
-from patchnet.commands import blender_command, progress_bars
+from patchnet.commands import blender_command
 from patchnet.commands.blender_command import execute
+from patchnet.commands.shared import progress_bars
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime import log
 from patchnet.tests.blender.job_scene import QUICK, build, saved

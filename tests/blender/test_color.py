@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators import results
-from patchnet.operators.bake import bake_luminance
-from patchnet.operators.cameras import choose_cameras
-from patchnet.operators.job.settings import JobSettings
-from patchnet.operators.job.stages import build as build_stage
-from patchnet.operators.job.stages import lit
+from patchnet.operators.cycles.bake import bake_luminance
+from patchnet.operators.pipeline.stages import build as build_stage
+from patchnet.operators.pipeline.stages import lit
 from patchnet.operators.scene import read_scene
+from patchnet.operators.scene.cameras import choose_cameras
+from patchnet.operators.session import results
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.lightmap.page_cache import KeptPages
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays
 from patchnet.patchnet_addon.octree.grid import Grid

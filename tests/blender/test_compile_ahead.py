@@ -11,8 +11,8 @@ from typing import IO
 import pytest
 
 import patchnet
-from patchnet.operators.compile_ahead import ahead, small_jobs_path
-from patchnet.operators.compile_ahead.ahead import compiled_ahead
+from patchnet.operators.jobs.compile_ahead import ahead, small_jobs_path
+from patchnet.operators.jobs.compile_ahead.ahead import compiled_ahead
 from patchnet.patchnet_addon.runtime.progress import drain
 
 

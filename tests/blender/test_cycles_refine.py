@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.cameras import choose_cameras
-from patchnet.operators.cycles_refine import region_renders as renders
-from patchnet.operators.cycles_refine.refine import CyclesView, cycles_view
-from patchnet.operators.cycles_refine.settings import COMBINED, CyclesSettings
-from patchnet.operators.job.run import run_job
-from patchnet.operators.job.settings import JobSettings
-from patchnet.operators.verify_light import render_call
+from patchnet.operators.cycles import region_renders as renders
+from patchnet.operators.cycles import render_call
+from patchnet.operators.pipeline.cycles_regions import CyclesView, cycles_view
+from patchnet.operators.pipeline.run import run_job
+from patchnet.operators.scene.cameras import choose_cameras
+from patchnet.operators.settings.cycles_settings import COMBINED, CyclesSettings
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
 from patchnet.patchnet_addon.sampling.regions import Region, region_mask

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators import results
+from patchnet.operators.session import results
 from patchnet.patchnet_addon.octree.export.vdb import vdb_module_name
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.octree.voxel_cloud import VoxelCloud, voxel_cloud

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators import results
+from patchnet.operators.session import results
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.tests.blender.job_scene import build, random_weights

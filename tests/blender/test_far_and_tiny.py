@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from patchnet.operators.job.run import JobResult, run_job
-from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.pipeline.run import JobResult, run_job
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.job_scene import build

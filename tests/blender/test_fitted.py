@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators import results
-from patchnet.operators.cameras import track_cameras
-from patchnet.operators.job.run import run_job
-from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.pipeline.run import run_job
+from patchnet.operators.scene.cameras import track_cameras
+from patchnet.operators.session import results
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from patchnet.commands import main
-from patchnet.operators.images import save_png
 from patchnet.operators.importance import Importance, importance_key, pixel_importance
-from patchnet.operators.job.run import run_job
-from patchnet.operators.job.settings import JobSettings
-from patchnet.operators.job.views import View
-from patchnet.operators.overlay.result_images import image_name
+from patchnet.operators.pipeline.run import run_job
+from patchnet.operators.pipeline.views import View
+from patchnet.operators.scene_access.images import save_png
+from patchnet.operators.session.result_images import image_name
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refine

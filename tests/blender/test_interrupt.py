@@ -17,7 +17,7 @@ import bpy
 import pytest
 
 from patchnet import commands
-from patchnet.operators.bake import bake_luminance
+from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.scene import open_scene, read_scene
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder

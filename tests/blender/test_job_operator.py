@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from patchnet.operators import job_operator
-from patchnet.operators.job_operator import JobOperator
+from patchnet.operators.jobs import job_operator
+from patchnet.operators.jobs.job_operator import JobOperator
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress
 from patchnet.patchnet_addon.runtime.worker import computed

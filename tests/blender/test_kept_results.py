@@ -11,9 +11,9 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators import kept_results, results
-from patchnet.operators.bake import baker
-from patchnet.operators.cache.folder import cache_size, clear_cache
+from patchnet.operators.cycles.bake import baker
+from patchnet.operators.session import kept_results, results
+from patchnet.operators.session.cache_size import cache_size, clear_cache
 from patchnet.tests.blender.job_scene import SMALL, build, saved
 
 CYCLES = {"light": "cycles", "samples": 1, **SMALL}
@@ -123,7 +123,7 @@ def test_another_process_renders_without_a_bake(file: Path, tmp_path: Path) -> N
 import sys, bpy, patchnet
 patchnet.register()
 bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-from patchnet.operators.bake import baker
+from patchnet.operators.cycles.bake import baker
 def refuse(*_):
     raise AssertionError("baked again")
 baker._run = refuse

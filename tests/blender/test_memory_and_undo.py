@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators import results
-from patchnet.operators.memory import held
+from patchnet.operators.session import results
+from patchnet.operators.session.memory import held
 from patchnet.tests.blender.job_scene import SMALL, drop_result_images, principled
 
 pytestmark = pytest.mark.usefixtures("scene")

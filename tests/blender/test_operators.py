@@ -10,12 +10,12 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators import results
-from patchnet.operators.images import show_image
-from patchnet.operators.job.run import run_job
-from patchnet.operators.job.settings import JobSettings
-from patchnet.operators.job.views import PICTURES
-from patchnet.operators.overlay.result_images import image_name
+from patchnet.operators.pipeline.run import run_job
+from patchnet.operators.pipeline.views import PICTURES
+from patchnet.operators.scene_access.images import show_image
+from patchnet.operators.session import results
+from patchnet.operators.session.result_images import image_name
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.codes.file import load_codes
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import load_octree

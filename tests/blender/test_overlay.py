@@ -7,14 +7,16 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators import overlay, results
-from patchnet.operators.cameras import tracing_camera
-from patchnet.operators.job.settings import JobSettings
-from patchnet.operators.job.views import ERROR_MAXIMUM, View, view
-from patchnet.operators.overlay import framed, handlers, kept, open_pictures, places, shown_view
+from patchnet.operators import overlay
+from patchnet.operators.overlay import framed, handlers, open_pictures, places
 from patchnet.operators.overlay.places import Rect
-from patchnet.operators.overlay.result_images import RAW, image_name, show_images
-from patchnet.operators.quiet import quiet
+from patchnet.operators.pipeline.views import ERROR_MAXIMUM, View, view
+from patchnet.operators.scene.cameras import tracing_camera
+from patchnet.operators.scene_access.quiet import quiet
+from patchnet.operators.session import results, shown_view
+from patchnet.operators.session import views as kept
+from patchnet.operators.session.result_images import RAW, image_name, show_images
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.image.colormaps import colormap
 from patchnet.patchnet_addon.image.heatmap import heatmap, places_on_page, with_legend
 from patchnet.patchnet_addon.runtime.progress import drain

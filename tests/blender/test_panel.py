@@ -6,13 +6,14 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet.operators import panels, presets_menu, results
-from patchnet.operators.panels.compare import PATCHNET_PT_compare
-from patchnet.operators.panels.main import PATCHNET_PT_main
-from patchnet.operators.panels.network import PATCHNET_PT_network
-from patchnet.operators.panels.octree import PATCHNET_PT_octree
-from patchnet.operators.panels.preview import PATCHNET_PT_preview
-from patchnet.operators.panels.statistics import PATCHNET_PT_statistics
+from patchnet.operators.session import results
+from patchnet.operators.ui import panels, presets_menu
+from patchnet.operators.ui.panels.compare import PATCHNET_PT_compare
+from patchnet.operators.ui.panels.main import PATCHNET_PT_main
+from patchnet.operators.ui.panels.network import PATCHNET_PT_network
+from patchnet.operators.ui.panels.octree import PATCHNET_PT_octree
+from patchnet.operators.ui.panels.preview import PATCHNET_PT_preview
+from patchnet.operators.ui.panels.statistics import PATCHNET_PT_statistics
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import SMALL, drop_result_images
@@ -205,7 +206,7 @@ def test_compare(scene: bpy.types.Scene) -> None:
 
 
 def test_device(scene: bpy.types.Scene) -> None:
-    from patchnet.operators.devices import gpu_is_enabled
+    from patchnet.operators.scene_access.devices import gpu_is_enabled
 
     if gpu_is_enabled(bpy.context):
         pytest.skip("a GPU is enabled here")

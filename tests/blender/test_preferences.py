@@ -9,12 +9,13 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators import preferences, results
-from patchnet.operators.cache.folder import cache_size, clear_cache
 from patchnet.operators.copy_diagnostics import diagnostics
-from patchnet.operators.job.encoder import chosen_encoder
-from patchnet.operators.job.run import run_job
-from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.pipeline.encoder import chosen_encoder
+from patchnet.operators.pipeline.run import run_job
+from patchnet.operators.session import results
+from patchnet.operators.session.cache_size import cache_size, clear_cache
+from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.operators.ui import preferences
 from patchnet.patchnet_addon.lightmap.page_cache import KeptPages
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.progress import drain

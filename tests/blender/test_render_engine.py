@@ -9,12 +9,12 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators import results
-from patchnet.operators.cameras import choose_cameras
-from patchnet.operators.engine import frame_octree, panels
-from patchnet.operators.engine.engine import ENGINE
-from patchnet.operators.engine.passes import NO_DEPTH, PASSES
-from patchnet.operators.engine.render_frame import pull
+from patchnet.operators.render_engine import frame_octree, panels
+from patchnet.operators.render_engine.engine import ENGINE
+from patchnet.operators.render_engine.passes import NO_DEPTH, PASSES
+from patchnet.operators.render_engine.render_frame import pull
+from patchnet.operators.scene.cameras import choose_cameras
+from patchnet.operators.session import results
 from patchnet.patchnet_addon.runtime.errors import StoppedError
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.runtime.worker import computed

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.engine.passes import PASSES
+from patchnet.operators.render_engine.passes import PASSES
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.tests.blender.engine_scene import build_for_engine, exact_passes, rendered
 

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators import results
+from patchnet.operators.session import results
 from patchnet.tests.blender.engine_scene import HEIGHT, WIDTH, build_for_engine, rendered
 
 HALF = WIDTH // 2

@@ -14,10 +14,10 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.bake import bake_luminance
-from patchnet.operators.bake import baker as baking
-from patchnet.operators.bake.bake_call import BakeTarget
-from patchnet.operators.bake.bake_key import bake_key, scene_key
+from patchnet.operators.cycles.bake import bake_luminance
+from patchnet.operators.cycles.bake import baker as baking
+from patchnet.operators.cycles.bake.bake_call import BakeTarget
+from patchnet.operators.cycles.bake.bake_key import bake_key, scene_key
 from patchnet.operators.scene import read_scene
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.charts import layout_charts

@@ -7,12 +7,12 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet.operators.bake import bake_luminance, baker
-from patchnet.operators.bake.bake_call import BakeTarget
-from patchnet.operators.cycles_refine.region_renders import region_renders
-from patchnet.operators.frames import kept_frame
-from patchnet.operators.overrides import changed
+from patchnet.operators.cycles.bake import bake_luminance, baker
+from patchnet.operators.cycles.bake.bake_call import BakeTarget
+from patchnet.operators.cycles.region_renders import region_renders
 from patchnet.operators.scene import read_scene
+from patchnet.operators.scene_access.frames import kept_frame
+from patchnet.operators.scene_access.overrides import changed
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.sampling.regions import Region
 from patchnet.patchnet_addon.tracing.camera import Camera

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.commands.scene_argument import scene_path
+from patchnet.commands.shared.scene_argument import scene_path
 from patchnet.operators.scene import open_scene, read_scene
 from patchnet.patchnet_addon.runtime.errors import SceneError
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 import bpy
 import pytest
 
-from patchnet.operators import results
-from patchnet.operators.scene_state import scene_state
-from patchnet.operators.staleness import look_again
+from patchnet.operators.session import results
+from patchnet.operators.session.staleness import look_again
+from patchnet.operators.state.scene_state import scene_state
 from patchnet.tests.blender.job_scene import SMALL, box, principled
 
 pytestmark = pytest.mark.usefixtures("scene")

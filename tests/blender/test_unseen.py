@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.cameras import choose_cameras
-from patchnet.operators.job.run import run_job
-from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.pipeline.run import run_job
+from patchnet.operators.scene.cameras import choose_cameras
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.engine_scene import build_for_engine, rendered
 from patchnet.tests.blender.job_scene import QUICK, build, principled, saved

@@ -8,10 +8,10 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet.operators.bake import bake_luminance
-from patchnet.operators.job.run import run_job
-from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.cycles.bake import bake_luminance
+from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.scene import read_scene
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import Steps, drain

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.cameras import choose_cameras
+from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.operators.demo_scene import build_room
-from patchnet.operators.job.settings import JobSettings
+from patchnet.operators.scene.cameras import choose_cameras
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, LightCheck, verify_light
 from patchnet.operators.verify_light.check import check_camera
-from patchnet.operators.verify_light.reference import render_reference
 from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain

@@ -3,8 +3,8 @@
 
 import numpy as np
 
-from patchnet.operators.engine.passes import combined
-from patchnet.operators.engine.viewport_preview import ViewportPreview
+from patchnet.operators.render_engine.passes import combined
+from patchnet.operators.render_engine.viewport_preview import ViewportPreview
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES

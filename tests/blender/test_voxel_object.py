@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators import results
+from patchnet.operators.session import results
 from patchnet.operators.voxel_object import NAME
 from patchnet.patchnet_addon.octree.voxel_cloud import voxel_cloud, voxel_counts
 from patchnet.tests.blender.job_scene import build
@@ -245,7 +245,7 @@ def test_shown_voxels_change_no_baked_light(scene: bpy.types.Scene) -> None:
 
 
 def test_shown_voxels_are_no_light_of_a_dark_scene() -> None:
-    from patchnet.operators.daylight import has_light
+    from patchnet.operators.cycles.daylight import has_light
 
     build(light=False)
     bpy.ops.patchnet.voxelize(depth=4)

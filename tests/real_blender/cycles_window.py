@@ -84,7 +84,7 @@ def drawn() -> None:
 
 def running() -> str:
     """Title of the job that works now, or ""."""
-    return module("job_operator").JobOperator.running
+    return module("jobs.job_operator").JobOperator.running
 
 
 def watched(until) -> clicks.Session:
@@ -93,7 +93,7 @@ def watched(until) -> clicks.Session:
     while not until():
         if bpy.app.is_job_running("RENDER"):
             watch["ticks"] += 1
-            watch["fractions"].add(round(module("job_operator").JobOperator.fraction, 6))
+            watch["fractions"].add(round(module("jobs.job_operator").JobOperator.fraction, 6))
             if watch["ticks"] % 10 == 0:  # without a graphics card drawing takes longer than all else
                 clicks.area("VIEW_3D").tag_redraw()
         yield 0.02
@@ -134,7 +134,7 @@ def by_button() -> clicks.Session:
     """The button of the panel, then the same from a script, which waits for it."""
     area = clicks.area("VIEW_3D")
     keep = {"PATCHNET_PT_main", "PATCHNET_PT_cycles_refine"}
-    classes = [item for item in module("panels").CLASSES if hasattr(item, "bl_category")]
+    classes = [item for item in module("ui.panels").CLASSES if hasattr(item, "bl_category")]
     for item in reversed(classes):
         bpy.utils.unregister_class(item)
     for item in [each for each in classes if each.__name__ in keep]:

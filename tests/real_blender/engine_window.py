@@ -24,7 +24,7 @@ seen = visit.seen
 
 def watched(viewports: list) -> None:
     """Keep every viewport that draws, to ask it for its state."""
-    kind = module("engine.viewport").Viewport
+    kind = module("render_engine.viewport").Viewport
     before = kind.draw
 
     def draw(self, engine, context):
@@ -59,7 +59,7 @@ def preview():
     """Refining while the view stands still, starting anew when it moves, done in the end."""
     import importlib
 
-    importlib.import_module(f"{PACKAGE}.operators.engine.viewport")
+    importlib.import_module(f"{PACKAGE}.operators.render_engine.viewport")
     viewports: list = []
     watched(viewports)
     values = clicks.window().scene.patchnet

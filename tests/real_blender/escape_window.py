@@ -18,7 +18,7 @@ import clicks
 import x_keys
 from visits import OUT, Visit
 
-ENGINE = "bl_ext.user_default.patchnet.operators.engine"
+ENGINE = "bl_ext.user_default.patchnet.operators.render_engine"
 
 SIZE = 960, 540  # minutes of work, where all pixels are refined
 

@@ -26,7 +26,7 @@ heard = Heard()
 
 def operators() -> type:
     """The class that knows which job works now."""
-    return module("job_operator").JobOperator
+    return module("jobs.job_operator").JobOperator
 
 
 def running() -> str:
@@ -41,7 +41,7 @@ def modal() -> list[str]:
 
 def result():
     """What was computed for the scene so far, or None."""
-    return module("results").result_of(clicks.window().scene)
+    return module("session.results").result_of(clicks.window().scene)
 
 
 def start(samples: int, name: str = "run_all") -> clicks.Session:

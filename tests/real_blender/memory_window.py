@@ -31,7 +31,7 @@ def measure(part: str) -> clicks.Session:
     """The process's bytes, and what the panel says of them."""
     yield 1.0
     heap.trim()
-    held = module("memory").held()
+    held = module("session.memory").held()
     seen[part] = {"process": heap.resident_bytes(), "results": held.results, "images": held.images}
     visit.save(part)
 
@@ -65,7 +65,7 @@ def preview() -> clicks.Session:
         setattr(scene.patchnet, name, value)
     with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
         bpy.ops.patchnet.run_all("INVOKE_DEFAULT")
-    yield from clicks.wait_for(lambda: not module("job_operator").JobOperator.running, "the job ends", 400.0)
+    yield from clicks.wait_for(lambda: not module("jobs.job_operator").JobOperator.running, "the job ends", 400.0)
     seen["steps"] = list(heard.labels)
     yield from measure("job")
 
@@ -96,7 +96,7 @@ def kernels() -> None:
     folder = Path(os.environ.get("PATCHNET_CACHE", "")) / "kernels"
     (mark,) = folder.rglob("all-*")
     later = [path.stat().st_mtime_ns > mark.stat().st_mtime_ns for path in folder.rglob("*.nbc")]
-    about = module("compile_ahead.ahead").ABOUT
+    about = module("jobs.compile_ahead.ahead").ABOUT
     seen["kernels"] = {"about": about, "ahead": later.count(False), "later": later.count(True)}
 
 

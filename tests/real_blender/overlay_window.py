@@ -211,7 +211,7 @@ def automatic():
 
 def end():
     """A moved camera is marked; free memory ends all."""
-    handlers, textures, kept = module("overlay.handlers"), module("overlay.textures"), module("overlay.kept")
+    handlers, textures, kept = module("overlay.handlers"), module("overlay.textures"), module("session.views")
     scene = clicks.window().scene
     scene.camera.location.x += 0.3
     yield from shot("overlay-stale")

@@ -25,7 +25,7 @@ seen["drawn"] = []
 
 def result():
     """What was computed for the scene, or None."""
-    return module("results").result_of(clicks.window().scene)
+    return module("session.results").result_of(clicks.window().scene)
 
 
 def call(name: str, **values: object) -> None:
@@ -55,7 +55,7 @@ def prepare():
 
 def tabs() -> list[type]:
     """The panels of the tab."""
-    return [item for item in module("panels").CLASSES if hasattr(item, "bl_category")]
+    return [item for item in module("ui.panels").CLASSES if hasattr(item, "bl_category")]
 
 
 def open_all() -> None:

@@ -29,7 +29,7 @@ heard = Heard()
 
 def result():
     """What there is for the scene, or None."""
-    return module("results").result_of(clicks.window().scene)
+    return module("session.results").result_of(clicks.window().scene)
 
 
 def told() -> dict[str, object]:
@@ -50,7 +50,7 @@ def run(job: str) -> clicks.Session:
     with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
         getattr(bpy.ops.patchnet, job)("INVOKE_DEFAULT")
     yield from clicks.wait_for(lambda: bool(heard.begun), "the job starts")
-    yield from clicks.wait_for(lambda: not module("job_operator").JobOperator.running, "the job ends", 300.0)
+    yield from clicks.wait_for(lambda: not module("jobs.job_operator").JobOperator.running, "the job ends", 300.0)
     yield 0.5
     return list(heard.labels)
 

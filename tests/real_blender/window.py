@@ -27,12 +27,12 @@ heard = Heard()
 
 def running() -> str:
     """Title of the job that works now, or ""."""
-    return module("job_operator").JobOperator.running
+    return module("jobs.job_operator").JobOperator.running
 
 
 def result():
     """What was computed for the scene so far, or None."""
-    return module("results").result_of(clicks.window().scene)
+    return module("session.results").result_of(clicks.window().scene)
 
 
 def pictures() -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from patchnet.commands import main
-from patchnet.commands.stage_clock import StageClock
+from patchnet.commands.shared.stage_clock import StageClock
 from patchnet.patchnet_addon.lod.depth import coarse_octree, estimate
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain

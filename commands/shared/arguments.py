@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Arguments that are refused with our own sentence before anything is done: numbers and outputs."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ...patchnet_addon.runtime.bounds import Bounds
+from ...patchnet_addon.runtime.errors import OutputError
+
+
+def add_number(parser: argparse._ActionsContainer, flag: str, bounds: Bounds, **others: Any) -> None:
+    """An argument that is a number of the table, or several of them with `nargs`.
+
+    A value outside raises SettingError, which argparse lets through.
+    """
+    parser.add_argument(flag, type=partial(bounds.read, what=flag), **others)
+
+
+def add_out(parser: argparse.ArgumentParser, text: str, **others: Any) -> None:
+    """`--out`: a path that is not empty. An empty one would be the working folder, which nobody meant to fill."""
+    parser.add_argument("--out", type=_output, help=text, **others)
+
+
+def _output(text: str) -> Path:
+    if not text.strip():
+        raise OutputError("--out is empty: give the path of the output, or . for the working folder")
+    return Path(text)

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`--frames` of `patchnet run` and `patchnet octree`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.frames import frame_range, parse_frames
+from .lines import say_note, say_result
+from .scene_argument import opened_file
+
+if TYPE_CHECKING:
+    from ...operators.animation.animation import AnimationResult
+    from ...operators.animation.frame_maker import FrameMaker
+
+
+def add_frames(parser: argparse.ArgumentParser) -> None:
+    """Which frames, and what is done with those that are there."""
+    parser.add_argument(
+        "--frames", metavar="FRAMES",
+        help="bake these frames one after the other, each into a folder of its own: 1-24, 1-24x2, 1,5,9, or all of the "
+        "scene's range; frames that are there are skipped",
+    )  # fmt: skip
+    parser.add_argument("--overwrite", action="store_true", help="with --frames: make frames that are there, too")
+    parser.add_argument(
+        "--same-grid", action="store_true",
+        help="with --frames: one cube and depth for all octrees, so that pictures do not swim; reads all frames first",
+    )  # fmt: skip
+
+
+def check_frames(args: argparse.Namespace) -> None:
+    """Raises SettingError for frames that cannot be, before anything is opened."""
+    if args.frames is not None:
+        parse_frames(args.frames)
+    elif args.overwrite or args.same_grid:
+        raise SettingError(f"--{'overwrite' if args.overwrite else 'same-grid'} is about --frames: give them, too")
+
+
+def bake_with_bars(args: argparse.Namespace, maker: FrameMaker, out: Path) -> AnimationResult:
+    """Bake frames of the scene that is open in Blender, with progress bars on stderr."""
+    import bpy
+
+    from ...operators.animation.animation import FramePlan, bake_frames
+    from ...patchnet_addon.runtime.progress import drain
+    from .progress_bars import ProgressBars
+    from .quiet import quiet_stdout
+
+    scene = bpy.context.scene
+    frames = parse_frames(args.frames, frame_range(scene.frame_start, scene.frame_end, scene.frame_step))
+    plan = FramePlan(frames, out, args.overwrite, args.same_grid, opened_file(args.scene))
+    with quiet_stdout(), ProgressBars() as bars:
+        return drain(bake_frames(bpy.context, maker, plan), bars.show)
+
+
+def print_frames(result: AnimationResult, out: Path) -> None:
+    """Warnings, a line a frame, and where the results are."""
+    for warning in result.warnings:
+        say_note(warning)
+    for entry in result.report["frames"]:
+        frame = entry["frame"]
+        skipped = frame in result.skipped
+        text = f"Frame {frame} is there: skipped" if skipped else f"Frame {frame}: {_figures(entry)}"
+        say_result(text, frame=frame, file=out / entry["folder"], skipped=skipped)
+    say_result(f"{result.sentence()}; results are in {out}", file=out, made=result.made, skipped=result.skipped)
+
+
+def _figures(entry: dict[str, Any]) -> str:
+    octree = entry["octree"]
+    figures = [f"depth {octree['depth']}, {octree['leaves']:,} voxels"]
+    figures += [f"{view['camera']} error {view['mse_unrefined']:.2e} -> {view['mse']:.2e}" for view in entry["views"]]
+    return "; ".join(figures)

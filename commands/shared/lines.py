@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What commands say, on the terminal for people and as events of the log, and the folders of what they write."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from pathlib import Path
+from typing import Any
+
+from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.log import event, is_json
+
+
+def say_result(text: str, **fields: Any) -> None:
+    """What was made; `fields` for programs: file, frame, and figures."""
+    print(text)
+    event("result", text, **fields)
+
+
+def say_note(text: str) -> None:
+    """What was assumed or left out; people get it on stderr, so that it is seen where stdout is kept in a file."""
+    if not is_json():
+        print(f"Note: {text}", file=sys.stderr)
+    event("warning", text, logging.WARNING)
+
+
+def say_error(text: str, exit_code: int, *, prefix: str = "patchnet: ") -> None:
+    """Why the command ends with `exit_code`; people get it on stderr, too."""
+    if not is_json():
+        print(f"{prefix}{text}", file=sys.stderr)
+    event("error", text.removeprefix("error: "), logging.ERROR, exit_code=exit_code)
+
+
+def make_parent(path: Path) -> None:
+    """Make the folder of a file that is to be written; raises PatchNetError if it cannot be made."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as cause:
+        raise PatchNetError(f"{path.parent} cannot be made ({cause.strerror}): choose another folder") from cause

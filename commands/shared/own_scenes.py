@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scenes that the project builds itself, in the place of a file's name."""
+
+from __future__ import annotations
+
+from .scene_argument import open_given
+
+DEMO, ROOM = "demo", "room"
+
+
+def open_or_build(scene: str | None) -> None:
+    """Open the scene's file if one is named, or build one of the project's own scenes in an empty file."""
+    import bpy
+
+    from ...operators.demo_scene import build_courtyard, build_room
+    from .quiet import quiet_stdout
+
+    builder = {DEMO: build_courtyard, ROOM: build_room}.get(scene or "")
+    if scene is None or builder is None:
+        open_given(scene)
+        return
+    with quiet_stdout():
+        bpy.ops.wm.read_homefile(use_empty=True)
+        builder(bpy.context.scene)
+    bpy.context.scene.name = scene.capitalize()

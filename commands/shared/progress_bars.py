@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Progress of a job on stderr: one bar a step, plain lines where there is no tqdm (Blender), or events of the log."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import time
+from types import TracebackType
+from typing import Any
+
+from ...patchnet_addon.runtime.log import is_json
+from ...patchnet_addon.runtime.progress import Progress
+from ...patchnet_addon.runtime.progress_log import ProgressLog
+from ...patchnet_addon.runtime.remaining import Remaining
+
+_FORMAT = "{desc} {bar} {n:3.0f} % {elapsed}{postfix}"
+_PAUSE_S = 10.0  # between two lines of one step
+
+
+class ProgressBars:
+    """Context manager whose `show` is an `on_progress` of `drain`."""
+
+    def __init__(self) -> None:
+        self._bars: _Bars | None = None
+        if is_json():
+            self.show = ProgressLog("").see
+        elif importlib.util.find_spec("tqdm") is None:
+            self.show = _Lines().show
+        else:
+            self._bars = _Bars()
+            self.show = self._bars.show
+
+    def __enter__(self) -> ProgressBars:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bars is not None:
+            self._bars.close(finished=kind is None)
+
+
+class _Lines:
+    """A line when a step begins, and one now and then while it lasts."""
+
+    def __init__(self) -> None:
+        self._label = ""
+        self._said = 0.0
+        self._remaining = Remaining()
+
+    def show(self, progress: Progress) -> None:
+        self._remaining.see(progress)
+        now = time.monotonic()
+        if progress.label == self._label and now - self._said < _PAUSE_S:
+            return
+        text = progress.label
+        if progress.label == self._label:
+            left = self._remaining.text()
+            text += f": {progress.fraction:.0%}{', ' if left else ''}{left}"
+        self._label, self._said = progress.label, now
+        print(text, file=sys.stderr, flush=True)
+
+
+class _Bars:
+    """A bar a step; a step that is named anew gets a new one."""
+
+    def __init__(self) -> None:
+        self._bar: Any = None
+        self._label = ""
+        self._remaining = Remaining()
+
+    def show(self, progress: Progress) -> None:
+        from tqdm import tqdm
+
+        restarted = self._bar is not None and 100.0 * progress.fraction < self._bar.n - 1.0
+        if progress.label != self._label or self._bar is None or restarted:
+            self.close(finished=True)
+            self._label = progress.label
+            self._bar = tqdm(total=100.0, desc=f"{progress.label:<36}", bar_format=_FORMAT)
+        self._remaining.see(progress)
+        self._bar.set_postfix_str(self._remaining.text(), refresh=False)
+        self._bar.update(max(100.0 * progress.fraction - self._bar.n, 0.0))
+
+    def close(self, finished: bool) -> None:
+        if self._bar is not None:
+            if finished:
+                self._bar.set_postfix_str("", refresh=False)
+                self._bar.update(100.0 - self._bar.n)
+            self._bar.close()
+            self._bar = None

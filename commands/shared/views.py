@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The views that `--depth fit` of `patchnet octree` fits to; no sub-command."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...patchnet_addon.runtime import bounds
+from .arguments import add_number
+from .lines import say_note
+
+if TYPE_CHECKING:
+    from ...patchnet_addon.octree.octree import Octree
+    from ...patchnet_addon.tracing.camera import Camera
+
+
+def add_views(parser: argparse.ArgumentParser) -> None:
+    """What `--depth fit` fits to."""
+    add_number(
+        parser, "--view", bounds.COORDINATE, nargs=6, action="append", default=[],
+        metavar=("X", "Y", "Z", "TX", "TY", "TZ"),
+        help="with --depth fit: position and target of a camera of 50 degrees, in world units; may be repeated",
+    )  # fmt: skip
+    add_number(parser, "--size", bounds.VIEW_PX, nargs=2, default=(1920, 1080), help="pixels of the views (1920 1080)")
+    add_number(
+        parser, "--memory", bounds.MEMORY_GIB, metavar="GIB", help="what building may take, with --depth fit (all)"
+    )
+
+
+def view_cameras(args: argparse.Namespace) -> list[Camera]:
+    """The cameras of `add_views`."""
+    from ...patchnet_addon.tracing.camera import Camera
+
+    width, height = args.size
+    return [
+        Camera.look_at(np.array(values[:3]), np.array(values[3:]), size_px=(width, height), name=f"View {number}")
+        for number, values in enumerate(args.view, 1)
+    ]
+
+
+def say_unseen(octree: Octree, cameras: Iterable[Camera]) -> None:
+    """Say of each camera why it sees nothing, or only black, if that is so."""
+    from ...patchnet_addon.tracing.render import first_hits
+    from ...patchnet_addon.tracing.unseen import why_unseen
+
+    for camera in cameras:
+        hits = first_hits(octree, camera)
+        if (text := why_unseen(octree, camera, hits, float(hits.luminance.max()))) is not None:
+            say_note(text)

@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Frames of an animation, one after the other, each in a folder of its own; those that are there are skipped."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, REPORT, FileKind
+from ...patchnet_addon.runtime.frames import errors_of_frame
+from ...patchnet_addon.runtime.outputs import check_outputs
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ..pipeline.output_folder import output_folder
+from ..pipeline.reports import REPORT_NAME, write_json
+from ..pipeline.versions import machine, versions
+from ..scene_access.frames import go_to_frame, kept_frame
+from .common import same_daylight, same_grid
+from .frame_key import content_key, file_key
+from .frame_maker import Common, FrameMaker
+from .frame_record import RECORD_NAME, FrameRecord, discard, files_in, frame_folder, read_record, write_record
+
+
+@dataclass(frozen=True)
+class FramePlan:
+    """Which frames go where.
+
+    overwrite: make frames that are there, too. one_grid: the octrees of all frames have the same cube and depth.
+    scene_file: .blend file that was just opened, and not changed since; None if that is not known.
+    """
+
+    frames: tuple[int, ...]
+    out: Path
+    overwrite: bool = False
+    one_grid: bool = False
+    scene_file: Path | None = None
+
+    def __post_init__(self) -> None:
+        if not self.frames:
+            raise SettingError("There is no frame to bake: give at least one")
+
+
+@dataclass
+class AnimationResult:
+    """Which frames were made, which were there, figures of all of them, and warnings with the frame they are from."""
+
+    made: list[int] = field(default_factory=list)
+    skipped: list[int] = field(default_factory=list)
+    report: dict[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def sentence(self) -> str:
+        """What was done."""
+        made, skipped = len(self.made), len(self.skipped)
+        there = f", {skipped} {'was' if skipped == 1 else 'were'} there" if skipped else ""
+        return f"{made} frame{'' if made == 1 else 's'} made{there}"
+
+
+def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) -> Steps[AnimationResult]:
+    """Make the frames that are not there; what is made of one is freed before the next.
+
+    The scene is at its own frame again afterwards, on errors and when closed, too; frames that are finished by then
+    stay. Raises PatchNetError that names the frame.
+    """
+    files, inputs = maker.files(context) | {RECORD_NAME: FRAME_RECORD}, maker.inputs()
+    check_outputs(_all_files(plan, files), inputs, folder=plan.out)
+    with kept_frame(context.scene):
+        common = Common(exposure=maker.exposure)
+        if maker.bakes:
+            common = replace(common, daylight=(yield from same_daylight(context, plan.frames)))
+        if plan.one_grid:
+            bounds, depth = yield from same_grid(context, plan.frames, maker)
+            common = replace(common, bounds=bounds, depth=depth)
+        animation = _Animation(context, maker, plan, common)
+        yield from animation.find_reference()
+        for frame in plan.frames:
+            yield from animation.bake(frame)
+        animation.write_report(complete=True)
+    return animation.result
+
+
+def _all_files(plan: FramePlan, files: Mapping[str, FileKind]) -> dict[Path, FileKind]:
+    """All files of an animation that are not there as we wrote them; `files` are those of a frame."""
+    folders = [folder for frame in plan.frames if read_record(folder := frame_folder(plan.out, frame)) is None]
+    return {plan.out / REPORT_NAME: REPORT} | {
+        folder / name: kind for folder in folders for name, kind in files.items()
+    }
+
+
+class _Animation:
+    """Bakes frames, and knows what is common to those that are still to come.
+
+    One of them, the reference, chooses the exposure for all where none was given: else a lamp that goes down would
+    darken nothing. Of frames that are there it is the one that did so for them.
+    """
+
+    def __init__(self, context: bpy.types.Context, maker: FrameMaker, plan: FramePlan, common: Common) -> None:
+        self._context, self._maker, self._plan, self._common = context, maker, plan, common
+        self._reference: int | None = None
+        self._summaries: dict[int, dict[str, Any]] = {}
+        self._last_s: float | None = None
+        self.result = AnimationResult()
+
+    def find_reference(self) -> Steps[None]:
+        """The frame whose exposure is everybody's."""
+        if self._maker.exposure is not None:
+            return
+        self._reference = self._plan.frames[0]
+        before = _reference_of(self._plan.out)
+        if self._plan.overwrite or before is None or (record := self._record(before)) is None:
+            return
+        yield Progress(0, 1, f"Looking at frame {before}")
+        with suppress(PatchNetError):  # the frame may be empty by now
+            if self._fits(before, record) or record.content == self._content(before):
+                self._reference = before
+                self._set_exposure(record.summary)
+
+    def bake(self, frame: int) -> Steps[None]:
+        """Make a frame or skip it."""
+        record = None if self._plan.overwrite else self._record(frame)
+        number = f"Frame {frame}, {self._plan.frames.index(frame) + 1} of {len(self._plan.frames)}"
+        with errors_of_frame(frame):
+            if record is None or not self._fits(frame, record):
+                yield self._at(frame, number, "Looking at the scene")
+                content = self._content(frame)
+                if record is None or record.content != content:
+                    yield from self._make(frame, content, number)
+                    return
+                write_record(frame_folder(self._plan.out, frame), replace(record, file=self._file_key(frame)))
+            yield self._at(frame, f"Frame {frame} is there", "skipped")
+            self.result.skipped.append(frame)
+            self._done(frame, record.summary)
+
+    def _make(self, frame: int, content: str, number: str) -> Steps[None]:
+        start, folder = time.monotonic(), frame_folder(self._plan.out, frame)
+        files, inputs = self._maker.files(self._context), self._maker.inputs()
+        with output_folder(folder, files, inputs) as temporary:
+            steps = self._maker.make(self._context, self._common_of(frame), temporary)
+            summary = yield from self._counted(steps, frame, number, start)
+            written = files_in(temporary)
+            discard(folder, inputs)
+        write_record(folder, FrameRecord(frame, content, self._file_key(frame), written, summary))
+        self._last_s = time.monotonic() - start
+        self.result.made.append(frame)
+        self._done(frame, summary)
+        self.write_report(complete=False)
+
+    def _counted(self, steps: Steps[dict[str, Any]], frame: int, number: str, start: float) -> Steps[dict[str, Any]]:
+        """The same steps with the frame's number, and with the share of all frames that is done."""
+        try:
+            while True:
+                report = next(steps)
+                share = min((time.monotonic() - start) / self._last_s, 0.99) if self._last_s else 0.0
+                label, step = f"{number}: {report.label}", report.step or report.label
+                yield replace(report, label=label, whole=self._share(share), frame=frame, step=step)
+        except StopIteration as stop:
+            return stop.value
+        finally:
+            steps.close()
+
+    def _at(self, frame: int, number: str, step: str) -> Progress:
+        return Progress(1, 1, f"{number}: {step}", whole=self._share(0.0), frame=frame, step=step)
+
+    def _share(self, of_frame: float) -> float:
+        """Share of the frames to make; a frame takes as long as the one before. Skipped ones took no time."""
+        wanted = len(self._plan.frames) - len(self.result.skipped)
+        return (len(self.result.made) + of_frame) / max(wanted, 1)
+
+    def _done(self, frame: int, summary: dict[str, Any]) -> None:
+        self._summaries[frame] = summary
+        if frame == self._reference:
+            self._set_exposure(summary)
+
+    def _set_exposure(self, summary: dict[str, Any]) -> None:
+        self._common = replace(self._common, exposure=float(summary["exposure"]))
+
+    def _common_of(self, frame: int) -> Common:
+        return replace(self._common, exposure=None) if frame == self._reference else self._common
+
+    def _record(self, frame: int) -> FrameRecord | None:
+        record = read_record(frame_folder(self._plan.out, frame))
+        return record if record is not None and "exposure" in record.summary else None
+
+    def _fits(self, frame: int, record: FrameRecord) -> bool:
+        """Whether files alone say that the frame would become what it is."""
+        return self._plan.scene_file is not None and record.file == self._file_key(frame)
+
+    def _file_key(self, frame: int) -> str:
+        path = self._plan.scene_file
+        return "" if path is None else file_key(path, self._maker.settings_text(self._common_of(frame)), frame)
+
+    def _content(self, frame: int) -> str:
+        """The key of a frame, which the scene is at from now on."""
+        go_to_frame(self._context.scene, frame)
+        return content_key(self._context, self._maker.scope, self._maker.settings_text(self._common_of(frame)))
+
+    def write_report(self, *, complete: bool) -> None:
+        """What is there by now. Raises PatchNetError."""
+        common, out = self._common, self._plan.out
+        self.result.warnings = _warnings(self._summaries)
+        self.result.report = {
+            "complete": complete,
+            "reference": self._reference,
+            "exposure": common.exposure,
+            "daylight": common.daylight,
+            "bounds_world": common.bounds,
+            "frames": [
+                {"frame": frame, "folder": frame_folder(out, frame).name, **summary}
+                for frame, summary in sorted(self._summaries.items())
+            ],
+            "versions": versions(),
+            "machine": machine(),
+        }
+        write_json(out / REPORT_NAME, self.result.report, REPORT)
+
+
+def _reference_of(out: Path) -> int | None:
+    """The frame that an earlier call took the exposure from."""
+    try:
+        number = json.loads((out / REPORT_NAME).read_text(encoding="utf-8"))["reference"]
+    except (OSError, ValueError, TypeError, KeyError):
+        return None
+    return number if isinstance(number, int) else None
+
+
+def _warnings(summaries: dict[int, dict[str, Any]]) -> tuple[str, ...]:
+    """Each warning once, with the frames that it is about."""
+    frames: dict[str, list[int]] = {}
+    for frame, summary in sorted(summaries.items()):
+        for text in summary.get("warnings", ()):
+            frames.setdefault(text, []).append(frame)
+    return tuple(f"{_which(numbers)}: {text}" for text, numbers in frames.items())
+
+
+def _which(numbers: Sequence[int]) -> str:
+    more = len(numbers) - 1
+    return f"Frame {numbers[0]}" + (f" and {more} more" if more else "")

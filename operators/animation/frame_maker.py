@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What makes the files of one frame, and what all frames of an animation have in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import bpy
+
+from ...patchnet_addon.runtime.file_kinds import FileKind
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ..importance import importance_key
+from ..pipeline.camera_folders import view_folders
+from ..pipeline.output_files import job_files, job_inputs, scene_inputs
+from ..pipeline.run import JobResult, run_job, write_result
+from ..pipeline.stages import choose_grid, load_network
+from ..scene import SceneMesh
+from ..scene.cameras import choose_cameras, scene_cameras
+from ..settings.job_settings import CYCLES, Bounds, JobSettings
+
+if TYPE_CHECKING:
+    from ...patchnet_addon.network.weights import Weights
+
+
+@dataclass(frozen=True)
+class Common:
+    """What frames share, so that their pictures do not flicker.
+
+    exposure: factor on luminance; None where the frame chooses it, for all others.
+    daylight: whether sun and sky are added; None where the light is not baked.
+    bounds, depth: of the one grid, None where each frame has its own.
+    """
+
+    exposure: float | None = None
+    daylight: bool | None = None
+    bounds: Bounds | None = None
+    depth: int | None = None
+
+
+class FrameMaker(ABC):
+    """Makes frames; the scene is at the frame in question whenever a method is called.
+
+    scope: which objects. exposure: as it was given, None if it is to be chosen. bakes: whether Cycles computes light.
+    """
+
+    scope: str
+    exposure: float | None
+    bakes: bool
+
+    @abstractmethod
+    def settings_text(self, common: Common) -> str:
+        """All settings that the files depend on."""
+
+    @abstractmethod
+    def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
+        """Kind of each file that may be made at any frame, by its path in the frame's folder. Raises SceneError."""
+
+    def inputs(self) -> list[Path]:
+        """Files that are read: they are never replaced."""
+        return list(scene_inputs())
+
+    @abstractmethod
+    def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
+        """Write the frame's files into `folder`; the result is its summary, with "exposure" and "warnings"."""
+
+    def voxel_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
+        """Side of the voxels that this frame needs, and whether memory bounds it; None if settings say it."""
+        yield from ()
+        return None
+
+
+class JobMaker(FrameMaker):
+    """The whole job, with pictures: what `run` does."""
+
+    def __init__(self, settings: JobSettings) -> None:
+        """Raises WeightsFileError."""
+        self._settings = replace(settings, out=None)
+        self._weights: Weights = load_network(settings.weights)
+        self._painted = importance_key(settings.importance)
+        self.scope, self.exposure, self.bakes = settings.scope, settings.exposure, settings.light == CYCLES
+
+    def settings_text(self, common: Common) -> str:
+        """The job's settings, with weights and importance by their contents."""
+        return f"{replace(self._of_frame(common), weights=None)!r} {self._weights.hash} {self._painted}"
+
+    def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
+        """Pictures of the cameras that are named, or of all that are the active one at some frame."""
+        names = self._settings.cameras or _active_cameras(context.scene)
+        return job_files(view_folders(context.scene, names).values(), self._settings.cycles)
+
+    def inputs(self) -> list[Path]:
+        """With weights and a painted mask."""
+        return job_inputs(self._settings)
+
+    def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
+        """Octree, codes, pictures and report."""
+        result = yield from run_job(context, self._of_frame(common))
+        yield Progress(0, 1, "Writing files")
+        write_result(folder, result)
+        return _summary(result)
+
+    def voxel_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
+        """By the cameras, where the depth is theirs to say."""
+        settings = self._settings
+        if settings.depth is not None or settings.voxel_world is not None or settings.fit:
+            return None
+        depsgraph = context.evaluated_depsgraph_get()
+        cameras = choose_cameras(depsgraph, settings.cameras, settings.size, source.bounds_world)
+        choice = yield from choose_grid(source, cameras, settings)
+        return choice.grid.voxel_world, bool(choice.warnings)
+
+    def _of_frame(self, common: Common) -> JobSettings:
+        settings = self._settings
+        return replace(
+            settings,
+            exposure=common.exposure,
+            daylight=common.daylight,
+            bounds=common.bounds,
+            depth=common.depth or settings.depth,
+        )
+
+
+def _active_cameras(scene: bpy.types.Scene) -> list[str]:
+    """The active camera, and those that markers make it."""
+    cameras = [scene.camera, *(marker.camera for marker in scene.timeline_markers)]
+    known = scene_cameras(scene)
+    return [camera.name for camera in cameras if camera is not None and camera.name in known]
+
+
+def _summary(result: JobResult) -> dict[str, Any]:
+    """The figures of a frame that the report of the animation repeats."""
+    report = result.report
+    return {
+        "exposure": result.coded.octree.exposure,
+        "octree": report["octree"],
+        "views": [_view_summary(view, report["strategy"]) for view in report["frames"]],
+        "seconds": sum(report["timings_s"].values()),
+        "warnings": list(result.warnings),
+    }
+
+
+def _view_summary(view: dict[str, Any], strategy: str) -> dict[str, Any]:
+    names: Sequence[str] = ("camera", "folder", "size", "lookahead_share", "mse_unrefined")
+    return {name: view[name] for name in names} | {"mse": view["mse"][strategy]}

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The note in a frame's folder that says that all of its files are there, and what they were made from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD
+from ...patchnet_addon.runtime.outputs import identities, identity
+from ..pipeline.reports import is_inside, write_json
+
+RECORD_NAME = "frame.json"
+
+
+@dataclass(frozen=True)
+class FrameRecord:
+    """A finished frame.
+
+    content: `content_key`. file: `file_key`, or "" where no file is known to hold the scene.
+    files: bytes of each file by its path in the folder. summary: figures for the report of the animation.
+    """
+
+    frame: int
+    content: str
+    file: str
+    files: dict[str, int]
+    summary: dict[str, Any]
+
+
+def frame_folder(out: Path, frame: int) -> Path:
+    """Where a frame's files are: frame-0001 and so on."""
+    return out / f"frame-{frame:04d}"
+
+
+def files_in(folder: Path) -> dict[str, int]:
+    """Bytes of all files in a folder, by their paths in it."""
+    return {
+        path.relative_to(folder).as_posix(): path.stat().st_size for path in sorted(folder.rglob("*")) if path.is_file()
+    }
+
+
+def read_record(folder: Path) -> FrameRecord | None:
+    """What is known of the frame in `folder`, or None if it is not there as a whole."""
+    try:
+        record = FrameRecord(**json.loads((folder / RECORD_NAME).read_text(encoding="utf-8")))
+        there = all((folder / name).stat().st_size == size for name, size in record.files.items())
+    except (OSError, ValueError, TypeError, AttributeError):
+        return None
+    return record if there and record.files and isinstance(record.summary, dict) else None
+
+
+def write_record(folder: Path, record: FrameRecord) -> None:
+    """From now on the frame counts as finished; raises OutputError if it cannot be written."""
+    write_json(folder / RECORD_NAME, asdict(record), FRAME_RECORD)
+
+
+def discard(folder: Path, inputs: Iterable[Path]) -> None:
+    """Take away what an earlier frame left in `folder`, its note first, so that nothing of it is taken for new.
+
+    Files that it did not write stay, and those of `inputs`. Raises OSError.
+    """
+    record, keep = read_record(folder), identities(inputs)
+    (folder / RECORD_NAME).unlink(missing_ok=True)
+    for name in record.files if record else ():
+        if is_inside(name) and identity(folder / name) not in keep:
+            (folder / name).unlink(missing_ok=True)
+    for path in sorted(folder.glob("*/"), reverse=True):
+        if path.is_dir() and not any(path.iterdir()):
+            path.rmdir()

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Baking the light of a surface, page of charts by page.
+
+The scene stays as it is: nothing in it is hidden. For each page a mesh of its triangles is added, lifted off the
+surface by far less than a voxel and invisible to all rays, so that it neither shadows nor reflects anything; Cycles
+computes the light that arrives on it. So instances stay instances, and memory is bounded by the page. Between two
+pages the scene is exactly as before, and so is a file that is saved meanwhile.
+
+Opaque surfaces are baked on the side that their normals show, on the other where that is next to dark. Both sides count
+of cut-outs and of what is translucent, and of all sheets if asked for; not of closed surfaces, whose inner side nobody
+sees. A side that gets next to no light beside the other does not count: it is enclosed, although the surface has a gap.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import bpy
+import numpy as np
+
+from ....patchnet_addon.lightmap.charts import Charts
+from ....patchnet_addon.runtime.bounds import SAMPLES
+from ....patchnet_addon.runtime.errors import SettingError
+from ....patchnet_addon.runtime.progress import Progress, Steps
+from ....patchnet_addon.runtime.worker import beside
+from ...scene.scene_mesh import SceneMesh
+from ...scene_access.devices import AUTOMATIC, bakes_on_gpu
+from ...state.watch import check_unchanged
+from .bake_key import bake_key, scene_key
+from .baker import Baker
+
+if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
+    from ....patchnet_addon.lightmap.atlas import Atlas
+    from ....patchnet_addon.lightmap.page_cache import KeptPages
+
+MAX_TEXELS = 1 << 25
+# Triangles up to which pages have this side: a bake starts with reading the whole scene into Cycles, so that large
+# scenes want few pages, small ones many: for reports of progress, and for memory.
+_PAGE_SIDES = ((200_000, 512), (1_000_000, 1024), (np.inf, 2048))
+_SIDES = tuple(str(1 << log_side) for log_side in range(13))
+
+
+def bake_luminance(
+    context: bpy.types.Context,
+    source: SceneMesh,
+    texel_world: float | np.ndarray,
+    samples: int,
+    seed: int = 0,
+    *,
+    color: bool = False,
+    both_sides: bool = False,
+    max_texels: int = MAX_TEXELS,
+    kept: KeptPages | None = None,
+    device: str = AUTOMATIC,
+    with_daylight: bool = False,
+    depsgraph: bpy.types.Depsgraph | None = None,
+) -> Steps[Atlas]:
+    """Diffuse light with global illumination, and emission, on all triangles of `source`.
+
+    texel_world: side of a texel, about that of a leaf, one for all or (T,); texels grow if there would be more than
+    `max_texels`.
+    color: whether the atlas has it (`Atlas.texels`). both_sides: of opaque sheets, both sides are lit.
+    samples: paths a texel and side. kept: finished pages are taken from there and left there.
+    device: one of `DEVICES`; automatic is a GPU where the preferences of Cycles enable one.
+    with_daylight: sun and sky of ours shine in place of the scene's world.
+    depsgraph: what `source` was read from, for the pages' key; None takes the context's.
+    Raises SceneError if Cycles is not there or cannot bake, SettingError for a GPU that is not enabled.
+    """
+    from ....patchnet_addon.lightmap.atlas import COLOR_CHANNELS, Atlas
+
+    SAMPLES.check(samples)
+    side = page_side(source.triangle_count)
+    scene = "" if kept is None else scene_key(depsgraph or context.evaluated_depsgraph_get())
+    charts = yield from beside(
+        lambda: _charts(source, texel_world, samples, max_texels, side), Progress(0, 1, "Laying out charts")
+    )
+    channels = COLOR_CHANNELS if color else 2
+    baker = Baker(context, source, charts, seed, channels, both_sides, device, with_daylight)
+    pages = np.zeros((charts.page_count, charts.page_side**2, channels), np.float32)
+    if kept is not None:
+        yield Progress(0, 1, "Looking for finished pages")
+        on_gpu = bakes_on_gpu(context, device)
+        switches = (color, both_sides, on_gpu, with_daylight)
+        kept.open(bake_key(scene, source, charts, samples, seed, switches))
+        if there := len(kept.pages()):
+            yield Progress(there, charts.page_count, f"Resuming: {there} of {charts.page_count} pages are there")
+    for page in range(charts.page_count):
+        finished = kept.load(page, charts.page_side**2, channels) if kept is not None else None
+        if finished is None:
+            pages[page] = yield from baker.page(page)
+            check_unchanged()  # before a page is kept that would be taken for one of the scene as it was
+            if kept is not None:
+                kept.save(page, pages[page])
+        else:
+            pages[page] = finished
+    yield Progress(charts.page_count, charts.page_count, "Baking light")
+    return Atlas(charts, pages.reshape(-1, channels), samples, (*baker.warnings, *_coarse(charts, max_texels)))
+
+
+def _charts(
+    source: SceneMesh, texel_world: float | np.ndarray, samples: int, max_texels: int, side: int
+) -> Steps[Charts]:
+    from ....patchnet_addon.lightmap.charts import layout_charts
+
+    return layout_charts(source, texel_world, samples=samples, max_texels=max_texels, page_side=side)
+
+
+def page_side(triangle_count: int) -> int:
+    """Side of the pages of a surface in texels; PATCHNET_PAGE_SIDE, a power of two up to 4096, makes it another one."""
+    if text := os.environ.get("PATCHNET_PAGE_SIDE"):
+        if text not in _SIDES:
+            raise SettingError(f"PATCHNET_PAGE_SIDE is {text!r}: make it one of {', '.join(_SIDES)}, or unset it")
+        return int(text)
+    return next(side for limit, side in _PAGE_SIDES if triangle_count <= limit)
+
+
+def _coarse(charts: Charts, max_texels: int) -> tuple[str, ...]:
+    if charts.growth < 1.01:
+        return ()
+    return (
+        f"The light is baked with texels {charts.growth:.1f} times as large as asked for, since there would be more "
+        f"than {max_texels / 1e6:.0f} million: choose a smaller depth or fewer objects for finer light",
+    )

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's bake of one object: as one call, or beside a window that stays alive.
+
+A call returns when the bake has ended; nothing of Python's can stop it. From a window that an operator works in, the
+bake runs as a job of Blender's own: steps wait for it, and Esc stops it within a moment, while Cycles reads the scene
+too, between two objects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from ....patchnet_addon.runtime.errors import SceneError, StoppedError
+from ....patchnet_addon.runtime.interrupt import interrupts_wait
+from ....patchnet_addon.runtime.progress import Progress, Steps
+from ...scene_access.window_job import BAKE, as_job
+from .page_mesh import CHART_LAYER
+
+_STOPPED = "Cycles stopped baking the light of the scene: start it again, it goes on where it was"
+_ARGUMENTS: dict[str, Any] = {
+    "type": "COMBINED",
+    "pass_filter": {"DIRECT", "INDIRECT", "DIFFUSE", "EMIT"},
+    "margin": 0,
+    "use_clear": True,
+    "use_selected_to_active": False,
+    "target": "IMAGE_TEXTURES",
+    "save_mode": "INTERNAL",
+    "uv_layer": CHART_LAYER,
+}
+
+
+@dataclass(frozen=True)
+class BakeTarget:
+    """An object to bake into the active images of its materials, and the scene and view layer that light it."""
+
+    scene: bpy.types.Scene
+    layer: bpy.types.ViewLayer
+    item: bpy.types.Object
+    image: bpy.types.Image
+
+
+def run(context: bpy.types.Context, target: BakeTarget) -> None:
+    """Bake. Raises SceneError."""
+    if "FINISHED" not in _called(context, target, "EXEC_DEFAULT"):
+        raise StoppedError(_STOPPED)
+
+
+def run_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) -> Steps[None]:
+    """As `run`, in a window: reports `at` as waiting until the job has ended. Raises StoppedError after Esc.
+
+    Closing these steps does not stop the job: what it works on must stay until `when_job_ended`.
+    """
+    with _editors_keep_images(context.window_manager) as give_back:
+
+        def look() -> Progress:
+            give_back()
+            return at
+
+        end = yield from as_job(BAKE, lambda: _called(context, target, "INVOKE_DEFAULT"), look)
+    if end.cancelled:
+        raise StoppedError(_STOPPED)
+    if not end.completed or not target.image.is_dirty:
+        raise SceneError("Cycles cannot bake the light of the scene: Blender's status bar or terminal says why")
+
+
+@contextmanager
+def _editors_keep_images(manager: bpy.types.WindowManager) -> Iterator[Callable[[], None]]:
+    """Image Editors show what they did before: a bake that runs as a job puts its image into all of them.
+
+    The value gives the images back at once; Blender takes the editors soon after the job began, not right then.
+    """
+    areas = [area for window in manager.windows for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
+    shown = [(area.spaces.active, area.spaces.active.image) for area in areas]
+
+    def give_back() -> None:
+        for space, image in shown:
+            with suppress(ReferenceError):  # the editor or the image is gone
+                if space.image != image:
+                    space.image = image
+
+    try:
+        yield give_back
+    finally:
+        give_back()
+
+
+def _called(context: bpy.types.Context, target: BakeTarget, how: str) -> set[str]:
+    item = target.item
+    override = {"scene": target.scene, "view_layer": target.layer}
+    override |= {"active_object": item, "object": item, "selected_objects": [item]}
+    try:
+        with interrupts_wait(), context.temp_override(**override):
+            result: set[str] = bpy.ops.object.bake(how, **_ARGUMENTS)
+    except RuntimeError as cause:
+        reason = str(cause).strip().removeprefix("Error: ")
+        raise SceneError(f"Cycles cannot bake the light of the scene ({reason})") from cause
+    return result

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a bake of a page adds to the scene and sets in it: settings, image, mesh and object, all of them gone after it.
+
+It is the user's own scene, not a copy: Blender's bake job beside a window belongs to the scene that the window shows,
+and a copy of a large scene would be evaluated once more for each page. A file that is saved meanwhile has nothing of
+it, see `temporary` and `changed`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ....patchnet_addon.runtime.errors import SceneError
+from ...scene_access.overrides import changed
+from ...scene_access.temporary import sync_view_layers, temporary
+from ...scene_access.window_job import window_is_alive
+
+_NAME = "PatchNet Bake"
+# Side of what Cycles samples at a time, in texels. It hears of a stop between two passes over a tile only, and a pass
+# over a whole page takes a processor many seconds: too long for a window. Small tiles take a fifth longer, so without
+# one a page is one tile, and what stops a command does not ask Cycles. The bits are the same.
+_TILE_SIDE_IN_WINDOW, _TILE_SIDE = 256, 2048
+# Unbiased, and as many paths as were asked for; bounces and light stay the user's.
+_SETTINGS = {
+    "use_animated_seed": False,
+    "use_adaptive_sampling": False,
+    "use_denoising": False,
+    "sample_clamp_direct": 0.0,
+    "sample_clamp_indirect": 0.0,
+    "film_exposure": 1.0,
+    "time_limit": 0.0,
+    "use_sample_subset": False,
+}
+
+
+@contextmanager
+def cycles_settings(scene: bpy.types.Scene, samples: int, seed: int, on_gpu: bool) -> Iterator[None]:
+    """Settings of Cycles for a bake within the block. Raises SceneError if Cycles is not there."""
+    if not hasattr(scene, "cycles"):
+        raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose the two-lights shading")
+    values: dict[str, Any] = _SETTINGS | {"samples": samples, "seed": seed, "device": "GPU" if on_gpu else "CPU"}
+    if not on_gpu:  # a GPU wants large tiles, and is done with them soon
+        values |= {"use_auto_tile": True, "tile_size": tile_side()}
+    with changed(scene.render, engine="CYCLES"), changed(scene.cycles, **values):
+        yield
+
+
+def tile_side() -> int:
+    """Side of a tile on a processor, in texels."""
+    return _TILE_SIDE_IN_WINDOW if window_is_alive() else _TILE_SIDE
+
+
+@contextmanager
+def page_image(size: np.ndarray, pages: int) -> Iterator[bpy.types.Image]:
+    """An image for `pages` pages of width and height (2,), one above the other."""
+    width, height = int(size[0]), int(size[1]) * pages
+    image = bpy.data.images.new(_NAME, width, height, alpha=True, float_buffer=True, is_data=True)
+    with temporary(image):
+        yield image
+
+
+@contextmanager
+def page_mesh() -> Iterator[bpy.types.Mesh]:
+    """A mesh without anything, to be filled."""
+    with temporary(bpy.data.meshes.new(_NAME)) as mesh:
+        yield mesh
+
+
+@contextmanager
+def page_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
+    """An object of `mesh` in `scene` that no ray meets, and that nobody sees in a window."""
+    with temporary(bpy.data.objects.new(_NAME, mesh)) as item:
+        scene.collection.objects.link(item)
+        # Cycles drops objects that no ray at all can meet: scattering in volumes is what remains.
+        for ray in ("camera", "diffuse", "glossy", "transmission", "shadow"):
+            setattr(item, f"visible_{ray}", False)
+        sync_view_layers()  # where the bake looks for it
+        for layer in scene.view_layers if window_is_alive() else ():
+            item.hide_set(True, view_layer=layer)
+        yield item

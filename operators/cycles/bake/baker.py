@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cycles bakes one page of charts: what is set up around the call, and how the two sides of a surface become one."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ....patchnet_addon.lightmap.charts import Charts
+from ....patchnet_addon.runtime.progress import Progress, Steps
+from ....patchnet_addon.runtime.worker import computed
+from ....patchnet_addon.surface.mesh import Material
+from ...scene.light_links import Links
+from ...scene.precision import LIFT_SHARE
+from ...scene.scene_mesh import SceneMesh
+from ...scene_access.devices import AUTOMATIC, bakes_on_gpu
+from ...scene_access.overrides import object_mode
+from ...scene_access.window_job import when_job_ended, window_is_alive
+from ..daylight import daylight
+from .bake_call import BakeTarget, run_as_job
+from .bake_call import run as _run
+from .bake_materials import bake_materials
+from .bake_scene import cycles_settings, page_image, page_mesh, page_object
+from .closed_runs import ClosedPieces
+from .light_links import lit_as
+from .object_data import attributes_needed, lost_inputs
+from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
+from .translucency import is_translucent
+
+_DARK_SIDE = 0.02  # of the brighter side: enclosed
+_DIM = 0.02  # of the median light on a page: perhaps an enclosed side, into which a little light finds its way
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+
+class Baker:
+    """Bakes sides of pages; holds nothing of Blender's between two calls but the context.
+
+    channels: of its texels, 2 or 4, see `Atlas`. both_sides: backs of opaque sheets count like fronts; else, and always
+    with materials that cull backfaces, only where fronts get no light. warnings: sentences about what cannot be baked.
+    paths_traced: how many paths the last page took. with_daylight: sun and sky of ours shine, not the scene's world.
+    """
+
+    def __init__(
+        self,
+        context: bpy.types.Context,
+        source: SceneMesh,
+        charts: Charts,
+        seed: int,
+        channels: int = 2,
+        both_sides: bool = False,
+        device: str = AUTOMATIC,
+        with_daylight: bool = False,
+    ) -> None:
+        """`device` is one of `DEVICES`. Raises SettingError for a GPU that is not there."""
+        self._context = context
+        self._source = source
+        self._charts = charts
+        self._seed = seed
+        self._channels = channels
+        self._on_gpu = bakes_on_gpu(context, device)
+        self._with_daylight = with_daylight
+        self._closed = ClosedPieces()
+        used = [material for material in bpy.data.materials if material.name_full in source.material_names]
+        self._attributes = attributes_needed(used)
+        culling = {material.name_full for material in used if material.use_backface_culling}
+        translucent = {material.name_full for material in used if is_translucent(material)}
+        self._translucent = np.array([name in translucent for name in source.material_names])
+        self._one_sided = np.array([name in culling for name in source.material_names])
+        if not both_sides:
+            self._one_sided |= np.array([is_opaque(material) for material in source.materials]) & ~self._translucent
+        self.paths_traced = 0
+        turned = source.turned_materials
+        self.warnings = tuple(
+            _lost(material.name, nodes)
+            for material in used
+            if (nodes := lost_inputs(material, material.name_full in turned, charts.page_count > 1))
+        )
+        # Far less than a voxel, but well above the rounding of single precision coordinates.
+        reach = float(np.abs(source.bounds_world).max())
+        self._offset_world = max(1e-3 * charts.texel_world, LIFT_SHARE * reach)
+
+    def page(self, page: int) -> Steps[np.ndarray]:
+        """The texels (side * side, C) of a page."""
+        count, self.paths_traced = self._charts.page_count, 0
+        at = Progress(page, count, "Baking light")
+        part = yield from computed(lambda: self.triangles(page), at)
+        if len(part) == 0:
+            return np.zeros((self._charts.page_side**2, self._channels), np.float32)
+        yield at  # what is baked is set up after it: between two steps the scene is as it was
+        sheets = part.only(~part.closed & ~self._one_sided[part.materials])
+        front, back = yield from self.bake(page, part, sheets, at)
+        texels = yield from computed(lambda: self.merged(page, sheets.triangles, front, back), at)
+        lit_inside = yield from computed(lambda: part.only(self.black(page, part, front)), at)
+        if len(lit_inside):
+            at = replace(at, done=page + 0.5)
+            yield at
+            _, back = yield from self.bake(page, part.only(np.zeros(len(part), bool)), lit_inside, at)
+            texels = yield from computed(lambda: self.merged(page, lit_inside.triangles, texels, back, share=0.0), at)
+        return texels
+
+    def triangles(self, page: int) -> PageTriangles:
+        """What lies on a page."""
+        return page_triangles(self._source, self._charts, page, self._closed, self._attributes)
+
+    def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
+        """(N,) bool: triangles whose back was left out and may be what people see.
+
+        Fronts of closed pieces that get no light: a lamp may be inside. Fronts of sheets that get next to none: their
+        normals may point into a building. Where another triangle of a closed piece gets light from outside, the dark
+        ones of it are only hidden.
+        """
+        from ....patchnet_addon.lightmap.chart_lookup import group_means
+
+        means = group_means(self._charts, front, part.triangles, page)[:, 0]
+        dark = means <= 1e-6 * means.max(initial=0.0)
+        hidden = part.closed & np.isin(part.pieces, part.pieces[~dark])
+        dim = means <= _DIM * np.median(means[~dark]) if not dark.all() else dark
+        return np.where(part.closed, dark & ~hidden, self._one_sided[part.materials] & (dark | dim))
+
+    def merged(
+        self, page: int, triangles: np.ndarray, front: np.ndarray, back: np.ndarray, share: float = 0.5
+    ) -> np.ndarray:
+        """The page (side * side, C) with both sides of `triangles`, or the lit one where the other is dark.
+
+        share: of the back, where both are lit.
+        """
+        from ....patchnet_addon.lightmap.chart_lookup import group_means, texel_owners
+
+        means = [group_means(self._charts, side, triangles, page)[:, 0] for side in (front, back)]
+        weight = np.full(len(triangles), share, np.float32)  # of the back
+        weight[means[1] <= _DARK_SIDE * means[0]] = 0.0
+        weight[means[0] < _DARK_SIDE * means[1]] = 1.0
+        of_triangle = np.zeros(len(self._charts.page) + 1, np.float32)  # the last one: texels without a triangle
+        of_triangle[triangles] = weight
+        of_texel = of_triangle[texel_owners(self._charts, page)][:, None]
+        return front * (1.0 - of_texel) + back * of_texel
+
+    def bake(self, page: int, fronts: PageTriangles, backs: PageTriangles, at: Progress) -> Steps[list[np.ndarray]]:
+        """Both sides of a page, each (side * side, C) float32: luminance weighed by opacity, and opacity; else zero.
+
+        With colour, red and blue weighed by opacity are there too.
+
+        Objects that other lamps shine on are baked apart, and so is what shines through a surface from behind.
+        """
+        sides = [np.zeros((self._charts.page_side**2, self._channels), np.float32) for _ in range(2)]
+        for number in np.unique(np.concatenate([fronts.links, backs.links])):
+            links = self._source.light_links[number]
+            front, back = (part.only(part.links == number) for part in (fronts, backs))
+            for index, side in enumerate((yield from self._bake(page, front, back, links, False, at))):
+                sides[index] += side
+            front, back = (part.only(self._translucent[part.materials]) for part in (front, back))
+            if len(front) or len(back):
+                for index, side in enumerate((yield from self._bake(page, front, back, links, True, at))):
+                    side[:, 1] = 0.0  # opacity counts once
+                    sides[index] += side
+        return sides
+
+    def _bake(
+        self, page: int, fronts: PageTriangles, backs: PageTriangles, links: Links, through: bool, at: Progress
+    ) -> Steps[list[np.ndarray]]:
+        """As `bake`, of objects that are the same receivers of light: what shines through them, or all but that.
+
+        In a window, what is baked stays in the scene while steps wait; reports are `at`.
+        """
+        names = self._source.material_names
+        samples, size = int(self._charts.page_samples[page]), self._charts.page_size[page]
+        texels = yield from computed(lambda: sum(self._texels(page, part) for part in (fronts, backs)), at)
+        self.paths_traced += samples * texels
+        stack = ExitStack()
+        try:
+            stack.enter_context(object_mode(self._context))
+            scene = self._context.scene
+            if self._with_daylight:
+                stack.enter_context(daylight(scene))
+            stack.enter_context(cycles_settings(scene, samples, self._seed, self._on_gpu))
+            # One image for both: Cycles reads the scene once for each.
+            image = stack.enter_context(page_image(size, 2 if len(fronts) and len(backs) else 1))
+            materials, parts = [], []
+            for part, back in ((fronts, False), (backs, True)):
+                used, mine = np.unique(part.materials, return_inverse=True)
+                part = part.on_image(image.size[1] // int(size[1]), upper=back)
+                parts.append(replace(part, materials=mine.reshape(-1).astype(np.int32)))
+                own = [names[number] for number in used]
+                materials.append(stack.enter_context(bake_materials(own, image, back, through)))
+            mesh = stack.enter_context(page_mesh())
+            lift_world = -self._offset_world if through else self._offset_world
+            turned = parts[1].turned(len(materials[0]))
+            fill_mesh(mesh, joined([parts[0], turned]), [*materials[0], *materials[1]], lift_world)
+            item = stack.enter_context(page_object(scene, mesh))
+            stack.enter_context(lit_as(item, links))
+            target = BakeTarget(scene, scene.view_layers[self._context.view_layer.name], item, image)
+            if window_is_alive():
+                yield from run_as_job(self._context, target, at)
+            else:
+                _run(self._context, target)
+            sides = _shine(image, int(size[1]), self._charts.page_side, self._channels)
+            dark = np.zeros_like(sides[0])
+            return [sides[0] if len(fronts) else dark, sides[-1] if len(backs) else dark]
+        finally:
+            when_job_ended(stack.close)
+
+    def _texels(self, page: int, part: PageTriangles) -> int:
+        """How many texels are part's on its page."""
+        from ....patchnet_addon.lightmap.chart_lookup import texel_owners
+
+        mine = np.zeros(len(self._charts.page) + 1, bool)  # the last one: texels without a triangle
+        mine[part.triangles] = True
+        return int(np.count_nonzero(mine[texel_owners(self._charts, page)]))
+
+
+def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> list[np.ndarray]:
+    """Texels (side * side, channels) float32 of the pages whose lower left lie above each other on a baked image."""
+    width, rows = image.size
+    pixels = np.empty(width * rows * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels = np.nan_to_num(pixels.reshape(-1, height, width, 4), posinf=0.0, neginf=0.0)
+    pages = np.zeros((len(pixels), side, side, channels), np.float32)
+    pages[:, :height, :width, 0] = np.maximum(pixels[..., :3] @ _LUMINANCE, 0.0)
+    pages[:, :height, :width, 1] = np.clip(pixels[..., 3], 0.0, 1.0)
+    if channels > 2:
+        pages[:, :height, :width, 2:] = np.maximum(pixels[..., (0, 2)], 0.0)
+    return list(pages.reshape(len(pages), -1, channels))
+
+
+def is_opaque(material: Material) -> bool:
+    """Whether a surface has no gaps: leaves and grilles have, and are meant to be seen from both sides."""
+    return material.alpha >= 1.0 and material.alpha_texture is None
+
+
+def _lost(name: str, nodes: tuple[str, ...]) -> str:
+    listed = ", ".join(f"'{node}'" for node in nodes)
+    return f"Material '{name}' is baked without what depends on the view or on whole objects: node {listed}"

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The triangles of one page of charts, as arrays and as a Blender mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import bpy
+import numpy as np
+
+from ....patchnet_addon.lightmap.charts import Charts
+from ...scene.scene_mesh import Run, SceneMesh
+from .closed_runs import ClosedPieces
+from .object_data import attribute_values
+
+CHART_LAYER = "PatchNet Charts"
+SURFACE_LAYER = "PatchNet Surface"
+_MAX_UV_LAYERS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class PageTriangles:
+    """Placed triangles of one page.
+
+    triangles: (N,) int64 indices in the source. corners_world: (N, 3, 3) float64. normals_world: (N, 3, 3) float32.
+    uvs: (N, 3, 2) float32. chart_uvs: (N, 3, 2) float32, what is in use of the page is [0, 1]^2. materials: (N,) int32.
+    closed: (N,) bool, their inner side is enclosed. links: (N,) int32, index into the source's `light_links`.
+    layers: corner layers by name, (N, 3, C) float32.
+    """
+
+    triangles: np.ndarray
+    corners_world: np.ndarray
+    normals_world: np.ndarray
+    uvs: np.ndarray
+    chart_uvs: np.ndarray
+    materials: np.ndarray
+    pieces: np.ndarray
+    links: np.ndarray
+    layers: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.triangles)
+
+    @property
+    def closed(self) -> np.ndarray:
+        """(N,) bool: whose inner side is enclosed."""
+        return self.pieces >= 0
+
+    def only(self, chosen: np.ndarray) -> PageTriangles:
+        """The triangles where `chosen` (N,) is true."""
+        return PageTriangles(
+            **{name: getattr(self, name)[chosen] for name in _COLUMNS},
+            layers={name: values[chosen] for name, values in self.layers.items()},
+        )
+
+    def on_image(self, pages: int, *, upper: bool) -> PageTriangles:
+        """The same on an image of so many pages above each other: on the upper or the lower one."""
+        bottom = (pages - 1) / pages if upper else 0.0
+        uvs = (self.chart_uvs * np.array([1.0, 1.0 / pages]) + np.array([0.0, bottom])).astype(np.float32)
+        return replace(self, chart_uvs=uvs)
+
+    def turned(self, material_shift: int) -> PageTriangles:
+        """The same triangles facing the other way, their material indices raised by `material_shift`."""
+        wind = [0, 2, 1]
+        return replace(
+            self,
+            corners_world=self.corners_world[:, wind],
+            normals_world=-self.normals_world[:, wind],
+            uvs=self.uvs[:, wind],
+            chart_uvs=self.chart_uvs[:, wind],
+            materials=self.materials + material_shift,
+            layers={name: values[:, wind] for name, values in self.layers.items()},
+        )
+
+
+_COLUMNS = ("triangles", "corners_world", "normals_world", "uvs", "chart_uvs", "materials", "pieces", "links")
+
+
+def joined(parts: Sequence[PageTriangles]) -> PageTriangles:
+    """Triangles of all parts; a layer that a part lacks is zero there."""
+    widths = {name: values.shape[-1] for part in parts for name, values in part.layers.items()}
+    layers = {
+        name: np.concatenate([p.layers.get(name, np.zeros((len(p), 3, width), np.float32)) for p in parts])
+        for name, width in widths.items()
+    }
+    return PageTriangles(
+        **{name: np.concatenate([getattr(p, name) for p in parts]) for name in _COLUMNS}, layers=layers
+    )
+
+
+def page_triangles(
+    source: SceneMesh, charts: Charts, page: int, closed: ClosedPieces, attributes: frozenset[str]
+) -> PageTriangles:
+    """The triangles with an area whose charts lie on a page, with `attributes` of their objects among the layers."""
+    parts: list[PageTriangles] = []
+    first = 0
+    for runs in source.runs():
+        for run in runs:
+            mask = charts.page[first : first + len(run)] == page
+            if mask.any():
+                parts.append(_part(run, mask, first, charts, closed, attributes))
+            first += len(run)
+    return joined(parts)
+
+
+def _part(
+    run: Run, mask: np.ndarray, first: int, charts: Charts, closed: ClosedPieces, attributes: frozenset[str]
+) -> PageTriangles:
+    corners = run.corners_world()
+    flat = geometric_normals(corners)
+    mask = mask & flat.any(axis=1)
+    mesh = run.placements.mesh
+    normals = run.normals_world()
+    if normals is None:
+        smooth = np.repeat(flat[mask, None], 3, axis=1).astype(np.float32)
+    else:
+        smooth = normals[mask]
+    uvs = np.zeros((len(run), 3, 2), np.float32) if mesh.uvs is None else run.per_corner(mesh.uvs)
+    triangles = first + np.flatnonzero(mask)
+    return PageTriangles(
+        triangles=triangles,
+        corners_world=corners[mask],
+        normals_world=smooth,
+        uvs=uvs[mask],
+        chart_uvs=_on_page(charts, triangles),
+        materials=run.materials()[mask],
+        pieces=closed.of(run)[mask],
+        links=np.repeat(run.placements.links[run.lo : run.hi], run.last - run.first)[mask],
+        layers={name: run.per_corner(values)[mask] for name, values in mesh.layers.items()}
+        | {name: attribute_values(run, name)[mask] for name in sorted(attributes)},
+    )
+
+
+def _on_page(charts: Charts, triangles: np.ndarray) -> np.ndarray:
+    """Texture coordinates (N, 3, 2) float32 of triangles on their page's image."""
+    size = charts.page_size[charts.page[triangles]][:, None]
+    return (charts.corner_texels(triangles) / size).astype(np.float32)
+
+
+def geometric_normals(corners_world: np.ndarray) -> np.ndarray:
+    """Unit normals (N, 3) float64 of triangles (N, 3, 3); zero where there is no area."""
+    normals = np.cross(corners_world[:, 1] - corners_world[:, 0], corners_world[:, 2] - corners_world[:, 0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(length > 0.0, normals / np.where(length > 0.0, length, 1.0), 0.0)
+
+
+def fill_mesh(
+    mesh: bpy.types.Mesh, part: PageTriangles, materials: Sequence[bpy.types.Material], offset_world: float
+) -> None:
+    """Make an empty mesh one of these triangles, lifted off the surface by `offset_world` to the side they face."""
+    count = len(part)
+    corners = part.corners_world + geometric_normals(part.corners_world)[:, None] * offset_world
+    mesh.vertices.add(3 * count)
+    mesh.loops.add(3 * count)
+    mesh.polygons.add(count)
+    mesh.vertices.foreach_set("co", corners.astype(np.float32).ravel())
+    mesh.loops.foreach_set("vertex_index", np.arange(3 * count, dtype=np.int32))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
+    for material in materials:
+        mesh.materials.append(material)
+    mesh.polygons.foreach_set("material_index", part.materials.astype(np.int32))
+    mesh.update(calc_edges=True)
+    _add_uvs(mesh, SURFACE_LAYER, part.uvs)
+    mesh.uv_layers[SURFACE_LAYER].active_render = True
+    _add_uvs(mesh, CHART_LAYER, part.chart_uvs)
+    for name, values in part.layers.items():
+        _add_layer(mesh, name, values)
+    normals = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
+    normals.data.foreach_set("vector", np.ascontiguousarray(part.normals_world, np.float32).ravel())
+
+
+def _add_uvs(mesh: bpy.types.Mesh, name: str, uvs: np.ndarray) -> None:
+    layer = mesh.uv_layers.new(name=name, do_init=False)
+    layer.uv.foreach_set("vector", np.ascontiguousarray(uvs, np.float32).ravel())
+
+
+def _add_layer(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
+    """A UV map or attribute of values (N, 3, C)."""
+    width = values.shape[-1]
+    if width == 2:
+        if len(mesh.uv_layers) < _MAX_UV_LAYERS:
+            _add_uvs(mesh, name, values)
+        return
+    kind, key = {1: ("FLOAT", "value"), 3: ("FLOAT_VECTOR", "vector"), 4: ("FLOAT_COLOR", "color")}[width]
+    attribute = mesh.attributes.new(name, kind, "CORNER")
+    attribute.data.foreach_set(key, np.ascontiguousarray(values, np.float32).ravel())

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sun and sky for a scene that has no light, while it is baked or rendered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+from mathutils import Euler
+
+from ..scene_access.overrides import changed
+from ..scene_access.own import is_own
+from ..scene_access.temporary import temporary
+
+SUN_STRENGTH = 4.0  # W/m2
+SUN_ANGLE = 0.009  # radians, as from the earth
+SUN_ROTATION = (0.42, 0.16, 0.6)  # radians: high enough to reach the floor of a courtyard
+SKY_COLOR = (0.55, 0.7, 1.0)
+SKY_STRENGTH = 0.8
+
+
+def has_light(depsgraph: bpy.types.Depsgraph) -> bool:
+    """Whether anything in the evaluated scene can light it: a lamp, the world, or an emitting material."""
+    if _world_shines(depsgraph.scene.world):
+        return True
+    materials: set[bpy.types.Material] = set()
+    for instance in depsgraph.object_instances:
+        item = instance.object
+        if item.type == "LIGHT" and item.data.energy > 0 and max(item.data.color) > 0:
+            return True
+        materials.update(slot.material for slot in item.material_slots if slot.material)
+    return any(_emits(material) for material in materials if not is_own(material))
+
+
+def _world_shines(world: bpy.types.World | None) -> bool:
+    if world is None:
+        return False
+    if not world.use_nodes or world.node_tree is None:
+        return max(world.color) > 0
+    return any(
+        node.type == "BACKGROUND" and _bright(node.inputs["Color"]) and _bright(node.inputs["Strength"])
+        for node in world.node_tree.nodes
+        if any(output.is_linked for output in node.outputs)
+    )
+
+
+def _emits(material: bpy.types.Material) -> bool:
+    if not material.use_nodes or material.node_tree is None:
+        return False
+    names = {"EMISSION": ("Color", "Strength"), "BSDF_PRINCIPLED": ("Emission Color", "Emission Strength")}
+    return any(
+        all(_bright(node.inputs[name]) for name in names[node.type])
+        for node in material.node_tree.nodes
+        if node.type in names and node.outputs[0].is_linked
+    )
+
+
+def _bright(socket: bpy.types.NodeSocket) -> bool:
+    """A colour or strength that is not black; a linked one is taken for bright."""
+    value = socket.default_value
+    return socket.is_linked or (value > 0 if isinstance(value, float) else max(value[:3]) > 0)
+
+
+@contextmanager
+def daylight(scene: bpy.types.Scene) -> Iterator[None]:
+    """Sun and sky in `scene` within the block; the scene is as before afterwards, on errors too."""
+    with (
+        temporary(bpy.data.lights.new("PatchNet Sun", "SUN")) as lamp,
+        temporary(bpy.data.objects.new("PatchNet Sun", lamp)) as sun,
+        temporary(bpy.data.worlds.new("PatchNet Sky")) as sky,
+    ):
+        lamp.energy, lamp.angle = SUN_STRENGTH, SUN_ANGLE
+        sun.rotation_euler = Euler(SUN_ROTATION)
+        scene.collection.objects.link(sun)
+        _fill_sky(sky)
+        with changed(scene, world=sky):
+            yield
+
+
+def _fill_sky(sky: bpy.types.World) -> None:
+    if not sky.use_nodes:
+        sky.use_nodes = True
+    tree = sky.node_tree
+    tree.nodes.clear()
+    background = tree.nodes.new("ShaderNodeBackground")
+    background.inputs["Color"].default_value = (*SKY_COLOR, 1.0)
+    background.inputs["Strength"].default_value = SKY_STRENGTH
+    tree.links.new(background.outputs[0], tree.nodes.new("ShaderNodeOutputWorld").inputs["Surface"])

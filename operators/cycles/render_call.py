@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's render of a scene copy into a file: as one call, or beside a window that stays alive.
+
+A call returns when the picture is there; nothing of Python's can stop it. From a window that an operator works in, the
+render is a job of Blender's own, as with F12: steps wait for it, and Esc stops it.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+
+from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, StoppedError
+from ...patchnet_addon.runtime.interrupt import interrupts_wait
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ..scene_access.overrides import changed
+from ..scene_access.window_job import RENDER, as_job, window_is_alive
+
+# What Cycles says of itself, in all languages.
+_SAMPLED = re.compile(r"(?:Rendered (\d+)/(\d+) Tiles, )?Sample (\d+)/(\d+)")
+
+
+def render(scene: bpy.types.Scene, path: Path) -> float:
+    """Render the copy's view layer into `path`, a new file; the seconds of that.
+
+    Raises SceneError if Cycles does not render, PatchNetError if there is no file.
+    """
+    path.unlink(missing_ok=True)
+    begun = time.perf_counter()
+    _called(scene, "EXEC_DEFAULT")
+    _check_written(path)
+    return time.perf_counter() - begun
+
+
+def rendered(scene: bpy.types.Scene, path: Path, at: Callable[[float], Progress]) -> Steps[float]:
+    """As `render`; where a window waits, beside it. Reports are `at` of the share of samples that is done.
+
+    Raises StoppedError if a person stopped it in a window.
+    """
+    if not window_is_alive():
+        return render(scene, path)
+    path.unlink(missing_ok=True)
+    status = _Status()
+    bpy.app.handlers.render_stats.append(status.hear)
+    try:
+        end = yield from as_job(RENDER, lambda: _invoked(scene), lambda: at(status.done))
+    finally:
+        if status.hear in bpy.app.handlers.render_stats:  # opening another file removes it
+            bpy.app.handlers.render_stats.remove(status.hear)
+    if end.cancelled:
+        raise StoppedError("The render was stopped")
+    status.check_finished()
+    _check_written(path)
+    return end.seconds
+
+
+class _Status:
+    """What Cycles says of a picture, in the render's thread: how much of its samples is `done`, 0 to 1, and its end."""
+
+    def __init__(self) -> None:
+        self.done = 0.0
+        self._finished = False
+        self._last = ""
+
+    def check_finished(self) -> None:
+        """A render that failed, such as for want of a GPU's memory, leaves a picture too: raises SceneError."""
+        if self._last and not self._finished:
+            raise SceneError(f"Cycles did not finish the picture ({self._last}): Blender's terminal may say more")
+
+    def hear(self, text: object, *_: object) -> None:
+        """Blender calls this with each line of its status, whose last part is what Cycles says."""
+        if not isinstance(text, str) or "|" not in text:
+            return
+        self._last = text.rsplit("|", 1)[1].strip()
+        self._finished |= self._last == "Finished"
+        found = _SAMPLED.search(self._last)
+        if found is None:
+            return
+        tile, tiles, sample, samples = (int(number) if number else 0 for number in found.groups())
+        # A tile that is finished counts among the finished ones before the next begins with its first sample.
+        part = (sample % samples) / samples if samples else 0.0
+        self.done = max(self.done, min(1.0, (tile + part) / max(tiles, 1)))
+
+
+def _invoked(scene: bpy.types.Scene) -> None:
+    with _no_view():
+        _called(scene, "INVOKE_DEFAULT")
+
+
+@contextmanager
+def _no_view() -> Iterator[None]:
+    """No editor or window comes up with the render: Blender looks for one while the job starts, not later."""
+    preferences = bpy.context.preferences
+    was_dirty = preferences.is_dirty
+    try:
+        with changed(preferences.view, render_display_type="NONE"):
+            yield
+    finally:
+        preferences.is_dirty = was_dirty
+
+
+def _called(scene: bpy.types.Scene, how: str) -> None:
+    try:
+        with interrupts_wait():
+            bpy.ops.render.render(how, write_still=True, scene=scene.name)
+    except RuntimeError as cause:
+        raise SceneError(f"Cycles cannot render the scene ({str(cause).strip().removeprefix('Error: ')})") from cause
+
+
+def _check_written(path: Path) -> None:
+    if not path.is_file():
+        raise PatchNetError("Cycles wrote no picture: check that the folder for temporary files has room")

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A copy of the scene that Cycles renders through exactly one of the tracer's cameras, into a file of all passes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from ..scene_access.overrides import changed, object_mode, put_back_when_saved
+from ..scene_access.temporary import scene_copy, temporary
+
+_SENSOR = 36.0  # mm
+
+
+@contextmanager
+def prepared(
+    context: bpy.types.Context, camera: Camera, samples: int, seed: int, path: Path
+) -> Iterator[tuple[bpy.types.Scene, bpy.types.ViewLayer]]:
+    """A copy of the scene that looks through `camera`, and its view layer; all is as before after the block."""
+    if not hasattr(context.scene, "cycles"):
+        raise SceneError("The Cycles render engine is disabled: enable its add-on")
+    with ExitStack() as stack:
+        stack.enter_context(object_mode(context))
+        stack.enter_context(_no_new_render_result())
+        scene = stack.enter_context(scene_copy(context.scene))
+        _set_up(scene, camera, samples, seed, path)
+        stack.enter_context(_lamps_unseen(scene))
+        stack.enter_context(_seen_through(scene, camera))
+        layer = scene.view_layers[context.view_layer.name]
+        # Rather than asking for one layer: Blender 5.2 cannot write a second such render of a scene of many layers.
+        scene.render.use_single_layer = False
+        for other in scene.view_layers:
+            other.use = other == layer
+        yield scene, layer
+
+
+@contextmanager
+def _no_new_render_result() -> Iterator[None]:
+    """Blender keeps what it rendered; a render result that was not there before is removed, and never saved."""
+    before = {image.name_full for image in bpy.data.images}
+
+    def new() -> list[bpy.types.Image]:
+        return [image for image in bpy.data.images if image.type == "RENDER_RESULT" and image.name_full not in before]
+
+    def leave_out() -> None:
+        for image in new():
+            image.is_runtime_data = True
+
+    try:
+        with put_back_when_saved(leave_out, lambda: None):
+            yield
+    finally:
+        for image in new():
+            bpy.data.images.remove(image)
+
+
+def _set_up(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, path: Path) -> None:
+    """Box filter of a pixel, nothing that is biased; bounces, device and light are the user's, as in the bake.
+
+    The file is an EXR of all passes, not compressed. Which formats there are depends on the medium, so it goes first.
+    Markers go, because Blender takes the camera of the frame's marker for that of the scene when a render begins. A
+    locked interface would keep the window, and what waits in it, from hearing anything while Blender renders.
+    """
+    scene.timeline_markers.clear()
+    unit_x, unit_y = camera.half_x / camera.width_px, camera.half_y / camera.height_px
+    image = {
+        "media_type": "MULTI_LAYER_IMAGE",
+        "file_format": "OPEN_EXR_MULTILAYER",
+        "color_mode": "RGBA",
+        "color_depth": "32",
+        "exr_codec": "NONE",
+    }
+    render = {
+        "engine": "CYCLES",
+        "resolution_x": camera.width_px,
+        "resolution_y": camera.height_px,
+        "resolution_percentage": 100,
+        "pixel_aspect_x": max(1.0, unit_x / unit_y),
+        "pixel_aspect_y": max(1.0, unit_y / unit_x),
+        "filepath": str(path),
+        "use_file_extension": False,
+        "use_overwrite": True,
+        "use_compositing": False,
+        "use_sequencer": False,
+        "use_border": False,
+        "use_multiview": False,
+        "use_motion_blur": False,
+        "use_freestyle": False,
+        "use_lock_interface": False,
+        "film_transparent": True,
+    }
+    cycles = {
+        "samples": samples,
+        "seed": seed,
+        "use_animated_seed": False,
+        "use_adaptive_sampling": False,
+        "use_denoising": False,
+        "sample_clamp_direct": 0.0,
+        "sample_clamp_indirect": 0.0,
+        "film_exposure": 1.0,
+        "time_limit": 0.0,
+        "use_sample_subset": False,
+        "pixel_filter_type": "BOX",
+        "film_transparent_glass": False,
+    }
+    for owner, values in ((scene.render.image_settings, image), (scene.render, render), (scene.cycles, cycles)):
+        for name, value in values.items():
+            if hasattr(owner, name):
+                setattr(owner, name, value)
+
+
+@contextmanager
+def _lamps_unseen(scene: bpy.types.Scene) -> Iterator[None]:
+    """Lamps are no surface, so that the octree does not hold them: hide them from the camera only."""
+    with ExitStack() as stack:
+        for item in scene.objects:
+            if item.type == "LIGHT":
+                stack.enter_context(changed(item, visible_camera=False))
+        yield
+
+
+@contextmanager
+def _seen_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
+    """`scene` looks through exactly the view of `camera`, without depth of field, within the block."""
+    with (
+        temporary(bpy.data.cameras.new("PatchNet Check")) as data,
+        temporary(bpy.data.objects.new("PatchNet Check", data)) as item,
+    ):
+        data.type, data.sensor_fit, data.sensor_width = camera.kind, "HORIZONTAL", _SENSOR
+        if camera.kind == ORTHOGRAPHIC:
+            data.ortho_scale = 2.0 * camera.half_x
+        else:
+            data.lens = _SENSOR / (2.0 * camera.half_x)
+        data.shift_x = camera.shift_x / 2.0
+        data.shift_y = camera.shift_y * camera.half_y / (2.0 * camera.half_x)
+        data.clip_start, data.clip_end = max(camera.clip_start, 1e-5), min(camera.clip_end, 1e9)
+        axes = np.stack([camera.right, camera.up, -np.asarray(camera.forward), camera.position_world], axis=1)
+        item.matrix_world = Matrix([*axes.tolist(), [0.0, 0.0, 0.0, 1.0]])
+        scene.collection.objects.link(item)
+        scene.camera = item
+        yield

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Compile kernels in a second Blender without a window, and wait for it; once on a machine.
+
+What compiles in this process stays in its memory: LLVM leaves 600 MB in pieces that no allocator gives back, and holds
+Python's lock while it works, so that the window stutters. What is loaded from the cache takes a tenth of that.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import IO
+
+import bpy
+
+from ....patchnet_addon.runtime.cache_folder import user_cache_folder
+from ....patchnet_addon.runtime.compiling import NOTE
+from ....patchnet_addon.runtime.progress import Progress, Steps
+from ....patchnet_addon.runtime.worker import computed
+from ...ui.preferences import ROOT_PACKAGE
+
+ABOUT = 164  # kernels that the small jobs call, for the progress alone
+_AT = Progress(0, ABOUT, "Compiling kernels", note=NOTE, waiting=True)
+_LOOK_S = 0.5  # between two looks at what is compiled by now
+_STOP_S = 5.0  # until a Blender that shall stop is killed
+_LOG_BYTES = 2000  # of the end of what it said, for the log
+_tried: set[Path] = set()  # marks that could not be made in this process
+
+
+class _OtherBlenderError(Exception):
+    """It did not come to its end."""
+
+
+def compiled_ahead() -> Steps[None]:
+    """Wait until all kernels are in the cache. What goes wrong is logged: they are then compiled when they are called.
+
+    Closing these steps stops the other Blender; what it has compiled by then stays in the cache.
+    """
+    mark = yield from computed(_mark, _AT)
+    if mark.exists() or mark in _tried:
+        return
+    try:
+        yield from _compiled(mark.parent)
+    except (OSError, _OtherBlenderError) as cause:
+        _tried.add(mark)
+        logging.getLogger("patchnet").warning(
+            "Kernels could not be compiled ahead: they are compiled when they are first called, which takes more "
+            "memory. %s", cause,
+        )  # fmt: skip
+    else:
+        mark.touch()
+
+
+def _compiled(folder: Path) -> Steps[None]:
+    with tempfile.TemporaryFile() as said:
+        process, looked, at = _start(said), -math.inf, _AT
+        try:
+            while process.poll() is None:
+                if time.monotonic() - looked >= _LOOK_S:
+                    count = sum(1 for _ in folder.rglob("*.nbc"))
+                    at, looked = replace(_AT, done=min(count, ABOUT - 1)), time.monotonic()
+                yield at
+        finally:
+            _end(process)
+        if process.returncode:
+            said.seek(max(0, said.seek(0, os.SEEK_END) - _LOG_BYTES))
+            text = said.read().decode(errors="replace")
+            raise _OtherBlenderError(f"The other Blender ended with exit code {process.returncode} and said: {text}")
+
+
+def small_jobs_path() -> Path:
+    """The script that the other Blender runs."""
+    return Path(__file__).with_name("small_jobs.py")
+
+
+def _mark() -> Path:
+    """File that says that the kernels of these sources are compiled for this processor, by this numba and Blender."""
+    folder, versions = _kernels()
+    return folder / f"all-{hashlib.sha256(repr((versions, bpy.app.version)).encode()).hexdigest()[:16]}"
+
+
+@cache
+def _kernels() -> tuple[Path, str]:
+    import numba
+    from numba.core.registry import cpu_target
+
+    from ....patchnet_addon.runtime import kernels  # noqa: F401  names the folder
+
+    versions = (sys.version, numba.__version__, cpu_target.target_context.codegen().magic_tuple())
+    folder = Path(numba.config.CACHE_DIR)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder, repr(versions)
+
+
+def _start(said: IO[bytes]) -> subprocess.Popen[bytes]:
+    """A Blender with factory settings, in which small jobs compile what is missing."""
+    words = [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1"]
+    words += ["--python", str(small_jobs_path()), "--", ROOT_PACKAGE, str(Path(__file__).parents[2]), *sys.path]
+    # The kernels' folder lies in the cache folder that this process uses, whoever named it.
+    environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder()), "PATCHNET_KEEP": "0"}
+    flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal comes up on Windows
+    return subprocess.Popen(
+        words, stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=environment, creationflags=flags
+    )
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        process.terminate()
+        try:
+            process.wait(_STOP_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()

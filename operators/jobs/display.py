@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Progress of a job in the status bar, beside the mouse pointer, in the panel and in the log."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...patchnet_addon.runtime.progress import Progress
+from ...patchnet_addon.runtime.progress_log import ProgressLog
+from ...patchnet_addon.runtime.remaining import Remaining
+
+
+class JobDisplay:
+    """Shows how far a job is. progress: its latest report; fraction: of its present step, or of all, for the panel."""
+
+    def __init__(self, title: str) -> None:
+        self.progress = Progress(0, 1, title)
+        self.fraction = 0.0
+        self._title = title
+        self._text = ""  # what the status bar shows
+        self._log = ProgressLog(title)
+        self._remaining, self._whole_remaining = Remaining(), Remaining()
+
+    def see(self, progress: Progress) -> None:
+        """Take a report of the job's steps."""
+        self._log.see(progress)
+        self._remaining.see(progress)
+        if progress.whole is not None:
+            self._whole_remaining.see(Progress(progress.whole, 1.0, self._title))
+        self.progress = progress
+
+    def begin(self, context: bpy.types.Context) -> None:
+        """The job works in this window."""
+        context.window_manager.progress_begin(0, 100)
+
+    def show(self, context: bpy.types.Context) -> None:
+        """Show the latest report."""
+        progress = self.progress
+        fraction = progress.fraction if progress.whole is None else round(progress.whole, 3)
+        if fraction != self.fraction:
+            self.fraction = fraction
+            _redraw(context, "UI")
+        left = (self._remaining if progress.whole is None else self._whole_remaining).text()
+        remaining = "".join(f", {text}" for text in (left, progress.note) if text)
+        text = f"PatchNet: {progress.label} {round(100 * progress.fraction)} %{remaining}   (Esc stops)"
+        if text != self._text:  # each new one draws the window again, which must not slow down what computes
+            self._text = text
+            context.window_manager.progress_update(round(100 * fraction))
+            context.workspace.status_text_set(text)
+
+    def end(self, context: bpy.types.Context) -> None:
+        """Show nothing any more."""
+        context.window_manager.progress_end()
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+        _redraw(context)
+
+
+def _redraw(context: bpy.types.Context, *kinds: str) -> None:
+    """Draw the regions of some kinds again, such as the sidebars ("UI"); without kinds, all."""
+    for area in context.screen.areas if context.screen else ():
+        for region in area.regions:
+            if not kinds or region.type in kinds:
+                region.tag_redraw()

@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What all operators share: one way to run steps, to show progress, to stop, and to report what went wrong."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ...patchnet_addon.runtime.errors import FileAccessError, PatchNetError, StoppedError
+from ...patchnet_addon.runtime.interrupt import TERMINATED, end_process, exit_code_of, prompt_interrupt
+from ...patchnet_addon.runtime.log import unexpected
+from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.runtime.streams import keep_streams
+from ...patchnet_addon.runtime.worker import attended
+from ..scene_access.quiet import quiet
+from ..scene_access.unread_file import check_opened
+from ..scene_access.window_job import in_window
+from ..session.memory import give_back
+from ..settings.job_settings import JobSettings
+from ..state import watch as job_watch
+from ..ui.preferences import apply_preferences
+from ..ui.properties import job_settings
+from .compile_ahead import compiled_ahead
+from .display import JobDisplay
+from .events import passes
+from .session_folder import session_folder_goes
+from .tell import tell, tell_start
+
+if TYPE_CHECKING:
+    from bpy.types import Operator as _Operator
+else:
+    _Operator = object  # Blender wants its own class among the direct bases of each operator
+
+_SLICE_S = 0.05  # of work between two redraws of the window
+_TICK_S = 0.02
+_GONE = "The scene that was worked on is gone: open it and start again"
+
+
+class JobOperator(_Operator):
+    """Mixin of operators that run steps.
+
+    `execute` runs them to the end, so that the operator works in background and from scripts; in a window `invoke` runs
+    them a slice of time per timer tick, with progress in the status bar, until Esc. Both end the same way.
+
+    Beside a window Blender stays usable but for editing, and the steps stay in the scene where they began.
+    """
+
+    bl_options: ClassVar[set[str]] = {"REGISTER"}
+    running: ClassVar[str] = ""  # title of the operator that works in a window now
+    fraction: ClassVar[float] = 0.0  # of its present step, or of all, for the panel
+    # The operator itself. Not of type JobOperator: typing would keep the class, and Blender as a module hang at exit.
+    in_window: ClassVar[Any] = None
+    uses_kernels: ClassVar[bool] = True  # those that do not wait for none
+    _outcome: set[str]
+    _steps: Steps[str]
+    _file: Path | None = None  # what the steps write, for the log
+
+    def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
+        """The work; its result is a sentence about what was done. It leaves the scene as it was, also when closed."""
+        raise RuntimeError(f"{type(self).__name__} has no steps")
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        """One job at a time; operators that need more call this first."""
+        if JobOperator.running:
+            cls.poll_message_set(f"{JobOperator.running} is running: wait for it, or press Esc over the window")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Run all steps now, until Ctrl-C where there is no window, or SIGTERM, which ends the process, too."""
+        if not self._begin(context):
+            return {"CANCELLED"}
+        try:
+            if bpy.app.background:
+                keep_streams()
+                session_folder_goes()
+            with prompt_interrupt() if bpy.app.background else nullcontext():
+                while not self._outcome:
+                    self._pull(alive=False)
+        except KeyboardInterrupt as stop:
+            self._steps.close()
+            if exit_code_of(stop) == TERMINATED:  # a script that goes on after an error would not end
+                end_process(TERMINATED, self._stopped())
+            tell(self, "ERROR", self._stopped())
+            self._outcome = {"CANCELLED"}
+        except Exception as error:
+            unexpected(error)
+            raise
+        finally:
+            self._steps.close()
+            give_back()
+        return self._outcome
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Run the steps while the window stays alive."""
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        if not self._begin(context):
+            return {"CANCELLED"}
+        if self.uses_kernels:
+            self._steps = _after_compiling(self._steps)
+        self._scene, self._layer = context.scene, context.view_layer
+        self._watch = job_watch.begin(context.scene)
+        JobOperator.running, JobOperator.fraction, JobOperator.in_window = self.bl_label, 0.0, self
+        self._display.begin(context)
+        self._timer = context.window_manager.event_timer_add(_TICK_S, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Work for a slice of time per tick; Esc stops and cleans up."""
+        if self._outcome:  # whatever ended the job meanwhile, this handler must not outlive it
+            self._end_modal(context)
+            return self._outcome
+        if event.type == "ESC" and event.value == "PRESS":
+            self.cancel(context)
+            tell(self, "INFO", self._stopped(), logged_as="ERROR")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"} if passes(context, event) else {"RUNNING_MODAL"}
+        try:
+            self._work(context)
+        except BaseException:
+            self._outcome = {"CANCELLED"}
+            self._end_modal(context)
+            raise
+        if self._outcome:
+            self._end_modal(context)
+            return self._outcome
+        self._display.show(context)
+        JobOperator.fraction = self._display.fraction
+        return {"RUNNING_MODAL"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Blender calls this when the window closes."""
+        self.stop()
+        self._end_modal(context)
+
+    def stop(self) -> None:
+        """Close the steps, which clean up; the next event ends the operator."""
+        self._outcome = self._outcome or {"CANCELLED"}
+        with quiet():  # what stopping puts back is as it was
+            self._steps.close()
+
+    def _begin(self, context: bpy.types.Context) -> bool:
+        """Make the steps; False after the settings' errors were reported."""
+        self._outcome = set()
+        self._display = JobDisplay(self.bl_label)
+        try:
+            apply_preferences(context)
+            tell_start(self)
+            check_opened()
+            self._steps = self.steps(context, job_settings(context, self))
+        except PatchNetError as error:
+            tell(self, "ERROR", str(error))
+            return False
+        return True
+
+    def _work(self, context: bpy.types.Context) -> None:
+        """Run steps for a slice of time, in the scene where they began."""
+        deadline = time.perf_counter() + _SLICE_S
+        while not self._outcome:
+            with ExitStack() as stack:
+                stack.enter_context(job_watch.watching(self._watch))
+                try:
+                    stack.enter_context(self._in_scene(context))
+                except ReferenceError:
+                    self.stop()
+                    tell(self, "ERROR", _GONE)
+                    return
+                self._pull(alive=True)
+            if self._display.progress.waiting or time.perf_counter() >= deadline:
+                return
+
+    def _in_scene(self, context: bpy.types.Context) -> Any:
+        """The context in which the steps began: the window may show another scene or view layer by now."""
+        if context.scene == self._scene and context.view_layer == self._layer:
+            return nullcontext()
+        self._scene.name, self._layer.name  # noqa: B018  raises ReferenceError where they are gone
+        return context.temp_override(scene=self._scene, view_layer=self._layer)
+
+    def _pull(self, *, alive: bool) -> None:
+        """One step, which sets the outcome if it was the last. Domain errors become reports here and nowhere else.
+
+        alive: the step returns soon, with work left to others, because a window waits.
+        """
+        try:
+            with quiet(), in_window(alive), attended() if alive or bpy.app.background else nullcontext():
+                progress = next(self._steps)
+        except StopIteration as stop:
+            tell(self, "INFO", stop.value, file=self._file)
+            self._outcome = {"FINISHED"}
+        except StoppedError as error:
+            text = self._stopped() if alive else str(error)
+            tell(self, "INFO" if alive else "ERROR", text, logged_as="ERROR")
+            self._outcome = {"CANCELLED"}
+        except PatchNetError as error:
+            tell(self, "ERROR", str(error))
+            self._outcome = {"CANCELLED"}
+        except OSError as error:
+            explained = FileAccessError.of(error)
+            if explained is None:
+                raise
+            tell(self, "ERROR", str(explained))
+            self._outcome = {"CANCELLED"}
+        except MemoryError:
+            tell(self, "ERROR", f"{self.bl_label} ran out of memory: choose a smaller depth or fewer objects")
+            self._outcome = {"CANCELLED"}
+        else:
+            self._display.see(progress)
+
+    def _stopped(self) -> str:
+        return f"{self.bl_label} was stopped: nothing was changed"
+
+    def _end_modal(self, context: bpy.types.Context) -> None:
+        if JobOperator.in_window is not self:
+            return
+        JobOperator.running, JobOperator.in_window = "", None
+        job_watch.end(self._watch)
+        context.window_manager.event_timer_remove(self._timer)
+        self._display.end(context)
+        give_back()
+
+
+def _after_compiling(steps: Steps[str]) -> Steps[str]:
+    yield from compiled_ahead()
+    return (yield from steps)
+
+
+@persistent
+def stop_running_job(*_: object) -> None:
+    """End the job that works beside a window, before an undo or another file takes away what it works on."""
+    operator = JobOperator.in_window
+    if operator is not None and not operator._outcome:
+        operator.stop()
+
+
+def _takers() -> tuple[list[Any], ...]:
+    lists = bpy.app.handlers
+    return lists.undo_pre, lists.redo_pre, lists.load_pre
+
+
+def register() -> None:
+    """Listen to what takes data-blocks away."""
+    for handlers in _takers():
+        handlers.append(stop_running_job)
+
+
+def unregister() -> None:
+    """Stop listening, and the job that works now."""
+    for handlers in _takers():
+        handlers.remove(stop_running_job)
+    stop_running_job()

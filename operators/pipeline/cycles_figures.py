@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a refinement by Cycles cost and what it reached, as plain JSON values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...patchnet_addon.sampling.frame import Frame
+from ...patchnet_addon.sampling.regions import Region
+from ...patchnet_addon.surface.textures import luminance
+from ..settings.cycles_settings import REFERENCE_FACTOR, CyclesSettings
+
+PREVIEW, REFINED, COMPOSITED, OVER_REFINED, FULL = (
+    "preview", "refined_octree", "composited", "composited_over_refined_octree", "full",
+)  # fmt: skip
+
+
+@dataclass(eq=False)
+class Renders:
+    """Cycles' pictures, (H, W, 3) float32, linear, unexposed, and the wall seconds of Blender's renders.
+
+    regions: black outside them. seconds: of all regions, reading the scene included; sync_seconds: of that alone.
+    full: the whole picture with the same samples and seed, in full_seconds, reading the scene included.
+    reference: with more samples and another seed.
+    """
+
+    regions: np.ndarray
+    seconds: float = 0.0
+    sync_seconds: float = 0.0
+    full: np.ndarray | None = None
+    full_seconds: float = 0.0
+    reference: np.ndarray | None = None
+
+
+def shown_light(light: np.ndarray, exposure: float, colored: bool) -> np.ndarray:
+    """Linear light (H, W, 3) as the octree shows it: exposed, in [0, 1], (H, W) unless `colored`."""
+    return np.clip(np.float32(exposure) * (light if colored else luminance(light)), 0.0, 1.0).astype(np.float32)
+
+
+def cycles_report(
+    priority: np.ndarray, regions: Sequence[Region], renders: Renders, settings: CyclesSettings
+) -> dict[str, Any]:
+    """Shares and seconds; regions as left, bottom, width, height in pixels."""
+    total = float(priority.sum(dtype=np.float64))
+    held = sum(float(priority[region.slices].sum(dtype=np.float64)) for region in regions)
+    report: dict[str, Any] = {
+        "budget": settings.budget,
+        "samples": settings.samples,
+        "light": settings.light,
+        "regions": [[region.left, region.bottom, region.width, region.height] for region in regions],
+        "pixels_share": sum(region.pixels for region in regions) / priority.size,
+        "priority_share": held / total if total > 0 else 0.0,
+        "seconds": {"regions": renders.seconds, "of_that_reading_the_scene": renders.sync_seconds},
+    }
+    if renders.full is not None:
+        report["seconds"]["full"] = renders.full_seconds
+        report["reference_samples"] = REFERENCE_FACTOR * settings.samples
+    return report
+
+
+def squared_errors(
+    frame: Frame, mask: np.ndarray, renders: Renders, exposure: float, refined: np.ndarray | None
+) -> dict[str, np.ndarray]:
+    """Squared luminance errors (H, W) float64 against the reference, by name of the picture.
+
+    The reference's own noise is in all of them alike.
+    """
+    assert renders.reference is not None and renders.full is not None
+    reference, cycles, full = (
+        shown_light(light, exposure, False) for light in (renders.reference, renders.regions, renders.full)
+    )
+    preview = frame.picture(frame.preview)
+    pictures = {PREVIEW: preview, COMPOSITED: np.where(mask, cycles, preview), FULL: full}
+    if refined is not None:
+        octree = frame.picture(refined)
+        pictures |= {REFINED: octree, OVER_REFINED: np.where(mask, cycles, octree)}
+    return {name: (picture.astype(np.float64) - reference) ** 2 for name, picture in pictures.items()}

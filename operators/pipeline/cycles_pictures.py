@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures of a refinement by Cycles, for Blender's images and for files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ...patchnet_addon.image.colormaps import COLORMAPS, colormap
+from ...patchnet_addon.image.contact_sheet import contact_sheet
+from ...patchnet_addon.image.heatmap import magnify, with_legend
+from ...patchnet_addon.image.outlines import outlined
+from ...patchnet_addon.image.tone import shown
+from ..scene_access.images import save_png, show_image
+from .cycles_figures import COMPOSITED, FULL, PREVIEW
+from .cycles_regions import CyclesView
+
+ERROR_MAXIMUM = 0.5  # luminance error at the end of the error picture's legend
+_ERRORS = (PREVIEW, COMPOSITED, FULL)
+_SHEET_NAME = "cycles_compare.png"
+_NAMES, _COMPARISON_NAMES = ("cycles", "regions"), ("cycles full", "cycles error")
+
+
+def cycles_file_names(compare: bool) -> list[str]:
+    """Names of the files of `save_cycles`, with a comparison or without one."""
+    names = [_file_name(name) for name in (*_NAMES, *(_COMPARISON_NAMES if compare else ()))]
+    return [*names, _SHEET_NAME] if compare else names
+
+
+def _file_name(picture: str) -> str:
+    return f"{picture.replace(' ', '_')}.png"
+
+
+def cycles_pictures(view: CyclesView) -> dict[str, np.ndarray]:
+    """Name -> (h, w, 3) encoded colours; with a comparison also the full render and the errors.
+
+    "cycles" and "regions", the mask in black and white, have the camera's size.
+    """
+    pictures = {
+        "cycles": shown(view.composited),
+        "regions": np.repeat(view.mask[..., None].astype(np.float32), 3, axis=-1),
+    }
+    if view.full is not None:
+        pictures |= {"cycles full": shown(view.full), "cycles error": _errors(view)}
+    return pictures
+
+
+def show_cycles(view: CyclesView) -> None:
+    """Put the pictures into Blender's images, under the camera's name."""
+    for name, picture in cycles_pictures(view).items():
+        show_image(f"PatchNet {view.camera.name} {name}", picture)
+
+
+def save_cycles(view: CyclesView, folder: Path, maximum: float) -> None:
+    """Write the pictures into the camera's folder; `maximum` ends the heatmap in the overview of them."""
+    for name, picture in cycles_pictures(view).items():
+        save_png(folder / _file_name(name), picture)
+    if view.full is not None:
+        save_png(folder / _SHEET_NAME, comparison_sheet(view, maximum))
+
+
+def comparison_sheet(view: CyclesView, maximum: float, map_name: str = COLORMAPS[0]) -> np.ndarray:
+    """(h, w, 3): preview, regions over the heatmap, composited and full render, with the figures as titles."""
+    assert view.full is not None
+    report = view.report
+    mse, seconds, count = report["mse"], report["seconds"], len(view.regions)
+    regions = outlined(colormap(view.priority / np.float32(maximum), map_name), view.regions)
+    titles = [
+        f"Preview mse {mse[PREVIEW]:.5f}",
+        f"{count} region{'s' if count != 1 else ''}, {report['pixels_share']:.1%}",
+        f"Cycles {seconds['regions']:.1f} s mse {mse[COMPOSITED]:.5f}",
+        f"Full {seconds['full']:.1f} s mse {mse[FULL]:.5f}",
+    ]
+    row = [shown(view.preview), regions, shown(view.composited), shown(view.full)]
+    name = f"{view.camera.name}: {report['samples']} samples, mse against {report['reference_samples']} samples"
+    return contact_sheet([row], [name], titles)
+
+
+def _errors(view: CyclesView) -> np.ndarray:
+    views = [magnify(colormap(view.errors[name] / np.float32(ERROR_MAXIMUM))) for name in _ERRORS]
+    titles = [f"{name}: mse {view.report['mse'][name]:.5f}" for name in _ERRORS]
+    ticks = [f"{ERROR_MAXIMUM * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    return with_legend(views, titles, colormap, ticks, "luminance error against Cycles")

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From a traced frame and its priority to a picture whose worst regions are Cycles'."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.worker import computed
+from ...patchnet_addon.sampling.frame import Frame
+from ...patchnet_addon.sampling.refine import refine, refined_picture
+from ...patchnet_addon.sampling.regions import Region, choose_regions, region_mask
+from ...patchnet_addon.sampling.registry import strategy
+from ...patchnet_addon.tracing.camera import Camera
+from ..cycles.daylight import has_light
+from ..cycles.region_renders import OVERHEAD_PATHS, region_renders
+from ..settings.cycles_settings import REFERENCE_FACTOR, CyclesSettings
+from ..settings.job_settings import CYCLES, JobSettings
+from .cycles_figures import Renders, cycles_report, shown_light, squared_errors
+from .views import View
+
+NOT_CYCLES = "The voxels do not show Cycles' light: bake the light with Cycles first"
+
+
+@dataclass(frozen=True, eq=False)
+class CyclesView:
+    """A view with Cycles' regions in it.
+
+    priority: (H, W) float32 that chose them. mask: (H, W) bool, their pixels. preview, composited, full: (H, W), or
+    (H, W, 3) in colour, linear, exposed, in [0, 1]; `full` is of Cycles alone, None without a comparison.
+    errors: name -> (H, W) absolute luminance error against the reference; empty without one. report: figures.
+    """
+
+    camera: Camera
+    regions: Sequence[Region]
+    priority: np.ndarray
+    mask: np.ndarray
+    preview: np.ndarray
+    composited: np.ndarray
+    full: np.ndarray | None
+    errors: dict[str, np.ndarray]
+    report: dict[str, Any]
+
+
+def cycles_view(
+    context: bpy.types.Context,
+    octree: Octree,
+    camera: Camera,
+    frame: Frame,
+    score: np.ndarray,
+    settings: CyclesSettings,
+    *,
+    refined: np.ndarray | None = None,
+    sun: bool | None = None,
+) -> Steps[CyclesView]:
+    """Render the worst regions by `score` (P,) with Cycles; the scene is as before afterwards, also when closed.
+
+    refined: (P,) luminance of the refined octree picture, which a comparison measures too. sun: whether the octree was
+    lit by a sun and a sky of ours; None if it was where the scene has no light. Raises PatchNetError.
+    """
+    check_light(octree)
+    priority = frame.picture(np.where(frame.active, np.nan_to_num(np.maximum(score, 0.0)), np.float32(0.0)))
+    choosing = Progress(0, 1, f"{camera.name}: choosing regions")
+    regions = yield from computed(lambda: _chosen(priority, settings), choosing)
+    added = not has_light(context.evaluated_depsgraph_get()) if sun is None else sun
+    renders = yield from _rendered(context, camera, regions, settings, added)
+    exposure = octree.exposure
+    return (
+        yield from computed(
+            lambda: _composited(exposure, camera, frame, priority, regions, renders, settings, refined),
+            Progress(0, 1, f"{camera.name}: measuring Cycles' pictures" if settings.compare else choosing.label),
+        )
+    )
+
+
+def refine_view(
+    context: bpy.types.Context, octree: Octree, view: View, job: JobSettings, settings: CyclesSettings
+) -> Steps[CyclesView]:
+    """As `cycles_view`, of a view that `job` has made; the refined octree picture is that of its budget."""
+    frame = view.frame
+    refined = yield from computed(
+        lambda: refined_picture(frame, refine(frame, strategy(view.strategy).scores(frame), job.budget)),
+        Progress(0, 1, f"{view.camera.name}: choosing regions"),
+    )
+    steps = cycles_view(
+        context, octree, view.camera, frame, view.priority.ravel(), settings, refined=refined, sun=job.daylight
+    )
+    return (yield from steps)
+
+
+def check_light(octree: Octree) -> None:
+    """Raises SettingError if what Cycles renders could not stand beside this octree."""
+    if octree.provenance.get("light") != CYCLES:
+        raise SettingError(NOT_CYCLES)
+
+
+def _chosen(priority: np.ndarray, settings: CyclesSettings) -> Sequence[Region]:
+    overhead = OVERHEAD_PATHS / settings.samples
+    return choose_regions(priority, settings.budget, tile=settings.tile, most=settings.most, overhead_px=overhead)
+
+
+def _rendered(
+    context: bpy.types.Context, camera: Camera, regions: Sequence[Region], settings: CyclesSettings, sun: bool
+) -> Steps[Renders]:
+    """The regions; for a comparison then the whole picture in a scene copy of its own, so that it pays for all it
+    needs, and the reference, which finds the scene read."""
+    wanted = camera, settings.samples, settings.seed, settings.light
+    black = np.zeros((camera.height_px, camera.width_px, 3), np.float32)
+    result = Renders(black)
+    if regions:
+        with region_renders(context, *wanted, sun=sun) as cycles:
+            yield from cycles.synced()
+            result.regions = yield from cycles.pictures(regions, f"{camera.name}: Cycles, {len(regions)} regions")
+            result.sync_seconds, result.seconds = cycles.sync_seconds, cycles.seconds
+    if settings.compare:
+        whole = Region(0, 0, camera.width_px, camera.height_px)
+        label = f"{camera.name}: Cycles, the whole picture"
+        with region_renders(context, *wanted, sun=sun) as cycles:
+            result.full = yield from cycles.picture(whole, lambda share: Progress(share, 1, label))
+            result.full_seconds = cycles.seconds
+            cycles.sample(REFERENCE_FACTOR * settings.samples, settings.seed + 1)
+            result.reference = yield from cycles.pictures([whole], f"{camera.name}: Cycles, the reference")
+    return result
+
+
+def _composited(
+    exposure: float,
+    camera: Camera,
+    frame: Frame,
+    priority: np.ndarray,
+    regions: Sequence[Region],
+    renders: Renders,
+    settings: CyclesSettings,
+    refined: np.ndarray | None,
+) -> CyclesView:
+    mask = region_mask(list(regions), camera.height_px, camera.width_px)
+    report = cycles_report(priority, regions, renders, settings)
+    errors: dict[str, np.ndarray] = {}
+    if renders.reference is not None:
+        squared = squared_errors(frame, mask, renders, exposure, refined)
+        active = frame.picture(frame.active)
+        report["mse"] = {
+            name: float(values[active].mean()) if active.any() else 0.0 for name, values in squared.items()
+        }
+        errors = {name: np.sqrt(values) for name, values in squared.items()}
+    colored = frame.preview_color is not None
+    preview = frame.picture(frame.preview if frame.preview_color is None else frame.preview_color)
+    cycles = shown_light(renders.regions, exposure, colored)
+    composited = np.where(mask[..., None] if colored else mask, cycles, preview)
+    full = None if renders.full is None else shown_light(renders.full, exposure, colored)
+    return CyclesView(camera, regions, priority, mask, preview, composited, full, errors, report)

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Who encodes: torch in this Python, torch in another one, or our own kernels, by the settings and what is there."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...patchnet_addon.network.weights import Weights
+from ...patchnet_addon.runtime.errors import SettingError
+from ..scene_access.devices import AUTOMATIC, GPU
+from ..settings.job_settings import JobSettings
+
+if TYPE_CHECKING:  # it brings numba
+    from ...patchnet_addon.network.encode import Encoder
+
+_OWN = "own kernels on the CPU"
+_TORCH_DEVICES = {"CPU": "cpu", "GPU": "cuda", AUTOMATIC: "auto"}
+
+
+@dataclass(frozen=True, eq=False)
+class Encoding:
+    """An encoder, in a few words who it is, and sentences about what was asked for and is not there."""
+
+    encoder: Encoder
+    text: str
+    warnings: tuple[str, ...] = ()
+
+
+@contextmanager
+def chosen_encoder(weights: Weights, settings: JobSettings) -> Iterator[Encoding]:
+    """The encoder of the settings for these weights; a process of it ends with the block.
+
+    Torch on a GPU of this Python, else the other Python that is named, else our kernels with the same codes. Raises
+    SettingError if a GPU is asked for and nobody here has one.
+    """
+    from ...patchnet_addon.codes.encode import make_encoder
+    from ...patchnet_addon.network.other_python import OtherPythonEncoder
+
+    warnings: tuple[str, ...] = ()
+    if settings.torch_python is not None:
+        try:
+            other = OtherPythonEncoder(settings.torch_python, weights, _TORCH_DEVICES[settings.encoder_device])
+        except SettingError as error:
+            if settings.encoder_device == GPU:
+                raise
+            warnings = (f"{error}. Encoding used PatchNet's own kernels instead, with the same result",)
+        else:
+            with other:
+                yield Encoding(other, f"torch {other.said['torch']} on {other.said['device']}, another Python")
+            return
+    if settings.encoder_device == GPU or (settings.encoder_device == AUTOMATIC and torch_has_gpu()):
+        yield Encoding(make_encoder(weights, "torch", "cuda"), "torch on a GPU", warnings)
+        return
+    yield Encoding(make_encoder(weights, "compiled"), _OWN, warnings)
+
+
+def encoder_text(settings: JobSettings) -> str:
+    """Who would encode, in a few words, without starting anything."""
+    if settings.torch_python is not None:
+        return f"torch of {settings.torch_python.name}"
+    if settings.encoder_device == GPU or (settings.encoder_device == AUTOMATIC and torch_has_gpu()):
+        return "torch on a GPU"
+    return _OWN
+
+
+def torch_has_gpu() -> bool:
+    """Whether this Python has torch, and torch an NVIDIA GPU. Torch is imported only where there may be one."""
+    if importlib.util.find_spec("torch") is None:
+        return False
+    if sys.platform == "linux" and not Path("/dev/nvidiactl").exists():
+        return False
+    import torch
+
+    return bool(torch.cuda.is_available())

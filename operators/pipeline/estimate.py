@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a job will take, before it runs: from a coarse octree, the cameras' pixels and the triangles' sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import bpy
+
+from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.runtime.bounds import MAX_DEPTH
+from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.quantities import bytes_text, count_text
+from ...patchnet_addon.runtime.worker import beside
+from ...patchnet_addon.tracing.camera import Camera
+from ..scene import SceneMesh, read_scene
+from ..scene.cameras import choose_cameras
+from ..scene_access.devices import device_text
+from ..settings.job_settings import CYCLES, JobSettings
+from ..state.scene_state import SceneState
+from ..state.watch import read_state
+from .encoder import encoder_text
+
+_CODED_SHARE = 1.0 / 12.0  # of the leaves: nodes two levels up and above
+_BYTES_PER_CODED = 32 + 2.2 * 20  # its corners' rows, and codes that it shares with neighbours
+
+
+@dataclass
+class Estimate:
+    """Expected figures of a job, and what they were made for.
+
+    depth: of the octree. wanted: what the cameras ask for. fitted: leaves follow the cameras, so that
+    `leaves` and bytes are not known before, only that memory bounds them.
+    leaves, octree_bytes, codes_bytes, peak_bytes: of building it; free_bytes: what may be used.
+    lookahead_share: of hit pixels in the camera with least of it, None where no camera sees anything.
+    texels, paths: of the bake, both 0 without one; paths of one side of the surface.
+    device, encoder: what will compute, in words. made_for: surface and views, in words.
+    settings: values of the scene's settings. state: of the scene. stale_because: what changed since, "" if nothing did.
+    """
+
+    depth: int
+    wanted: int
+    fitted: bool
+    voxel_world: float
+    leaves: int
+    octree_bytes: int
+    codes_bytes: int
+    peak_bytes: int
+    free_bytes: int
+    lookahead_share: float | None
+    texels: int
+    paths: int
+    device: str
+    encoder: str
+    made_for: tuple[str, str]
+    settings: dict[str, Any] = field(default_factory=dict)
+    state: SceneState | None = None
+    stale_because: str = ""
+    lines: list[str] = field(default_factory=list)
+
+    @property
+    def too_large(self) -> bool:
+        """Whether building would not fit into memory."""
+        return self.peak_bytes > self.free_bytes
+
+
+def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Estimate]:
+    """Look at the scene as the job would, and build nothing but a coarse octree. Raises PatchNetError."""
+    yield Progress(0, 1, "Reading the scene")
+    source, state = read_scene(context.evaluated_depsgraph_get(), settings.scope), read_state(context.scene)
+    depsgraph = context.evaluated_depsgraph_get()
+    cameras = choose_cameras(depsgraph, settings.cameras, settings.size, settings.bounds_world(source))
+    device = device_text(context, settings.device) if settings.light == CYCLES else ""
+    steps = beside(lambda: _estimate(source, cameras, settings, device), Progress(0, 1, "Estimating"))
+    return replace((yield from steps), state=state)
+
+
+def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings, device: str) -> Steps[Estimate]:
+    from ...patchnet_addon.lod.depth import available_memory, choose_depth, coarse_octree, estimate, expected_share
+
+    bounds = settings.bounds_world(source)
+    coarse = yield from labelled(coarse_octree(source, bounds_world=bounds), "Estimating")
+    free = settings.memory_bytes or available_memory()
+    yield Progress(1, 3, "Estimating: what cameras see")
+    automatic = choose_depth(coarse, cameras, None, free, color=settings.color)
+    depth = _depth(settings, bounds, automatic.wanted if settings.fit else automatic.depth)
+    leaves, octree_bytes, peak = estimate(coarse, depth, color=settings.color)
+    yield Progress(2, 3, "Estimating: texels of the bake")
+    grid = Grid.around(bounds, depth)
+    texels = 0
+    if settings.light == CYCLES:
+        texels = yield from _texels(source, grid, settings)
+    found = Estimate(
+        depth=depth,
+        wanted=automatic.wanted,
+        fitted=settings.fit,
+        voxel_world=settings.voxel_world or grid.voxel_world,
+        leaves=leaves,
+        octree_bytes=octree_bytes,
+        codes_bytes=int(leaves * _CODED_SHARE * _BYTES_PER_CODED),
+        peak_bytes=min(peak, free) if settings.fit else peak,
+        free_bytes=free,
+        lookahead_share=expected_share(coarse, cameras, depth),
+        texels=texels,
+        paths=texels * settings.samples,
+        device=device,
+        encoder=encoder_text(settings),
+        made_for=_made_for(source, cameras),
+    )
+    found.lines = estimate_lines(found)
+    return found
+
+
+def _depth(settings: JobSettings, bounds: Any, automatic: int) -> int:
+    if settings.depth is not None:
+        return settings.depth
+    if settings.voxel_world is not None:
+        return Grid.with_voxel_size(bounds, settings.voxel_world).depth
+    return min(automatic, MAX_DEPTH)
+
+
+def _texels(source: SceneMesh, grid: Grid, settings: JobSettings) -> Steps[int]:
+    """Texels of the bake; of fitted leaves as if all were on the deepest level, which is the most it can be."""
+    from ...patchnet_addon.lightmap.charts import texels_wanted
+    from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
+    from ..cycles.bake.bake import MAX_TEXELS
+
+    texel_world = texel_sizes(source, grid, None, settings.texel_voxels)
+    return (yield from texels_wanted(source, texel_world, MAX_TEXELS))
+
+
+def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> tuple[str, str]:
+    names = {name for part in source.parts for name in part.objects}
+    objects = f"'{names.pop()}'" if len(names) == 1 else f"{len(names):,} objects"
+    views = f"camera '{cameras[0].name}'" if len(cameras) == 1 else f"{len(cameras)} cameras"
+    size = f"{cameras[0].width_px} x {cameras[0].height_px}"
+    return f"{objects}, {source.triangle_count:,} triangles", f"{views[:1].upper()}{views[1:]} at {size}"
+
+
+def estimate_lines(found: Estimate) -> list[str]:
+    """The estimate in words, for panel, log and report."""
+    most = "Up to depth" if found.fitted else "Depth"
+    lines = [f"{most} {found.depth}, voxel side {found.voxel_world:.4g}"]
+    if found.fitted:
+        lines.append("As many voxels as cameras need")
+        lines.append(f"Building takes at most {bytes_text(found.free_bytes)}")
+    else:
+        lines.append(f"About {count_text(found.leaves)} voxels")
+        lines.append(f"Building takes {bytes_text(found.peak_bytes)} of {bytes_text(found.free_bytes)}")
+        lines.append(f"Octree {bytes_text(found.octree_bytes)}, codes {bytes_text(found.codes_bytes)}")
+    share = found.lookahead_share
+    lines.append("No camera sees anything" if share is None else f"Look-ahead on {share:.0%} of pixels")
+    if found.texels:
+        about = "at most" if found.fitted else "about"
+        lines.append(f"Bake: {about} {count_text(found.texels)} texels")
+        lines.append(f"Paths of a side: {count_text(found.paths)}")
+        lines.append(f"Bake on: {found.device}")
+    lines.append(f"Codes: {found.encoder}")
+    return lines

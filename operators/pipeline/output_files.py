@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which files a job writes, and which it reads: the latter are never replaced."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import bpy
+
+from ...patchnet_addon.network.weights import default_weights_path
+from ...patchnet_addon.runtime.file_kinds import CODES, EXR, OCTREE, PNG, REPORT, FileKind
+from ...patchnet_addon.runtime.outputs import check_outputs
+from ..settings.cycles_settings import CyclesSettings
+from ..settings.job_settings import JobSettings
+from .cycles_pictures import cycles_file_names
+from .reports import REPORT_NAME
+from .views import PICTURES, PRIORITY_NAME
+
+OCTREE_NAME, CODES_NAME, OVERVIEW_NAME = "octree.safetensors", "codes.safetensors", "overview.png"
+
+
+def job_files(folders: Iterable[str], cycles: CyclesSettings | None) -> dict[str, FileKind]:
+    """Kind of each file of a job by its path in the output folder; `folders` are those of the cameras."""
+    files = {OCTREE_NAME: OCTREE, CODES_NAME: CODES, OVERVIEW_NAME: PNG, REPORT_NAME: REPORT}
+    names = [f"{name}.png" for name in PICTURES] + (cycles_file_names(cycles.compare) if cycles is not None else [])
+    for folder in folders:
+        files |= {f"{folder}/{name}": PNG for name in names} | {f"{folder}/{PRIORITY_NAME}": EXR}
+    return files
+
+
+def job_inputs(settings: JobSettings) -> list[Path]:
+    """Files that a job reads: those of the open scene, weights, and a painted mask."""
+    mask = settings.importance.file if settings.importance is not None else None
+    return [*scene_inputs(), settings.weights or default_weights_path(), *([] if mask is None else [mask])]
+
+
+def scene_inputs() -> Iterator[Path]:
+    """The open file, and all files that it names, such as images, libraries and caches."""
+    if bpy.data.filepath:
+        yield Path(bpy.data.filepath)
+    yield from map(Path, bpy.utils.blend_paths(absolute=True))
+
+
+def check_job(settings: JobSettings, scene: Path | None, *, frames: bool) -> None:
+    """Raises OutputError for results that cannot be written, as far as that is known before a scene is opened.
+
+    scene: the file that will be opened. frames: results are frames in folders of their own.
+    """
+    assert settings.out is not None
+    files = {REPORT_NAME: REPORT} if frames else job_files((), settings.cycles)
+    inputs = [*job_inputs(settings), *([] if scene is None else [scene])]
+    check_outputs({settings.out / name: kind for name, kind in files.items()}, inputs, folder=settings.out)

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The main job, from a scene to refined pictures and a report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import bpy
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.codes.file import save_codes
+from ...patchnet_addon.network.weights import Weights
+from ...patchnet_addon.octree.file import save_octree
+from ...patchnet_addon.octree.leaf_levels import LeafLevels
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.sampling.registry import strategy
+from ..scene import read_scene
+from ..scene.cameras import choose_cameras, track_cameras
+from ..scene_access.images import save_png
+from ..settings.job_settings import JobSettings
+from ..state.scene_state import SceneState
+from ..state.watch import read_state
+from .camera_folders import view_folders
+from .cycles_pictures import save_cycles
+from .cycles_regions import CyclesView, refine_view
+from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs
+from .output_folder import output_folder
+from .reports import write_report
+from .stages import build, choose_grid, encode_as_set, lit, load_network
+from .stopwatch import Stopwatch
+from .versions import machine, versions
+from .views import View, overview, save_view, view
+
+if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
+    from ...patchnet_addon.lightmap.page_cache import KeptPages
+
+
+@dataclass(frozen=True, eq=False)
+class JobResult:
+    """What a job made.
+
+    warnings: sentences about what had to be assumed or left out. layout: levels of the leaves, if not all on one.
+    cycles: of each view, where regions by Cycles were wanted. state: of the scene when it was read.
+    """
+
+    coded: CodedOctree
+    views: tuple[View, ...]
+    report: dict[str, Any]
+    warnings: tuple[str, ...]
+    layout: LeafLevels | None = None
+    cycles: tuple[CyclesView, ...] = ()
+    state: SceneState | None = None
+
+
+def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResult]:
+    """Read, voxelize, light and encode the scene, then look at it through every camera; write files if wanted.
+
+    The scene is as before afterwards, and nothing is written if a step fails. Raises PatchNetError.
+    """
+    from ...patchnet_addon.lightmap.page_cache import KeptPages
+
+    folders = view_folders(context.scene, settings.cameras)
+    files, inputs = job_files(folders.values(), settings.cycles), job_inputs(settings)
+    output = output_folder(settings.out, files, inputs) if settings.out else nullcontext()
+    with KeptPages() as kept, output as folder:  # pages stay until the files are there
+        weights = load_network(settings.weights)
+        watch = Stopwatch()
+        result = yield from _compute(context, settings, weights, watch, kept)
+        for item in result.views:
+            item.report["folder"] = folders[item.camera.name]
+        if folder is not None:
+            yield Progress(0, 1, "Writing files")
+            write_result(folder, result)
+    return result
+
+
+def _compute(
+    context: bpy.types.Context, settings: JobSettings, weights: Weights, watch: Stopwatch, kept: KeptPages
+) -> Steps[JobResult]:
+    with watch.stage("read"):
+        yield Progress(0, 1, "Reading the scene")
+        source, state = read_scene(context.evaluated_depsgraph_get(), settings.scope), read_state(context.scene)
+        depsgraph = context.evaluated_depsgraph_get()
+        wanted = settings.cameras, settings.size, settings.bounds_world(source)
+        cameras = choose_cameras(depsgraph, *wanted)
+        fitted_to = track_cameras(context, *wanted) if settings.track else cameras
+    with watch.stage("depth"):
+        choice = yield from choose_grid(source, fitted_to, settings)
+    with watch.stage("light"):
+        shade, assumed = yield from lit(context, source, choice.grid, choice.layout, settings, kept)
+    with watch.stage("voxelize"):
+        octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout, state)
+    with watch.stage("codes"):
+        coded, encoding = yield from encode_as_set(octree, weights, settings)
+    views: list[View] = []
+    cycles: list[CyclesView] = []
+    for camera in cameras:
+        with watch.stage("views"):
+            views.append((yield from view(coded, camera, settings, compare=True)))
+        if settings.cycles is not None:
+            with watch.stage("cycles"):
+                cycles.append((yield from refine_view(context, octree, views[-1], settings, settings.cycles)))
+            views[-1].report["cycles"] = cycles[-1].report
+    unseen = [warning for item in views for warning in item.warnings]
+    warnings = (*source.warnings, *choice.warnings, *assumed, *encoding.warnings, *unseen)
+    report = job_report(coded, views, settings, watch.seconds, warnings) | {"encoder": encoding.text}
+    return JobResult(coded, tuple(views), report, warnings, choice.layout, tuple(cycles), state)
+
+
+def job_report(
+    coded: CodedOctree,
+    views: Sequence[View],
+    settings: JobSettings,
+    timings_s: dict[str, float],
+    warnings: Sequence[str],
+) -> dict[str, Any]:
+    """Everything that was measured, as plain JSON values."""
+    octree = coded.octree
+    return {
+        "octree": {
+            "depth": octree.depth,
+            "nodes": octree.node_count,
+            "leaves": octree.leaf_count,
+            "fitted": bool(octree.provenance.get("fitted", False)),
+            "bytes": octree.nbytes,
+            "voxel_world": octree.grid.voxel_world,
+            "exposure": octree.exposure,
+            "codes": len(coded.codes),
+            "codes_bytes": coded.nbytes,
+        },
+        "timings_s": timings_s,
+        "frames": [item.report for item in views],
+        "strategy": settings.strategy,
+        "light": octree.provenance,
+        "warnings": list(warnings),
+        "weights": {"hash": coded.weights_hash} | _scalars(coded.weights.metadata),
+        "versions": versions(),
+        "machine": machine(),
+    }
+
+
+def _scalars(metadata: dict[str, Any]) -> dict[str, Any]:
+    """The metadata without curves and tables, which stand in the weights' model card."""
+    return {name: value for name, value in metadata.items() if isinstance(value, str | int | float)}
+
+
+def write_result(folder: Path, result: JobResult) -> None:
+    """All files of a job."""
+    save_octree(result.coded.octree, folder / OCTREE_NAME)
+    save_codes(result.coded, folder / CODES_NAME)
+    for item in result.views:
+        save_view(item, folder / item.report["folder"])
+    for item, refined in zip(result.views, result.cycles, strict=False):
+        save_cycles(refined, folder / item.report["folder"], strategy(result.report["strategy"]).maximum)
+    save_png(folder / OVERVIEW_NAME, overview(result.views))
+    write_report(folder, "views", result.report)

@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The stages of a job, each a function from the last one's result: surface, grid, lit octree, codes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import bpy
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.network.weights import Weights
+from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.bounds import MAX_DEPTH
+from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.worker import beside, computed
+from ...patchnet_addon.surface.mesh import Material, MeshSource, Shade
+from ...patchnet_addon.tracing.camera import Camera
+from ...patchnet_addon.tracing.unseen import BLACK_SURFACE
+from ..cycles.daylight import has_light
+from ..scene import SceneMesh
+from ..scene.precision import light_warnings, place_warnings
+from ..settings.job_settings import CYCLES, JobSettings
+from .encoder import Encoding, chosen_encoder
+from .versions import versions
+
+if TYPE_CHECKING:  # nothing needs them before something is built
+    from ...patchnet_addon.lightmap.atlas import Atlas
+    from ...patchnet_addon.lightmap.page_cache import KeptPages
+    from ...patchnet_addon.network.encode import Encoder
+    from ...patchnet_addon.octree.leaf_levels import LeafLevels
+    from ..state.scene_state import SceneState
+
+UNLIT = "none"  # light of an octree that shows the surface's own colour
+_TEXTURES, _ENCODING = "Reading textures", "Encoding"
+NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
+
+
+@dataclass(frozen=True, eq=False)
+class GridChoice:
+    """The grid of the octree, the levels of its leaves (None: all on the deepest), and what they lack in sentences."""
+
+    grid: Grid
+    layout: LeafLevels | None = None
+    warnings: tuple[str, ...] = ()
+
+
+def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
+    """Grid around the surface by the settings' depth or voxel size, else by the cameras (methods 4.1b).
+
+    Raises MemoryEstimateError, before anything is built, if a given depth would not fit, and GeometryError for a
+    surface whose place leaves it no precision.
+    """
+    make = _fitted_grid if settings.fit else _even_grid
+    choice = yield from beside(lambda: make(source, cameras, settings), Progress(0, 1, "Finding the depth"))
+    return replace(choice, warnings=(*place_warnings(source, choice.grid), *choice.warnings))
+
+
+def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
+    """All leaves on one level."""
+    from ...patchnet_addon.lod.depth import choose_depth, coarse_octree
+
+    bounds_world = settings.bounds_world(source)
+    coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Finding the depth")
+    if settings.voxel_world is not None:
+        grid = Grid.with_voxel_size(bounds_world, settings.voxel_world)
+        choose_depth(coarse, cameras, grid.depth, settings.memory_bytes, color=settings.color)
+        return GridChoice(grid)
+    choice = choose_depth(coarse, cameras, settings.depth, settings.memory_bytes, color=settings.color)
+    warnings: tuple[str, ...] = ()
+    if choice.bounded_by_memory:
+        warnings = (
+            f"The cameras need depth {choice.wanted}, but memory allows {choice.depth}: near surfaces will have no "
+            "look-ahead; fit the octree to the cameras, or choose smaller pictures or fewer objects",
+        )
+    grid = Grid.around(bounds_world, choice.depth)
+    return GridChoice(grid, None, warnings)
+
+
+def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
+    """Leaves as deep as the cameras need them, as far as memory allows."""
+    from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE, available_memory, most_leaves
+    from ...patchnet_addon.lod.fit import LAYOUT_BYTES, fit_leaf_levels
+    from ...patchnet_addon.surface.opacity import opacity_shade
+
+    grid = Grid.around(settings.bounds_world(source), MAX_DEPTH)
+    memory = settings.memory_bytes or available_memory()
+    most = most_leaves(memory - LAYOUT_BYTES, color=settings.color)
+    fitted = yield from fit_leaf_levels(source, grid, cameras, opacity_shade(source), most_leaves=most)
+    warnings: tuple[str, ...] = ()
+    if fitted.lookahead_share < LOOK_AHEAD_SHARE:
+        warnings = (
+            f"The cameras need leaves down to level {fitted.wanted}, more than memory or depth allow: about "
+            f"{fitted.lookahead_share:.0%} of pixels will have look-ahead; choose smaller pictures or fewer cameras",
+        )
+    return GridChoice(replace(grid, depth=fitted.layout.deepest), fitted.layout, warnings)
+
+
+def unlit(source: MeshSource, settings: JobSettings) -> Steps[Shade]:
+    """The surface's own colour, before any light is baked."""
+    return computed(lambda: _albedo(source, settings), Progress(0, 1, _TEXTURES))
+
+
+def lit(
+    context: bpy.types.Context,
+    source: SceneMesh,
+    grid: Grid,
+    layout: LeafLevels | None,
+    settings: JobSettings,
+    kept: KeptPages | None = None,
+    depsgraph: bpy.types.Depsgraph | None = None,
+) -> Steps[tuple[Shade, tuple[str, ...]]]:
+    """The surface in the light of the settings, and sentences about what had to be assumed.
+
+    grid, layout: the leaves that the light is for; texels follow them.
+    kept: where a bake finds pages of one that was stopped, and leaves its own.
+    depsgraph: what `source` was read from; None takes the context's.
+    """
+    if settings.light != CYCLES:
+        return (yield from computed(lambda: _two_lights(source, settings), Progress(0, 1, _TEXTURES))), ()
+    from ..cycles.bake import bake_luminance
+
+    coarse = light_warnings(source, grid)
+    added = settings.daylight
+    bright = has_light(depsgraph or context.evaluated_depsgraph_get()) if added is None else not added
+    texel_world = yield from computed(
+        lambda: _texel_sizes(source, grid, layout, settings), Progress(0, 1, "Measuring the surface")
+    )
+    atlas = yield from bake_luminance(
+        context,
+        source,
+        texel_world,
+        settings.samples,
+        color=settings.color,
+        both_sides=settings.both_sides,
+        kept=kept,
+        device=settings.device,
+        with_daylight=not bright,
+        depsgraph=depsgraph,
+    )
+    shade = yield from computed(lambda: _baked(atlas, source), Progress(0, 1, _TEXTURES))
+    return shade, (*coarse, *atlas.warnings, *(() if bright else (NO_LIGHT,)))
+
+
+def _albedo(source: MeshSource, settings: JobSettings) -> Shade:
+    from ...patchnet_addon.surface.albedo import albedo_shade
+
+    return albedo_shade(source, color=settings.color)
+
+
+def _two_lights(source: MeshSource, settings: JobSettings) -> Shade:
+    from ...patchnet_addon.surface.two_lights import two_lights_shade
+
+    return two_lights_shade(source, color=settings.color)
+
+
+def _texel_sizes(source: SceneMesh, grid: Grid, layout: LeafLevels | None, settings: JobSettings) -> Any:
+    from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
+
+    return texel_sizes(source, grid, layout, settings.texel_voxels)
+
+
+def _baked(atlas: Atlas, source: MeshSource) -> Shade:
+    from ...patchnet_addon.lightmap.atlas import atlas_shade
+
+    return atlas_shade(atlas, source)
+
+
+def build(
+    source: MeshSource,
+    grid: Grid,
+    shade: Shade,
+    settings: JobSettings,
+    light: str,
+    layout: LeafLevels | None = None,
+    state: SceneState | None = None,
+) -> Steps[Octree]:
+    """The octree of a surface; `light` says in its file what `shade` is, `layout` how deep its leaves are.
+
+    state: of the scene that the surface was read from, whose identity stands in the file.
+    """
+    provenance = _provenance(source, settings, light) | {"fitted": layout is not None}
+    if state is not None:
+        provenance["scene_state"] = state.identity()
+    exposure = settings.exposure if light != UNLIT else None  # a colour without light is not exposed
+    if light != UNLIT:
+        provenance["exposure"] = "automatic" if exposure is None else "given"
+
+    def make() -> Steps[Octree]:
+        from ...patchnet_addon.octree.build import build_octree
+
+        return build_octree(source, grid, shade, layout=layout, exposure=exposure, provenance=provenance)
+
+    return (yield from beside(make, Progress(0, 1, "Voxelizing")))
+
+
+def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[str, Any]:
+    """How an octree was made. The scene's file is named without its folder: results are passed on."""
+    values = {
+        "file": Path(bpy.data.filepath).name,
+        "scene": bpy.context.scene.name,
+        "frame": bpy.context.scene.frame_current,
+        "triangles": source.triangle_count,
+        "scope": settings.scope,
+        "light": light,
+        "color": settings.color,
+        "both_sides": settings.both_sides,
+        "versions": versions(),
+    }
+    if all(_is_black(material) for material in source.materials):
+        values[BLACK_SURFACE] = True  # for a sentence about black pictures
+    return values | ({"samples": settings.samples, "texel_voxels": settings.texel_voxels} if light == CYCLES else {})
+
+
+def _is_black(material: Material) -> bool:
+    return max(*material.base_color, *material.emission) <= 0.0
+
+
+def load_network(path: Path | None) -> Weights:
+    """The weights of the settings, or the shipped ones; raises WeightsFileError."""
+    from ...patchnet_addon.network.weights import load_weights
+
+    return load_weights(path)
+
+
+def encode(octree: Octree, weights: Weights) -> Steps[CodedOctree]:
+    """Codes for all voxels with look-ahead, on the CPU."""
+    return (yield from beside(lambda: _encoded(octree, weights), Progress(0, 1, _ENCODING)))
+
+
+def encode_as_set(octree: Octree, weights: Weights, settings: JobSettings) -> Steps[tuple[CodedOctree, Encoding]]:
+    """Codes for all voxels with look-ahead, and who computed them by the settings' devices. Raises SettingError."""
+    yield Progress(0, 1, _ENCODING)
+    with chosen_encoder(weights, settings) as chosen:
+        steps = beside(lambda: _encoded(octree, weights, chosen.encoder), Progress(0, 1, _ENCODING))
+        coded = yield from labelled(steps, f"{{}} with {chosen.text}")
+    return coded, chosen
+
+
+def _encoded(octree: Octree, weights: Weights, encoder: Encoder | None = None) -> Steps[CodedOctree]:
+    from ...patchnet_addon.codes.encode import encode_octree
+
+    return encode_octree(octree, weights, encoder=encoder)

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One camera's view of a lit and coded octree: its frame, its pictures, its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.image.colormaps import colormap
+from ...patchnet_addon.image.contact_sheet import contact_sheet
+from ...patchnet_addon.image.heatmap import error_picture, heatmap, overlay, tint
+from ...patchnet_addon.image.tone import shown
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.worker import beside, computed
+from ...patchnet_addon.sampling.errors import mse_at
+from ...patchnet_addon.sampling.frame import Frame
+from ...patchnet_addon.sampling.refine import priority, refinable, refine, refined_colors, refined_picture, urgency
+from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
+from ...patchnet_addon.sampling.report import frame_report
+from ...patchnet_addon.sampling.strategy import Strategy
+from ...patchnet_addon.sampling.trace import trace_frame
+from ...patchnet_addon.tracing.camera import Camera
+from ..importance import pixel_importance
+from ..scene_access.images import save_exr, save_png
+from ..settings.job_settings import JobSettings
+
+ERROR_MAXIMUM = 0.5  # luminance error at the end of the error picture's legend
+
+# Each picture that is a file and a Blender image, in the order in which a person would look at them.
+PICTURES = ("preview", "heatmap", "overlay", "refined", "reference", "error")
+PRIORITY_NAME = "priority.exr"
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A camera's result.
+
+    priority: (H, W) float32, raw scores of `strategy`. pictures: name -> (h, w, 3) encoded colours; those of PICTURES,
+    and "priority" and "order", which are the heatmap and the overlay without legend. report: figures.
+    warnings: why the picture is empty or black, if it is.
+    """
+
+    camera: Camera
+    strategy: str
+    frame: Frame
+    priority: np.ndarray
+    pictures: dict[str, np.ndarray]
+    report: dict[str, Any]
+    warnings: tuple[str, ...] = ()
+
+
+def view(coded: CodedOctree, camera: Camera, settings: JobSettings, *, compare: bool) -> Steps[View]:
+    """Preview, priority, refinement, reference and errors of one camera.
+
+    compare: measure all strategies, the exact oracles too, not only the chosen one. All of them rank by what the
+    settings' importance makes of their scores. Raises SettingError if what was painted is not there.
+    """
+    chosen = strategy(settings.strategy)
+    strategies = list(STRATEGIES.values()) if compare else [chosen, STRATEGIES["optimal"]]
+    tracing = beside(
+        lambda: trace_frame(coded.octree, camera, strategies, coded=coded), Progress(0, 1, "Tracing the preview")
+    )
+    frame = yield from labelled(tracing, f"{camera.name}: {{}}")
+    if settings.importance is not None:
+        looked_up = pixel_importance(settings.importance, settings.scope, coded.octree.grid, frame)
+        frame = replace(frame, importance=(yield from labelled(looked_up, f"{camera.name}: {{}}")))
+    measuring = computed(
+        lambda: _measured(coded.octree, frame, camera, strategies, settings),
+        Progress(0, 1, f"{camera.name}: Measuring errors"),
+    )
+    return (yield from measuring)
+
+
+def _measured(
+    octree: Octree, frame: Frame, camera: Camera, strategies: Sequence[Strategy], settings: JobSettings
+) -> View:
+    """Figures and pictures of a traced frame."""
+    from ...patchnet_addon.tracing.unseen import why_unseen
+
+    assert frame.reference is not None
+    unseen = why_unseen(octree, camera, frame.hits, max(float(frame.preview.max()), float(frame.reference.max())))
+    report = frame_report(frame, camera.name, settings.budget, strategies)
+    if settings.importance is not None:
+        report["refinable_pixels"] = refinable(frame)
+    score = strategy(settings.strategy).scores(frame)
+    pictures = _pictures(frame, score, settings, camera.name)
+    urgent = frame.picture(priority(frame, score))
+    return View(camera, settings.strategy, frame, urgent, pictures, report, () if unseen is None else (unseen,))
+
+
+def _pictures(frame: Frame, score: np.ndarray, settings: JobSettings, name: str) -> dict[str, np.ndarray]:
+    """What a person looks at; those with a legend are magnified, the others are as many pixels as the camera has.
+
+    Preview, refined and reference are in colour if the octree is. The overlay stays gray, so that red means one thing.
+    """
+    assert frame.reference is not None
+    chosen = strategy(settings.strategy)
+    mask = refine(frame, score, settings.budget)
+    refined = refined_picture(frame, mask)
+    before, after = (np.abs(values - frame.reference) for values in (frame.preview, refined))
+    unrefined, left = mse_at(frame, score, [0.0, settings.budget])
+    picture, ramp = frame.picture, settings.colormap
+    maximum = settings.heatmap_maximum or chosen.maximum
+    preview, first = picture(frame.preview), picture(urgency(frame, score, settings.budget))
+    urgent = picture(priority(frame, score))
+    looks = {"preview": frame.preview, "refined": refined, "reference": frame.reference}
+    if frame.preview_color is not None and frame.reference_color is not None:
+        colors = refined_colors(frame, mask)
+        looks = {"preview": frame.preview_color, "refined": colors, "reference": frame.reference_color}
+    return {
+        "preview": shown(picture(looks["preview"])),
+        "priority": colormap(urgent / np.float32(maximum), ramp),
+        "heatmap": heatmap(urgent, maximum, chosen.quantity, map_name=ramp, title=f"{name}: {chosen.name}"),
+        "order": tint(preview, first),
+        "overlay": overlay(preview, first, settings.budget, title=f"{name}: order of refinement"),
+        "refined": shown(picture(looks["refined"])),
+        "reference": shown(picture(looks["reference"])),
+        "error": error_picture(picture(before), picture(after), ERROR_MAXIMUM, (unrefined, left), map_name=ramp),
+    }
+
+
+def overview(views: Sequence[View]) -> np.ndarray:
+    """All cameras in one picture: a row each, from the preview to the reference."""
+    columns = ("preview", "priority", "order", "refined", "reference")
+    rows = [[item.pictures[name] for name in columns] for item in views]
+    names = []
+    for item in views:
+        left = item.report["mse"][item.strategy]
+        names.append(f"{item.camera.name}: mse {item.report['mse_unrefined']:.5f} -> {left:.5f}")
+    titles = ("preview", "priority", "refined first: red", "refined", "reference")
+    return contact_sheet(rows, names, titles)
+
+
+def save_view(result: View, folder: Path) -> None:
+    """Write the view's pictures into `folder`, a new one."""
+    folder.mkdir()
+    for name in PICTURES:
+        save_png(folder / f"{name}.png", result.pictures[name])
+    save_exr(folder / PRIORITY_NAME, result.priority)

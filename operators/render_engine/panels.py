@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The properties editor with this engine: its own panels, and those of Blender's that fit it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import bpy
+
+from ..jobs.job_operator import JobOperator
+from ..session import results
+from ..ui.panels.tab import draw_setting, draw_settings, split
+from .engine import ENGINE
+
+# Panels of EEVEE's that edit what a bake sees.
+_BORROWED = frozenset(
+    {"DATA_PT_EEVEE_light", "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface",
+     "EEVEE_WORLD_PT_surface", "MATERIAL_PT_preview"}
+)  # fmt: skip
+# Of those that any engine gets: what has no effect here.
+_LEFT_OUT = ("VIEWLAYER_PT_freestyle", "RENDER_PT_freestyle", "MATERIAL_PT_freestyle", "RENDER_PT_stereoscopy",
+             "EEVEE_MATERIAL_PT_viewport_settings", "DATA_PT_light")  # fmt: skip
+
+if TYPE_CHECKING:
+    from bpy.types import Panel as _Panel
+else:
+    _Panel = object  # Blender wants its own class among the direct bases of each panel
+
+
+class _RenderPanel(_Panel):
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+    COMPAT_ENGINES = {ENGINE}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only with this engine."""
+        return context.engine in cls.COMPAT_ENGINES
+
+
+class PATCHNET_PT_render_refinement(_RenderPanel, bpy.types.Panel):
+    """What is refined first, and how much."""
+
+    bl_label = "Refinement"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Strategy, budget and painted importance, which views in the sidebar have, too."""
+        layout = split(self.layout)
+        for name in ("strategy", "budget"):
+            draw_setting(layout, context.scene.patchnet, name)
+        draw_settings(layout, context.scene.patchnet, "importance")
+
+
+class PATCHNET_PT_render_octree(_RenderPanel, bpy.types.Panel):
+    """What is rendered from."""
+
+    bl_label = "Voxels"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """State of the octree, the button that makes it, and what a render makes it from otherwise."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        result = results.result_of(context.scene)
+        column = layout.column(align=True)
+        if result is None:
+            column.label(text="No voxels yet", icon="INFO")
+        else:
+            if result.stale:
+                column.label(text="The scene has changed", icon="ERROR")
+            for line in result.summary:
+                column.label(text=line)
+        if JobOperator.running:
+            layout.progress(factor=JobOperator.fraction, text=f"{JobOperator.running}: Esc stops")
+        else:
+            layout.operator("patchnet.run_all", icon="PLAY")
+        for name in ("scope", "light", "samples", "color"):
+            layout.prop(context.scene.patchnet, name)
+
+
+class PATCHNET_PT_render_film(_RenderPanel, bpy.types.Panel):
+    """Background."""
+
+    bl_label = "Film"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """One property."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(context.scene.render, "film_transparent", text="Transparent")
+
+
+CLASSES = (PATCHNET_PT_render_refinement, PATCHNET_PT_render_octree, PATCHNET_PT_render_film)
+
+
+def add_to_blenders() -> None:
+    """Show Blender's own panels with this engine."""
+    for panel in _fitting():
+        panel.COMPAT_ENGINES.add(ENGINE)
+
+
+def remove_from_blenders() -> None:
+    """Hide them again."""
+    for panel in bpy.types.Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", None)
+        if isinstance(engines, set) and panel not in CLASSES:
+            engines.discard(ENGINE)
+
+
+def _fitting() -> Iterator[Any]:
+    for panel in bpy.types.Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", None)
+        general = isinstance(engines, set) and "BLENDER_RENDER" in engines
+        if panel.__name__ in _BORROWED or (general and not panel.__name__.startswith(_LEFT_OUT)):
+            yield panel

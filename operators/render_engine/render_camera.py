@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cameras of the render engine: the scene's with border and pixel aspect, and the one that a viewport looks through."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.sampling.importance import Place
+from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
+from ...patchnet_addon.tracing.part import camera_part
+from ..scene.cameras import tracing_camera
+
+
+def render_camera(
+    scene: bpy.types.Scene, camera: bpy.types.Object | None, size_px: tuple[int, int]
+) -> tuple[Camera, Place]:
+    """The view of an evaluated camera object at the render resolution, or what the render border leaves of it; and
+    where the whole picture lies on that.
+
+    scene: evaluated. Raises SceneError without a camera and for panoramic ones, SettingError for an empty border.
+    """
+    if camera is None:
+        raise SceneError(f"Scene '{scene.name}' has no active camera: add one, or make one active with Ctrl Numpad 0")
+    whole = tracing_camera(camera, scene, size_px)
+    render = scene.render
+    if not render.use_border:
+        return whole, Place(0, 0, *size_px)
+    left, right = (int(side * size_px[0]) for side in (render.border_min_x, render.border_max_x))  # as Blender rounds
+    bottom, top = (int(side * size_px[1]) for side in (render.border_min_y, render.border_max_y))
+    return camera_part(whole, left, bottom, right - left, top - bottom), Place(-left, -bottom, *size_px)
+
+
+def viewport_camera(
+    view: Sequence[Sequence[float]],
+    window: Sequence[Sequence[float]],
+    size_px: tuple[int, int],
+    bounds_world: np.ndarray,
+) -> Camera:
+    """What a 3D viewport shows.
+
+    view, window: 4 x 4 matrices from world to view and from view to the window, as a RegionView3D has them.
+    bounds_world: (2, 3), all that can be seen: an orthographic viewport also shows what is behind its eye.
+    """
+    lens = np.array(window, np.float64)
+    from_view = np.linalg.inv(np.array(view, np.float64))
+    right, up, back = (from_view[:3, axis] / np.linalg.norm(from_view[:3, axis]) for axis in range(3))
+    perspective = lens[3, 3] == 0.0
+    half_x, half_y = 1.0 / lens[0, 0], 1.0 / lens[1, 1]
+    shift_x, shift_y = (lens[0, 2], lens[1, 2]) if perspective else (-lens[0, 3], -lens[1, 3])
+    camera = Camera(
+        position_world=from_view[:3, 3],
+        right=right,
+        up=up,
+        forward=-back,
+        half_x=float(half_x),
+        half_y=float(half_y),
+        width_px=size_px[0],
+        height_px=size_px[1],
+        kind=PERSPECTIVE if perspective else ORTHOGRAPHIC,
+        shift_x=float(shift_x),
+        shift_y=float(shift_y),
+        name="Viewport",
+    )
+    return camera if perspective else _before_all(camera, bounds_world)
+
+
+def camera_place(context: bpy.types.Context) -> Place | None:
+    """Where a viewport that looks through a camera shows its picture; None for one that does not."""
+    view, region = context.region_data, context.region
+    item = context.space_data.camera
+    if view.view_perspective != "CAMERA" or item is None or item.type != "CAMERA":
+        return None
+    corners = np.array(item.data.view_frame(scene=context.scene), np.float64)  # (4, 3), as the camera sees them
+    seen = np.concatenate([corners, np.ones((4, 1))], axis=1) @ np.array(view.window_matrix, np.float64).T
+    pixels = (seen[:, :2] / seen[:, 3:] + 1.0) / 2.0 * (region.width, region.height)
+    (left, bottom), (right, top) = (np.rint(pixels.min(axis=0)).astype(int), np.rint(pixels.max(axis=0)).astype(int))
+    return Place(int(left), int(bottom), max(int(right - left), 1), max(int(top - bottom), 1))
+
+
+def _before_all(camera: Camera, bounds_world: np.ndarray) -> Camera:
+    """The same orthographic view from before a box (2, 3)."""
+    centre, radius = bounds_world.mean(axis=0), np.linalg.norm(np.ptp(bounds_world, axis=0)) / 2
+    ahead = float((centre - camera.position_world) @ camera.forward) - radius
+    return replace(camera, position_world=camera.position_world + min(ahead, 0.0) * camera.forward)

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One frame of a final render: octree, picture, passes, between which the person may stop."""
+
+from __future__ import annotations
+
+import logging
+import time
+from functools import partial
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.runtime.errors import StoppedError
+from ...patchnet_addon.runtime.log import event
+from ...patchnet_addon.runtime.progress import Result, Steps
+from ...patchnet_addon.runtime.worker import attended
+from ...patchnet_addon.sampling.adaptive import AdaptivePicture
+from ...patchnet_addon.sampling.registry import strategy
+from ...patchnet_addon.tracing.camera import Camera
+from ..importance import read_strokes
+from ..scene.placements import VISIBLE
+from ..ui.preferences import apply_preferences
+from ..ui.properties import scene_settings
+from .frame_octree import octree_of_frame
+from .passes import pass_pixels
+from .render_camera import render_camera
+from .world import VARIES, world_color
+
+_SHOWN_S = 0.7  # between two looks at the unfinished picture
+
+
+def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
+    """Render the graph's view layer into the engine's result.
+
+    Raises StoppedError when the person stops, and PatchNetError.
+    """
+    apply_preferences(bpy.context)
+    scene = depsgraph.scene
+    settings = scene_settings(scene.original)
+    chosen = strategy(settings.strategy)
+    eye = engine.camera_override or (scene.camera and scene.camera.evaluated_get(depsgraph))
+    camera, place = render_camera(scene, eye, (engine.resolution_x, engine.resolution_y))
+    strokes = None
+    if settings.importance is not None:  # what is missing is said before anything is made
+        strokes = read_strokes(settings.importance, VISIBLE, depsgraph)  # what was voxelized may not be selected now
+    world = None if scene.render.film_transparent else _background(engine, scene)
+    _mention_left_out(engine, scene)
+    making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
+    coded = pull(engine, making, 0.0, 0.3)
+    importance = None if strokes is None else partial(strokes.weights, coded.octree.grid, place=place)
+    picture = AdaptivePicture(coded.octree, camera, chosen, coded, importance)
+    output = _Output(engine, depsgraph.view_layer.name, camera, picture, world)
+    try:
+        pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)
+        _warn_of_unseen(engine, picture)
+        pull(engine, output.shown_meanwhile(picture.refine(settings.budget)), 0.5, 1.0)
+    finally:  # a render that was stopped shows how far it came
+        output.end()
+
+
+def pull(engine: bpy.types.RenderEngine, steps: Steps[Result], start: float, end: float) -> Result:
+    """Run steps to their end; they are the share of the render from `start` to `end`.
+
+    Raises StoppedError, with the steps cleaned up, as soon as the person stops the render.
+    """
+    said = ""
+    try:
+        while True:
+            with attended():  # so that a stop is heard while kernels compile
+                report = next(steps)
+            text = f"{report.label} {round(100 * report.fraction)} %" + (f", {report.note}" if report.note else "")
+            if text != said:  # in background Blender prints it
+                said = text
+                engine.update_stats("PatchNet", text)
+                engine.update_progress(start + (end - start) * report.fraction)
+            if engine.test_break():
+                raise StoppedError("The render was stopped")
+    except StopIteration as stop:
+        return stop.value
+    finally:
+        steps.close()
+
+
+class _Output:
+    """The render's result while it is written."""
+
+    def __init__(
+        self,
+        engine: bpy.types.RenderEngine,
+        layer: str,
+        camera: Camera,
+        picture: AdaptivePicture,
+        world: np.ndarray | None,
+    ) -> None:
+        self._engine, self._picture, self._world = engine, picture, world
+        self._result = engine.begin_result(0, 0, camera.width_px, camera.height_px, layer=layer)
+        self._shown = time.monotonic()
+
+    def shown_meanwhile(self, steps: Steps[None]) -> Steps[None]:
+        """The same steps; now and then the picture that they work on is shown."""
+        for report in steps:
+            if time.monotonic() - self._shown > _SHOWN_S:
+                self._write()
+                self._engine.update_result(self._result)
+                self._shown = time.monotonic()
+            yield report
+
+    def end(self) -> None:
+        """Hand the result over."""
+        self._write()
+        self._engine.end_result(self._result)
+
+    def _write(self) -> None:
+        pixels = pass_pixels(self._picture, self._world)
+        for item in self._result.layers[0].passes:  # of each view, where there are several
+            if item.name in pixels:
+                item.rect.foreach_set(np.ascontiguousarray(pixels[item.name]).ravel())
+
+
+def _background(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> np.ndarray:
+    color = world_color(scene.world)
+    if color is None:
+        warn(engine, VARIES)
+        return np.zeros(3, np.float32)
+    return color
+
+
+def _warn_of_unseen(engine: bpy.types.RenderEngine, picture: AdaptivePicture) -> None:
+    """Say why the picture shows nothing or is black; its world is black behind what is meant to be seen, too."""
+    from ...patchnet_addon.tracing.unseen import why_unseen
+
+    assert picture.frame is not None
+    warning = why_unseen(picture.octree, picture.camera, picture.frame.hits, float(picture.frame.preview.max()))
+    if warning is not None:
+        warn(engine, warning)
+
+
+def warn(engine: bpy.types.RenderEngine, text: str) -> None:
+    """A warning in the status bar or on the terminal, and in the log."""
+    engine.report({"WARNING"}, text)
+    event("warning", text, logging.WARNING)
+
+
+def _mention_left_out(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
+    if scene.render.use_multiview:
+        warn(engine, "PatchNet renders no stereo: all views show what the middle camera sees")
+    if scene.render.use_motion_blur:
+        warn(engine, "PatchNet renders no motion blur: turn it off, or leave it and have none")

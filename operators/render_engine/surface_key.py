@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether two frames of an animation show the same surface in the same light, whatever their cameras do."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..cycles.bake.bake_key import add_surface
+from ..scene import read_scene
+from ..scene.placements import VISIBLE
+from ..scene_access.own import is_own
+from ..settings.job_settings import JobSettings
+from ..state.digest import Digest
+from ..state.scene_state import MOVES_BY_ITSELF
+
+_SETTINGS = (
+    "scope", "depth", "voxel_world", "fit", "memory_bytes", "light", "samples", "exposure", "color", "texel_voxels",
+    "both_sides", "weights",
+)  # fmt: skip
+_STILL = (bpy.types.Camera, bpy.types.Scene)  # their animation changes no surface
+_FILMS = frozenset({"SEQUENCE", "MOVIE"})
+
+
+def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
+    """32 hex digits over settings and all that an octree of the scene depends on at the graph's frame.
+
+    Cameras do not count, nor does the number of the frame unless an image is a film. Raises as `read_scene` does.
+    """
+    digest = Digest()
+    digest.text(*(getattr(settings, name) for name in _SETTINGS))
+    for scope in dict.fromkeys((settings.scope, VISIBLE)):  # what is not voxelized shadows nevertheless
+        add_surface(digest, read_scene(depsgraph, scope))
+    digest.block(depsgraph.scene.world)
+    for instance in depsgraph.object_instances:
+        item = instance.object
+        if item.type == "LIGHT" and not item.hide_render:
+            digest.text(item.name_full)
+            digest.array("matrix", np.array(instance.matrix_world, np.float64))
+            digest.block(item.data)
+        for slot in item.material_slots:
+            if slot.material is not None and not is_own(slot.material):
+                digest.block(slot.material)
+    if any(image.source in _FILMS and image.users for image in bpy.data.images):
+        digest.text(depsgraph.scene.frame_current_final)
+    return digest.hexdigest()
+
+
+def may_change(scene: bpy.types.Scene) -> bool:
+    """Whether anything but a camera has keys or drivers, or moves without: else all frames have one surface."""
+    if any(image.source in _FILMS and image.users for image in bpy.data.images):
+        return True
+    if scene.rigidbody_world is not None or any(_moves(item) for item in scene.objects):
+        return True
+    kinds = (value for name in dir(bpy.data) if _is_collection(value := getattr(bpy.data, name)))
+    return any(_is_animated(block) for kind in kinds for block in kind)
+
+
+def _is_collection(value: object) -> bool:
+    return isinstance(value, bpy.types.bpy_prop_collection)
+
+
+def _moves(item: bpy.types.Object) -> bool:
+    return bool(item.particle_systems) or any(modifier.type in MOVES_BY_ITSELF for modifier in item.modifiers)
+
+
+def _is_animated(block: bpy.types.ID) -> bool:
+    if isinstance(block, _STILL) or (isinstance(block, bpy.types.Object) and block.type == "CAMERA"):
+        return False
+    owners = (block, getattr(block, "node_tree", None), getattr(block, "shape_keys", None))
+    found = [data for owner in owners if (data := getattr(owner, "animation_data", None)) is not None]
+    return any(data.action is not None or len(data.drivers) > 0 or len(data.nla_tracks) > 0 for data in found)

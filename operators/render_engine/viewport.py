@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The shading mode of 3D viewports: which preview belongs to the view, and what is said where there is none."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.heap import trim
+from ...patchnet_addon.sampling.adaptive import AdaptivePicture
+from ...patchnet_addon.sampling.registry import strategy
+from ...patchnet_addon.tracing.camera import Camera
+from ..session import results
+from ..ui.preferences import apply_preferences
+from .drawing import PictureTexture, draw_message
+from .render_camera import camera_place, viewport_camera
+from .viewport_mask import ViewportMask
+from .viewport_preview import Preparation, ViewportPreview
+from .world import world_color
+
+_NO_VOXELS = "PatchNet: there are no voxels yet. Press Preview Selection in the sidebar's tab PatchNet (N)."
+_NO_CODES = "PatchNet: there are no codes yet. Press Precompute Codes in the sidebar's tab PatchNet (N)."
+_READY_SOON = "PatchNet is getting ready"
+_STALE = "the scene has changed: voxelize and bake again"
+
+
+class Viewport:
+    """What one viewport needs between two drawings. Dropping it frees all of its memory."""
+
+    def __init__(self) -> None:
+        self._state: tuple[Any, ...] | None = None
+        self._preview: ViewportPreview | None = None
+        self._preparation: Preparation | None = None
+        self._prepared_for: tuple[Any, ...] = ()
+        self._texture: PictureTexture | None = None
+        self._asked = 0.0  # when to be drawn again was asked for
+        self.mask = ViewportMask()
+
+    def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context) -> None:
+        """Work for a moment, draw what is there, and ask to be drawn again while there is more to do."""
+        result = results.result_of(context.scene)
+        if result is None:
+            self._forget()
+            self._message(engine, context, _NO_VOXELS)
+            return
+        try:
+            self._draw(engine, context, result)
+        except PatchNetError as error:
+            self._forget()
+            self._message(engine, context, f"PatchNet: {error}")
+
+    def _draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, result: results.SceneResult) -> None:
+        values, region = context.scene.patchnet, context.region
+        chosen = strategy(values.strategy)
+        if result.coded is None and chosen.needs:
+            self._forget()
+            self._message(engine, context, _NO_CODES)
+            return
+        octree, coded = result.octree, result.coded
+        bounds = octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
+        view = context.region_data
+        camera = viewport_camera(view.view_matrix, view.window_matrix, (region.width, region.height), bounds)
+        idle = self._preview is not None and self._preview.done
+        prepared = self._prepare(context, AdaptivePicture(octree, camera.with_size(8, 8), chosen, coded))
+        if not (self.mask.ready(context, idle=idle) and prepared):
+            self._message(engine, context, _READY_SOON)
+            engine.tag_redraw()
+            return
+        preview = self._preview_of(context, result, camera)
+        if not preview.done or self._texture is None:
+            preview.work(time.perf_counter() - self._asked)  # as long as drawing itself takes
+            self._texture = PictureTexture(preview.pixels())
+            if preview.done:
+                trim()  # a view that turns lets go of many arrays
+        self._texture.draw(engine, context.scene)
+        engine.update_stats("PatchNet", f"{preview.status}, {_STALE}" if result.stale else preview.status)
+        if not (idle and preview.done) or self.mask.waiting:  # once more at the end, for strokes made meanwhile
+            self._asked = time.perf_counter()
+            engine.tag_redraw()
+
+    def _preview_of(self, context: bpy.types.Context, result: results.SceneResult, camera: Camera) -> ViewportPreview:
+        """The preview that is there if it fits all that it depends on, else a new one."""
+        values, strokes = context.scene.patchnet, self.mask.strokes
+        world = None if context.scene.render.film_transparent else world_color(context.scene.world)
+        background = None if world is None else world.tobytes()
+        place = None if strokes is None else camera_place(context)
+        state = (id(result), values.strategy, values.budget, background, self.mask.version, place, *_view(camera))
+        if state != self._state or self._preview is None:
+            importance = None if strokes is None else partial(strokes.weights, result.octree.grid, place=place)
+            picture = AdaptivePicture(result.octree, camera, strategy(values.strategy), result.coded, importance)
+            self._state, self._preview = state, ViewportPreview(picture, values.budget, world)
+            self._asked = time.perf_counter()  # the first picture comes soon
+        return self._preview
+
+    def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:
+        """Whether all kernels are there; they come once for each kind of work."""
+        kind = picture.strategy.name, picture.octree.chroma is None, picture.coded is None
+        if self._preparation is None or self._prepared_for != kind:
+            apply_preferences(context)
+            self._preparation, self._prepared_for = Preparation(picture), kind
+        if self._preparation.ready and self._preparation.problem:
+            raise PatchNetError(self._preparation.problem)
+        return self._preparation.ready
+
+    def _message(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, text: str) -> None:
+        engine.update_stats("", text)
+        draw_message(context.region, text)
+
+    def _forget(self) -> None:
+        self._state = self._preview = self._texture = None
+
+
+def _view(camera: Camera) -> tuple[Any, ...]:
+    """All that makes two views different."""
+    axes = (camera.position_world, camera.right, camera.up)
+    lens = (camera.half_x, camera.half_y, camera.shift_x, camera.shift_y)
+    return (*np.concatenate(axes).tolist(), *lens, camera.width_px, camera.height_px, camera.kind)

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Painted importance as a viewport needs it: read once, and anew when other strokes are chosen or there.
+
+Images are read while the viewport draws. Vertex groups need geometry as renders have it, and nothing may change while
+Blender draws: they are read by a timer, between two drawings.
+"""
+
+from __future__ import annotations
+
+import time
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ..importance import Importance, Strokes, read_strokes
+from ..importance.image import painted_image
+from ..scene.placements import VISIBLE
+from ..scene_access.quiet import quiet
+
+_REST = 5.0  # between two looks at an image, in times that one takes
+
+
+class ViewportMask:
+    """strokes: what was painted; None where all pixels matter alike. version: another number for other strokes."""
+
+    def __init__(self) -> None:
+        self.strokes: Strokes | None = None
+        self.version = 0
+        self._chosen: Importance | None = None
+        self._touched = False  # read it, or read it again
+        self._registered = self._reading = False
+        self._problem = ""
+        self._rest_until = 0.0
+        self._where = "", ""  # scene and view layer that are seen
+
+    @property
+    def waiting(self) -> bool:
+        """Whether strokes are still to be read, after this drawing."""
+        return self._touched and not self._problem
+
+    def meshes_changed(self) -> None:
+        """Weights may have been painted."""
+        if self._chosen is not None and self._chosen.vertex_group and not self._reading:
+            self._touched, self._problem = True, ""
+
+    def ready(self, context: bpy.types.Context, *, idle: bool) -> bool:
+        """Whether `strokes` can be used; old ones can until the new ones are read.
+
+        idle: nothing else is to be done, so that an image may be looked at again. Raises SettingError if what was
+        painted is not there.
+        """
+        values = context.scene.patchnet
+        chosen = Importance.chosen(values.importance, values.importance_image, values.importance_group)
+        if chosen != self._chosen:
+            self._chosen, self._touched, self._problem = chosen, chosen is not None, ""
+            self._take(None)
+        if chosen is not None and not chosen.vertex_group:
+            self._look_at_image(chosen.image, idle)
+        elif self._touched:
+            self._read_soon(context)
+        if self._problem:
+            raise SettingError(self._problem)
+        return chosen is None or self.strokes is not None
+
+    def _take(self, strokes: Strokes | None) -> None:
+        self.strokes = strokes
+        self.version += 1
+
+    def _look_at_image(self, name: str, idle: bool) -> None:
+        before = None if self.strokes is None else self.strokes.picture
+        if before is not None and not idle:
+            return
+        start = time.perf_counter()
+        if before is not None and start < self._rest_until:
+            self._touched = True  # by the last stroke, perhaps
+            return
+        picture = painted_image(name)
+        end = time.perf_counter()
+        self._touched, self._rest_until = False, end + _REST * (end - start)
+        if before is None or not np.array_equal(picture, before):
+            self._take(Strokes(picture=picture))
+
+    def _read_soon(self, context: bpy.types.Context) -> None:
+        self._where = context.scene.name, context.view_layer.name
+        if not self._registered:
+            self._registered = True
+            bpy.app.timers.register(self._read)
+
+    def _read(self) -> None:
+        self._registered = False
+        scene = bpy.data.scenes.get(self._where[0])
+        layer = scene and scene.view_layers.get(self._where[1])
+        if layer is None or self._chosen is None:
+            return
+        self._touched, self._reading = False, True
+        try:
+            layer.update()
+            with quiet():
+                self._take(read_strokes(self._chosen, VISIBLE, layer.depsgraph))
+        except PatchNetError as error:
+            self._problem = str(error)
+        finally:
+            self._reading = False

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender cameras as the tracer's cameras, and three views of a scene that has none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
+from ..scene_access.frames import go_to_frame, kept_frame
+
+ALL = "all"
+AUTO = "auto"
+# Distance of the framing cameras in units of the distance at which the scene's bounding sphere fills the picture.
+_AUTO_DISTANCES = {"Far": 2.2, "Middle": 1.0, "Close": 0.45}
+_AUTO_DIRECTION = np.array([0.62, -1.0, 0.48])  # from the scene to the camera: in front, to the right, above
+_AUTO_FOV = np.radians(50.0)
+
+
+def camera_size_px(scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> tuple[int, int]:
+    """Width and height of pictures: `size`, where a 0 follows the render aspect; (0, 0) is the render resolution."""
+    render = scene.render
+    percent = render.resolution_percentage  # in integers, as Blender: 100 pixels at 29 % are 29
+    full = max(1, render.resolution_x * percent // 100), max(1, render.resolution_y * percent // 100)
+    if not any(size):
+        return full
+    width, height = size
+    return width or max(1, round(height * full[0] / full[1])), height or max(1, round(width * full[1] / full[0]))
+
+
+def tracing_camera(camera: bpy.types.Object, scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> Camera:
+    """The view that Blender renders through an evaluated camera object, at a size as in `camera_size_px`.
+
+    Sensor fit, shift, pixel aspect and clipping follow Blender; the object's scale does not matter, as in Blender.
+    Raises SceneError for panoramic cameras and for objects that are no cameras.
+    """
+    data = camera.data
+    if not isinstance(data, bpy.types.Camera):
+        raise SceneError(f"Object '{camera.name}' is no camera: choose a camera object")
+    if data.type not in (PERSPECTIVE, ORTHOGRAPHIC):
+        raise SceneError(
+            f"Camera '{camera.name}' is of type {data.type.lower()}: choose a perspective or orthographic camera"
+        )
+    width, height = camera_size_px(scene, size)
+    half_x, half_y, shift_x, shift_y = _lens(
+        data, width * scene.render.pixel_aspect_x, height * scene.render.pixel_aspect_y
+    )
+    right, up, back = _axes(np.array(camera.matrix_world, np.float64), camera.name)
+    return Camera(
+        position_world=np.array(camera.matrix_world.translation, np.float64),
+        right=right,
+        up=up,
+        forward=-back,
+        half_x=half_x,
+        half_y=half_y,
+        width_px=width,
+        height_px=height,
+        kind=data.type,
+        shift_x=shift_x,
+        shift_y=shift_y,
+        name=camera.name,
+        clip_start=float(data.clip_start),
+        clip_end=float(data.clip_end),
+    )
+
+
+def _lens(data: bpy.types.Camera, width: float, height: float) -> tuple[float, float, float, float]:
+    """Half extents of the picture and its shift in them: tangents for perspective, lengths for orthographic cameras.
+
+    Blender fits the sensor (or the orthographic scale) to one side of the picture, and counts shift in that side.
+    """
+    horizontal = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and width >= height)
+    if data.type == ORTHOGRAPHIC:
+        half = data.ortho_scale / 2.0
+    else:
+        sensor = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
+        half = sensor / (2.0 * data.lens)
+    unit = half / (width if horizontal else height)
+    half_x, half_y = unit * width, unit * height
+    return half_x, half_y, 2.0 * data.shift_x * half / half_x, 2.0 * data.shift_y * half / half_y
+
+
+def _axes(matrix_world: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Right, up and back (3,) of a camera, orthonormal whatever the scale of the object and its parents."""
+    back = matrix_world[:3, 2]
+    up = matrix_world[:3, 1]
+    right = np.cross(up, back)
+    if not (np.isfinite(matrix_world).all() and np.linalg.norm(right) > 0):
+        raise SceneError(f"Camera '{name}' has no direction: its scale is zero or its transform is not finite")
+    back = back / np.linalg.norm(back)
+    right = right / np.linalg.norm(right)
+    return right, np.cross(back, right), back
+
+
+def framing_cameras(bounds_world: np.ndarray, size: tuple[int, int]) -> list[Camera]:
+    """Cameras Far, Middle and Close that look at a box (2, 3); nothing is added to the scene."""
+    low, high = np.asarray(bounds_world, np.float64)
+    centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    direction = _AUTO_DIRECTION / np.linalg.norm(_AUTO_DIRECTION)
+    aspect = size[0] / size[1]
+    half_angle = np.arctan(np.tan(_AUTO_FOV / 2) * min(aspect, 1.0))
+    distance = radius / np.sin(half_angle)
+    return [
+        Camera.look_at(centre + direction * distance * factor, centre, fov=_AUTO_FOV, size_px=size, name=name)
+        for name, factor in _AUTO_DISTANCES.items()
+    ]
+
+
+def camera_names(scene: bpy.types.Scene, names: Sequence[str]) -> list[str]:
+    """Names of the cameras that `choose_cameras` gives. Raises SceneError if there is no such camera."""
+    if list(names) == [AUTO]:
+        return list(_AUTO_DISTANCES)
+    known = scene_cameras(scene)
+    if list(names) == [ALL]:
+        chosen = sorted(known)
+    elif names:
+        chosen = list(dict.fromkeys(names))
+    else:
+        chosen = [scene.camera.name] if scene.camera else []
+    if not chosen:
+        raise SceneError("The scene has no camera: add one, or use the cameras 'auto' that frame the scene")
+    for name in chosen:
+        if name not in known:
+            there = ", ".join(f"'{camera}'" for camera in sorted(known)) or "none"
+            raise SceneError(f"There is no camera '{name}' in scene '{scene.name}': its cameras are {there}")
+    return chosen
+
+
+def scene_cameras(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
+    """The scene's camera objects by name."""
+    return {item.name: item for item in scene.objects if item.type == "CAMERA"}
+
+
+def choose_cameras(
+    depsgraph: bpy.types.Depsgraph,
+    names: Sequence[str],
+    size: tuple[int, int],
+    bounds_world: np.ndarray,
+) -> list[Camera]:
+    """Cameras by name; `all` are those of the scene, `auto` frames the bounds, nothing means the active camera.
+
+    Raises SceneError if there is no such camera.
+    """
+    scene = depsgraph.scene
+    chosen = camera_names(scene, names)
+    if list(names) == [AUTO]:
+        return framing_cameras(bounds_world, camera_size_px(scene, size))
+    cameras = scene_cameras(scene)
+    return [tracing_camera(cameras[name].evaluated_get(depsgraph), scene, size) for name in chosen]
+
+
+def track_cameras(
+    context: bpy.types.Context, names: Sequence[str], size: tuple[int, int], bounds_world: np.ndarray
+) -> list[Camera]:
+    """The cameras of `choose_cameras` at every frame of the scene, by its first and last frame and its frame step.
+
+    The scene is at its own frame again afterwards. Raises SceneError as `choose_cameras` does.
+    """
+    scene = context.scene
+    cameras = []
+    with kept_frame(scene):
+        for number in range(scene.frame_start, scene.frame_end + 1, scene.frame_step):
+            go_to_frame(scene, number)
+            for camera in choose_cameras(context.evaluated_depsgraph_get(), names, size, bounds_world):
+                cameras.append(replace(camera, name=f"{camera.name}, frame {number}"))
+    return _without_repeats(cameras)
+
+
+def _without_repeats(cameras: list[Camera]) -> list[Camera]:
+    """Each view once: cameras that stand still, or that stood there before, see nothing new."""
+    views: dict[tuple[object, ...], Camera] = {}
+    for camera in cameras:
+        axes = (camera.position_world, camera.right, camera.up, camera.forward)
+        values = (*np.concatenate(axes).round(9).tolist(), camera.half_x, camera.half_y, camera.shift_x, camera.shift_y)
+        values = (*values, camera.clip_start, camera.clip_end)
+        views.setdefault((*values, camera.width_px, camera.height_px, camera.kind), camera)
+    return list(views.values())

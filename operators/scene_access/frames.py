@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Going through frames of a scene, which is at its own frame again afterwards.
+
+Going to another frame sets whatever is animated, and so drops what a person changed there without a key. That comes
+back, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import bpy
+
+from ...patchnet_addon.runtime.interrupt import interrupts_wait
+from .overrides import put_back_when_saved
+from .quiet import quiet
+from .window_job import when_job_ended
+
+_UNREADABLE = (AttributeError, IndexError, KeyError, TypeError, ValueError)
+
+
+@contextmanager
+def kept_frame(scene: bpy.types.Scene) -> Iterator[None]:
+    """Within the block the scene may go to any frame; afterwards, and in files saved meanwhile, it is as before."""
+    frame, subframe = scene.frame_current, scene.frame_subframe
+    gone_to = frame
+    before = list(_animated_values())
+
+    def restore() -> None:
+        with suppress(ReferenceError), quiet():  # another file may have been opened meanwhile
+            go_to_frame(scene, frame, subframe)
+            for owner, path, index, value in before:
+                with suppress(*_UNREADABLE):
+                    if _get(owner, path, index) != value:
+                        _set(owner, path, index, value)
+
+    def put_back() -> None:
+        nonlocal gone_to
+        gone_to = scene.frame_current
+        restore()
+
+    try:
+        with put_back_when_saved(put_back, lambda: scene.frame_set(gone_to)):
+            yield
+    finally:
+        when_job_ended(restore)
+
+
+def go_to_frame(scene: bpy.types.Scene, frame: int, subframe: float = 0.0) -> None:
+    """Let the scene be at a frame; its own handlers run, and finish."""
+    with interrupts_wait():
+        scene.frame_set(frame, subframe=subframe)
+
+
+def _animated_values() -> Iterator[tuple[bpy.types.ID, str, int, Any]]:
+    """Owner, path, index and present value of all that has keys."""
+    for owner in _animated():
+        for curve in fcurves(owner.animation_data):
+            with suppress(*_UNREADABLE):  # keys of something that is gone
+                yield owner, curve.data_path, curve.array_index, _get(owner, curve.data_path, curve.array_index)
+
+
+def _animated() -> Iterator[bpy.types.ID]:
+    for name in dir(bpy.data):
+        collection = getattr(bpy.data, name)
+        if not isinstance(collection, bpy.types.bpy_prop_collection):
+            continue
+        for block in collection:
+            for owner in (block, getattr(block, "node_tree", None)):
+                if getattr(owner, "animation_data", None) is not None:
+                    yield owner
+
+
+def fcurves(animation: bpy.types.AnimData) -> Iterator[bpy.types.FCurve]:
+    """Curves of the action and of the strips of non-linear animation."""
+    actions = [animation.action, *(strip.action for track in animation.nla_tracks for strip in track.strips)]
+    for action in dict.fromkeys(action for action in actions if action is not None):
+        for layer in action.layers:
+            for strip in layer.strips:
+                for bag in strip.channelbags:
+                    yield from bag.fcurves
+
+
+def _get(owner: bpy.types.ID, path: str, index: int) -> Any:
+    """A plain value."""
+    value = owner.path_resolve(path)
+    return value[index] if hasattr(value, "__len__") and not isinstance(value, str) else value
+
+
+def _set(owner: bpy.types.ID, path: str, index: int, value: Any) -> None:
+    if path.endswith("]"):  # a custom property, or the input of a modifier
+        place, key = path[: path.rindex("[")], path[path.rindex("[") + 1 : -1].strip("\"'")
+        values = owner.path_resolve(place) if place else owner
+        present = values[key]
+        if hasattr(present, "__len__"):
+            present[index] = value
+        else:
+            values[key] = value
+        owner.update_tag()
+        return
+    place, _, name = path.rpartition(".")
+    holder = owner.path_resolve(place) if place else owner
+    if hasattr(getattr(holder, name), "__len__"):
+        getattr(holder, name)[index] = value
+    else:
+        setattr(holder, name, value)

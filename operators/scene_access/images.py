@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Arrays as Blender images and as files that Blender writes.
+
+Pictures are (H, W) or (H, W, 3) float32, row 0 at the bottom as Blender stores them.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.runtime.errors import PatchNetError
+from .own import OWNER
+
+
+def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.types.Image:
+    """Create or update the result image `name`. `raw`: float values (Non-Color) instead of encoded colours.
+
+    An image of the user's that happens to have this name is left alone. The pixels are packed, so that they are saved
+    with the file and closing Blender does not ask about them.
+    """
+    height, width = picture.shape[:2]
+    image = next((item for item in bpy.data.images if item.get(OWNER) == name), None)
+    if image is not None and image.is_float != raw:
+        bpy.data.images.remove(image)
+        image = None
+    if image is None:
+        image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=raw, is_data=raw)
+        image[OWNER] = name
+    elif tuple(image.size) != (width, height):
+        image.scale(width, height)
+    image.pixels.foreach_set(_rgba(picture))
+    image.pack()
+    image.update()
+    return image
+
+
+def drop_image(name: str) -> None:
+    """Remove the result image `name`, if there is one."""
+    for image in [item for item in bpy.data.images if item.get(OWNER) == name]:
+        bpy.data.images.remove(image)
+
+
+def is_shown() -> bool:
+    """Whether a picture of ours is among Blender's images."""
+    return any(OWNER in image for image in bpy.data.images)
+
+
+def save_png(path: Path, picture: np.ndarray) -> None:
+    """Write encoded colours in [0, 1] as an 8-bit PNG, atomically; raises PatchNetError if that fails."""
+    _save(path, picture, "PNG", raw=False)
+
+
+def save_exr(path: Path, picture: np.ndarray) -> None:
+    """Write raw values as a single-layer 32-bit EXR, atomically; raises PatchNetError if that fails."""
+    _save(path, picture, "OPEN_EXR", raw=True)
+
+
+def _save(path: Path, picture: np.ndarray, file_format: str, *, raw: bool) -> None:
+    height, width = picture.shape[:2]
+    temporary = path.with_name(f".{secrets.token_hex(4)}.{path.name}")
+    image = bpy.data.images.new(path.name, width, height, alpha=False, float_buffer=raw, is_data=raw)
+    try:
+        image.pixels.foreach_set(_rgba(picture))
+        image.file_format = file_format
+        image.filepath_raw = str(temporary)
+        image.save()
+        os.replace(temporary, path)
+    except (OSError, RuntimeError) as cause:
+        reason = str(cause).strip().splitlines()[0].removeprefix("Error: ")
+        raise PatchNetError(f"{path} cannot be written ({reason}): choose another folder or make room") from cause
+    finally:
+        bpy.data.images.remove(image)
+        temporary.unlink(missing_ok=True)
+
+
+def _rgba(picture: np.ndarray) -> np.ndarray:
+    """(H * W * 4,) float32, opaque."""
+    height, width = picture.shape[:2]
+    pixels = np.ones((height, width, 4), np.float32)
+    pixels[..., :3] = picture if picture.ndim == 3 else picture[..., None]
+    return pixels.ravel()

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Finished octrees and codes of scenes, kept in the cache folder: there again when the file is opened.
+
+An entry is found by the state of the scene that it was made of, so it fits whatever file that scene stands in, saved or
+recovered, and fits nothing else. Without a window it is looked for when somebody asks for voxels; beside a window a
+moment after a file was opened.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ...patchnet_addon.runtime.bounds import KEPT_GIB
+from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ..ui.preferences import apply_preferences, preferences
+from . import results
+
+if TYPE_CHECKING:
+    from ...patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
+    from ...patchnet_addon.network.weights import Weights
+    from ..state.scene_state import SceneState
+
+VARIABLE = "PATCHNET_KEEP"  # GiB, in the place of the preference
+_AFTER_OPENING_S = 0.1
+_looked: set[int] = set()  # scenes of the open file that were looked for, by session_uid
+
+
+def keep_on_disk(scene: bpy.types.Scene, result: results.SceneResult) -> None:
+    """Write a scene's result into the cache folder, beside a window in a thread: nobody waits for it."""
+    if result.state is None or limit_bytes() <= 0:
+        return
+    cache, key, entry = _cache(), _key(result.state), _entry(result, scene)
+    if bpy.app.background:
+        cache.save(key, entry)
+        return
+    threading.Thread(target=cache.save, args=(key, entry), name="PatchNet cache").start()
+
+
+def restore(scene: bpy.types.Scene) -> bool:
+    """Take the result of a scene from the cache folder, if there is one that fits it; whether there was."""
+    if results.result_of(scene) is not None or limit_bytes() <= 0:
+        return False
+    apply_preferences(bpy.context)
+    cache, fingerprint = _cache(), _fingerprint(scene)
+    if all(notes.get("fingerprint") != fingerprint for notes in cache.notes().values()):
+        return False  # found out without looking at the scene's contents
+    from ..state.scene_state import scene_state
+
+    state = scene_state(scene)
+    found = cache.load(_key(state), _weights(scene))
+    if found is None:
+        return False
+    results.keep(scene, _result(found, state))
+    return True
+
+
+def result_or_kept(scene: bpy.types.Scene) -> results.SceneResult | None:
+    """What is there for `scene`, in background from the cache folder too."""
+    result = results.result_of(scene)
+    if result is None and bpy.app.background and scene.session_uid not in _looked:
+        _looked.add(scene.session_uid)
+        with suppress(PatchNetError):  # no weights, say: whoever needs them says so
+            restore(scene)
+        result = results.result_of(scene)
+    return result
+
+
+def limit_bytes() -> int:
+    """Bytes that all entries may take together."""
+    text = os.environ.get(VARIABLE, "")
+    with suppress(SettingError):
+        return int(KEPT_GIB.read(text, VARIABLE) * 2**30)
+    return int(preferences(bpy.context).kept_gib * 2**30)
+
+
+def _cache() -> OctreeCache:
+    from ...patchnet_addon.codes.octree_cache import OctreeCache
+    from ...patchnet_addon.runtime.cache_folder import OCTREES, user_cache_folder
+
+    return OctreeCache(user_cache_folder() / OCTREES, limit_bytes())
+
+
+def _key(state: SceneState) -> str:
+    """What an octree depends on beside the settings, which stand in the entry: the last ones that it was made with."""
+    from ..animation.frame_key import code_hash
+
+    return state.identity(code_hash(), bpy.app.version_string)
+
+
+def _fingerprint(scene: bpy.types.Scene) -> list[Any]:
+    """What tells most scenes apart at once."""
+    return [scene.name, len(scene.objects), len(bpy.data.meshes), len(bpy.data.materials)]
+
+
+def _entry(result: results.SceneResult, scene: bpy.types.Scene) -> CachedOctree:
+    from ...patchnet_addon.codes.octree_cache import CachedOctree
+
+    notes = {
+        "fingerprint": _fingerprint(scene),
+        "scope": result.scope,
+        "light": result.light,
+        "seconds": result.seconds,
+        "encoder": result.encoder,
+        "made_with": result.made_with,
+    }
+    return CachedOctree(result.octree, result.coded, result.layout, notes)
+
+
+def _result(found: CachedOctree, state: SceneState) -> results.SceneResult:
+    notes = found.notes
+    made_with = {
+        step: {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+        for step, values in notes["made_with"].items()
+    }
+    return results.SceneResult(
+        octree=found.octree,
+        scope=notes["scope"],
+        layout=found.layout,
+        light=notes["light"],
+        coded=found.coded,
+        seconds=notes["seconds"],
+        encoder=notes["encoder"],
+        made_with=made_with,
+        state=state,
+    )
+
+
+def _weights(scene: bpy.types.Scene) -> Weights:
+    from ..pipeline.stages import load_network
+    from ..ui.properties import scene_settings
+
+    return load_network(scene_settings(scene).weights)
+
+
+@persistent
+def _on_load_post(*_: object) -> None:
+    _looked.clear()
+    if not bpy.app.background and not bpy.app.timers.is_registered(_restore_shown):
+        bpy.app.timers.register(_restore_shown, first_interval=_AFTER_OPENING_S)
+
+
+def _restore_shown() -> None:
+    """Results of the scenes that windows show."""
+    for scene in {window.scene for window in bpy.context.window_manager.windows}:
+        with suppress(PatchNetError):
+            restore(scene)
+
+
+def register() -> None:
+    """Keep what is computed, and look for results when a file is opened, and for those of the one that is open."""
+    results.listeners.append(keep_on_disk)
+    bpy.app.handlers.load_post.append(_on_load_post)
+    _on_load_post()
+
+
+def unregister() -> None:
+    """Keep and look for nothing any more."""
+    results.listeners.remove(keep_on_disk)
+    bpy.app.handlers.load_post.remove(_on_load_post)
+    if bpy.app.timers.is_registered(_restore_shown):
+        bpy.app.timers.unregister(_restore_shown)

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Memory: what the extension holds in Blender, and back to the system what it needs no more."""
+
+from __future__ import annotations
+
+import gc
+import sys
+from collections.abc import Iterable
+from dataclasses import is_dataclass
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.runtime.heap import resident_bytes, trim
+from ..scene_access.own import is_own
+from . import results
+
+
+class Held(NamedTuple):
+    """Bytes. results: octrees, codes and views of all scenes, and those of frames that are rendered. images: pictures
+    in the file. process: all that Blender takes, the extension included; None where the system does not say."""
+
+    results: int
+    images: int
+    process: int | None
+
+
+def give_back() -> None:
+    """Collect what nobody uses, and return what is free to the system, which allocators else keep for themselves."""
+    gc.collect()
+    trim()
+
+
+def held() -> Held:
+    """What the extension holds now."""
+    from . import views as kept
+
+    holders = [results.all_results(), kept.all_views()]
+    frames = sys.modules.get(
+        f"{__package__.removesuffix('session')}render_engine.frame_octree"
+    )  # not there before the first render
+    if frames is not None:
+        holders.append(frames.all_results())
+    images = sum(_image_bytes(image) for image in bpy.data.images if is_own(image))
+    return Held(array_bytes(holders), images, resident_bytes())
+
+
+def array_bytes(holders: Iterable[Any]) -> int:
+    """Bytes of all NumPy arrays that are reached from some objects; what two of them share counts once."""
+    found: dict[int, int] = {}
+    seen: set[int] = set()
+    waiting = list(holders)
+    while waiting:
+        item = waiting.pop()
+        if id(item) in seen:
+            continue
+        seen.add(id(item))
+        if isinstance(item, np.ndarray):
+            while isinstance(item.base, np.ndarray):
+                item = item.base
+            found[id(item)] = item.nbytes
+        elif isinstance(item, dict):
+            waiting.extend(item.values())
+        elif isinstance(item, (list, tuple)):
+            waiting.extend(item)
+        elif is_dataclass(item):
+            waiting.extend(vars(item).values())
+    return sum(found.values())
+
+
+def _image_bytes(image: bpy.types.Image) -> int:
+    width, height = image.size
+    return width * height * image.channels * (4 if image.is_float else 1) if image.has_data else 0

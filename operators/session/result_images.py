@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender images of a view, named after its camera: pictures as one looks at them, and raw values of each pixel."""
+
+from __future__ import annotations
+
+from hashlib import blake2b
+
+import bpy
+
+from ..pipeline.views import PICTURES, View
+from ..scene_access.images import drop_image, show_image
+from .shown_view import COVERAGE, LEVEL, LUMINANCES, PRIORITY, ShownView
+
+RAW = (PRIORITY, COVERAGE, LEVEL, *LUMINANCES)
+PAGES = {"heatmap": 1, "overlay": 1, "error": 2}  # pictures with a legend, and how many views lie on them
+_NAME_BYTES = 34  # of a camera's, so that nothing of an image's name is cut off in Blender 4.5
+
+
+def image_name(camera: str, name: str) -> str:
+    """Name of an image, such as "PatchNet Camera priority"; `name`: of PICTURES or RAW."""
+    if len(camera.encode()) > _NAME_BYTES:
+        kept = camera.encode()[: _NAME_BYTES - 5].decode(errors="ignore")
+        camera = f"{kept}~{blake2b(camera.encode(), digest_size=2).hexdigest()}"  # others may begin like it
+    return f"PatchNet {camera} {name}"
+
+
+def show_images(view: View, shown: ShownView) -> dict[str, bpy.types.Image]:
+    """Create or update all images of a view. Raw ones are float, Non-Color; a quantity that is unknown has none."""
+    camera = view.camera.name
+    images = {name: show_image(image_name(camera, name), view.pictures[name]) for name in PICTURES}
+    for name in RAW:
+        if name in shown.values:
+            images[name] = show_image(image_name(camera, name), shown.values[name], raw=True)
+        else:
+            drop_image(image_name(camera, name))
+    return images

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a view has shown, as part of the scene's result."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...patchnet_addon.sampling.registry import STRATEGIES
+from ..pipeline.views import View
+from .results import Comparison, Row, SceneResult
+
+
+def seen(result: SceneResult, view: View, *, compared: bool = False) -> SceneResult:
+    """The result with a view's figures; a comparison of all strategies if there was one, else none any more."""
+    report = view.report
+    made = replace(
+        result,
+        lookahead_share=view.frame.lookahead_share,
+        pictures=True,
+        comparison=comparison_of(view) if compared else None,
+        errors=(report["mse_unrefined"], report["mse"][view.strategy]),
+    )
+    made.unmark("view")
+    return made
+
+
+def comparison_of(view: View) -> Comparison:
+    """The table of a view on which all strategies were measured."""
+    report = view.report
+    width, height = report["size"]
+    rows = [Row(name, STRATEGIES[name].title, error) for name, error in report["mse"].items()]
+    return Comparison(
+        view=f"{report['camera']}, {width} x {height}",
+        budget=report["budget"],
+        unrefined=report["mse_unrefined"],
+        rows=tuple(sorted(rows, key=lambda row: row.error)),
+    )

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A camera's result as overlay and pixel inspection need it: arrays, no drawing, nothing of the octree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import count
+
+import numpy as np
+
+from ...patchnet_addon.image.colormaps import colormap
+from ...patchnet_addon.image.tone import to_bytes
+from ...patchnet_addon.sampling.refine import refine
+from ...patchnet_addon.sampling.registry import strategy
+from ...patchnet_addon.tracing.camera import Camera
+from ..pipeline.views import ERROR_MAXIMUM, View
+from ..settings.job_settings import JobSettings
+
+PREVIEW, HEATMAP, REFINED, REFERENCE = "PREVIEW", "HEATMAP", "REFINED", "REFERENCE"
+PREVIEW_ERROR, REFINED_ERROR = "PREVIEW_ERROR", "REFINED_ERROR"
+TITLES = {
+    HEATMAP: "Heatmap",
+    PREVIEW: "Preview",
+    REFINED: "Refined",
+    REFERENCE: "Reference",
+    PREVIEW_ERROR: "Preview Error",
+    REFINED_ERROR: "Refined Error",
+}
+# Quantities of a pixel, each a picture of its own; coverage only where a network was asked.
+PRIORITY, COVERAGE, LEVEL = "priority", "coverage", "level"
+LUMINANCES = ("preview luminance", "refined luminance", "reference luminance")
+SAMPLES = "samples"
+_numbers = count(1)
+
+
+@dataclass(frozen=True, eq=False)
+class ShownView:
+    """What is known of each pixel of a view.
+
+    camera: what it looked through. values: quantity -> (H, W) float32, raw; level is -1 where nothing was met.
+    looks: PREVIEW, REFINED, REFERENCE -> (H, W, 3) uint8, as a screen shows them. strategy: name.
+    maximum: priority at the end of the legend as the view was made. chosen_maximum: the scene's setting then.
+    number: of no other view in this process.
+    """
+
+    camera: Camera
+    values: dict[str, np.ndarray]
+    looks: dict[str, np.ndarray]
+    strategy: str
+    maximum: float
+    chosen_maximum: float
+    number: int = field(default_factory=lambda: next(_numbers))
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height."""
+        return self.camera.width_px, self.camera.height_px
+
+    def maximum_now(self, chosen: float) -> float:
+        """Priority at the end of the legend, now that the scene's setting is `chosen` (0: the strategy's own)."""
+        return self.maximum if chosen == self.chosen_maximum else chosen or strategy(self.strategy).maximum
+
+    def picture(self, name: str, maximum: float, ramp: str) -> np.ndarray:
+        """(H, W, 3) float32, sRGB in [0, 1]: one of TITLES. maximum: of the heatmap. ramp: a colour map."""
+        if name in self.looks:
+            return self.looks[name].astype(np.float32) / np.float32(255)
+        values, end = self.mapped(name, maximum)
+        return colormap(values / np.float32(end), ramp)
+
+    def mapped(self, name: str, maximum: float) -> tuple[np.ndarray, float]:
+        """Values (H, W) that a picture shows in colours, and the one at the end of its legend."""
+        if name == HEATMAP:
+            return self.values[PRIORITY], maximum
+        before, after, reference = (self.values[item] for item in LUMINANCES)
+        return np.abs((before if name == PREVIEW_ERROR else after) - reference), ERROR_MAXIMUM
+
+    def legend(self, name: str, maximum: float) -> tuple[float, str] | None:
+        """End of a picture's legend and what it measures; None for pictures that show light."""
+        if name in self.looks:
+            return None
+        if name == HEATMAP:
+            return maximum, f"priority: {strategy(self.strategy).quantity}"
+        return ERROR_MAXIMUM, "luminance error"
+
+    def said_of(self, column: int, row: int, maximum: float) -> list[str]:
+        """Lines about a pixel."""
+        value = {name: float(picture[row, column]) for name, picture in self.values.items()}
+        level, coverage = round(value[LEVEL]), value.get(COVERAGE)
+        before, after, reference = (value[name] for name in LUMINANCES)
+        return [
+            f"Pixel {column}, {row}",
+            f"Priority {value[PRIORITY]:.4g} of {maximum:.3g}",
+            f"Coverage {'not computed' if coverage is None else format(coverage, '.3f')}",
+            f"Preview luminance {before:.4f}",
+            f"Refined luminance {after:.4f}",
+            f"Reference luminance {reference:.4f}",
+            f"Level {level}" if level >= 0 else "Level none: background",
+            f"Samples {round(value[SAMPLES])}",
+        ]
+
+
+def view_to_show(view: View, settings: JobSettings, chosen_maximum: float) -> ShownView:
+    """What overlay and inspection need of a view that was made with `settings`."""
+    from ...patchnet_addon.tracing.supersample import MAX_SAMPLES
+
+    frame, scores = view.frame, strategy(view.strategy)
+    assert frame.reference is not None
+    mask = refine(frame, scores.scores(frame), settings.budget)
+    refined = np.where(mask, frame.reference, frame.preview)
+    flat = {
+        LEVEL: np.where(frame.hit, frame.hits.level, -1),
+        **dict(zip(LUMINANCES, (frame.preview, refined, frame.reference), strict=True)),
+        SAMPLES: np.where(mask, MAX_SAMPLES**2, 1),
+    }
+    known = frame.prediction or frame.exact
+    if known is not None:
+        flat[COVERAGE] = np.where(frame.hit, known.coverage, 0.0)
+    values = {name: np.ascontiguousarray(frame.picture(item), np.float32) for name, item in flat.items()}
+    looks = {name: to_bytes(view.pictures[name.lower()]) for name in (PREVIEW, REFINED, REFERENCE)}
+    maximum = settings.heatmap_maximum or scores.maximum
+    return ShownView(view.camera, {PRIORITY: view.priority, **values}, looks, view.strategy, maximum, chosen_maximum)

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether results still fit the scene, and what changed if not.
+
+Blender reports what its dependency graph evaluated again, which is far more than what changed. So each report is
+compared with the state of the scene that the result was made of. That is bounded: after an undo, or a change of very
+many objects, all of a large scene is taken for changed at first, and compared when it matters, as before a render.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterable, Iterator
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..scene_access.images import is_shown
+from ..scene_access.quiet import is_quiet
+from ..state.watch import watches_of
+from . import results
+from .results import SceneResult
+
+if TYPE_CHECKING:
+    from ..state.scene_state import SceneState
+
+_MOST_UPDATES = 1000  # compared one by one after one change
+_QUICK_S = 0.5  # a comparison of everything may take so long while somebody works
+_MEMBERS = bpy.types.Scene | bpy.types.Collection
+MANY = "many objects"
+UNDO = "undo or redo"
+
+
+@persistent
+def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Mark what does not fit what the user changed."""
+    result, estimate, watches = results.result_of(scene), results.estimate_of(scene), watches_of(scene)
+    nothing_there = result is None and estimate is None and not watches
+    if nothing_there or is_quiet() or not results.in_main_thread():
+        return
+    updates = list(islice(depsgraph.updates, _MOST_UPDATES + 1))
+    if result is not None and result.state is not None:
+        if len(updates) > _MOST_UPDATES:
+            _recheck_if_quick(result, scene, MANY)
+        else:
+            for step, what in changes(result.state, scene, updates, result.known_changes()):
+                if step != results.VIEW or result.lookahead_share is not None:
+                    result.mark(step, what)
+    for watch in watches:
+        assert watch.state is not None
+        watch.changes.extend(changes(watch.state, scene, updates, {what for _, what in watch.changes}))
+    if estimate is not None and estimate.state is not None and not estimate.stale_because:
+        many = len(updates) > _MOST_UPDATES
+        found = next(changes(estimate.state, scene, updates, ()), ("", MANY if many else ""))
+        estimate.stale_because = found[1]
+
+
+def changes(
+    state: SceneState, scene: bpy.types.Scene, updates: Iterable[bpy.types.DepsgraphUpdate], known: Container[str]
+) -> Iterator[tuple[str, str]]:
+    """Steps that do not fit what was reported, and what that is, in words; not what is `known` already."""
+    from ..state.scene_state import MEMBERS, changed_text
+
+    for update in updates:
+        block = update.id.original
+        if isinstance(block, _MEMBERS):
+            for step in state.changes_of_members(scene):
+                yield step, changed_text(MEMBERS, step=step)
+        elif (what := _words(update)) not in known:
+            yield from ((step, what) for step in state.changes_of(block))
+
+
+def _words(update: bpy.types.DepsgraphUpdate) -> str:
+    """What a report says of a data-block."""
+    from ..state.scene_state import changed_text, key_of
+
+    block = update.id.original
+    moved = isinstance(block, bpy.types.Object) and update.is_updated_transform and not update.is_updated_geometry
+    return changed_text(key_of(block), "moved" if moved else "changed")
+
+
+def look_again(result: SceneResult, scene: bpy.types.Scene) -> None:
+    """Before a result is used: disprove what marks it as stale, and see what Blender reports to nobody."""
+    from ..state.scene_state import MEMBERS, changed_text
+
+    if result.stale:
+        recheck(result, scene)
+    elif result.state is not None:
+        for step in result.state.changes_of_members(scene):
+            result.mark(step, changed_text(MEMBERS, step=step))
+
+
+def recheck(result: SceneResult, scene: bpy.types.Scene) -> None:
+    """Compare all of a scene with what the result was made of: mark what does not fit, and unmark what does."""
+    from ..state.scene_state import scene_state
+
+    if result.state is None:
+        return
+    for step, texts in result.state.differences(scene_state(scene, result.state.layer)).items():
+        result.unmark(step)
+        for text in texts:
+            result.mark(step, text)
+
+
+def _recheck_if_quick(result: SceneResult, scene: bpy.types.Scene, reason: str) -> None:
+    """As `recheck`; of a large scene all counts as changed, for that `reason`, until somebody needs to know."""
+    from ..state.scene_state import LIGHT, SURFACE
+
+    if result.state is not None and result.state.seconds < _QUICK_S:
+        recheck(result, scene)
+        return
+    for step in (SURFACE, LIGHT):
+        result.mark(step, reason)
+
+
+@persistent
+def _on_undo_post(scene: bpy.types.Scene, _depsgraph: object = None) -> None:
+    """After undo or redo, what is as it was fits again. Pictures that an undo has taken away are not shown as there."""
+    result = results.result_of(scene)
+    estimate = results.estimate_of(scene)
+    if estimate is not None:
+        estimate.stale_because = estimate.stale_because or UNDO
+    if result is not None:
+        _recheck_if_quick(result, scene, UNDO)
+        result.pictures = result.pictures and is_shown()
+
+
+def _handlers() -> list[tuple[list[Any], Callable[..., None]]]:
+    """Blender's lists of handlers, and what we add to them."""
+    lists = bpy.app.handlers
+    return [
+        (lists.depsgraph_update_post, _on_change),
+        (lists.frame_change_post, _on_change),
+        (lists.undo_post, _on_undo_post),
+        (lists.redo_post, _on_undo_post),
+    ]
+
+
+def register() -> None:
+    """Listen to changes of scenes."""
+    for handlers, function in _handlers():
+        handlers.append(function)
+
+
+def unregister() -> None:
+    """Stop listening."""
+    for handlers, function in reversed(_handlers()):
+        handlers.remove(function)

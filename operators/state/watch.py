@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a user changes of a scene after a job has read it and before the job has ended.
+
+Blender stays usable while a job works, as it does while it renders. What the job has read fits the scene no more then,
+and light that is baked later is that of another scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import bpy
+
+from ...patchnet_addon.runtime.errors import SceneError
+
+if TYPE_CHECKING:
+    from .scene_state import SceneState
+
+
+@dataclass
+class JobWatch:
+    """The state that a job has read its scene in, None before that; steps that do not fit any more, and why."""
+
+    scene: int  # its session_uid
+    state: SceneState | None = None
+    changes: list[tuple[str, str]] = field(default_factory=list)
+
+
+_current: ContextVar[JobWatch | None] = ContextVar("_current", default=None)
+_watches: list[JobWatch] = []  # of jobs that work now, for handlers, which run outside of them
+
+
+@contextmanager
+def watching(watch: JobWatch) -> Iterator[None]:
+    """Steps that are pulled within the block belong to the watched job."""
+    token = _current.set(watch)
+    try:
+        yield
+    finally:
+        _current.reset(token)
+
+
+def begin(scene: bpy.types.Scene) -> JobWatch:
+    """Watch a scene for a job that works beside a window, until `end`."""
+    watch = JobWatch(scene.session_uid)
+    _watches.append(watch)
+    return watch
+
+
+def end(watch: JobWatch) -> None:
+    """The job has ended."""
+    if watch in _watches:
+        _watches.remove(watch)
+
+
+def watches_of(scene: bpy.types.Scene) -> list[JobWatch]:
+    """Those of jobs that have read this scene."""
+    return [watch for watch in _watches if watch.scene == scene.session_uid and watch.state is not None]
+
+
+def read_state(scene: bpy.types.Scene, layer: str = "") -> SceneState:
+    """The scene's state, which is what the present job reads now."""
+    from .scene_state import scene_state
+
+    state = scene_state(scene, layer)
+    watch = _current.get()
+    if watch is not None:
+        watch.state, watch.changes = state, []
+    return state
+
+
+def changes_meanwhile() -> list[tuple[str, str]]:
+    """Steps that do not fit what the present job has read, and what changed."""
+    watch = _current.get()
+    return [] if watch is None else watch.changes
+
+
+def check_unchanged() -> None:
+    """Raises SceneError if what the present job has read was changed."""
+    for step, what in changes_meanwhile():
+        if step in ("surface", "light"):
+            raise SceneError(
+                f"{what[:1].upper()}{what[1:]} while its light was baked: start again, with the scene as it is now"
+            )

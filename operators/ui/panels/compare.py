@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Strategies against each other and against the reference, as numbers."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...session import results
+from .tab import SubPanel, draw_stale, split
+
+
+class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
+    """What every strategy leaves of the error on the chosen view."""
+
+    bl_label = "Compare"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The button, and the table of the last comparison."""
+        layout = split(self.layout)
+        layout.operator("patchnet.compare", icon="SORTSIZE")
+        result = results.result_of(context.scene)
+        if result is None or result.comparison is None:
+            layout.label(text="Not compared yet", icon="INFO")
+            return
+        found = result.comparison
+        draw_stale(layout, context.scene, "view")
+        layout.label(text=found.view)
+        layout.label(text=f"Mean squared error, budget {found.budget:.0%}")
+        table = layout.box().column(align=True)
+        _row(table, "Strategy", "Error", "Left")
+        _row(table, "Unrefined", f"{found.unrefined:.2e}", "100%")
+        for row in found.rows:
+            left = f"{row.error / found.unrefined:.0%}" if found.unrefined else "-"
+            marked = "> " if row.name == context.scene.patchnet.strategy else ""
+            _row(table, f"{marked}{row.title}", f"{row.error:.2e}", left)
+
+
+def _row(layout: bpy.types.UILayout, name: str, error: str, share: str) -> None:
+    row = layout.split(factor=0.55)
+    row.label(text=name)
+    numbers = row.split(factor=0.65)
+    numbers.label(text=error)
+    numbers.label(text=share)
+
+
+CLASSES = (PATCHNET_PT_compare,)

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Weights, and what encodes."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...session import results
+from ...settings.step_settings import changed
+from .tab import SubPanel, draw_settings, split
+
+
+class PATCHNET_PT_network(SubPanel, bpy.types.Panel):
+    """The network that looks ahead."""
+
+    bl_label = "Network"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Settings, the button, who made the codes."""
+        layout = split(self.layout)
+        draw_settings(layout, context.scene.patchnet, "codes")
+        layout.operator("patchnet.precompute_codes", icon="NODETREE")
+        result = results.result_of(context.scene)
+        if result is None or result.coded is None:
+            return
+        if result.encoder:
+            layout.label(text=f"Encoded by {result.encoder}", icon="INFO")
+        before = result.made_with.get("codes")
+        name = changed(context.scene.patchnet, before, "codes") if before is not None else ""
+        if name:
+            layout.label(text=f"'{name}' changed: precompute again", icon="ERROR")
+
+
+CLASSES = (PATCHNET_PT_network,)

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cameras, strategy, budget, and what matters to the person."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...session import results
+from .tab import SubPanel, Tab, draw_setting, draw_settings, draw_stale, split
+
+
+class PATCHNET_PT_preview(SubPanel, bpy.types.Panel):
+    """A view, where it is wrong, and what refining makes of it."""
+
+    bl_label = "Preview"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Settings, the button, where pictures are."""
+        layout = split(self.layout)
+        for name in ("cameras", "size", "strategy", "budget", "heatmap_maximum"):
+            draw_setting(layout, context.scene.patchnet, name)
+        layout.operator("patchnet.render_preview", icon="RENDER_STILL")
+        draw_stale(layout, context.scene, "view")
+        result = results.result_of(context.scene)
+        if result is not None and result.pictures:
+            layout.label(text="Pictures: see an Image Editor", icon="IMAGE_DATA")
+
+
+class PATCHNET_PT_importance(Tab, bpy.types.Panel):
+    """What matters, painted."""
+
+    bl_label = "Importance"
+    bl_parent_id = "PATCHNET_PT_preview"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The source, and its name."""
+        layout = split(self.layout)
+        draw_settings(layout, context.scene.patchnet, "importance")
+        if context.scene.patchnet.importance != "NONE":
+            layout.label(text="Black or weight 0 is never refined", icon="INFO")
+
+
+CLASSES = (PATCHNET_PT_preview, PATCHNET_PT_importance)

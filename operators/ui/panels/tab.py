@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What all panels share. Drawing reads settings and what was kept, and computes nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import bpy
+
+from ...session import results
+from ...session.results import SceneResult
+from ...settings.step_settings import changed, step_settings
+
+if TYPE_CHECKING:
+    from bpy.types import Panel as _Panel
+else:
+    _Panel = object  # Blender wants its own class among the direct bases of each panel
+
+# What empty text settings mean.
+_WHEN_EMPTY = {"out": "No Files", "weights": "Shipped", "cameras": "Active Camera"}
+_ADVICE = {
+    "surface": ("voxelize again", "octree"),
+    "light": ("bake again", "light"),
+    "view": ("render again", "view"),
+}
+
+
+class Tab(_Panel):
+    """A panel of the sidebar tab."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "PatchNet"
+
+
+class SubPanel(Tab):
+    """A panel below the first one."""
+
+    bl_parent_id = "PATCHNET_PT_main"
+
+
+def split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    """The layout with names left and values right, as Blender's own panels have it."""
+    layout.use_property_split = True
+    layout.use_property_decorate = False
+    return layout
+
+
+def draw_settings(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, step: str) -> None:
+    """The settings of a step that count now."""
+    for name in step_settings(values, step):
+        draw_setting(layout, values, name)
+
+
+def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, name: str) -> None:
+    """One setting, with its list of images where it names one."""
+    if name == "importance_image":
+        layout.prop_search(values, name, bpy.data, "images")
+    else:
+        layout.prop(values, name, placeholder=_WHEN_EMPTY.get(name, ""))
+
+
+def draw_stale(layout: bpy.types.UILayout, scene: bpy.types.Scene, *steps: str) -> None:
+    """Why results do not fit any more, and what to do, for steps of "surface", "light", "view"."""
+    result = results.result_of(scene)
+    if result is None:
+        return
+    for step in steps:
+        if text := stale_text(result, scene, step):
+            layout.label(text=text, icon="ERROR")
+
+
+def stale_text(result: SceneResult, scene: bpy.types.Scene, step: str) -> str:
+    """Why a step does not fit any more and what to do, or ""."""
+    advice, settings = _ADVICE[step]
+    why = result.why(step)
+    if not why and settings in result.made_with:
+        name = changed(scene.patchnet, result.made_with[settings], settings)
+        why = f"'{name}' changed" if name else ""
+    return f"{why[:1].upper()}{why[1:]}: {advice}" if why else ""

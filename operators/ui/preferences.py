@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What belongs to a person or a machine rather than to a scene."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, fields
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, StringProperty
+
+from ...patchnet_addon.image.colormaps import COLORMAPS
+from ...patchnet_addon.runtime.bounds import KEPT_GIB as KEPT
+from ...patchnet_addon.runtime.log import set_up
+
+ROOT_PACKAGE = __package__.removesuffix(".operators.ui")  # "patchnet", or "bl_ext.<repository>.patchnet" in Blender
+IS_EXTENSION = ROOT_PACKAGE.startswith("bl_ext.")
+OPEN_WINDOW, OPEN_EDITOR, OPEN_NEVER = "WINDOW", "EDITOR", "NEVER"
+KEPT_GIB = 4.0
+_LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
+
+
+@dataclass
+class _Kept:
+    """What operators found out for the preferences to show: the size of the cache, what the other Python has."""
+
+    cache: str = ""
+    python: str = ""
+
+
+kept = _Kept()
+
+
+def _forget_python(_values: bpy.types.AddonPreferences, _context: bpy.types.Context) -> None:
+    kept.python = ""
+
+
+class PatchNetPreferences(bpy.types.AddonPreferences):
+    """Shown under Edit > Preferences > Add-ons."""
+
+    bl_idname = ROOT_PACKAGE
+
+    cache_folder: StringProperty(
+        name="Cache Folder",
+        description="Folder for compiled kernels, pages of stopped bakes and finished octrees; empty for the "
+        "extension's own. Counts from the next start of Blender",
+        subtype="DIR_PATH",
+    )
+    kept_gib: FloatProperty(
+        name="Keep Octrees (GiB)",
+        description="Finished octrees and codes are kept in the cache folder, so that they are there again when the "
+        "file is opened. They may take so much; those that were used longest ago go first. 0 keeps none",
+        default=KEPT_GIB,
+        min=KEPT.low,
+        max=KEPT.high,
+        soft_max=64.0,
+        step=100,
+        precision=1,
+    )
+    torch_python: StringProperty(
+        name="Python with torch",
+        description="Program of a Python that has torch, such as /opt/venv/bin/python: it then computes the codes. "
+        "Empty for Blender's own Python, with the same result",
+        subtype="FILE_PATH",
+        update=_forget_python,
+    )
+    colormap: EnumProperty(
+        name="Colour Map",
+        description="Colours of the heatmap and the error picture",
+        items=[(name, name.capitalize(), "") for name in COLORMAPS],
+        default=COLORMAPS[0],
+    )
+    open_pictures: EnumProperty(
+        name="Open Pictures",
+        description="Where the heatmap comes up when a view is done",
+        items=[
+            (
+                OPEN_WINDOW,
+                "Image Editor or New Window",
+                "An Image Editor that is open and shows nothing of your own, else a new window as for renders",
+            ),
+            (OPEN_EDITOR, "Open Image Editor", "An Image Editor that is open and shows nothing of your own"),
+            (OPEN_NEVER, "Nowhere", "Pictures are among the images, and come up nowhere"),
+        ],
+        default=OPEN_WINDOW,
+    )
+    log_level: EnumProperty(
+        name="Log Level",
+        description="What is written to the terminal",
+        items=[(name, name.capitalize(), "") for name in _LEVELS],
+        default="WARNING",
+    )
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Settings, and what operators found out about them."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(self, "cache_folder", placeholder="The Extension's Own")
+        row = layout.row()
+        row.label(text=kept.cache or "Size not measured")
+        row.operator("patchnet.measure_cache", text="Measure")
+        row.operator("patchnet.clear_cache", text="Clear", icon="TRASH")
+        layout.prop(self, "kept_gib")
+        layout.prop(self, "torch_python", placeholder="Without torch")
+        row = layout.row()
+        row.label(text=kept.python or ("Not checked" if self.torch_python else "Codes are computed without torch"))
+        row.operator("patchnet.check_python", text="Check")
+        for name in ("colormap", "open_pictures", "log_level"):
+            layout.prop(self, name)
+        layout.operator("patchnet.copy_diagnostics", icon="COPYDOWN")
+
+
+@dataclass(frozen=True)
+class Preferences:
+    """Preferences as plain values; the defaults hold where PatchNet is a package and no add-on."""
+
+    cache_folder: str = ""
+    colormap: str = COLORMAPS[0]
+    log_level: str = "WARNING"
+    torch_python: str = ""
+    open_pictures: str = OPEN_WINDOW
+    kept_gib: float = KEPT_GIB
+
+
+def preferences(context: bpy.types.Context) -> Preferences:
+    """The person's preferences."""
+    addon = context.preferences.addons.get(ROOT_PACKAGE)
+    if addon is None or addon.preferences is None:
+        return Preferences()
+    values = addon.preferences
+    return Preferences(**{field.name: getattr(values, field.name) for field in fields(Preferences)})
+
+
+def apply_preferences(context: bpy.types.Context) -> None:
+    """Set up log and cache folder; the folder must be known before the first kernel is imported.
+
+    Raises SettingError for a log format that there is not.
+    """
+    chosen = preferences(context)
+    set_up(level=chosen.log_level)
+    folder = bpy.path.abspath(chosen.cache_folder) if chosen.cache_folder else ""
+    if not folder and IS_EXTENSION and "PATCHNET_CACHE" not in os.environ:
+        folder = bpy.utils.extension_path_user(ROOT_PACKAGE, path="cache")
+    if folder:
+        os.environ.setdefault("PATCHNET_CACHE", folder)
+
+
+def register() -> None:
+    """Make the preferences known."""
+    bpy.utils.register_class(PatchNetPreferences)
+
+
+def unregister() -> None:
+    """Forget them."""
+    bpy.utils.unregister_class(PatchNetPreferences)

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which voxels are shown or exported."""
+
+from __future__ import annotations
+
+from bpy.props import EnumProperty
+
+from ....patchnet_addon.runtime.bounds import LEVEL, SHOWN_VOXELS
+from ...voxel_object import CUBES, POINTS
+from .shapes import OF_ONE_CALL, number
+
+
+class LevelProperties:
+    """Which level is shown or exported."""
+
+    level: number(
+        "Level",
+        "Level of the voxels, each half as large as on the one before; 0 takes the finest",
+        0,
+        LEVEL,
+        options=OF_ONE_CALL,
+    )
+
+
+class DisplayProperties(LevelProperties):
+    """How voxels are shown in the scene. Operators forget them, so that the panel's values count for each call."""
+
+    display: EnumProperty(
+        name="Display",
+        description="What stands for a voxel",
+        items=[
+            (CUBES, "Cubes", "A cube of the voxel's size"),
+            (POINTS, "Points", "A sphere that fits into the voxel: lighter to draw"),
+        ],
+        default=CUBES,
+        options=OF_ONE_CALL,
+    )
+    limit: number(
+        "Limit",
+        "Voxels at most: where a level has more, a coarser one is shown",
+        200_000,
+        SHOWN_VOXELS,
+        soft_max=5_000_000,
+        options=OF_ONE_CALL,
+    )
