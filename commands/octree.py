@@ -5,29 +5,22 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
+from ..patchnet_addon.runtime.stage_clock import StageClock
 from .shared.arguments import add_number, add_out
 from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
 from .shared.job_arguments import add_both_sides, add_color, add_exposure, require_blender
 from .shared.lines import make_parent, say_note, say_result
 from .shared.quiet import quiet_stdout
 from .shared.scene_argument import add_scene, open_given, scene_path
-from .shared.stage_clock import StageClock
 from .shared.views import add_views, say_unseen, view_cameras
 
 if TYPE_CHECKING:
-    from ..patchnet_addon.lightmap.page_cache import KeptPages
-    from ..patchnet_addon.octree.grid import Grid
-    from ..patchnet_addon.octree.leaf_levels import LeafLevels
-    from ..patchnet_addon.octree.octree import Octree
-    from ..patchnet_addon.runtime.progress import Steps
-    from ..patchnet_addon.surface.mesh import MeshSource, Shade
+    from ..operators.pipeline.lit_octree import Recipe
+    from ..operators.settings.job_settings import JobSettings
 
 FIT = "fit"
 
@@ -62,16 +55,17 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument(
         "--timings", action="store_true", help="end with a line of JSON: seconds and peak memory of each stage"
     )
-    parser.set_defaults(bounds=None, daylight=None)  # what frames have in common, see octree_frames
     return parser
 
 
 def run(args: argparse.Namespace) -> int:
     """Build the octree and write it; returns 0. Raises PatchNetError."""
     _check(args)
-    clock = StageClock()
+    clock = StageClock(memory=args.timings)
     with clock.stage("start"):
         require_blender()
+    from ..operators.pipeline.lit_octree import build_lit_octree
+    from ..operators.scene.hiding import hide_from_renders
     from ..patchnet_addon.lightmap.page_cache import KeptPages
     from ..patchnet_addon.octree.file import save_octree
     from ..patchnet_addon.runtime.progress import drain
@@ -81,23 +75,62 @@ def run(args: argparse.Namespace) -> int:
     with clock.stage("open"):
         open_given(args.scene)
     check_out(args)
-    hide_from_renders(without(args))
+    settings, recipe = _settings(args), _recipe(args)
+    hide_from_renders(_without(args))
     if args.frames is not None:
-        from .octree_frames import OctreeMaker
-
-        print_frames(bake_with_bars(args, OctreeMaker(args, clock), args.out), args.out)
-        return 0
+        return _run_frames(args, settings, recipe)
     make_parent(args.out)
+    import bpy
+
     with KeptPages() as kept:
         with quiet_stdout(), ProgressBars() as bars:
-            octree = drain(build(args, clock, kept), bars.show)
+            made = drain(build_lit_octree(bpy.context, settings, clock, kept, recipe), bars.show)
         with clock.stage("save"):
-            save_octree(octree, args.out)
+            save_octree(made.octree, args.out)
+    for warning in made.warnings:
+        say_note(warning)
+    octree = made.octree
+    if args.view:
+        say_unseen(octree, view_cameras(args))
     text = f"{args.out}: depth {octree.depth}, {octree.leaf_count:,} voxels, {octree.nbytes / 2**20:.1f} MiB"
     say_result(text, file=args.out, depth=octree.depth, leaves=octree.leaf_count)
     if args.timings:
         print(json.dumps(clock.as_json()))
     return 0
+
+
+def _run_frames(args: argparse.Namespace, settings: JobSettings, recipe: Recipe) -> int:
+    from ..operators.animation.octree_maker import OctreeMaker
+    from ..operators.scene.hiding import keep_hidden
+
+    keep_hidden(_without(args))
+    maker = OctreeMaker(settings, recipe, repr((args.rotate, args.without, args.view, args.size)))
+    print_frames(bake_with_bars(args, maker, args.out), args.out)
+    return 0
+
+
+def _settings(args: argparse.Namespace) -> JobSettings:
+    from ..operators.settings.job_settings import JobSettings
+
+    return JobSettings(
+        depth=None if args.depth == FIT else int(args.depth),
+        fit=args.depth == FIT,
+        memory_bytes=None if args.memory is None else round(args.memory * 2**30),
+        light=args.light,
+        samples=args.samples,
+        texel_voxels=args.texel_voxels,
+        exposure=args.exposure,
+        both_sides=args.both_sides,
+        color=args.color,
+    )
+
+
+def _recipe(args: argparse.Namespace) -> Recipe:
+    """What settings do not say: the views that the octree is fitted to, a rotation, objects that are left out."""
+    from ..operators.pipeline.lit_octree import Recipe
+
+    notes = {"file": scene_path(args.scene).name, "rotation": args.rotate, "without": args.without}
+    return Recipe(cameras=lambda _: view_cameras(args), rotation=args.rotate, provenance=notes)
 
 
 def check_out(args: argparse.Namespace) -> None:
@@ -130,113 +163,6 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingError(f"--depth {FIT} and --rotate contradict each other: leave one of them out")
 
 
-def without(args: argparse.Namespace) -> list[str]:
+def _without(args: argparse.Namespace) -> list[str]:
     """The texts of --without, in lower case."""
     return [text.strip().lower() for text in args.without.split(",") if text.strip()]
-
-
-def hide_from_renders(texts: list[str]) -> None:
-    """Hide objects whose own or an ancestor's name contains one of `texts` (lower case)."""
-    import bpy
-
-    for item in bpy.data.objects:
-        ancestor = item
-        while ancestor is not None and not any(text in ancestor.name.lower() for text in texts):
-            ancestor = ancestor.parent
-        item.hide_render = item.hide_render or ancestor is not None
-
-
-def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps[Octree]:
-    """The octree of the scene that is open, at its present frame."""
-    import bpy
-
-    from ..operators.pipeline.versions import versions
-    from ..operators.scene import read_scene
-    from ..operators.scene.precision import light_warnings, place_warnings
-    from ..patchnet_addon.lightmap.texel_sizes import texel_sizes
-    from ..patchnet_addon.octree.build import build_octree
-    from ..patchnet_addon.octree.grid import Grid
-    from ..patchnet_addon.surface.rotated import RotatedSource, random_rotation
-
-    with clock.stage("read"):
-        source = read_scene(bpy.context.evaluated_depsgraph_get())
-    with clock.stage("fit" if args.depth == FIT else "grid"):
-        grid, layout = yield from _grid(args, source)
-    lit = light_warnings(source, grid) if args.light == "cycles" else ()
-    for warning in (*source.warnings, *place_warnings(source, grid), *lit):
-        say_note(warning)
-    with clock.stage("light"):
-        shade = yield from _shade(args, source, texel_sizes(source, grid, layout, args.texel_voxels), kept)
-    turned: MeshSource = RotatedSource(source, random_rotation(args.rotate)) if args.rotate else source
-    provenance: dict[str, Any] = {
-        "file": scene_path(args.scene).name,
-        "triangles": source.triangle_count,
-        "light": args.light,
-        "rotation": args.rotate,
-        "without": args.without,
-        "fitted": layout is not None,
-        "exposure": "automatic" if args.exposure is None else "given",
-        "color": args.color,
-        "both_sides": args.both_sides,
-        "versions": versions(),
-    }
-    if args.light == "cycles":
-        provenance |= {"samples": args.samples, "texel_voxels": args.texel_voxels}
-    with clock.stage("build"):
-        if args.rotate:
-            grid = Grid.around(turned.bounds_world, grid.depth)
-        steps = build_octree(turned, grid, shade, layout=layout, exposure=args.exposure, provenance=provenance)
-        octree = yield from steps
-    if layout is not None:
-        say_unseen(octree, view_cameras(args))
-    return octree
-
-
-def _grid(args: argparse.Namespace, source: MeshSource) -> Steps[tuple[Grid, LeafLevels | None]]:
-    """Cube and depth of the upright surface, and the levels of the leaves where they are fitted."""
-    from ..patchnet_addon.lod.depth import available_memory, most_leaves
-    from ..patchnet_addon.lod.fit import LAYOUT_BYTES, fit_leaf_levels
-    from ..patchnet_addon.octree.grid import Grid
-    from ..patchnet_addon.runtime.bounds import MAX_DEPTH
-    from ..patchnet_addon.surface.opacity import opacity_shade
-
-    bounds_world = source.bounds_world if args.bounds is None else np.array(args.bounds)
-    if args.depth != FIT:
-        return Grid.around(bounds_world, int(args.depth)), None
-    grid = Grid.around(bounds_world, MAX_DEPTH)
-    memory = available_memory() if args.memory is None else args.memory * 2**30
-    most = most_leaves(memory - LAYOUT_BYTES, color=args.color)
-    fitted = yield from fit_leaf_levels(source, grid, view_cameras(args), opacity_shade(source), most_leaves=most)
-    return replace(grid, depth=fitted.layout.deepest), fitted.layout
-
-
-def _shade(args: argparse.Namespace, source: Any, texel_world: float | np.ndarray, kept: KeptPages) -> Steps[Shade]:
-    """Shade of the upright surface with baked light, or of the turned one with two lights."""
-    import bpy
-
-    from ..operators.cycles.bake import bake_luminance
-    from ..operators.cycles.daylight import has_light
-    from ..operators.pipeline.stages import NO_LIGHT
-    from ..patchnet_addon.lightmap.atlas import atlas_shade
-    from ..patchnet_addon.surface.two_lights import DIRECTION, two_lights_shade
-
-    if args.light == "two-lights":
-        direction = np.random.default_rng(args.rotate).normal(size=3) if args.rotate else np.array(DIRECTION)
-        x, y, z = (float(value) for value in direction)
-        return two_lights_shade(source, (x, y, z), color=args.color)
-    lit = has_light(bpy.context.evaluated_depsgraph_get()) if args.daylight is None else not args.daylight
-    if not lit:
-        say_note(NO_LIGHT)
-    atlas = yield from bake_luminance(
-        bpy.context,
-        source,
-        texel_world,
-        args.samples,
-        color=args.color,
-        both_sides=args.both_sides,
-        kept=kept,
-        with_daylight=not lit,
-    )
-    for warning in atlas.warnings:
-        say_note(warning)
-    return atlas_shade(atlas, source)

@@ -6,17 +6,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import bpy
-import numpy as np
 
-from ..patchnet_addon.octree.grid import Grid
-from ..patchnet_addon.runtime.errors import SceneError
-from ..patchnet_addon.runtime.progress import Progress, Steps
+from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
 from .jobs.tell import tell
-from .pipeline.stages import build, lit
+from .pipeline.lit_octree import Recipe, build_lit_octree
+from .pipeline.stages import GridChoice
 from .session import results
 from .settings.job_settings import JobSettings
-from .state.watch import read_state
 from .ui.properties import LightProperties
 
 
@@ -27,39 +25,29 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
     bl_label = "Bake Light"
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """Read the surface again, light it, and build the octree on the same grid."""
+        """Build the octree on the same grid again, in light."""
         from ..patchnet_addon.lightmap.page_cache import KeptPages
-        from .scene import read_scene
 
         before = results.voxels_of(context.scene)
-        yield Progress(0, 1, "Reading the scene")
-        source, state = read_scene(context.evaluated_depsgraph_get(), before.scope), read_state(context.scene)
-        _check_bounds(source.bounds_world, before.octree.grid)
-        settings, grid = replace(settings, scope=before.scope), before.octree.grid
+        settings, clock = replace(settings, scope=before.scope), StageClock()
+        recipe = Recipe(grid=GridChoice(before.octree.grid, before.layout))
+        with KeptPages() as kept:
+            made = yield from build_lit_octree(context, settings, clock, kept, recipe)
         seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}
-        with KeptPages() as kept, results.timed(seconds, "light"):
-            shade, assumed = yield from lit(context, source, grid, before.layout, settings, kept)
-            octree = yield from build(source, grid, shade, settings, settings.light, before.layout, state)
-        made = results.SceneResult(
-            octree,
+        seconds["light"] = clock.seconds["light"] + clock.seconds["voxelize"]
+        result = results.SceneResult(
+            made.octree,
             before.scope,
             before.layout,
             settings.light,
             seconds=seconds,
             made_with=before.made_with,
-            state=state,
+            state=made.state,
         )
-        results.keep(context.scene, made, "light")
-        for warning in assumed:
+        results.keep(context.scene, result, "light")
+        for warning in made.warnings:
             tell(self, "WARNING", warning)
-        return f"{octree.leaf_count:,} voxels are lit ({settings.light})"
-
-
-def _check_bounds(bounds_world: np.ndarray, grid: Grid) -> None:
-    """Raises SceneError if the surface (2, 3) has left the cube that was voxelized."""
-    corners = grid.to_unit(bounds_world)
-    if corners.min() < 0.0 or corners.max() > 1.0:
-        raise SceneError("Objects have moved out of the voxels, or others are selected: run Voxelize again")
+        return f"{made.octree.leaf_count:,} voxels are lit ({settings.light})"
 
 
 CLASSES = (PATCHNET_OT_bake_light,)

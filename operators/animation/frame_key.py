@@ -16,8 +16,8 @@ from ..state.digest import Digest
 
 # What makes results, and what it imports; a worker is a program of its own.
 _CODE = (
-    "commands.octree", "commands.octree_frames", "operators.pipeline.run", "operators.animation.frame_maker",
-    "operators.animation.animation", "operators.voxelize", "operators.bake_light", "operators.precompute_codes",
+    "operators.animation.animation", "operators.animation.frame_maker", "operators.animation.octree_maker",
+    "operators.pipeline.run", "operators.voxelize", "operators.bake_light", "operators.precompute_codes",
     "operators.load_octree", "patchnet_addon.network.torch_worker",
 )  # fmt: skip
 

@@ -25,7 +25,6 @@ from ..settings.job_settings import JobSettings
 from ..state import watch as job_watch
 from ..ui.preferences import apply_preferences
 from ..ui.properties import job_settings
-from .compile_ahead import compiled_ahead
 from .display import JobDisplay
 from .events import passes
 from .session_folder import session_folder_goes
@@ -229,6 +228,8 @@ class JobOperator(_Operator):
 
 
 def _after_compiling(steps: Steps[str]) -> Steps[str]:
+    from .compile_ahead import compiled_ahead
+
     yield from compiled_ahead()
     return (yield from steps)
 

@@ -17,21 +17,22 @@ from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import save_octree
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
 from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.registry import strategy
-from ..scene import read_scene
-from ..scene.cameras import choose_cameras, track_cameras
+from ...patchnet_addon.tracing.camera import Camera
+from ..scene import SceneMesh
+from ..scene.cameras import choose_cameras
 from ..scene_access.images import save_png
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
-from ..state.watch import read_state
 from .camera_folders import view_folders
 from .cycles_pictures import save_cycles
 from .cycles_regions import CyclesView, refine_view
+from .lit_octree import Recipe, build_lit_octree, fit_cameras
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs
 from .output_folder import output_folder
 from .reports import write_report
-from .stages import build, choose_grid, encode_as_set, lit, load_network
-from .stopwatch import Stopwatch
+from .stages import encode_as_set, load_network
 from .versions import machine, versions
 from .views import View, overview, save_view, view
 
@@ -68,8 +69,7 @@ def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResul
     output = output_folder(settings.out, files, inputs) if settings.out else nullcontext()
     with KeptPages() as kept, output as folder:  # pages stay until the files are there
         weights = load_network(settings.weights)
-        watch = Stopwatch()
-        result = yield from _compute(context, settings, weights, watch, kept)
+        result = yield from _compute(context, settings, weights, StageClock(), kept)
         for item in result.views:
             item.report["folder"] = folders[item.camera.name]
         if folder is not None:
@@ -79,36 +79,32 @@ def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResul
 
 
 def _compute(
-    context: bpy.types.Context, settings: JobSettings, weights: Weights, watch: Stopwatch, kept: KeptPages
+    context: bpy.types.Context, settings: JobSettings, weights: Weights, clock: StageClock, kept: KeptPages
 ) -> Steps[JobResult]:
-    with watch.stage("read"):
-        yield Progress(0, 1, "Reading the scene")
-        source, state = read_scene(context.evaluated_depsgraph_get(), settings.scope), read_state(context.scene)
-        depsgraph = context.evaluated_depsgraph_get()
-        wanted = settings.cameras, settings.size, settings.bounds_world(source)
-        cameras = choose_cameras(depsgraph, *wanted)
-        fitted_to = track_cameras(context, *wanted) if settings.track else cameras
-    with watch.stage("depth"):
-        choice = yield from choose_grid(source, fitted_to, settings)
-    with watch.stage("light"):
-        shade, assumed = yield from lit(context, source, choice.grid, choice.layout, settings, kept)
-    with watch.stage("voxelize"):
-        octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout, state)
-    with watch.stage("codes"):
-        coded, encoding = yield from encode_as_set(octree, weights, settings)
+    cameras: list[Camera] = []
+
+    def fit_to(source: SceneMesh) -> list[Camera]:
+        cameras[:] = choose_cameras(
+            context.evaluated_depsgraph_get(), settings.cameras, settings.size, settings.bounds_world(source)
+        )
+        return fit_cameras(context, settings, source) if settings.track else cameras
+
+    made = yield from build_lit_octree(context, settings, clock, kept, Recipe(cameras=fit_to))
+    with clock.stage("codes"):
+        coded, encoding = yield from encode_as_set(made.octree, weights, settings)
     views: list[View] = []
     cycles: list[CyclesView] = []
     for camera in cameras:
-        with watch.stage("views"):
+        with clock.stage("views"):
             views.append((yield from view(coded, camera, settings, compare=True)))
         if settings.cycles is not None:
-            with watch.stage("cycles"):
-                cycles.append((yield from refine_view(context, octree, views[-1], settings, settings.cycles)))
+            with clock.stage("cycles"):
+                cycles.append((yield from refine_view(context, made.octree, views[-1], settings, settings.cycles)))
             views[-1].report["cycles"] = cycles[-1].report
     unseen = [warning for item in views for warning in item.warnings]
-    warnings = (*source.warnings, *choice.warnings, *assumed, *encoding.warnings, *unseen)
-    report = job_report(coded, views, settings, watch.seconds, warnings) | {"encoder": encoding.text}
-    return JobResult(coded, tuple(views), report, warnings, choice.layout, tuple(cycles), state)
+    warnings = (*made.warnings, *encoding.warnings, *unseen)
+    report = job_report(coded, views, settings, clock.seconds, warnings) | {"encoder": encoding.text}
+    return JobResult(coded, tuple(views), report, warnings, made.layout, tuple(cycles), made.state)
 
 
 def job_report(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import bpy
+import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.network.weights import Weights
@@ -32,7 +33,6 @@ if TYPE_CHECKING:  # nothing needs them before something is built
     from ...patchnet_addon.lightmap.page_cache import KeptPages
     from ...patchnet_addon.network.encode import Encoder
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
-    from ..state.scene_state import SceneState
 
 UNLIT = "none"  # light of an octree that shows the surface's own colour
 _TEXTURES, _ENCODING = "Reading textures", "Encoding"
@@ -107,27 +107,30 @@ def unlit(source: MeshSource, settings: JobSettings) -> Steps[Shade]:
 def lit(
     context: bpy.types.Context,
     source: SceneMesh,
-    grid: Grid,
-    layout: LeafLevels | None,
+    choice: GridChoice,
     settings: JobSettings,
     kept: KeptPages | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
+    *,
+    rotation: int = 0,
 ) -> Steps[tuple[Shade, tuple[str, ...]]]:
     """The surface in the light of the settings, and sentences about what had to be assumed.
 
-    grid, layout: the leaves that the light is for; texels follow them.
+    choice: the leaves that the light is for; texels follow them.
     kept: where a bake finds pages of one that was stopped, and leaves its own.
     depsgraph: what `source` was read from; None takes the context's.
+    rotation: seed of the direction of two lights, 0 for their usual one.
     """
     if settings.light != CYCLES:
-        return (yield from computed(lambda: _two_lights(source, settings), Progress(0, 1, _TEXTURES))), ()
+        shining = computed(lambda: _two_lights(source, settings, rotation), Progress(0, 1, _TEXTURES))
+        return (yield from shining), ()
     from ..cycles.bake import bake_luminance
 
-    coarse = light_warnings(source, grid)
+    coarse = light_warnings(source, choice.grid)
     added = settings.daylight
     bright = has_light(depsgraph or context.evaluated_depsgraph_get()) if added is None else not added
     texel_world = yield from computed(
-        lambda: _texel_sizes(source, grid, layout, settings), Progress(0, 1, "Measuring the surface")
+        lambda: _texel_sizes(source, choice, settings), Progress(0, 1, "Measuring the surface")
     )
     atlas = yield from bake_luminance(
         context,
@@ -151,16 +154,17 @@ def _albedo(source: MeshSource, settings: JobSettings) -> Shade:
     return albedo_shade(source, color=settings.color)
 
 
-def _two_lights(source: MeshSource, settings: JobSettings) -> Shade:
-    from ...patchnet_addon.surface.two_lights import two_lights_shade
+def _two_lights(source: MeshSource, settings: JobSettings, rotation: int) -> Shade:
+    from ...patchnet_addon.surface.two_lights import DIRECTION, two_lights_shade
 
-    return two_lights_shade(source, color=settings.color)
+    x, y, z = np.random.default_rng(rotation).normal(size=3).tolist() if rotation else DIRECTION
+    return two_lights_shade(source, (x, y, z), color=settings.color)
 
 
-def _texel_sizes(source: SceneMesh, grid: Grid, layout: LeafLevels | None, settings: JobSettings) -> Any:
+def _texel_sizes(source: SceneMesh, choice: GridChoice, settings: JobSettings) -> Any:
     from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
 
-    return texel_sizes(source, grid, layout, settings.texel_voxels)
+    return texel_sizes(source, choice.grid, choice.layout, settings.texel_voxels)
 
 
 def _baked(atlas: Atlas, source: MeshSource) -> Shade:
@@ -169,22 +173,30 @@ def _baked(atlas: Atlas, source: MeshSource) -> Shade:
     return atlas_shade(atlas, source)
 
 
+def turned(source: SceneMesh, grid: Grid, rotation: int) -> tuple[MeshSource, Grid]:
+    """The surface in the random rotation of a seed, and a grid of the same depth around it; 0 turns nothing."""
+    if not rotation:
+        return source, grid
+    from ...patchnet_addon.surface.rotated import RotatedSource, random_rotation
+
+    surface = RotatedSource(source, random_rotation(rotation))
+    return surface, Grid.around(surface.bounds_world, grid.depth)
+
+
 def build(
     source: MeshSource,
-    grid: Grid,
+    choice: GridChoice,
     shade: Shade,
     settings: JobSettings,
     light: str,
-    layout: LeafLevels | None = None,
-    state: SceneState | None = None,
+    provenance: dict[str, Any],
 ) -> Steps[Octree]:
-    """The octree of a surface; `light` says in its file what `shade` is, `layout` how deep its leaves are.
+    """The octree of a surface; `light` says in its file what `shade` is.
 
-    state: of the scene that the surface was read from, whose identity stands in the file.
+    provenance: entries of the file beside those that say how it was made, and in the place of such.
     """
-    provenance = _provenance(source, settings, light) | {"fitted": layout is not None}
-    if state is not None:
-        provenance["scene_state"] = state.identity()
+    layout = choice.layout
+    provenance = _provenance(source, settings, light) | {"fitted": layout is not None} | provenance
     exposure = settings.exposure if light != UNLIT else None  # a colour without light is not exposed
     if light != UNLIT:
         provenance["exposure"] = "automatic" if exposure is None else "given"
@@ -192,7 +204,7 @@ def build(
     def make() -> Steps[Octree]:
         from ...patchnet_addon.octree.build import build_octree
 
-        return build_octree(source, grid, shade, layout=layout, exposure=exposure, provenance=provenance)
+        return build_octree(source, choice.grid, shade, layout=layout, exposure=exposure, provenance=provenance)
 
     return (yield from beside(make, Progress(0, 1, "Voxelizing")))
 

@@ -17,16 +17,16 @@ import bpy
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
-from ..pipeline.stages import build, choose_grid, encode, lit, load_network
-from ..scene import read_scene
+from ..pipeline.lit_octree import Recipe, build_lit_octree
+from ..pipeline.stages import encode, load_network
 from ..scene_access.quiet import quiet
 from ..scene_access.temporary import scene_copy
 from ..session import results
 from ..session.kept_results import result_or_kept
 from ..session.staleness import look_again
 from ..settings.job_settings import CYCLES, JobSettings
-from ..state.scene_state import scene_state
 from .surface_key import may_change, surface_key
 
 _BUTTON = "press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
@@ -117,19 +117,20 @@ def _compute(
     if settings.light == CYCLES and threading.current_thread() is not threading.main_thread():
         why = "There are no voxels yet" if nothing_there else "The scene is not what was voxelized and lit"
         raise SceneError(f"{why}, and Cycles cannot bake while a window renders: {_BUTTON}")
-    yield Progress(0, 1, "Reading the scene")
     scene = depsgraph.scene.original
     weights = load_network(settings.weights)
-    source, state = read_scene(depsgraph, settings.scope), scene_state(scene, depsgraph.view_layer.name)
-    choice = yield from choose_grid(source, [camera], settings)
-    with _bake_context(scene, depsgraph, settings), KeptPages() as pages:
-        shade, assumed = yield from lit(bpy.context, source, choice.grid, choice.layout, settings, pages, depsgraph)
-        octree = yield from build(source, choice.grid, shade, settings, settings.light, choice.layout, state)
-    octree = replace(octree, provenance=octree.provenance | {"scene": scene.name, "frame": scene.frame_current})
-    coded = yield from encode(octree, weights)
-    for warning in (*source.warnings, *choice.warnings, *assumed):
+    recipe = Recipe(
+        cameras=lambda _: [camera],
+        depsgraph=depsgraph,
+        baking=lambda: _bake_context(scene, depsgraph, settings),
+        provenance={"scene": scene.name, "frame": scene.frame_current},  # not those of the copy that bakes
+    )
+    with KeptPages() as kept:
+        made = yield from build_lit_octree(bpy.context, settings, StageClock(), kept, recipe)
+    coded = yield from encode(made.octree, weights)
+    for warning in made.warnings:
         warn(warning)
-    return results.SceneResult(octree, settings.scope, choice.layout, settings.light, coded, state=state)
+    return results.SceneResult(made.octree, settings.scope, made.layout, settings.light, coded, state=made.state)
 
 
 @contextmanager

@@ -14,13 +14,12 @@ import numpy as np
 from ...patchnet_addon.image.comparison import Guides, compare, psnr
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.camera_render import Reference, render_reference
 from ..cycles.daylight import daylight, has_light
-from ..pipeline.stages import build, choose_grid, lit
-from ..pipeline.stopwatch import Stopwatch
+from ..pipeline.lit_octree import build_lit_octree
 from ..pipeline.versions import machine, versions
-from ..scene import read_scene
 from ..scene.cameras import camera_size_px, choose_cameras
 from .settings import CheckSettings
 
@@ -61,25 +60,18 @@ def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[L
 
 
 def _compared(context: bpy.types.Context, settings: CheckSettings, kept: KeptPages) -> Steps[LightCheck]:
-    watch = Stopwatch()
-    job = settings.job
-    with watch.stage("read"):
-        yield Progress(0, 1, "Reading the scene")
-        source = read_scene(context.evaluated_depsgraph_get(), job.scope)
-        choice = yield from choose_grid(source, [], job)
-    with watch.stage("light"):
-        shade, assumed = yield from lit(context, source, choice.grid, choice.layout, job, kept)
-    with watch.stage("voxelize"):
-        octree = yield from build(source, choice.grid, shade, job, job.light)
-    cameras = yield from _cameras(context, octree, settings, source.bounds_world)
+    clock = StageClock()
+    made = yield from build_lit_octree(context, settings.job, clock, kept)
+    octree = made.octree
+    cameras = yield from _cameras(context, octree, settings, made.bounds_world)
     checks = []
     for camera in cameras:
-        with watch.stage("cameras"):
+        with clock.stage("cameras"):
             steps = check_camera(context, octree, camera, settings)
             checks.append((yield from labelled(steps, f"{camera.name}: {{}}")))
     unseen = [text for check in checks if (text := _why_unseen(octree, check)) is not None]
-    warnings = (*source.warnings, *choice.warnings, *assumed, *unseen)
-    return LightCheck(octree, tuple(checks), _report(octree, checks, settings, watch.seconds, warnings))
+    warnings = (*made.warnings, *unseen)
+    return LightCheck(octree, tuple(checks), _report(octree, checks, settings, clock.seconds, warnings))
 
 
 def _why_unseen(octree: Octree, check: CameraCheck) -> str | None:

@@ -2,6 +2,7 @@
 """Colour from scene to picture: a red and a green wall under white light look as in Cycles; luminance is untouched."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -10,17 +11,16 @@ import pytest
 
 from patchnet import commands
 from patchnet.operators.cycles.bake import bake_luminance
-from patchnet.operators.pipeline.stages import build as build_stage
-from patchnet.operators.pipeline.stages import lit
+from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene import read_scene
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.session import results
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.lightmap.page_cache import KeptPages
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays
-from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_frame
 from patchnet.tests.blender.job_scene import box, random_weights
@@ -73,10 +73,8 @@ def stripe(wall: bpy.types.Object, shader: bpy.types.Node) -> None:
 
 
 def octree_of(settings: JobSettings, depth: int = 7) -> Octree:
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    grid = Grid.around(source.bounds_world, depth)
-    shade, _ = drain(lit(bpy.context, source, grid, None, settings))
-    return drain(build_stage(source, grid, shade, settings, settings.light))
+    made = drain(build_lit_octree(bpy.context, replace(settings, depth=depth), StageClock()))
+    return made.octree
 
 
 def cycles_picture(path: Path) -> np.ndarray:

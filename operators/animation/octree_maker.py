@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Frames that are an octree file each: what `patchnet octree --frames` makes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...patchnet_addon.runtime.file_kinds import OCTREE, FileKind
+from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.runtime.stage_clock import StageClock
+from ..pipeline.lit_octree import Recipe, build_lit_octree
+from ..pipeline.output_files import OCTREE_NAME
+from ..settings.job_settings import CYCLES, JobSettings
+from .frame_maker import Common, FrameMaker
+
+
+class OctreeMaker(FrameMaker):
+    """Makes lit octrees alone, by settings and a recipe; `wanted` is all that the recipe depends on, as text."""
+
+    def __init__(self, settings: JobSettings, recipe: Recipe, wanted: str) -> None:
+        self._settings, self._recipe, self._wanted = settings, recipe, wanted
+        self.scope, self.exposure, self.bakes = settings.scope, settings.exposure, settings.light == CYCLES
+
+    def settings_text(self, common: Common) -> str:
+        """The settings that the octree depends on."""
+        return f"{self._of_frame(common)!r} {self._wanted}"
+
+    def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
+        """One file."""
+        return {OCTREE_NAME: OCTREE}
+
+    def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
+        """One file."""
+        from ...patchnet_addon.lightmap.page_cache import KeptPages
+        from ...patchnet_addon.octree.file import save_octree
+
+        clock = StageClock()
+        with KeptPages() as kept:
+            made = yield from build_lit_octree(context, self._of_frame(common), clock, kept, self._recipe)
+            save_octree(made.octree, folder / OCTREE_NAME)
+        octree = made.octree
+        figures = {"depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count}
+        return {"exposure": octree.exposure, "octree": figures | {"bytes": octree.nbytes}, "views": []}
+
+    def _of_frame(self, common: Common) -> JobSettings:
+        return replace(self._settings, exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)

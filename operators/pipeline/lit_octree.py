@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pipeline from a scene to its lit octree: read the surface, choose the grid, light it, build the octree.
+
+Operators, the render engine, animations, `verify-light` and the command line all go this way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.stage_clock import StageClock
+from ...patchnet_addon.tracing.camera import Camera
+from ..scene import SceneMesh, read_scene
+from ..scene.cameras import choose_cameras, track_cameras
+from ..settings.job_settings import JobSettings
+from ..state.watch import read_state
+from .stages import UNLIT, GridChoice, build, choose_grid, lit, turned, unlit
+
+if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
+    from ...patchnet_addon.lightmap.page_cache import KeptPages
+    from ...patchnet_addon.octree.leaf_levels import LeafLevels
+    from ..state.scene_state import SceneState
+
+FitCameras = Callable[[SceneMesh], Sequence[Camera]]  # the cameras that the octree's depth is chosen for
+
+
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """How an octree is made where that is not what the settings and the context's present scene say.
+
+    unlit: the surface's own colour, with no light baked. grid: given cube and levels, around which the surface must
+    still be; None chooses them. cameras: those that the depth is chosen for; None takes those of the settings.
+    depsgraph: read instead of the context's. baking: context in which Cycles bakes. rotation: seed of a random rotation
+    of the lit surface, 0 for none. provenance: entries of the octree's file beside its own.
+    """
+
+    unlit: bool = False
+    grid: GridChoice | None = None
+    cameras: FitCameras | None = None
+    depsgraph: bpy.types.Depsgraph | None = None
+    baking: Callable[[], AbstractContextManager[None]] = nullcontext
+    rotation: int = 0
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class LitOctree:
+    """An octree and what it was made of.
+
+    layout: levels of its leaves, None where all are on the deepest. light: "none", "cycles" or "two-lights".
+    bounds_world: (2, 3) of the surface. state: of the scene when it was read.
+    warnings: sentences about what had to be assumed or left out.
+    """
+
+    octree: Octree
+    layout: LeafLevels | None
+    light: str
+    bounds_world: np.ndarray
+    state: SceneState
+    warnings: tuple[str, ...]
+
+
+def build_lit_octree(
+    context: bpy.types.Context,
+    settings: JobSettings,
+    clock: StageClock,
+    kept: KeptPages | None = None,
+    recipe: Recipe | None = None,
+) -> Steps[LitOctree]:
+    """Octree of the scene by settings; the scene is as before afterwards. Raises PatchNetError.
+
+    clock: takes the stages "read", "depth", "light" and "voxelize". kept: finds pages of a stopped bake, and keeps its
+    own.
+    """
+    recipe = recipe or Recipe()
+    with clock.stage("read"):
+        yield Progress(0, 1, "Reading the scene")
+        depsgraph = recipe.depsgraph or context.evaluated_depsgraph_get()
+        source = read_scene(depsgraph, settings.scope)
+        state = _state(context, recipe)
+    with clock.stage("depth"):
+        choice = yield from _choice(context, source, settings, recipe)
+    with recipe.baking():
+        with clock.stage("light"):
+            assumed: tuple[str, ...] = ()
+            if recipe.unlit:
+                shade = yield from unlit(source, settings)
+            else:
+                shade, assumed = yield from lit(
+                    context, source, choice, settings, kept, recipe.depsgraph, rotation=recipe.rotation
+                )
+        with clock.stage("voxelize"):
+            light = UNLIT if recipe.unlit else settings.light
+            surface, grid = turned(source, choice.grid, recipe.rotation)
+            octree = yield from build(
+                surface, replace(choice, grid=grid), shade, settings, light, _provenance(recipe, state)
+            )
+    warnings = (*source.warnings, *choice.warnings, *assumed)
+    return LitOctree(octree, choice.layout, light, source.bounds_world, state, warnings)
+
+
+def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: SceneMesh) -> list[Camera]:
+    """Cameras that the settings' depth is chosen for: none where it is given, at all frames where settings track them.
+
+    Raises SceneError.
+    """
+    wanted = settings.cameras, settings.size, settings.bounds_world(source)
+    if settings.track:
+        return track_cameras(context, *wanted)
+    if settings.depth is not None or settings.voxel_world is not None:
+        return []
+    return choose_cameras(context.evaluated_depsgraph_get(), *wanted)
+
+
+def _state(context: bpy.types.Context, recipe: Recipe) -> SceneState:
+    depsgraph = recipe.depsgraph
+    if depsgraph is None:
+        return read_state(context.scene)
+    return read_state(depsgraph.scene.original, depsgraph.view_layer.name)
+
+
+def _provenance(recipe: Recipe, state: SceneState) -> dict[str, Any]:
+    """Entries of the octree's file; the scene's state stands there unless the surface is turned."""
+    return ({} if recipe.rotation else {"scene_state": state.identity()}) | recipe.provenance
+
+
+def _choice(context: bpy.types.Context, source: SceneMesh, settings: JobSettings, recipe: Recipe) -> Steps[GridChoice]:
+    if recipe.grid is not None:
+        _check_inside(source.bounds_world, recipe.grid.grid)
+        return recipe.grid
+    cameras = fit_cameras(context, settings, source) if recipe.cameras is None else recipe.cameras(source)
+    return (yield from choose_grid(source, cameras, settings))
+
+
+def _check_inside(bounds_world: np.ndarray, grid: Grid) -> None:
+    """Raises SceneError if the surface (2, 3) has left the cube that was voxelized."""
+    corners = grid.to_unit(bounds_world)
+    if corners.min() < 0.0 or corners.max() > 1.0:
+        raise SceneError("Objects have moved out of the voxels, or others are selected: run Voxelize again")
