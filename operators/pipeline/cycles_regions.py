@@ -15,9 +15,8 @@ from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.sampling.frame import Frame
-from ...patchnet_addon.sampling.refine import refine, refined_picture
+from ...patchnet_addon.sampling.refine import refined_picture
 from ...patchnet_addon.sampling.regions import Region, choose_regions, region_mask
-from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
 from ..cycles.region_renders import OVERHEAD_PATHS, region_renders
@@ -81,16 +80,16 @@ def cycles_view(
 
 
 def refine_view(
-    context: bpy.types.Context, octree: Octree, view: View, job: JobSettings, settings: CyclesSettings
+    context: bpy.types.Context, view: View, job: JobSettings, settings: CyclesSettings
 ) -> Steps[CyclesView]:
     """As `cycles_view`, of a view that `job` has made; the refined octree picture is that of its budget."""
     frame = view.frame
     refined = yield from computed(
-        lambda: refined_picture(frame, refine(frame, strategy(view.strategy).scores(frame), job.budget)),
+        lambda: refined_picture(frame, view.ranking.mask),
         Progress(0, 1, f"{view.camera.name}: choosing regions"),
     )
     steps = cycles_view(
-        context, octree, view.camera, frame, view.priority.ravel(), settings, refined=refined, sun=job.daylight
+        context, view.octree, view.camera, frame, view.ranking.priority, settings, refined=refined, sun=job.daylight
     )
     return (yield from steps)
 

@@ -99,7 +99,7 @@ def _compute(
             views.append((yield from view(coded, camera, settings, compare=True)))
         if settings.cycles is not None:
             with clock.stage("cycles"):
-                cycles.append((yield from refine_view(context, made.octree, views[-1], settings, settings.cycles)))
+                cycles.append((yield from refine_view(context, views[-1], settings, settings.cycles)))
             views[-1].report["cycles"] = cycles[-1].report
     unseen = [warning for item in views for warning in item.warnings]
     warnings = (*made.warnings, *encoding.warnings, *unseen)

@@ -18,9 +18,9 @@ from ...patchnet_addon.image.tone import shown
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.worker import beside, computed
-from ...patchnet_addon.sampling.errors import mse_at
 from ...patchnet_addon.sampling.frame import Frame
-from ...patchnet_addon.sampling.refine import priority, refinable, refine, refined_colors, refined_picture, urgency
+from ...patchnet_addon.sampling.ranking import Ranking, rank
+from ...patchnet_addon.sampling.refine import refinable, refined_colors, refined_picture
 from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
 from ...patchnet_addon.sampling.report import frame_report
 from ...patchnet_addon.sampling.strategy import Strategy
@@ -41,18 +41,33 @@ PRIORITY_NAME = "priority.exr"
 class View:
     """A camera's result.
 
-    priority: (H, W) float32, raw scores of `strategy`. pictures: name -> (h, w, 3) encoded colours; those of PICTURES,
-    and "priority" and "order", which are the heatmap and the overlay without legend. report: figures.
+    octree: what was looked at. ranking: of its pixels by the chosen strategy, within the budget.
+    pictures: name -> (h, w, 3) encoded colours; those of PICTURES, and "priority" and "order", which are the heatmap
+    and the overlay without legend. report: figures.
     warnings: why the picture is empty or black, if it is.
     """
 
+    octree: Octree
     camera: Camera
-    strategy: str
-    frame: Frame
-    priority: np.ndarray
+    ranking: Ranking
     pictures: dict[str, np.ndarray]
     report: dict[str, Any]
     warnings: tuple[str, ...] = ()
+
+    @property
+    def strategy(self) -> str:
+        """Name of the chosen strategy."""
+        return self.ranking.strategy.name
+
+    @property
+    def frame(self) -> Frame:
+        """What was traced."""
+        return self.ranking.frame
+
+    @property
+    def priority(self) -> np.ndarray:
+        """(H, W) float32: what pixels are ranked by."""
+        return self.frame.picture(self.ranking.priority)
 
 
 def view(coded: CodedOctree, camera: Camera, settings: JobSettings, *, compare: bool) -> Steps[View]:
@@ -85,33 +100,30 @@ def _measured(
 
     assert frame.reference is not None
     unseen = why_unseen(octree, camera, frame.hits, max(float(frame.preview.max()), float(frame.reference.max())))
-    report = frame_report(frame, camera.name, settings.budget, strategies)
+    rankings = {item.name: rank(item, frame, settings.budget) for item in strategies}
+    report = frame_report(frame, camera.name, settings.budget, rankings.values())
     if settings.importance is not None:
         report["refinable_pixels"] = refinable(frame)
-    score = strategy(settings.strategy).scores(frame)
-    pictures = _pictures(frame, score, settings, camera.name)
-    urgent = frame.picture(priority(frame, score))
-    return View(camera, settings.strategy, frame, urgent, pictures, report, () if unseen is None else (unseen,))
+    chosen = rankings[settings.strategy]
+    pictures = _pictures(chosen, settings, camera.name)
+    return View(octree, camera, chosen, pictures, report, () if unseen is None else (unseen,))
 
 
-def _pictures(frame: Frame, score: np.ndarray, settings: JobSettings, name: str) -> dict[str, np.ndarray]:
+def _pictures(ranking: Ranking, settings: JobSettings, name: str) -> dict[str, np.ndarray]:
     """What a person looks at; those with a legend are magnified, the others are as many pixels as the camera has.
 
     Preview, refined and reference are in colour if the octree is. The overlay stays gray, so that red means one thing.
     """
+    frame, chosen = ranking.frame, ranking.strategy
     assert frame.reference is not None
-    chosen = strategy(settings.strategy)
-    mask = refine(frame, score, settings.budget)
-    refined = refined_picture(frame, mask)
+    refined = refined_picture(frame, ranking.mask)
     before, after = (np.abs(values - frame.reference) for values in (frame.preview, refined))
-    unrefined, left = mse_at(frame, score, [0.0, settings.budget])
     picture, ramp = frame.picture, settings.colormap
     maximum = settings.heatmap_maximum or chosen.maximum
-    preview, first = picture(frame.preview), picture(urgency(frame, score, settings.budget))
-    urgent = picture(priority(frame, score))
+    preview, first, urgent = picture(frame.preview), picture(ranking.urgency), picture(ranking.priority)
     looks = {"preview": frame.preview, "refined": refined, "reference": frame.reference}
     if frame.preview_color is not None and frame.reference_color is not None:
-        colors = refined_colors(frame, mask)
+        colors = refined_colors(frame, ranking.mask)
         looks = {"preview": frame.preview_color, "refined": colors, "reference": frame.reference_color}
     return {
         "preview": shown(picture(looks["preview"])),
@@ -121,7 +133,7 @@ def _pictures(frame: Frame, score: np.ndarray, settings: JobSettings, name: str)
         "overlay": overlay(preview, first, settings.budget, title=f"{name}: order of refinement"),
         "refined": shown(picture(looks["refined"])),
         "reference": shown(picture(looks["reference"])),
-        "error": error_picture(picture(before), picture(after), ERROR_MAXIMUM, (unrefined, left), map_name=ramp),
+        "error": error_picture(picture(before), picture(after), ERROR_MAXIMUM, ranking.mse, map_name=ramp),
     }
 
 

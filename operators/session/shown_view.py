@@ -10,7 +10,6 @@ import numpy as np
 
 from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.image.tone import to_bytes
-from ...patchnet_addon.sampling.refine import refine
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..pipeline.views import ERROR_MAXIMUM, View
@@ -103,9 +102,8 @@ def view_to_show(view: View, settings: JobSettings, chosen_maximum: float) -> Sh
     """What overlay and inspection need of a view that was made with `settings`."""
     from ...patchnet_addon.tracing.supersample import MAX_SAMPLES
 
-    frame, scores = view.frame, strategy(view.strategy)
+    frame, mask = view.frame, view.ranking.mask
     assert frame.reference is not None
-    mask = refine(frame, scores.scores(frame), settings.budget)
     refined = np.where(mask, frame.reference, frame.preview)
     flat = {
         LEVEL: np.where(frame.hit, frame.hits.level, -1),
@@ -117,5 +115,5 @@ def view_to_show(view: View, settings: JobSettings, chosen_maximum: float) -> Sh
         flat[COVERAGE] = np.where(frame.hit, known.coverage, 0.0)
     values = {name: np.ascontiguousarray(frame.picture(item), np.float32) for name, item in flat.items()}
     looks = {name: to_bytes(view.pictures[name.lower()]) for name in (PREVIEW, REFINED, REFERENCE)}
-    maximum = settings.heatmap_maximum or scores.maximum
+    maximum = settings.heatmap_maximum or view.ranking.strategy.maximum
     return ShownView(view.camera, {PRIORITY: view.priority, **values}, looks, view.strategy, maximum, chosen_maximum)

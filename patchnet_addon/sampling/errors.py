@@ -23,7 +23,12 @@ def mse_at(frame: Frame, score: np.ndarray, budgets: Sequence[float]) -> np.ndar
     Refined pixels take the reference, so their error is 0; pixels of importance 0 keep theirs. A frame without active
     pixels has no error.
     """
-    error = squared_error(frame)[refinement_order(frame, score)]
+    return left_after(frame, refinement_order(frame, score), budgets)
+
+
+def left_after(frame: Frame, order: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
+    """(B,) float64: as `mse_at`, of active pixels that are in their `order` (A,) already."""
+    error = squared_error(frame)[order]
     # Summed from the least urgent pixel, so that the error left at budget 1 is exactly 0.
     left = np.concatenate([np.cumsum(error[::-1])[::-1], [0.0]])
     counts = [refined_count(frame, budget, len(error)) for budget in budgets]

@@ -10,15 +10,14 @@ import numpy as np
 
 from .errors import mse_at, psnr
 from .frame import Frame
-from .strategy import Strategy
+from .ranking import Ranking
 
 
-def frame_report(frame: Frame, camera_name: str, budget: float, strategies: Iterable[Strategy]) -> dict[str, Any]:
+def frame_report(frame: Frame, camera_name: str, budget: float, rankings: Iterable[Ranking]) -> dict[str, Any]:
     """Errors of one frame, unrefined and after `budget` by every strategy (methods 5). It needs its reference.
 
     mse values are over active pixels; psnr_db belongs to the unrefined picture.
     """
-    scores = {strategy.name: strategy.scores(frame) for strategy in strategies}
     unrefined = float(mse_at(frame, np.zeros(len(frame.preview)), [0.0])[0])
     return {
         "camera": camera_name,
@@ -29,5 +28,5 @@ def frame_report(frame: Frame, camera_name: str, budget: float, strategies: Iter
         "budget": budget,
         "mse_unrefined": unrefined,
         "psnr_unrefined_db": psnr(unrefined) if unrefined > 0 else None,
-        "mse": {name: float(mse_at(frame, score, [budget])[0]) for name, score in scores.items()},
+        "mse": {ranking.strategy.name: ranking.mse[1] for ranking in rankings},
     }

@@ -210,7 +210,7 @@ def test_changes_make_results_stale(scene: bpy.types.Scene) -> None:
 def test_bad_input_changes_nothing(
     scene: bpy.types.Scene, settings: dict[str, object], message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("patchnet.patchnet_addon.octree.depth.available_memory", lambda: 1 << 30)
+    monkeypatch.setattr("patchnet.patchnet_addon.lod.depth.available_memory", lambda: 1 << 30)
     for item in scene.objects:
         item.select_set(False)
     before = scene_snapshot()

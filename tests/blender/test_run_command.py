@@ -161,7 +161,7 @@ def test_bad_arguments_end_with_one_sentence(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("patchnet.patchnet_addon.octree.depth.available_memory", lambda: 1 << 30)
+    monkeypatch.setattr("patchnet.patchnet_addon.lod.depth.available_memory", lambda: 1 << 30)
     assert run(scene_file, tmp_path / "out", weights, *arguments) == 2
     assert_one_sentence(capsys.readouterr().err, message)
     assert not (tmp_path / "out").exists()

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Ranking of a frame's pixels by a strategy, and what a budget refines of them (methods 3, 7.25)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import left_after
+from .frame import Frame
+from .refine import priority, refined_count, refinement_order
+from .strategy import Strategy
+
+
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """Pixels of a frame in the order of a strategy, scored and sorted once.
+
+    score: (P,) float32. priority: (P,) scores times importance. order: (A,) int64 indices of the active pixels, first
+    refined first. budget: share of them, 0 to 1. mask: (P,) bool, those that the budget refines.
+    """
+
+    strategy: Strategy
+    frame: Frame
+    budget: float
+    score: np.ndarray
+    priority: np.ndarray
+    order: np.ndarray
+    mask: np.ndarray
+
+    @property
+    def urgency(self) -> np.ndarray:
+        """(P,) float32: 1 for the pixel that is refined first, falling to 0 at the budget's end, 0 beyond it.
+
+        Pixels of score 0 stay 0: nothing is known to be wrong there, though the budget may reach them.
+        """
+        count = int(np.count_nonzero(self.mask))
+        amount = np.zeros(len(self.score), np.float32)
+        amount[self.order[:count]] = 1.0 - np.arange(count, dtype=np.float32) / max(count, 1)
+        return np.where(self.priority > 0, amount, np.float32(0.0))
+
+    @property
+    def mse(self) -> tuple[float, float]:
+        """Mean squared error over active pixels without refinement, and after the budget. It needs the reference."""
+        before, after = left_after(self.frame, self.order, [0.0, self.budget])
+        return float(before), float(after)
+
+
+def rank(strategy: Strategy, frame: Frame, budget: float) -> Ranking:
+    """Score and sort the pixels of a frame. Raises SettingError for a budget outside 0 to 1, or a frame that lacks
+    what the strategy reads."""
+    score = strategy.scores(frame)
+    order = refinement_order(frame, score)
+    mask = np.zeros(len(score), bool)
+    mask[order[: refined_count(frame, budget, len(order))]] = True
+    return Ranking(strategy, frame, budget, score, priority(frame, score), order, mask)
