@@ -14,6 +14,7 @@ from .jobs.tell import tell
 from .pipeline.lit_octree import Recipe, build_lit_octree
 from .pipeline.stages import GridChoice
 from .session import results
+from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
 from .ui.properties import LightProperties
 
@@ -35,7 +36,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
             made = yield from build_lit_octree(context, settings, clock, kept, recipe)
         seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}
         seconds["light"] = clock.seconds["light"] + clock.seconds["voxelize"]
-        result = results.SceneResult(
+        result = SceneResult(
             made.octree,
             before.scope,
             before.layout,

@@ -15,6 +15,7 @@ from ..patchnet_addon.runtime.worker import computed
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell
 from .session import results
+from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
 from .state.watch import read_state
 from .ui.properties import CodesProperties, absolute_path
@@ -91,12 +92,12 @@ def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, s
         return octree, None, str(error)
 
 
-def _result(octree: Octree, coded: CodedOctree | None, state: Any) -> results.SceneResult:
+def _result(octree: Octree, coded: CodedOctree | None, state: Any) -> SceneResult:
     """What an octree's file says of itself. It is taken to fit a scene that it says nothing of."""
     from .scene.placements import VISIBLE
 
     provenance = octree.provenance
-    made = results.SceneResult(
+    made = SceneResult(
         octree,
         str(provenance.get("scope", VISIBLE)),
         light=str(provenance.get("light", "none")),

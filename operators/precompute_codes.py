@@ -8,6 +8,7 @@ from dataclasses import replace
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
 from .jobs.tell import tell
 from .pipeline.stages import encode_as_set, load_network
@@ -25,10 +26,10 @@ class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Load the weights, encode, keep the codes beside the octree."""
         before = results.voxels_of(context.scene)
-        seconds = dict(before.seconds)
-        with results.timed(seconds, "codes"):
+        clock = StageClock()
+        with clock.stage("codes"):
             coded, encoding = yield from encode_as_set(before.octree, load_network(settings.weights), settings)
-        made = replace(before, coded=coded, seconds=seconds, encoder=encoding.text)
+        made = replace(before, coded=coded, seconds=before.seconds | clock.seconds, encoder=encoding.text)
         results.keep(context.scene, results.without_view(made), "codes")
         for warning in encoding.warnings:
             tell(self, "WARNING", warning)

@@ -31,14 +31,14 @@ from . import (
 )
 from .jobs import job_operator
 from .scene_access import overrides, unread_file
-from .session import kept_results, results, staleness
+from .session import kept_results, scene_session, staleness
 from .ui import panels, preferences, presets_menu, properties
 
 # Have register() and unregister() of their own.
 _BEFORE = (
     preferences,
     properties,
-    results,
+    scene_session,
     staleness,
     overrides,
     job_operator,

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.stage_clock import StageClock
 from . import overlay
 from .jobs.polls import CodesJob
 from .jobs.tell import tell
@@ -46,10 +47,12 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     bounds = coded.octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
     depsgraph = context.evaluated_depsgraph_get()
     camera = choose_cameras(depsgraph, settings.cameras, settings.size, bounds)[0]
-    seconds = dict(before.seconds)
-    with results.timed(seconds, "views"):
+    clock = StageClock()
+    with clock.stage("views"):
         result = yield from view(coded, camera, settings, compare=compare)
-    results.keep(context.scene, seen(replace(before, seconds=seconds), result, compared=compare), "view")
+    results.keep(
+        context.scene, seen(replace(before, seconds=before.seconds | clock.seconds), result, compared=compare), "view"
+    )
     overlay.show(context, [result], settings)
     return result
 

@@ -10,6 +10,7 @@ from . import overlay
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell
 from .session import results
+from .session.scene_result import SceneResult
 from .session.seen import seen
 from .settings.job_settings import JobSettings
 from .ui.properties import (
@@ -47,7 +48,7 @@ class PATCHNET_OT_run_all(
         results.keep(
             context.scene,
             seen(
-                results.SceneResult(
+                SceneResult(
                     octree=result.coded.octree,
                     scope=settings.scope,
                     layout=result.layout,

@@ -11,6 +11,7 @@ from .jobs.job_operator import JobOperator
 from .jobs.tell import tell
 from .pipeline.lit_octree import Recipe, build_lit_octree
 from .session import results
+from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
 from .ui.properties import CameraProperties, VoxelizeProperties
 
@@ -27,7 +28,7 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         made = yield from build_lit_octree(context, settings, clock, recipe=Recipe(unlit=True))
         seconds = {name: clock.seconds[name] for name in ("depth", "voxelize")}
         octree = made.octree
-        result = results.SceneResult(octree, settings.scope, made.layout, seconds=seconds, state=made.state)
+        result = SceneResult(octree, settings.scope, made.layout, seconds=seconds, state=made.state)
         results.keep(context.scene, result, "octree")
         for warning in made.warnings:
             tell(self, "WARNING", warning)

@@ -24,9 +24,10 @@ import torch
 from ..patchnet_addon.network.weights import Weights, save_weights
 from ..patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from ..patchnet_addon.runtime.progress import Progress, Steps
-from .batches import Augmentation, Batch, gather_batch
+from .batches import Augmentation
+from .corpus import Corpus
 from .dataset import Dataset
-from .forest import Forest, plant
+from .forest import plant
 from .learner import Learner, Losses
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .schedule import learning_rate
@@ -34,20 +35,6 @@ from .settings import TrainSettings
 from .validation import validate
 
 PARTS = 2
-
-
-@dataclass(frozen=True, eq=False)
-class Corpus:
-    """The voxels of all data sets to train on: tree (G,) int32, voxel (G, 4), views (G, R, 12)."""
-
-    forest: Forest
-    tree: np.ndarray
-    voxel: np.ndarray
-    views: np.ndarray
-
-    def batch(self, rows: np.ndarray, augmentation: Augmentation) -> Batch:
-        """Batch of the voxels `rows` (V,)."""
-        return gather_batch(self.forest, self.tree[rows], self.voxel[rows], self.views[rows], augmentation)
 
 
 @dataclass

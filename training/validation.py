@@ -4,16 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 
 from .batches import Augmentation
+from .corpus import Corpus
 from .sliced_net import SlicedNet
-
-if TYPE_CHECKING:
-    from .trainer import Corpus
 
 _LIMIT = 2048  # voxels per scene and validation
 _CHUNK = 512

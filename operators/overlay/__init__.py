@@ -12,9 +12,10 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..pipeline.views import View
-from ..session import views as kept
 from ..session.result_images import show_images
+from ..session.scene_session import session_of
 from ..session.shown_view import view_to_show
+from ..session.views import keep_view
 from ..settings.job_settings import JobSettings
 from . import drag_wipe, handlers, inspect_pixels, open_pictures, panel, settings, toggle
 
@@ -29,14 +30,14 @@ def show(context: bpy.types.Context, views: Sequence[View], job: JobSettings) ->
         made = view_to_show(view, job, context.scene.patchnet.heatmap_maximum)
         heatmaps.append(show_images(view, made)["heatmap"])
         if not bpy.app.background:  # nobody looks
-            kept.keep(context.scene, made)
+            keep_view(context.scene, made)
     open_pictures.open_picture(context, heatmaps[0])
     handlers.refresh(context)
 
 
 def forget(context: bpy.types.Context) -> None:
     """Free what overlay and inspection hold of a scene."""
-    kept.forget(context.scene)
+    session_of(context.scene).views.clear()
     inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
     handlers.switch_off(context)
 
@@ -46,12 +47,12 @@ def _on_load_pre(_path: str) -> None:
     """What is shown belongs to the file that is being closed."""
     inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
     handlers.switch_off(bpy.context)
-    kept.forget_all()
 
 
 def register() -> None:
     """Settings, operators, panels; after the main panel."""
     settings.register()
+    handlers.register()
     for item in _CLASSES:
         bpy.utils.register_class(item)
     bpy.app.handlers.load_pre.append(_on_load_pre)
@@ -62,7 +63,6 @@ def unregister() -> None:
     bpy.app.handlers.load_pre.remove(_on_load_pre)
     handlers.unregister()
     open_pictures.unregister()
-    kept.forget_all()
     inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
     for item in reversed(_CLASSES):
         bpy.utils.unregister_class(item)

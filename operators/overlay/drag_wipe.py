@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..session import views as kept
+from ..session import views
 from .framed import framed, place_under
 from .places import wipe_at
 from .settings import overlay_settings
@@ -25,7 +25,7 @@ class PATCHNET_OT_drag_wipe(bpy.types.Operator):
         if bpy.app.background or context.window is None:
             cls.poll_message_set("The wipe is dragged with the mouse, in a window")
             return False
-        if not kept.has_views(context.scene):
+        if not views.has_views(context.scene):
             cls.poll_message_set(NO_VIEW)
             return False
         return True

@@ -9,7 +9,8 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.image.colormaps import colormap
-from ..session import views as kept
+from ..session import views
+from ..session.scene_session import InspectedPixel, session_of
 from ..session.shown_view import TITLES, ShownView
 from ..ui.preferences import preferences
 from . import paint
@@ -22,19 +23,6 @@ _LEGEND_PX = 190
 _BAR_PX = 9
 _GAP_PX = 8
 _RAMP_STOPS = 52
-
-
-@dataclass
-class Inspected:
-    """A pixel that the mouse points at: in which region (its address), where there, and what is said of it."""
-
-    region: int
-    x: float
-    y: float
-    lines: list[str]
-
-
-inspected: dict[int, Inspected] = {}  # by the window's address
 
 
 @dataclass(frozen=True)
@@ -56,7 +44,7 @@ def draw_region(context: bpy.types.Context) -> None:
         found = framed(context.scene, area, region)
         if found is not None and found.rect is not None:
             _draw_overlay(context, found, found.rect)
-    for pixel in list(inspected.values()):
+    for pixel in list(session_of(context.scene).inspected.values()):
         if pixel.region == region.as_pointer():
             _draw_inspected(context, pixel)
 
@@ -90,7 +78,7 @@ def _draw_overlay(context: bpy.types.Context, found: Framed, rect: Rect) -> None
     if values.legend:
         for index, (name, part) in enumerate(sides):
             _draw_side(look, name, seen, right_side=index == 1, shown=not part.meet(whole).empty)
-    stale = kept.why_stale(context.scene, view)
+    stale = views.why_stale(context.scene, view)
     if stale:
         _draw_mark(f"Out of date: {stale}", seen, look.scale, values.legend)
 
@@ -143,7 +131,7 @@ def _draw_mark(text: str, seen: Rect, scale: float, below_title: bool) -> None:
     paint.box([(text, paint.WARNING)], (seen.left + gap, seen.top - down), scale)
 
 
-def _draw_inspected(context: bpy.types.Context, pixel: Inspected) -> None:
+def _draw_inspected(context: bpy.types.Context, pixel: InspectedPixel) -> None:
     scale = context.preferences.system.ui_scale
     size = paint.box_size(pixel.lines, scale)
     corner = beside((pixel.x, pixel.y), size, 14 * scale, free_rect(context.area, context.region))

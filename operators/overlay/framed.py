@@ -9,7 +9,7 @@ import bpy
 
 from ...patchnet_addon.image.heatmap import places_on_page
 from ..scene.cameras import camera_size_px
-from ..session import views as kept
+from ..session import views
 from ..session.result_images import PAGES
 from ..session.shown_view import ShownView
 from .places import Rect, frame_rect, image_rect, visible_rect
@@ -53,7 +53,7 @@ def _in_viewport(scene: bpy.types.Scene, space: bpy.types.SpaceView3D, region: b
     camera = space.camera if space.use_local_camera else scene.camera
     if view3d is None or view3d.view_perspective != "CAMERA" or camera is None:
         return None
-    view = kept.view_of_camera(scene, camera.name)
+    view = views.view_of_camera(scene, camera.name)
     if view is None:
         return None
     rect = frame_rect(view.camera, view3d.window_matrix, region.width, region.height)
@@ -69,7 +69,7 @@ def _in_image_editor(
     low = region.view2d.region_to_view(0, 0)
     high = region.view2d.region_to_view(region.width, region.height)
     page = image_rect(low, high, region.width, region.height)
-    found = kept.view_of_image(scene, image)
+    found = views.view_of_image(scene, image)
     if page is None:
         return None
     if found is None:
@@ -88,7 +88,7 @@ def _of_render(scene: bpy.types.Scene, image: bpy.types.Image) -> ShownView | No
     render = scene.render
     if image.type != "RENDER_RESULT" or scene.camera is None or (render.use_border and render.use_crop_to_border):
         return None
-    view = kept.view_of_camera(scene, scene.camera.name)
+    view = views.view_of_camera(scene, scene.camera.name)
     if view is None:
         return None
     full, own = camera_size_px(scene), view.size_px

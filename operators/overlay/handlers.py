@@ -8,9 +8,11 @@ from typing import Any
 import bpy
 
 from ...patchnet_addon.runtime import log
+from ..session.scene_session import open_sessions
+from .drawing import draw_region
 from .framed import EDITORS
 from .paint import free_shader
-from .settings import overlay_settings
+from .settings import listeners, overlay_settings
 from .textures import free_textures
 
 _handles: dict[Any, Any] = {}  # by the space type that they draw in
@@ -19,12 +21,10 @@ problem = ""  # why the overlay went off, for the panel
 
 def refresh(context: bpy.types.Context) -> None:
     """Handlers come and go as settings have it, and everything is drawn again."""
-    from .drawing import inspected
-
     if bpy.app.background:
         return
     values = overlay_settings(context)
-    if values.show_viewport or values.show_editor or inspected:
+    if values.show_viewport or values.show_editor or any(session.inspected for session in open_sessions()):
         _add()
     else:
         remove()
@@ -55,9 +55,8 @@ def remove() -> None:
 
 def switch_off(context: bpy.types.Context) -> None:
     """Nothing is shown any more, and nothing is inspected."""
-    from .drawing import inspected
-
-    inspected.clear()
+    for session in open_sessions():
+        session.inspected.clear()
     values = overlay_settings(context)
     if values.show_viewport or values.show_editor:
         values.show_viewport = values.show_editor = False
@@ -76,8 +75,6 @@ def _add() -> None:
 
 def _draw() -> None:
     """Blender calls this for every region. It must not raise again and again: the first error ends it."""
-    from .drawing import draw_region
-
     if problem:
         return
     try:
@@ -106,8 +103,14 @@ def _say_problem(menu: bpy.types.UIPopupMenu, _context: bpy.types.Context) -> No
     menu.layout.label(text=problem)
 
 
+def register() -> None:
+    """Follow the settings."""
+    listeners.append(refresh)
+
+
 def unregister() -> None:
     """Leave nothing behind."""
+    listeners.remove(refresh)
     if bpy.app.timers.is_registered(_end_after_error):
         bpy.app.timers.unregister(_end_after_error)
     remove()

@@ -7,9 +7,10 @@ from typing import ClassVar
 
 import bpy
 
-from ..session import views as kept
+from ..session import views
+from ..session.scene_session import InspectedPixel, open_sessions, session_of
 from . import handlers
-from .drawing import Inspected, inspected, maximum_of
+from .drawing import maximum_of
 from .framed import Place, framed, place_under
 from .places import pixel_at
 from .toggle import NO_VIEW
@@ -32,7 +33,7 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
         if bpy.app.background or context.window is None:
             cls.poll_message_set("Pixels are inspected with the mouse, in a window")
             return False
-        if not kept.has_views(context.scene):
+        if not views.has_views(context.scene):
             cls.poll_message_set(NO_VIEW)
             return False
         return True
@@ -47,7 +48,8 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
         """All windows have ended it, or are gone."""
         cls._running.clear()
         cls._ending.clear()
-        inspected.clear()
+        for session in open_sessions():
+            session.inspected.clear()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Begin in this window, or end there."""
@@ -63,7 +65,7 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Look at the pixel under the mouse; all else is left to others."""
-        if self._window in self._ending or not kept.has_views(context.scene) or handlers.problem:
+        if self._window in self._ending or not views.has_views(context.scene) or handlers.problem:
             self.cancel(context)
             return {"CANCELLED", "PASS_THROUGH"}
         if event.type == "MOUSEMOVE":
@@ -77,7 +79,8 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
         """Blender calls this when the window closes, too."""
         self._running.discard(self._window)
         self._ending.discard(self._window)
-        inspected.pop(self._window, None)
+        for session in open_sessions():
+            session.inspected.pop(self._window, None)
         if context.workspace is not None:
             context.workspace.status_text_set(None)
         handlers.refresh(context)
@@ -89,9 +92,10 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
     def _look(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
         place = place_under(context.window, event.mouse_x, event.mouse_y)
         said = self._said(context, place) if place is not None else None
+        inspected = session_of(context.scene).inspected
         before = inspected.pop(self._window, None)
         if place is not None and said:
-            inspected[self._window] = Inspected(place.region.as_pointer(), place.x, place.y, said)
+            inspected[self._window] = InspectedPixel(place.region.as_pointer(), place.x, place.y, said)
         if (before is None) != (not said):
             handlers.refresh(context)
         elif place is not None and said:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..session import views as kept
+from ..session import views
 from . import handlers
 from .inspect_pixels import PATCHNET_OT_inspect_pixels
 from .settings import overlay_settings
@@ -33,7 +33,7 @@ class _OverlayPanel(_Panel):
         layout.operator("patchnet.toggle_overlay", icon="OVERLAY", depress=on)
         if handlers.problem:
             layout.label(text=handlers.problem, icon="ERROR")
-        elif not kept.has_views(context.scene):
+        elif not views.has_views(context.scene):
             layout.label(text=NO_VIEW, icon="INFO")
         column = layout.column()
         column.active = on

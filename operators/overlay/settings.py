@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -29,10 +30,12 @@ _ITEMS = [
 ]
 
 
-def _changed(_values: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    from . import handlers
+listeners: list[Callable[[bpy.types.Context], None]] = []  # called after a setting changed
 
-    handlers.refresh(context)
+
+def _changed(_values: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    for listener in listeners:
+        listener(context)
 
 
 def _switch(name: str, description: str, default: bool = False) -> Any:

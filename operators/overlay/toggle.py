@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..session import views as kept
+from ..session import views
 from . import handlers
 from .settings import overlay_settings
 
@@ -23,7 +23,7 @@ class PATCHNET_OT_toggle_overlay(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         """There must be a picture, except to switch off."""
         values = overlay_settings(context)
-        if not (kept.has_views(context.scene) or values.show_viewport or values.show_editor):
+        if not (views.has_views(context.scene) or values.show_viewport or values.show_editor):
             cls.poll_message_set(NO_VIEW)
             return False
         return True

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from ..session.scene_session import open_sessions
 from . import engine, panels
 
 _CLASSES = (*engine.CLASSES, *panels.CLASSES)
@@ -38,11 +39,10 @@ def _ends_of_renders() -> tuple[list[Any], ...]:
 @bpy.app.handlers.persistent
 def _forget_frames(*_: object) -> None:
     """What was made for frames of an animation is not needed after it, nor what the allocator kept of their arrays."""
-    import sys
-
     from ...patchnet_addon.runtime.heap import trim
 
-    module = sys.modules.get(f"{__package__}.frame_octree")  # not there before the first render
-    if module is not None:
-        module.forget_frames()
+    sessions = [session for session in open_sessions() if session.kept_frame or session.made_frame]
+    for session in sessions:
+        session.free_frames()
+    if sessions:
         trim()

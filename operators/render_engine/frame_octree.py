@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import bpy
 
@@ -25,34 +25,13 @@ from ..scene_access.quiet import quiet
 from ..scene_access.temporary import scene_copy
 from ..session import results
 from ..session.kept_results import result_or_kept
+from ..session.scene_result import SceneResult
+from ..session.scene_session import KeyedResult, session_of
 from ..session.staleness import look_again
 from ..settings.job_settings import CYCLES, JobSettings
 from .surface_key import may_change, surface_key
 
 _BUTTON = "press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
-
-
-@dataclass(frozen=True)
-class _Known:
-    """A result that was rendered from, and the key of the scene that it shows."""
-
-    result: results.SceneResult
-    key: str
-
-
-_kept: dict[int, _Known] = {}  # by scene: what `results` keeps, once its key was asked for
-_made: dict[int, _Known] = {}  # by scene: what was made for the last frame that needed its own
-
-
-def forget_frames(*_: object) -> None:
-    """Free what was made for frames of an animation."""
-    _kept.clear()
-    _made.clear()
-
-
-def all_results() -> list[results.SceneResult]:
-    """What is kept for frames."""
-    return [known.result for known in (*_kept.values(), *_made.values())]
 
 
 def octree_of_frame(
@@ -69,7 +48,7 @@ def octree_of_frame(
     animation: other frames follow. Raises PatchNetError.
     """
     scene = depsgraph.scene.original
-    number, result = scene.session_uid, result_or_kept(scene)
+    session, result = session_of(scene), result_or_kept(scene)
     if result is not None:
         look_again(result, scene)
     kept = None if result is None or result.stale else result
@@ -77,24 +56,26 @@ def octree_of_frame(
     if kept is not None and ((here and not animation) or not may_change(scene)):
         return (yield from _coded(scene, kept, settings))
     key = ""
-    if animation or kept is not None or number in _made:  # else nothing is there to compare with, nor will be
+    if (
+        animation or kept is not None or session.made_frame is not None
+    ):  # else nothing is there to compare with, nor will be
         yield Progress(0, 1, "Looking at the scene")
         key = surface_key(depsgraph, settings)
     if kept is not None and here:
-        _kept[number] = _Known(kept, key)
-    for known in (_kept.get(number), _made.get(number)):
-        if known is not None and known.key == key and (known.result is kept or known is _made.get(number)):
+        session.kept_frame = KeyedResult(kept, key)
+    for known in (session.kept_frame, session.made_frame):
+        if known is not None and known.key == key and (known.result is kept or known is session.made_frame):
             return (yield from _coded(scene, known.result, settings))
-    _made.pop(number, None)  # before the next one takes memory
+    session.made_frame = None  # before the next one takes memory
     result = yield from _compute(depsgraph, camera, settings, warn, nothing_there=results.result_of(scene) is None)
     if key:
-        _made[number] = _Known(result, key)
+        session.made_frame = KeyedResult(result, key)
     if kept is None:
         results.keep(scene, result, "octree", "light")
     return (yield from _coded(scene, result, settings))
 
 
-def _coded(scene: bpy.types.Scene, result: results.SceneResult, settings: JobSettings) -> Steps[CodedOctree]:
+def _coded(scene: bpy.types.Scene, result: SceneResult, settings: JobSettings) -> Steps[CodedOctree]:
     """The codes of a result, which are kept with it where it is kept."""
     if result.coded is None:
         coded = yield from encode(result.octree, load_network(settings.weights))
@@ -111,7 +92,7 @@ def _compute(
     warn: Callable[[str], None],
     *,
     nothing_there: bool,
-) -> Steps[results.SceneResult]:
+) -> Steps[SceneResult]:
     from ...patchnet_addon.lightmap.page_cache import KeptPages
 
     if settings.light == CYCLES and threading.current_thread() is not threading.main_thread():
@@ -130,7 +111,7 @@ def _compute(
     coded = yield from encode(made.octree, weights)
     for warning in made.warnings:
         warn(warning)
-    return results.SceneResult(made.octree, settings.scope, made.layout, settings.light, coded, state=made.state)
+    return SceneResult(made.octree, settings.scope, made.layout, settings.light, coded, state=made.state)
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..session import results
+from ..session.scene_result import SceneResult
 from ..ui.preferences import apply_preferences
 from .drawing import PictureTexture, draw_message
 from .render_camera import camera_place, viewport_camera
@@ -54,7 +55,7 @@ class Viewport:
             self._forget()
             self._message(engine, context, f"PatchNet: {error}")
 
-    def _draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, result: results.SceneResult) -> None:
+    def _draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, result: SceneResult) -> None:
         values, region = context.scene.patchnet, context.region
         chosen = strategy(values.strategy)
         if result.coded is None and chosen.needs:
@@ -83,7 +84,7 @@ class Viewport:
             self._asked = time.perf_counter()
             engine.tag_redraw()
 
-    def _preview_of(self, context: bpy.types.Context, result: results.SceneResult, camera: Camera) -> ViewportPreview:
+    def _preview_of(self, context: bpy.types.Context, result: SceneResult, camera: Camera) -> ViewportPreview:
         """The preview that is there if it fits all that it depends on, else a new one."""
         values, strokes = context.scene.patchnet, self.mask.strokes
         world = None if context.scene.render.film_transparent else world_color(context.scene.world)

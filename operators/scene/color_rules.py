@@ -4,19 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .images import usable
 from .node_links import Input, Output, source
-from .node_terms import WHITE, ColorTerm, NotUnderstoodError, TextureUse, rgb
-
-if TYPE_CHECKING:
-    from .node_values import NodeValues
+from .node_terms import WHITE, ColorTerm, NodeEvaluator, NotUnderstoodError, TextureUse, rgb
 
 
-def texture_use(values: NodeValues, output: Output) -> TextureUse:
+def texture_use(values: NodeEvaluator, output: Output) -> TextureUse:
     node = output.node
     if not usable(node.image):
         name = f"image '{node.image.name}'" if node.image else f"node '{node.name}' without an image"
@@ -27,7 +23,7 @@ def texture_use(values: NodeValues, output: Output) -> TextureUse:
 
 
 def _uv_transform(
-    values: NodeValues, at: Input
+    values: NodeEvaluator, at: Input
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
     """How texture coordinates come from the mesh's UV map; None for the map itself."""
     found = source(at)
@@ -62,14 +58,14 @@ def _mapping_matrix(output: Output) -> np.ndarray:
     )
 
 
-def _image_color(values: NodeValues, output: Output) -> ColorTerm:
+def _image_color(values: NodeEvaluator, output: Output) -> ColorTerm:
     texture = texture_use(values, output)
     if output.socket.name == "Alpha":
         raise NotUnderstoodError(f"the alpha of image '{texture.image.name}' as a colour")
     return ColorTerm(WHITE, texture)
 
 
-def _mix_color(values: NodeValues, output: Output) -> ColorTerm:
+def _mix_color(values: NodeEvaluator, output: Output) -> ColorTerm:
     node = output.node
     if node.type == "MIX":
         if node.data_type != "RGBA":
@@ -92,7 +88,7 @@ def _mix_color(values: NodeValues, output: Output) -> ColorTerm:
     return _blend(values, first, second, factor_value)
 
 
-def _product(values: NodeValues, first: ColorTerm, second: ColorTerm, factor: float) -> ColorTerm:
+def _product(values: NodeEvaluator, first: ColorTerm, second: ColorTerm, factor: float) -> ColorTerm:
     """first * lerp(1, second, factor)."""
     if second.texture is not None and first.texture is None and factor >= 1.0:
         first, second = second, first
@@ -102,7 +98,7 @@ def _product(values: NodeValues, first: ColorTerm, second: ColorTerm, factor: fl
     return first.scaled((r, g, b))
 
 
-def _blend(values: NodeValues, first: ColorTerm, second: ColorTerm, factor: float) -> ColorTerm:
+def _blend(values: NodeEvaluator, first: ColorTerm, second: ColorTerm, factor: float) -> ColorTerm:
     """lerp(first, second, factor)."""
     if factor >= 1.0:
         return second
@@ -114,22 +110,22 @@ def _blend(values: NodeValues, first: ColorTerm, second: ColorTerm, factor: floa
     return ColorTerm((r, g, b))
 
 
-def _vertex_color(values: NodeValues, output: Output) -> ColorTerm:
+def _vertex_color(values: NodeEvaluator, output: Output) -> ColorTerm:
     values.notes.append("vertex colours are left out")
     return ColorTerm()
 
 
-def _ramp(values: NodeValues, output: Output) -> ColorTerm:
+def _ramp(values: NodeEvaluator, output: Output) -> ColorTerm:
     color = output.node.color_ramp.evaluate(values.constant_number(output.input("Fac")))
     return ColorTerm(rgb(color))
 
 
-def _adjusted(values: NodeValues, output: Output) -> ColorTerm:
+def _adjusted(values: NodeEvaluator, output: Output) -> ColorTerm:
     values.notes.append(f"node '{output.node.name}' is left out")
     return values.color(output.input("Color"))
 
 
-COLOR_RULES: dict[str, Callable[[NodeValues, Output], ColorTerm]] = {
+COLOR_RULES: dict[str, Callable[[NodeEvaluator, Output], ColorTerm]] = {
     "TEX_IMAGE": _image_color,
     "RGB": lambda values, output: ColorTerm(rgb(output.socket.default_value)),
     "VALUE": lambda values, output: ColorTerm(rgb(output.socket.default_value)),

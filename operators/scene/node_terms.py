@@ -4,9 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import bpy
 import numpy as np
+
+from .images import ImageReader
+from .node_links import Input
 
 REC709 = (0.2126, 0.7152, 0.0722)
 Rgb = tuple[float, float, float]
@@ -79,3 +83,25 @@ def number(value: object) -> float:
     if isinstance(value, float | int):
         return float(value)
     return float(np.dot(rgb(value), REC709))
+
+
+class NodeEvaluator(Protocol):
+    """Evaluator of sockets, which the rules of nodes ask for the inputs of their node.
+
+    notes: noun phrases for whatever was left out.
+    """
+
+    images: ImageReader
+    notes: list[str]
+
+    def color(self, at: Input) -> ColorTerm:
+        """Evaluate a colour input; raises NotUnderstoodError."""
+
+    def number(self, at: Input) -> NumberTerm:
+        """Evaluate a float input; raises NotUnderstoodError."""
+
+    def constant_number(self, at: Input) -> float:
+        """Evaluate a float input that must not vary; raises NotUnderstoodError if it does."""
+
+    def constant_color(self, term: ColorTerm) -> Rgb:
+        """Mean of a colour over its texture."""

@@ -5,29 +5,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import bpy
 
 from .color_rules import texture_use
 from .node_links import Input, Output
-from .node_terms import NotUnderstoodError, NumberTerm
-
-if TYPE_CHECKING:
-    from .node_values import NodeValues
+from .node_terms import NodeEvaluator, NotUnderstoodError, NumberTerm
 
 
-def _vertex_number(values: NodeValues, output: Output) -> NumberTerm:
+def _vertex_number(values: NodeEvaluator, output: Output) -> NumberTerm:
     values.notes.append("vertex colours are left out")
     return NumberTerm(1.0)
 
 
-def _image_number(values: NodeValues, output: Output) -> NumberTerm:
+def _image_number(values: NodeEvaluator, output: Output) -> NumberTerm:
     texture = texture_use(values, output)
     return NumberTerm(0.0, 1.0, texture, "A" if output.socket.name == "Alpha" else "Y")
 
 
-def _separated(values: NodeValues, output: Output) -> NumberTerm:
+def _separated(values: NodeEvaluator, output: Output) -> NumberTerm:
     node = output.node
     if getattr(node, "mode", "RGB") != "RGB":
         raise NotUnderstoodError(f"node '{node.name}'")
@@ -38,12 +34,12 @@ def _separated(values: NodeValues, output: Output) -> NumberTerm:
     return NumberTerm(0.0, color.factor[channel], color.texture, "RGB"[channel])
 
 
-def _light_path(values: NodeValues, output: Output) -> NumberTerm:
+def _light_path(values: NodeEvaluator, output: Output) -> NumberTerm:
     """What the camera sees counts."""
     return NumberTerm(1.0 if output.socket.name == "Is Camera Ray" else 0.0)
 
 
-def _mix_number(values: NodeValues, output: Output) -> NumberTerm:
+def _mix_number(values: NodeEvaluator, output: Output) -> NumberTerm:
     if output.node.data_type != "FLOAT":
         raise NotUnderstoodError(f"node '{output.node.name}'")
     inputs = {socket.identifier: socket for socket in output.node.inputs}
@@ -59,7 +55,7 @@ def _mix_number(values: NodeValues, output: Output) -> NumberTerm:
     raise NotUnderstoodError(f"two textures in node '{output.node.name}'")
 
 
-def _math(values: NodeValues, output: Output) -> NumberTerm:
+def _math(values: NodeEvaluator, output: Output) -> NumberTerm:
     node = output.node
     a = values.number(output.input(0))
     if node.operation == "ROUND":
@@ -90,7 +86,7 @@ def _constant(term: NumberTerm) -> float:
     return term.offset
 
 
-def _multiply(values: NodeValues, a: NumberTerm, b: NumberTerm) -> NumberTerm:
+def _multiply(values: NodeEvaluator, a: NumberTerm, b: NumberTerm) -> NumberTerm:
     if a.constant:
         a, b = b, a
     if b.constant and a.threshold is not None and b.offset != 1.0:
@@ -122,7 +118,7 @@ def _step(term: NumberTerm, threshold: float, above: bool) -> NumberTerm:
     return replace(term.affine(-1.0, 1.0), threshold=1.0 - threshold)
 
 
-NUMBER_RULES: dict[str, Callable[[NodeValues, Output], NumberTerm]] = {
+NUMBER_RULES: dict[str, Callable[[NodeEvaluator, Output], NumberTerm]] = {
     "TEX_IMAGE": _image_number,
     "VALUE": lambda values, output: NumberTerm(float(output.socket.default_value)),
     "MATH": _math,

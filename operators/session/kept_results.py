@@ -20,6 +20,7 @@ from ...patchnet_addon.runtime.bounds import KEPT_GIB
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ..ui.preferences import apply_preferences, preferences
 from . import results
+from .scene_result import SceneResult
 
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
@@ -31,7 +32,7 @@ _AFTER_OPENING_S = 0.1
 _looked: set[int] = set()  # scenes of the open file that were looked for, by session_uid
 
 
-def keep_on_disk(scene: bpy.types.Scene, result: results.SceneResult) -> None:
+def keep_on_disk(scene: bpy.types.Scene, result: SceneResult) -> None:
     """Write a scene's result into the cache folder, beside a window in a thread: nobody waits for it."""
     if result.state is None or limit_bytes() <= 0:
         return
@@ -60,7 +61,7 @@ def restore(scene: bpy.types.Scene) -> bool:
     return True
 
 
-def result_or_kept(scene: bpy.types.Scene) -> results.SceneResult | None:
+def result_or_kept(scene: bpy.types.Scene) -> SceneResult | None:
     """What is there for `scene`, in background from the cache folder too."""
     result = results.result_of(scene)
     if result is None and bpy.app.background and scene.session_uid not in _looked:
@@ -98,7 +99,7 @@ def _fingerprint(scene: bpy.types.Scene) -> list[Any]:
     return [scene.name, len(scene.objects), len(bpy.data.meshes), len(bpy.data.materials)]
 
 
-def _entry(result: results.SceneResult, scene: bpy.types.Scene) -> CachedOctree:
+def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
     from ...patchnet_addon.codes.octree_cache import CachedOctree
 
     notes = {
@@ -112,13 +113,13 @@ def _entry(result: results.SceneResult, scene: bpy.types.Scene) -> CachedOctree:
     return CachedOctree(result.octree, result.coded, result.layout, notes)
 
 
-def _result(found: CachedOctree, state: SceneState) -> results.SceneResult:
+def _result(found: CachedOctree, state: SceneState) -> SceneResult:
     notes = found.notes
     made_with = {
         step: {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
         for step, values in notes["made_with"].items()
     }
-    return results.SceneResult(
+    return SceneResult(
         octree=found.octree,
         scope=notes["scope"],
         layout=found.layout,

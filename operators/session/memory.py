@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import gc
-import sys
 from collections.abc import Iterable
 from dataclasses import is_dataclass
 from typing import Any, NamedTuple
@@ -14,7 +13,7 @@ import numpy as np
 
 from ...patchnet_addon.runtime.heap import resident_bytes, trim
 from ..scene_access.own import is_own
-from . import results
+from .scene_session import open_sessions
 
 
 class Held(NamedTuple):
@@ -34,16 +33,8 @@ def give_back() -> None:
 
 def held() -> Held:
     """What the extension holds now."""
-    from . import views as kept
-
-    holders = [results.all_results(), kept.all_views()]
-    frames = sys.modules.get(
-        f"{__package__.removesuffix('session')}render_engine.frame_octree"
-    )  # not there before the first render
-    if frames is not None:
-        holders.append(frames.all_results())
     images = sum(_image_bytes(image) for image in bpy.data.images if is_own(image))
-    return Held(array_bytes(holders), images, resident_bytes())
+    return Held(array_bytes(open_sessions()), images, resident_bytes())
 
 
 def array_bytes(holders: Iterable[Any]) -> int:

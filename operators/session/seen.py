@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ...patchnet_addon.sampling.registry import STRATEGIES
 from ..pipeline.views import View
-from .results import Comparison, Row, SceneResult
+from .scene_result import Comparison, Row, SceneResult
 
 
 def seen(result: SceneResult, view: View, *, compared: bool = False) -> SceneResult:

@@ -5,11 +5,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import count
+from weakref import ReferenceType, ref
 
 import numpy as np
 
 from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.image.tone import to_bytes
+from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..pipeline.views import ERROR_MAXIMUM, View
@@ -39,7 +41,7 @@ class ShownView:
     camera: what it looked through. values: quantity -> (H, W) float32, raw; level is -1 where nothing was met.
     looks: PREVIEW, REFINED, REFERENCE -> (H, W, 3) uint8, as a screen shows them. strategy: name.
     maximum: priority at the end of the legend as the view was made. chosen_maximum: the scene's setting then.
-    number: of no other view in this process.
+    octree: that it shows, which may be gone. number: of no other view in this process.
     """
 
     camera: Camera
@@ -48,6 +50,7 @@ class ShownView:
     strategy: str
     maximum: float
     chosen_maximum: float
+    octree: ReferenceType[Octree]
     number: int = field(default_factory=lambda: next(_numbers))
 
     @property
@@ -116,4 +119,12 @@ def view_to_show(view: View, settings: JobSettings, chosen_maximum: float) -> Sh
     values = {name: np.ascontiguousarray(frame.picture(item), np.float32) for name, item in flat.items()}
     looks = {name: to_bytes(view.pictures[name.lower()]) for name in (PREVIEW, REFINED, REFERENCE)}
     maximum = settings.heatmap_maximum or view.ranking.strategy.maximum
-    return ShownView(view.camera, {PRIORITY: view.priority, **values}, looks, view.strategy, maximum, chosen_maximum)
+    return ShownView(
+        view.camera,
+        {PRIORITY: view.priority, **values},
+        looks,
+        view.strategy,
+        maximum,
+        chosen_maximum,
+        ref(view.octree),
+    )

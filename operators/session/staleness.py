@@ -19,7 +19,8 @@ from ..scene_access.images import is_shown
 from ..scene_access.quiet import is_quiet
 from ..state.watch import watches_of
 from . import results
-from .results import SceneResult
+from .scene_result import VIEW, SceneResult
+from .scene_session import in_main_thread
 
 if TYPE_CHECKING:
     from ..state.scene_state import SceneState
@@ -36,7 +37,7 @@ def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Mark what does not fit what the user changed."""
     result, estimate, watches = results.result_of(scene), results.estimate_of(scene), watches_of(scene)
     nothing_there = result is None and estimate is None and not watches
-    if nothing_there or is_quiet() or not results.in_main_thread():
+    if nothing_there or is_quiet() or not in_main_thread():
         return
     updates = list(islice(depsgraph.updates, _MOST_UPDATES + 1))
     if result is not None and result.state is not None:
@@ -44,7 +45,7 @@ def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
             _recheck_if_quick(result, scene, MANY)
         else:
             for step, what in changes(result.state, scene, updates, result.known_changes()):
-                if step != results.VIEW or result.lookahead_share is not None:
+                if step != VIEW or result.lookahead_share is not None:
                     result.mark(step, what)
     for watch in watches:
         assert watch.state is not None

@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The views that can be laid over the scene, by scene and camera, and whether they still fit. Dropped with the file."""
+"""Views that can be laid over a scene, by camera, and whether they still fit it."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
-from weakref import ReferenceType, ref
 
 import bpy
 import numpy as np
@@ -14,73 +11,42 @@ from ...patchnet_addon.tracing.camera import Camera
 from ..pipeline.views import PICTURES
 from ..scene.cameras import tracing_camera
 from ..scene_access.own import OWNER
-from . import results
 from .result_images import RAW, image_name
+from .scene_session import session_of
 from .shown_view import ShownView
-
-if TYPE_CHECKING:
-    from ...patchnet_addon.octree.octree import Octree
 
 _SAME = 1e-5  # of lengths and angles that single precision keeps
 
 
-class _Kept(NamedTuple):
-    """A view, and the octree that it shows, which may be gone."""
-
-    view: ShownView
-    octree: ReferenceType[Octree] | None
-
-
-_views: dict[int, dict[str, _Kept]] = {}
-
-
-def keep(scene: bpy.types.Scene, view: ShownView) -> None:
-    """From now on this is the result of the view's camera; it was made from the scene's present octree."""
-    result = results.result_of(scene)
-    octree = ref(result.octree) if result is not None else None
-    _views.setdefault(scene.session_uid, {})[view.camera.name] = _Kept(view, octree)
-
-
-def forget(scene: bpy.types.Scene) -> None:
-    """Free the views of a scene."""
-    _views.pop(scene.session_uid, None)
-
-
-def forget_all() -> None:
-    """Free all views."""
-    _views.clear()
-
-
-def all_views() -> list[ShownView]:
-    """Those of all scenes and cameras."""
-    return [item.view for views in _views.values() for item in views.values()]
+def keep_view(scene: bpy.types.Scene, view: ShownView) -> None:
+    """From now on this is the result of the view's camera."""
+    session_of(scene).views[view.camera.name] = view
 
 
 def has_views(scene: bpy.types.Scene) -> bool:
     """Whether there is something to lay over this scene."""
-    return bool(_views.get(scene.session_uid))
+    return bool(session_of(scene).views)
 
 
 def view_of_camera(scene: bpy.types.Scene, name: str) -> ShownView | None:
     """The result of the camera called `name`."""
-    found = _views.get(scene.session_uid, {}).get(name)
-    return found.view if found is not None else None
+    return session_of(scene).views.get(name)
 
 
 def view_of_image(scene: bpy.types.Scene, image: bpy.types.Image) -> tuple[ShownView, str] | None:
     """The view that an image of ours belongs to, and which of its pictures it is."""
     owner = image.get(OWNER)
-    for camera, item in _views.get(scene.session_uid, {}).items():
+    for camera, view in session_of(scene).views.items():
         for name in (*PICTURES, *RAW):
             if image_name(camera, name) == owner:
-                return item.view, name
+                return view, name
     return None
 
 
 def why_stale(scene: bpy.types.Scene, view: ShownView) -> str:
     """What makes a view out of date, in a few words; empty if it fits the scene."""
-    result, found = results.result_of(scene), _views.get(scene.session_uid, {}).get(view.camera.name)
-    if result is None or found is None or found.octree is None or found.octree() is not result.octree:
+    result = session_of(scene).result
+    if result is None or view.octree() is not result.octree:
         return "voxels were made anew"
     for step in ("surface", "light"):
         if step in result.stale:

@@ -14,6 +14,7 @@ import pytest
 from patchnet.operators.cycles.bake import baker
 from patchnet.operators.session import kept_results, results
 from patchnet.operators.session.cache_size import cache_size, clear_cache
+from patchnet.operators.session.scene_result import SceneResult
 from patchnet.tests.blender.job_scene import SMALL, build, saved
 
 CYCLES = {"light": "cycles", "samples": 1, **SMALL}
@@ -29,7 +30,7 @@ def file(scene: bpy.types.Scene, cache: Path, tmp_path: Path, monkeypatch: pytes
     return path
 
 
-def reopen(path: Path) -> results.SceneResult | None:
+def reopen(path: Path) -> SceneResult | None:
     bpy.ops.wm.open_mainfile(filepath=str(path))
     assert results.result_of(bpy.context.scene) is None
     return kept_results.result_or_kept(bpy.context.scene)

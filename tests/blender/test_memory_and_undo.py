@@ -10,6 +10,7 @@ import pytest
 
 from patchnet.operators.session import results
 from patchnet.operators.session.memory import held
+from patchnet.operators.session.scene_session import open_sessions, session_of
 from patchnet.tests.blender.job_scene import SMALL, drop_result_images, principled
 
 pytestmark = pytest.mark.usefixtures("scene")
@@ -168,8 +169,7 @@ def test_presets_are_undone() -> None:
 
 def test_scene_that_an_undo_removes() -> None:
     push("start")
-    scene = bpy.data.scenes.new("Other")
-    number = scene.session_uid
+    session_of(bpy.data.scenes.new("Other"))
     push("scene")
     undo()
-    assert results._results.get(number) is None and "Other" not in bpy.data.scenes
+    assert "Other" not in bpy.data.scenes and len(open_sessions()) <= 1

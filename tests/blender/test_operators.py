@@ -15,6 +15,7 @@ from patchnet.operators.pipeline.views import PICTURES
 from patchnet.operators.scene_access.images import show_image
 from patchnet.operators.session import results
 from patchnet.operators.session.result_images import image_name
+from patchnet.operators.session.scene_session import open_sessions
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.codes.file import load_codes
 from patchnet.patchnet_addon.network.weights import load_weights
@@ -176,7 +177,7 @@ def test_memory_is_freed(scene: bpy.types.Scene) -> None:
     assert results.result_of(scene) is None
     bpy.ops.patchnet.voxelize(depth=4)
     build()
-    assert not results._results
+    assert open_sessions() == [] and results.held_bytes() == 0
 
 
 def test_changes_make_results_stale(scene: bpy.types.Scene) -> None:

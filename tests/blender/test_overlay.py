@@ -13,8 +13,7 @@ from patchnet.operators.overlay.places import Rect
 from patchnet.operators.pipeline.views import ERROR_MAXIMUM, View, view
 from patchnet.operators.scene.cameras import tracing_camera
 from patchnet.operators.scene_access.quiet import quiet
-from patchnet.operators.session import results, shown_view
-from patchnet.operators.session import views as kept
+from patchnet.operators.session import results, shown_view, views
 from patchnet.operators.session.result_images import RAW, image_name, show_images
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.image.colormaps import colormap
@@ -196,9 +195,9 @@ def test_images_are_named_after_the_camera(made: tuple[View, JobSettings]) -> No
         show_images(result, dataclasses.replace(shown, values=unknown))
     assert image_name("Eye", "coverage") not in bpy.data.images
     assert "Coverage not computed" in dataclasses.replace(shown, values=unknown).said_of(0, 0, 1.0)
-    kept.keep(bpy.context.scene, shown)
-    assert kept.view_of_image(bpy.context.scene, images["heatmap"]) == (shown, "heatmap")
-    assert kept.view_of_image(bpy.context.scene, bpy.data.images.new("Own", 4, 4)) is None
+    views.keep_view(bpy.context.scene, shown)
+    assert views.view_of_image(bpy.context.scene, images["heatmap"]) == (shown, "heatmap")
+    assert views.view_of_image(bpy.context.scene, bpy.data.images.new("Own", 4, 4)) is None
     long = image_name("Ü" * 60, "reference luminance")
     assert len(long.encode()) <= 63 and long.endswith("reference luminance")
     assert image_name("C" * 60 + "1", "level") != image_name("C" * 60 + "2", "level")
@@ -208,32 +207,32 @@ def test_views_say_when_they_are_out_of_date(made: tuple[View, JobSettings]) -> 
     result, job = made
     scene = bpy.context.scene
     shown = shown_view.view_to_show(result, job, 0.0)
-    kept.keep(scene, shown)
-    assert kept.why_stale(scene, shown) == ""
+    views.keep_view(scene, shown)
+    assert views.why_stale(scene, shown) == ""
     where = scene.camera.location.x
     scene.camera.location.x += 0.5
     bpy.context.view_layer.update()
-    assert kept.why_stale(scene, shown) == "the camera changed"
+    assert views.why_stale(scene, shown) == "the camera changed"
     scene.camera.location.x = where
     bpy.context.view_layer.update()
-    assert kept.why_stale(scene, shown) == ""
+    assert views.why_stale(scene, shown) == ""
     scene.camera.data.lens *= 2
-    assert kept.why_stale(scene, shown) == "the camera changed"
+    assert views.why_stale(scene, shown) == "the camera changed"
     scene.camera.data.lens /= 2
     bpy.data.objects["Slab"].location.x += 1.0
     bpy.context.view_layer.update()
-    assert kept.why_stale(scene, shown) == "'Slab' moved"
+    assert views.why_stale(scene, shown) == "'Slab' moved"
     bpy.ops.patchnet.voxelize(depth=6)
-    assert kept.why_stale(scene, shown) == "voxels were made anew"
+    assert views.why_stale(scene, shown) == "voxels were made anew"
     overlay.forget(bpy.context)
-    assert not kept.has_views(scene)
+    assert not views.has_views(scene)
 
 
 def test_nothing_is_shown_in_background(made: tuple[View, JobSettings]) -> None:
     result, job = made
     overlay.forget(bpy.context)
     overlay.show(bpy.context, [result], job)
-    assert not kept.has_views(bpy.context.scene) and not handlers.is_drawing()
+    assert not views.has_views(bpy.context.scene) and not handlers.is_drawing()
     bpy.context.window_manager.patchnet_overlay.show_viewport = True
     assert not handlers.is_drawing()
     bpy.context.window_manager.patchnet_overlay.show_viewport = False
@@ -251,9 +250,9 @@ def test_editors_with_a_picture_of_the_person_are_not_free() -> None:
 
 def test_views_go_with_their_file(made: tuple[View, JobSettings]) -> None:
     result, job = made
-    kept.keep(bpy.context.scene, shown_view.view_to_show(result, job, 0.0))
+    views.keep_view(bpy.context.scene, shown_view.view_to_show(result, job, 0.0))
     build()
-    assert not kept._views
+    assert not views.has_views(bpy.context.scene)
 
 
 def test_a_page_has_the_same_places_as_its_image(made: tuple[View, JobSettings]) -> None:

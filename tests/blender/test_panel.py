@@ -7,6 +7,7 @@ import bpy
 import pytest
 
 from patchnet.operators.session import results
+from patchnet.operators.session.scene_result import SceneResult
 from patchnet.operators.ui import panels, presets_menu
 from patchnet.operators.ui.panels.compare import PATCHNET_PT_compare
 from patchnet.operators.ui.panels.main import PATCHNET_PT_main
@@ -32,7 +33,7 @@ def everything() -> str:
     return "\n".join(text for item in classes for text in drawn(item))
 
 
-def small_preview(**values: object) -> results.SceneResult:
+def small_preview(**values: object) -> SceneResult:
     assert bpy.ops.patchnet.run_all(**{"light": "two-lights", **SMALL, **values}) == {"FINISHED"}
     return results.voxels_of(bpy.context.scene)
 

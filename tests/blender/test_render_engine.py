@@ -15,6 +15,7 @@ from patchnet.operators.render_engine.passes import NO_DEPTH, PASSES
 from patchnet.operators.render_engine.render_frame import pull
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.session import results
+from patchnet.operators.session.scene_result import SceneResult
 from patchnet.patchnet_addon.runtime.errors import StoppedError
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.runtime.worker import computed
@@ -30,7 +31,7 @@ def scene(registered: None, weights: Path, tmp_path: Path) -> bpy.types.Scene:
     return build_for_engine(weights, tmp_path)
 
 
-def kept(scene: bpy.types.Scene) -> results.SceneResult:
+def kept(scene: bpy.types.Scene) -> SceneResult:
     result = results.result_of(scene)
     assert result is not None and result.coded is not None
     return result

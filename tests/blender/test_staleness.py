@@ -7,6 +7,7 @@ import bpy
 import pytest
 
 from patchnet.operators.session import results
+from patchnet.operators.session.scene_result import SceneResult
 from patchnet.operators.session.staleness import look_again
 from patchnet.operators.state.scene_state import scene_state
 from patchnet.tests.blender.job_scene import SMALL, box, principled
@@ -18,7 +19,7 @@ def run(**values: object) -> None:
     assert bpy.ops.patchnet.run_all(**{"light": "two-lights", **SMALL, **values}) == {"FINISHED"}
 
 
-def result() -> results.SceneResult:
+def result() -> SceneResult:
     return results.voxels_of(bpy.context.scene)
 
 

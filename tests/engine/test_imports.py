@@ -106,3 +106,56 @@ def test_root_is_small_and_imports_nothing_at_the_top() -> None:
     text = (ROOT / "__init__.py").read_text()
     assert len(text.splitlines()) < 40
     assert not [node for node in ast.parse(text).body if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
+def imports_of(path: Path) -> set[Path]:
+    """Modules of this tree that a module imports, by relative imports; a package is its `__init__.py`."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
+            for alias in node.names:
+                candidates = (base / f"{alias.name}.py", base / alias.name / "__init__.py", base.with_suffix(".py"))
+                found |= {next((one for one in (*candidates, base / "__init__.py") if one.is_file()), path)}
+    return found - {path}
+
+
+def circles(graph: dict[Path, set[Path]]) -> list[list[str]]:
+    """Groups of nodes that reach each other: strongly connected components of more than one node."""
+
+    def reached(start: Path) -> set[Path]:
+        seen, waiting = set(), [start]
+        while waiting:
+            for node in graph.get(waiting.pop(), set()) - seen:
+                seen.add(node)
+                waiting.append(node)
+        return seen
+
+    reach = {node: reached(node) for node in graph}
+    groups = {frozenset(other for other in reach[node] if node in reach.get(other, ())) for node in graph}
+    return sorted(sorted(str(path.relative_to(ROOT)) for path in group) for group in groups if len(group) > 1)
+
+
+@pytest.fixture(scope="module")
+def graph() -> dict[Path, set[Path]]:
+    """Imports of all product modules, those within functions and for types alone too."""
+    return {path: imports_of(path) for part in (*FORBIDDEN, "commands") for path in modules_of(part)}
+
+
+def test_no_files_import_each_other_in_circles(graph: dict[Path, set[Path]]) -> None:
+    assert len(graph) > 200
+    assert circles(graph) == []
+
+
+def test_no_folders_import_each_other_in_circles(graph: dict[Path, set[Path]]) -> None:
+    folders: dict[Path, set[Path]] = {}
+    for path, imported in graph.items():
+        folders.setdefault(path.parent, set()).update({other.parent for other in imported} - {path.parent})
+    assert circles(folders) == []
+
+
+def test_a_circle_is_found() -> None:
+    a, b, c = ROOT / "a.py", ROOT / "b.py", ROOT / "c.py"
+    assert (
+        circles({a: {b}, b: {c}, c: {a}}) == [["a.py", "b.py", "c.py"]] and circles({a: {b, c}, b: {c}, c: set()}) == []
+    )

@@ -122,18 +122,19 @@ def doubled():
 
 def inspect():
     """The pixel under the mouse; a right click ends it."""
-    framed, drawing = module("overlay.framed"), module("overlay.drawing")
+    framed = module("overlay.framed")
+    inspected = module("session.scene_session").session_of(clicks.window().scene).inspected
     region = clicks.region("WINDOW")
     rect = framed.framed(clicks.window().scene, clicks.area("VIEW_3D"), region).rect
     x, y = int(region.x + rect.left + 0.3 * rect.width), int(region.y + rect.bottom + 0.55 * rect.height)
     in_area("VIEW_3D", bpy.ops.patchnet.inspect_pixels, "INVOKE_DEFAULT")
     yield from clicks.move(x, y)
     yield from clicks.move(x + 1, y)
-    seen["inspected"] = [pixel.lines for pixel in drawing.inspected.values()]
+    seen["inspected"] = [pixel.lines for pixel in inspected.values()]
     yield from shot("overlay-inspect")
     yield from clicks.key("RIGHTMOUSE", x, y)
     yield 0.2
-    seen["inspection ended"] = not drawing.inspected
+    seen["inspection ended"] = not inspected
 
 
 def drag():

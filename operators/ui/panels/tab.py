@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ...session import results
-from ...session.results import SceneResult
+from ...session.scene_result import SceneResult
 from ...settings.step_settings import changed, step_settings
 
 if TYPE_CHECKING:
