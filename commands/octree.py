@@ -12,7 +12,7 @@ from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .shared.arguments import add_number, add_out
 from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
-from .shared.job_arguments import add_both_sides, add_color, add_exposure, require_blender
+from .shared.job_arguments import add_settings, given_settings, require_blender
 from .shared.lines import make_parent, say_note, say_result
 from .shared.quiet import quiet_stdout
 from .shared.scene_argument import add_scene, open_given, scene_path
@@ -35,14 +35,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     add_scene(parser, "scene file, as for `patchnet run`")
     parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
     add_views(parser)
-    parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="light (cycles)")
-    add_number(parser, "--samples", bounds.SAMPLES, default=8, help="Cycles samples per baked texel (8)")
-    add_number(
-        parser, "--texel-voxels", bounds.TEXEL_VOXELS, default=2.0, help="side of a baked texel in leaf voxels (2)"
-    )
-    add_exposure(parser)
-    add_color(parser)
-    add_both_sides(parser)
+    add_settings(parser, "light", "samples", "texel_voxels", "exposure", "color", "both_sides")
     add_number(
         parser, "--rotate", bounds.SEED, default=0, metavar="SEED",
         help="turn the lit surface by a random rotation; two-lights then shines from a random direction (0: upright)",
@@ -112,17 +105,8 @@ def _run_frames(args: argparse.Namespace, settings: JobSettings, recipe: Recipe)
 def _settings(args: argparse.Namespace) -> JobSettings:
     from ..operators.settings.job_settings import JobSettings
 
-    return JobSettings(
-        depth=None if args.depth == FIT else int(args.depth),
-        fit=args.depth == FIT,
-        memory_bytes=None if args.memory is None else round(args.memory * 2**30),
-        light=args.light,
-        samples=args.samples,
-        texel_voxels=args.texel_voxels,
-        exposure=args.exposure,
-        both_sides=args.both_sides,
-        color=args.color,
-    )
+    depth = None if args.depth == FIT else int(args.depth)
+    return JobSettings(**given_settings(args), depth=depth, fit=args.depth == FIT)
 
 
 def _recipe(args: argparse.Namespace) -> Recipe:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ..patchnet_addon.runtime import bounds
 from .shared.arguments import add_number, add_out
-from .shared.job_arguments import add_both_sides, require_blender
+from .shared.job_arguments import add_settings, given_settings, require_blender
 from .shared.lines import say_note, say_result
 from .shared.own_scenes import DEMO, ROOM, open_or_build
 from .shared.scene_argument import add_scene
@@ -41,12 +41,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         metavar=("W", "H"),
         help="pixels; 0 follows the render aspect",
     )
-    add_both_sides(parser)
-    parser.add_argument("--light", choices=("cycles", "two-lights"), default="cycles", help="of the octree (cycles)")
+    add_settings(parser, "both_sides", "light", "texel_voxels")
     add_number(parser, "--samples", bounds.SAMPLES, default=64, help="Cycles samples per baked texel (64)")
-    add_number(
-        parser, "--texel-voxels", bounds.TEXEL_VOXELS, default=2.0, help="side of a baked texel in finest voxels (2)"
-    )
     add_number(
         parser,
         "--render-samples",
@@ -95,16 +91,8 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
 
     number = int(args.cameras) if args.cameras.isdigit() else 0
     names = () if number else tuple(name.strip() for name in args.cameras.split(",") if name.strip())
-    job = JobSettings(
-        depth=args.depth,
-        light=args.light,
-        samples=args.samples,
-        both_sides=args.both_sides,
-        texel_voxels=args.texel_voxels,
-        cameras=names,
-        size=tuple(args.size),
-        out=args.out,
-    )
+    given = given_settings(args) | {"cameras": names}
+    job = JobSettings(**given, depth=args.depth, size=tuple(args.size), out=args.out)
     return CheckSettings(job, number, args.render_samples, args.rays, args.difference)
 
 

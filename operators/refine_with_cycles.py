@@ -11,7 +11,7 @@ from ..patchnet_addon.runtime.progress import Steps
 from .jobs.polls import CodesJob
 from .jobs.tell import tell
 from .render_preview import look
-from .scene.placements import SELECTED
+from .schema.table import SELECTED
 from .session import results
 from .settings.job_settings import JobSettings
 from .ui.properties import CameraProperties, CyclesRefineProperties, ViewProperties, cycles_settings

@@ -20,7 +20,8 @@ from ..pipeline.run import JobResult, run_job, write_result
 from ..pipeline.stages import choose_grid, load_network
 from ..scene import SceneMesh
 from ..scene.cameras import choose_cameras, scene_cameras
-from ..settings.job_settings import CYCLES, Bounds, JobSettings
+from ..schema.table import CYCLES
+from ..settings.job_settings import Bounds, JobSettings
 
 if TYPE_CHECKING:
     from ...patchnet_addon.network.weights import Weights

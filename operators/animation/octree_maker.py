@@ -14,7 +14,8 @@ from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ..pipeline.lit_octree import Recipe, build_lit_octree
 from ..pipeline.output_files import OCTREE_NAME
-from ..settings.job_settings import CYCLES, JobSettings
+from ..schema.table import CYCLES
+from ..settings.job_settings import JobSettings
 from .frame_maker import Common, FrameMaker
 
 

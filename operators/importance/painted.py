@@ -7,10 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...patchnet_addon.runtime.errors import SettingError
-
-NOTHING = "NONE"
-IMAGE = "IMAGE"
-VERTEX_GROUP = "VERTEX_GROUP"
+from ..schema.table import IMAGE, NOTHING
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,9 @@ from ...patchnet_addon.sampling.regions import Region, choose_regions, region_ma
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
 from ..cycles.region_renders import OVERHEAD_PATHS, region_renders
+from ..schema.table import CYCLES
 from ..settings.cycles_settings import REFERENCE_FACTOR, CyclesSettings
-from ..settings.job_settings import CYCLES, JobSettings
+from ..settings.job_settings import JobSettings
 from .cycles_figures import Renders, cycles_report, shown_light, squared_errors
 from .views import View
 

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import SettingError
-from ..scene_access.devices import AUTOMATIC, GPU
+from ..schema.table import AUTO, GPU
 from ..settings.job_settings import JobSettings
 
 if TYPE_CHECKING:  # it brings numba
     from ...patchnet_addon.network.encode import Encoder
 
 _OWN = "own kernels on the CPU"
-_TORCH_DEVICES = {"CPU": "cpu", "GPU": "cuda", AUTOMATIC: "auto"}
+_TORCH_DEVICES = {"CPU": "cpu", "GPU": "cuda", AUTO: "auto"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ def chosen_encoder(weights: Weights, settings: JobSettings) -> Iterator[Encoding
             with other:
                 yield Encoding(other, f"torch {other.said['torch']} on {other.said['device']}, another Python")
             return
-    if settings.encoder_device == GPU or (settings.encoder_device == AUTOMATIC and torch_has_gpu()):
+    if settings.encoder_device == GPU or (settings.encoder_device == AUTO and torch_has_gpu()):
         yield Encoding(make_encoder(weights, "torch", "cuda"), "torch on a GPU", warnings)
         return
     yield Encoding(make_encoder(weights, "compiled"), _OWN, warnings)
@@ -64,7 +64,7 @@ def encoder_text(settings: JobSettings) -> str:
     """Who would encode, in a few words, without starting anything."""
     if settings.torch_python is not None:
         return f"torch of {settings.torch_python.name}"
-    if settings.encoder_device == GPU or (settings.encoder_device == AUTOMATIC and torch_has_gpu()):
+    if settings.encoder_device == GPU or (settings.encoder_device == AUTO and torch_has_gpu()):
         return "torch on a GPU"
     return _OWN
 

@@ -18,7 +18,8 @@ from ...patchnet_addon.tracing.camera import Camera
 from ..scene import SceneMesh, read_scene
 from ..scene.cameras import choose_cameras
 from ..scene_access.devices import device_text
-from ..settings.job_settings import CYCLES, JobSettings
+from ..schema.table import CYCLES
+from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
 from ..state.watch import read_state
 from .encoder import encoder_text

@@ -24,7 +24,8 @@ from ...patchnet_addon.tracing.unseen import BLACK_SURFACE
 from ..cycles.daylight import has_light
 from ..scene import SceneMesh
 from ..scene.precision import light_warnings, place_warnings
-from ..settings.job_settings import CYCLES, JobSettings
+from ..schema.table import CYCLES
+from ..settings.job_settings import JobSettings
 from .encoder import Encoding, chosen_encoder
 from .versions import versions
 

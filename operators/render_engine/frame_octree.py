@@ -23,12 +23,13 @@ from ..pipeline.lit_octree import Recipe, build_lit_octree
 from ..pipeline.stages import encode, load_network
 from ..scene_access.quiet import quiet
 from ..scene_access.temporary import scene_copy
+from ..schema.table import CYCLES
 from ..session import results
 from ..session.kept_results import result_or_kept
 from ..session.scene_result import SceneResult
 from ..session.scene_session import KeyedResult, session_of
 from ..session.staleness import look_again
-from ..settings.job_settings import CYCLES, JobSettings
+from ..settings.job_settings import JobSettings
 from .surface_key import may_change, surface_key
 
 _BUTTON = "press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"

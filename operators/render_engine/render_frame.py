@@ -18,7 +18,7 @@ from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..importance import read_strokes
-from ..scene.placements import VISIBLE
+from ..schema.table import VISIBLE
 from ..ui.preferences import apply_preferences
 from ..ui.properties import scene_settings
 from .frame_octree import octree_of_frame

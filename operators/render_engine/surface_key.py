@@ -8,16 +8,12 @@ import numpy as np
 
 from ..cycles.bake.bake_key import add_surface
 from ..scene import read_scene
-from ..scene.placements import VISIBLE
 from ..scene_access.own import is_own
+from ..schema.table import CODES, LIGHT, OCTREE, VISIBLE, result_fields
 from ..settings.job_settings import JobSettings
 from ..state.digest import Digest
 from ..state.scene_state import MOVES_BY_ITSELF
 
-_SETTINGS = (
-    "scope", "depth", "voxel_world", "fit", "memory_bytes", "light", "samples", "exposure", "color", "texel_voxels",
-    "both_sides", "weights",
-)  # fmt: skip
 _STILL = (bpy.types.Camera, bpy.types.Scene)  # their animation changes no surface
 _FILMS = frozenset({"SEQUENCE", "MOVIE"})
 
@@ -28,7 +24,7 @@ def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
     Cameras do not count, nor does the number of the frame unless an image is a film. Raises as `read_scene` does.
     """
     digest = Digest()
-    digest.text(*(getattr(settings, name) for name in _SETTINGS))
+    digest.text(*(getattr(settings, name) for name in result_fields(OCTREE, LIGHT, CODES)))
     for scope in dict.fromkeys((settings.scope, VISIBLE)):  # what is not voxelized shadows nevertheless
         add_surface(digest, read_scene(depsgraph, scope))
     digest.block(depsgraph.scene.world)

@@ -15,8 +15,8 @@ import numpy as np
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ..importance import Importance, Strokes, read_strokes
 from ..importance.image import painted_image
-from ..scene.placements import VISIBLE
 from ..scene_access.quiet import quiet
+from ..schema.table import VISIBLE
 
 _REST = 5.0  # between two looks at an image, in times that one takes
 

@@ -8,9 +8,7 @@ from collections.abc import Iterator
 import bpy
 
 from ..scene_access.own import is_own
-
-SELECTED = "SELECTED"
-VISIBLE = "VISIBLE"
+from ..schema.table import VISIBLE
 
 
 def surface_instances(depsgraph: bpy.types.Depsgraph, scope: str) -> Iterator[bpy.types.DepsgraphObjectInstance]:

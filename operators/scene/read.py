@@ -12,6 +12,7 @@ import numpy as np
 
 from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError, SettingError
 from ...patchnet_addon.surface.mesh import Material
+from ..schema.table import SELECTED, VISIBLE
 from .images import ImageReader
 from .layer_names import layer_names
 from .light_links import LightLinks
@@ -19,7 +20,7 @@ from .local_mesh import LocalMesh, read_local_mesh
 from .materials import read_material
 from .missing_files import missing_files, missing_libraries
 from .object_random import object_random
-from .placements import SELECTED, VISIBLE, surface_instances
+from .placements import surface_instances
 from .render_geometry import render_geometry
 from .scene_mesh import Placements, SceneMesh
 

@@ -6,11 +6,9 @@ from __future__ import annotations
 import bpy
 
 from ...patchnet_addon.runtime.errors import SettingError
+from ..schema.table import AUTO, CPU, GPU
 
-AUTOMATIC = "AUTO"
-CPU = "CPU"
-GPU = "GPU"
-DEVICES = (AUTOMATIC, CPU, GPU)
+DEVICES = (AUTO, CPU, GPU)
 _ENABLE = "enable one in the preferences under System > Cycles Render Devices, or choose the CPU"
 
 
@@ -20,7 +18,7 @@ def gpu_is_enabled(context: bpy.types.Context) -> bool:
     return addon is not None and bool(addon.preferences.has_active_device())
 
 
-def bakes_on_gpu(context: bpy.types.Context, device: str = AUTOMATIC) -> bool:
+def bakes_on_gpu(context: bpy.types.Context, device: str = AUTO) -> bool:
     """Whether a bake with a setting of `DEVICES` runs on a GPU.
 
     Raises SettingError if a GPU is asked for and none is enabled.
@@ -33,7 +31,7 @@ def bakes_on_gpu(context: bpy.types.Context, device: str = AUTOMATIC) -> bool:
     return enabled
 
 
-def device_text(context: bpy.types.Context, device: str = AUTOMATIC) -> str:
+def device_text(context: bpy.types.Context, device: str = AUTO) -> str:
     """What a bake would run on, in a few words; raises as `bakes_on_gpu`."""
     if not bakes_on_gpu(context, device):
         return "CPU"

@@ -9,17 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from ...patchnet_addon.image.colormaps import COLORMAPS
-from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
-from ...patchnet_addon.sampling.registry import DEFAULT, strategy
+from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.surface.mesh import MeshSource
 from ..importance import Importance
-from ..scene.placements import VISIBLE
-from ..scene_access.devices import AUTOMATIC, DEVICES
+from ..scene_access.devices import DEVICES
+from ..schema.setting import Kind
+from ..schema.table import CYCLES, TABLE, TWO_LIGHTS, VISIBLE
 from .cycles_settings import CyclesSettings
 
-CYCLES = "cycles"
-TWO_LIGHTS = "two-lights"
 Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
@@ -55,16 +53,16 @@ class JobSettings:
     fit: bool = False
     track: bool = False
     memory_bytes: int | None = None
-    light: str = CYCLES
-    samples: int = 8
+    light: str = TABLE["light"].default
+    samples: int = TABLE["samples"].default
     exposure: float | None = None
-    both_sides: bool = False
-    color: bool = False
-    texel_voxels: float = 2.0
+    both_sides: bool = TABLE["both_sides"].default
+    color: bool = TABLE["color"].default
+    texel_voxels: float = TABLE["texel_voxels"].default
     cameras: tuple[str, ...] = ()
-    size: tuple[int, int] = (192, 0)
-    budget: float = 0.3
-    strategy: str = DEFAULT
+    size: tuple[int, int] = TABLE["size"].default
+    budget: float = TABLE["budget"].default
+    strategy: str = TABLE["strategy"].default
     heatmap_maximum: float | None = None
     colormap: str = COLORMAPS[0]
     weights: Path | None = None
@@ -73,8 +71,8 @@ class JobSettings:
     daylight: bool | None = None
     cycles: CyclesSettings | None = None
     importance: Importance | None = None
-    device: str = field(default=AUTOMATIC, repr=False)
-    encoder_device: str = field(default=AUTOMATIC, repr=False)
+    device: str = field(default=TABLE["device"].default, repr=False)
+    encoder_device: str = field(default=TABLE["encoder_device"].default, repr=False)
     torch_python: Path | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -98,21 +96,13 @@ class JobSettings:
 
     def _check_numbers(self) -> None:
         """Raises SettingError for a number outside the table's bounds; None is automatic."""
-        gib = None if self.memory_bytes is None else self.memory_bytes / 2**30
-        for row, value in (
-            (bounds.DEPTH, self.depth),
-            (bounds.VOXEL_SIZE, self.voxel_world),
-            (bounds.MEMORY_GIB, gib),
-            (bounds.SAMPLES, self.samples),
-            (bounds.EXPOSURE, self.exposure),
-            (bounds.TEXEL_VOXELS, self.texel_voxels),
-            (bounds.BUDGET, self.budget),
-            (bounds.HEATMAP_MAXIMUM, self.heatmap_maximum),
-            (bounds.SIZE_PX, self.size[0]),
-            (bounds.SIZE_PX, self.size[1]),
-        ):
-            if value is not None:
-                row.check(value)
+        for row in TABLE.values():
+            if row.bounds is None or (value := getattr(self, row.job_field)) is None:
+                continue
+            if row.name == "memory":
+                value = value / 2**30
+            for number in value if row.kind is Kind.PAIR else (value,):
+                row.bounds.check(number)
 
     def bounds_world(self, source: MeshSource) -> np.ndarray:
         """(2, 3): what the octree's cube is put around."""

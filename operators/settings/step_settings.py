@@ -7,11 +7,11 @@ from typing import Any
 
 import bpy
 
-from ..importance import IMAGE, VERTEX_GROUP
-from .job_settings import CYCLES
+from ..schema.setting import Effect
+from ..schema.table import CAMERAS, IMPORTANCE, LIGHT, OCTREE, TABLE, VIEW, rows
 
-ESTIMATED = ("octree", "light", "cameras")  # what an estimate depends on
-_RESOLUTION = {"DEPTH": ("depth",), "VOXEL_SIZE": ("voxel_size",), "FIT": ("track",)}
+ESTIMATED = (OCTREE, LIGHT, CAMERAS)  # what an estimate depends on
+_PARTS = {VIEW: (CAMERAS, VIEW, IMPORTANCE)}  # of a step that several stages feed
 
 
 def step_settings(values: bpy.types.PropertyGroup, step: str) -> tuple[str, ...]:
@@ -19,23 +19,7 @@ def step_settings(values: bpy.types.PropertyGroup, step: str) -> tuple[str, ...]
 
     step: "octree", "light", "codes", "view", or "cameras" and "importance", which are parts of the view's.
     """
-    if step == "octree":
-        return ("scope", "resolution", *_RESOLUTION.get(values.resolution, ()), "memory")
-    if step == "light":
-        baked = ("samples", "texel_voxels", "both_sides", "device") if values.light == CYCLES else ()
-        return ("light", *baked, "exposure", "color")
-    if step == "codes":
-        return ("weights", "encoder_device")
-    if step == "cameras":
-        return ("cameras", "size")
-    painted = {IMAGE: ("importance_image",), VERTEX_GROUP: ("importance_group",)}.get(values.importance, ())
-    if step == "importance":
-        return ("importance", *painted)
-    return ("cameras", "size", "strategy", "budget", "heatmap_maximum", "importance", *painted)
-
-
-# What decides who computes, and bounds that need not bite, change no result.
-_NO_RESULT = frozenset({"memory", "device", "encoder_device", "heatmap_maximum"})
+    return tuple(row.name for row in rows(*_PARTS.get(step, (step,))) if row.counts(values))
 
 
 def recorded(values: bpy.types.PropertyGroup, *steps: str) -> dict[str, Any]:
@@ -43,7 +27,7 @@ def recorded(values: bpy.types.PropertyGroup, *steps: str) -> dict[str, Any]:
     found = {}
     for step in steps:
         for name in step_settings(values, step):
-            if name not in _NO_RESULT:
+            if TABLE[name].effect is Effect.ALWAYS:
                 value = getattr(values, name)
                 found[name] = tuple(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
     return found

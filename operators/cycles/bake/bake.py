@@ -25,7 +25,8 @@ from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import beside
 from ...scene.scene_mesh import SceneMesh
-from ...scene_access.devices import AUTOMATIC, bakes_on_gpu
+from ...scene_access.devices import bakes_on_gpu
+from ...schema.table import AUTO
 from ...state.watch import check_unchanged
 from .bake_key import bake_key, scene_key
 from .baker import Baker
@@ -52,7 +53,7 @@ def bake_luminance(
     both_sides: bool = False,
     max_texels: int = MAX_TEXELS,
     kept: KeptPages | None = None,
-    device: str = AUTOMATIC,
+    device: str = AUTO,
     with_daylight: bool = False,
     depsgraph: bpy.types.Depsgraph | None = None,
 ) -> Steps[Atlas]:

@@ -16,9 +16,10 @@ from ....patchnet_addon.surface.mesh import Material
 from ...scene.light_links import Links
 from ...scene.precision import LIFT_SHARE
 from ...scene.scene_mesh import SceneMesh
-from ...scene_access.devices import AUTOMATIC, bakes_on_gpu
+from ...scene_access.devices import bakes_on_gpu
 from ...scene_access.overrides import object_mode
 from ...scene_access.window_job import when_job_ended, window_is_alive
+from ...schema.table import AUTO
 from ..daylight import daylight
 from .bake_call import BakeTarget, run_as_job
 from .bake_call import run as _run
@@ -51,7 +52,7 @@ class Baker:
         seed: int,
         channels: int = 2,
         both_sides: bool = False,
-        device: str = AUTOMATIC,
+        device: str = AUTO,
         with_daylight: bool = False,
     ) -> None:
         """`device` is one of `DEVICES`. Raises SettingError for a GPU that is not there."""

@@ -4,16 +4,20 @@
 A class for each room of settings, to be mixed into operators and into the group of the scene.
 """
 
-from .codes import CodesProperties
 from .cycles_refine import CyclesRefineProperties, cycles_settings
 from .display import DisplayProperties, LevelProperties
 from .given import absolute_path, is_given, setting
 from .job import job_settings, scene_settings
-from .light import LightProperties
-from .output import AnimationProperties, FrameProperties, OutputProperties
+from .output import AnimationProperties, FrameProperties
 from .scene import PatchNetSettings, register, unregister
-from .view import CameraProperties, ViewProperties
-from .voxelize import VoxelizeProperties
+from .stages import (
+    CameraProperties,
+    CodesProperties,
+    LightProperties,
+    OutputProperties,
+    ViewProperties,
+    VoxelizeProperties,
+)
 
 __all__ = [
     "AnimationProperties",

@@ -12,7 +12,8 @@ import bpy
 from ....patchnet_addon.runtime.bounds import MEMORY_GIB
 from ....patchnet_addon.runtime.errors import SettingError
 from ...importance import Importance
-from ...scene.placements import SELECTED, VISIBLE
+from ...schema.setting import Kind, Setting
+from ...schema.table import AUTO, DEPTH, FIT, SELECTED, TABLE, VISIBLE, VOXEL_SIZE
 from ...settings.job_settings import JobSettings
 from ..preferences import Preferences, preferences
 from .given import absolute_path, is_given, setting
@@ -42,33 +43,36 @@ def scene_settings(scene: bpy.types.Scene) -> JobSettings:
     return _job_settings(lambda name: getattr(values, name), values.resolution, VISIBLE, Preferences().colormap)
 
 
+# Settings whose values mean what they mean beside others; all else is taken as it stands.
+_TOGETHER = frozenset(
+    {"scope", "resolution", "depth", "voxel_size", "track", "memory", "cameras", "importance", "importance_image",
+     "importance_group"}
+)  # fmt: skip
+
+
 def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope: str, colormap: str) -> JobSettings:
     scope = value("scope")
+    plain = {row.job_field: _plain(row, value(row.name)) for row in TABLE.values() if row.name not in _TOGETHER}
     return JobSettings(
-        scope=automatic_scope if scope == "AUTO" else scope,
-        depth=value("depth") if resolution == "DEPTH" else None,
-        voxel_world=value("voxel_size") if resolution == "VOXEL_SIZE" else None,
-        fit=resolution == "FIT",
-        track=resolution == "FIT" and value("track"),
+        scope=automatic_scope if scope == AUTO else scope,
+        depth=value("depth") if resolution == DEPTH else None,
+        voxel_world=value("voxel_size") if resolution == VOXEL_SIZE else None,
+        fit=resolution == FIT,
+        track=resolution == FIT and value("track"),
         memory_bytes=_bytes(value("memory")),
-        light=value("light"),
-        samples=value("samples"),
-        exposure=value("exposure") or None,
-        both_sides=value("both_sides"),
-        color=value("color"),
-        texel_voxels=value("texel_voxels"),
         cameras=tuple(name.strip() for name in value("cameras").split(",") if name.strip()),
-        size=(value("size")[0], value("size")[1]),
-        budget=value("budget"),
-        strategy=value("strategy"),
-        heatmap_maximum=value("heatmap_maximum") or None,
-        colormap=colormap,
-        weights=absolute_path(value("weights")),
-        out=absolute_path(value("out")),
         importance=Importance.chosen(value("importance"), value("importance_image"), value("importance_group")),
-        device=value("device"),
-        encoder_device=value("encoder_device"),
+        colormap=colormap,
+        **plain,
     )
+
+
+def _plain(row: Setting, value: Any) -> Any:
+    if row.kind is Kind.AUTOMATIC:
+        return value or None
+    if row.kind is Kind.PAIR:
+        return tuple(value)
+    return absolute_path(value) if row.kind in (Kind.FILE, Kind.FOLDER) else value
 
 
 def _bytes(gib: float) -> int | None:

@@ -8,13 +8,7 @@ from typing import Any
 from bpy.props import BoolProperty
 
 from ....patchnet_addon.runtime.bounds import FRAME, FRAME_STEP, Bounds
-from .shapes import OF_ONE_CALL, number, relative_path
-
-
-class OutputProperties:
-    """Where files go."""
-
-    out: relative_path("Output", "Folder for pictures, octree and report; empty writes none", "DIR_PATH")
+from .shapes import OF_ONE_CALL, number
 
 
 class AnimationProperties:

@@ -6,13 +6,17 @@ from __future__ import annotations
 import bpy
 from bpy.props import PointerProperty
 
-from .codes import CodesProperties
 from .cycles_refine import CyclesRefineProperties
 from .display import DisplayProperties
-from .light import LightProperties
-from .output import AnimationProperties, OutputProperties
-from .view import CameraProperties, ViewProperties
-from .voxelize import VoxelizeProperties
+from .output import AnimationProperties
+from .stages import (
+    CameraProperties,
+    CodesProperties,
+    LightProperties,
+    OutputProperties,
+    ViewProperties,
+    VoxelizeProperties,
+)
 
 
 class PatchNetSettings(

@@ -7,10 +7,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, IntVectorProperty, StringProperty
 
 from ....patchnet_addon.runtime.bounds import SHARE, Bounds
-from ...scene_access.devices import AUTOMATIC, CPU, GPU
+from ...schema.setting import Kind, Setting
+from ...schema.table import rows
 
 OF_ONE_CALL = {"SKIP_SAVE"}  # an operator forgets the value, so that the scene's counts for its next call
 
@@ -47,7 +48,27 @@ def relative_path(name: str, description: str, subtype: str) -> Any:
     return StringProperty(name=name, description=description, subtype=subtype, options={"PATH_SUPPORTS_BLEND_RELATIVE"})
 
 
-def device_choice(name: str, description: str, automatic: str, cpu: str, gpu: str) -> Any:
-    """What computes; what each choice means."""
-    items = [(AUTOMATIC, "Automatic", automatic), (CPU, "CPU", cpu), (GPU, "GPU", gpu)]
-    return EnumProperty(name=name, description=description, items=items, default=AUTOMATIC)
+def property_of(row: Setting) -> Any:
+    """The Blender property of a setting."""
+    words, more = {"name": row.label, "description": row.description}, dict(row.widget)
+    if row.kind is Kind.SWITCH:
+        return BoolProperty(**words, default=row.default, **more)
+    if row.kind is Kind.CHOICE:
+        return EnumProperty(**words, items=list(row.choices), default=row.default, **more)
+    if row.kind is Kind.TEXT:
+        return StringProperty(**words, **more)
+    if row.kind in (Kind.FILE, Kind.FOLDER):
+        return relative_path(row.label, row.description, "FILE_PATH" if row.kind is Kind.FILE else "DIR_PATH")
+    assert row.bounds is not None
+    if row.kind is Kind.PAIR:
+        low, high = int(row.bounds.low), int(row.bounds.high)
+        return IntVectorProperty(**words, size=2, default=row.default, min=low, max=high, **more)
+    if row.kind is Kind.AUTOMATIC:
+        return automatic_at_zero(row.label, row.description, row.bounds, **more)
+    make = share if row.kind is Kind.SHARE else number
+    return make(row.label, row.description, row.default, row.bounds, **more)
+
+
+def properties_of(*stages: str) -> dict[str, Any]:
+    """Blender properties of all settings of some stages, as the annotations of a class."""
+    return {row.name: property_of(row) for row in rows(*stages)}

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Table of all settings of a job, each declared once.
+
+Properties of scenes and operators (`ui/properties`), arguments of commands (`commands/shared/job_arguments.py`), checks
+of numbers (`job_settings.py`), what makes a step stale (`step_settings.py`) and keys of caches are derived from it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
+from .setting import Effect, Kind, Setting
+
+AUTO = "AUTO"
+SELECTED, VISIBLE = "SELECTED", "VISIBLE"
+DEPTH, VOXEL_SIZE, FIT = "DEPTH", "VOXEL_SIZE", "FIT"
+CYCLES, TWO_LIGHTS = "cycles", "two-lights"
+CPU, GPU = "CPU", "GPU"
+NOTHING, IMAGE, VERTEX_GROUP = "NONE", "IMAGE", "VERTEX_GROUP"
+# Stages of a job.
+OCTREE, LIGHT, CODES, CAMERAS, VIEW, IMPORTANCE, OUTPUT = (
+    "octree", "light", "codes", "cameras", "view", "importance", "output",
+)  # fmt: skip
+
+
+def _baked(values: Any) -> bool:
+    return bool(values.light == CYCLES)
+
+
+_SURFACE = (
+    Setting(
+        "scope", "Objects", "Which objects are voxelized", OCTREE, Kind.CHOICE, AUTO,
+        choices=(
+            (AUTO, "Automatic", "Selected objects in a window, all visible ones in background"),
+            (SELECTED, "Selected", "Selected objects"),
+            (VISIBLE, "Visible", "All objects that are visible and rendered"),
+        ),
+    ),
+    Setting(
+        "resolution", "Resolution", "How the side of the finest voxels is found", OCTREE, Kind.CHOICE, AUTO,
+        choices=(
+            (AUTO, "By Cameras", "The smallest depth at which the cameras see two levels ahead nearly everywhere"),
+            (FIT, "Fit to Cameras", "Fine only where cameras see the surface, coarse elsewhere: for large pictures"),
+            (DEPTH, "Depth", "A number of levels: every level halves the voxels"),
+            (VOXEL_SIZE, "Voxel Size", "A length in the scene's units"),
+        ),
+        field_name="fit",
+    ),
+    Setting(
+        "depth", "Depth", "Levels of the octree", OCTREE, Kind.NUMBER, 9, bounds.DEPTH,
+        counts=lambda values: values.resolution == DEPTH,
+    ),
+    Setting(
+        "voxel_size", "Voxel Size", "Side of the finest voxels", OCTREE, Kind.NUMBER, 0.01, bounds.VOXEL_SIZE,
+        field_name="voxel_world", counts=lambda values: values.resolution == VOXEL_SIZE,
+        widget={"unit": "LENGTH", "precision": 4},
+    ),
+    Setting(
+        "track", "Whole Animation",
+        "Fit the voxels to the cameras at all frames of the scene, not only at the present one",
+        OCTREE, Kind.SWITCH, False, counts=lambda values: values.resolution == FIT,
+        argument="--track", help="with --depth fit: the cameras at all frames of the scene",
+    ),
+    Setting(
+        "memory", "Memory Limit", "GiB that the octree may take while it is built; 0 takes what is free",
+        OCTREE, Kind.AUTOMATIC, None, bounds.MEMORY_GIB, field_name="memory_bytes", effect=Effect.PERHAPS,
+        argument="--memory", help="what the octree may take while it is built (all)", unit="GIB",
+        widget={"soft_max": 64.0},
+    ),
+)  # fmt: skip
+
+_LIGHT = (
+    Setting(
+        "light", "Light", "Where the luminance of the voxels comes from", LIGHT, Kind.CHOICE, CYCLES,
+        choices=(
+            (CYCLES, "Cycles", "Direct and indirect light, emission and textures, baked by Cycles"),
+            (TWO_LIGHTS, "Two Lights", "Two opposite lights without shadows, as in the paper; takes no time"),
+        ),
+        argument="--light", help="light",
+    ),
+    Setting(
+        "samples", "Samples", "Cycles samples of each baked texel", LIGHT, Kind.NUMBER, 8, bounds.SAMPLES,
+        counts=_baked, argument="--samples", help="Cycles samples per baked texel", widget={"soft_max": 256},
+    ),
+    Setting(
+        "texel_voxels", "Texel Size",
+        "Side of a baked texel in finest voxels: smaller texels take longer and show finer shadows",
+        LIGHT, Kind.NUMBER, 2.0, bounds.TEXEL_VOXELS, counts=_baked,
+        argument="--texel-voxels", help="side of a baked texel in finest voxels",
+    ),
+    Setting(
+        "both_sides", "Both Sides",
+        "Voxels of opaque sheets hold the mean of both sides, for meshes whose normals point anywhere; otherwise the "
+        "side that normals show. Leaves and other cut-outs always hold the mean",
+        LIGHT, Kind.SWITCH, False, counts=_baked,
+        argument="--both-sides", help="opaque sheets have the mean of both sides (the side that normals show)",
+    ),
+    Setting(
+        "device", "Bake Device", "What Cycles bakes on", LIGHT, Kind.CHOICE, AUTO,
+        choices=(
+            (AUTO, "Automatic", "A GPU if the preferences of Cycles enable one, else the CPU"),
+            (CPU, "CPU", "All cores of the CPU"),
+            (GPU, "GPU", "GPUs that the preferences of Cycles enable; an error if there is none"),
+        ),
+        effect=Effect.NEVER, counts=_baked,
+    ),
+    Setting(
+        "exposure", "Exposure", "Factor on the luminance of the voxels; 0 chooses it by the brightest of the surface",
+        LIGHT, Kind.AUTOMATIC, None, bounds.EXPOSURE,
+        argument="--exposure", help="factor on luminance (the one that brings its 99.5 %% quantile to 1)",
+        unit="FACTOR",
+        widget={"precision": 4},
+    ),
+    Setting(
+        "color", "Keep Color",
+        "Keep color beside luminance, so that previews, shown voxels and exports are in color: two bytes more a node, "
+        "and twice the memory of baked light",
+        LIGHT, Kind.SWITCH, False,
+        argument="--color", help="keep colour beside luminance, for pictures and exports (luminance alone)",
+    ),
+)  # fmt: skip
+
+_NETWORK = (
+    Setting(
+        "weights", "Weights", "Weights file; empty for the one that is shipped", CODES, Kind.FILE,
+        argument="--weights", help="weights file instead of the one that is shipped",
+    ),
+    Setting(
+        "encoder_device", "Encode On", "What the network encodes on. The codes are the same", CODES, Kind.CHOICE, AUTO,
+        choices=(
+            (AUTO, "Automatic", "The Python of the preferences if one is named, else a GPU where torch has one, else "
+             "CPU"),
+            (CPU, "CPU", "All cores of the CPU, without torch if none is there"),
+            (GPU, "GPU", "An NVIDIA GPU through torch; an error if there is none"),
+        ),
+        effect=Effect.NEVER,
+    ),
+)  # fmt: skip
+
+_VIEWS = (
+    Setting(
+        "cameras", "Cameras",
+        "Names with commas between, 'all', or 'auto' to frame the scene; empty for the active camera",
+        CAMERAS, Kind.TEXT, argument="--cameras", help="names with commas between, all, or auto (the active camera)",
+    ),
+    Setting(
+        "size", "Picture Size",
+        "Pixels of the pictures; 0 follows the render aspect, twice 0 is the render resolution",
+        CAMERAS, Kind.PAIR, (192, 0), bounds.SIZE_PX,
+    ),
+    Setting(
+        "strategy", "Strategy", "What is refined first", VIEW, Kind.CHOICE, DEFAULT,
+        choices=tuple((item.name, item.title, item.description) for item in STRATEGIES.values()),
+    ),
+    Setting(
+        "budget", "Budget", "Share of active pixels to refine", VIEW, Kind.SHARE, 0.3, bounds.BUDGET,
+        argument="--budget", help="share of active pixels to refine, 0 to 1",
+    ),
+    Setting(
+        "heatmap_maximum", "Heatmap Max", "Priority at the end of the heatmap's legend; 0 takes the strategy's own",
+        VIEW, Kind.AUTOMATIC, None, bounds.HEATMAP_MAXIMUM, effect=Effect.PERHAPS,
+        argument="--heatmap-max", help="priority at the end of the heatmap's legend",
+    ),
+    Setting(
+        "importance", "Importance",
+        "What multiplies the priority of each pixel: white or weight 1 leaves it, black or 0 never refines",
+        IMPORTANCE, Kind.CHOICE, NOTHING,
+        choices=(
+            (NOTHING, "None", "All pixels matter alike"),
+            (IMAGE, "Image", "An image painted in an Image Editor, stretched over the picture of each view"),
+            (VERTEX_GROUP, "Vertex Group", "Weights painted on objects; objects without the group are never refined"),
+        ),
+    ),
+    Setting(
+        "importance_image", "Image", "Name of the painted image", IMPORTANCE, Kind.TEXT, field_name="importance",
+        counts=lambda values: values.importance == IMAGE,
+    ),
+    Setting(
+        "importance_group", "Vertex Group", "Name of the painted vertex group", IMPORTANCE, Kind.TEXT,
+        field_name="importance", counts=lambda values: values.importance == VERTEX_GROUP,
+    ),
+    Setting(
+        "out", "Output", "Folder for pictures, octree and report; empty writes none", OUTPUT, Kind.FOLDER,
+        effect=Effect.NEVER,
+    ),
+)  # fmt: skip
+
+TABLE: dict[str, Setting] = {row.name: row for row in (*_SURFACE, *_LIGHT, *_NETWORK, *_VIEWS)}
+
+
+def rows(*stages: str) -> list[Setting]:
+    """Settings of some stages, in the order of the table."""
+    return [row for row in TABLE.values() if row.stage in stages]
+
+
+def result_fields(*stages: str) -> list[str]:
+    """Fields of `JobSettings` on which the results of some stages may depend."""
+    return list(dict.fromkeys(row.job_field for row in rows(*stages) if row.effect is not Effect.NEVER))
