@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Find the packages of the tree; everything else about the build stands in pyproject.toml.
+"""Package finder of the build; everything else about the build stands in pyproject.toml.
 
 The repository root is the package `patchnet`. setuptools can map that (`package-dir`) but cannot discover the
 sub-packages under the mapped name, and a hand-written list would silently drop new folders from the wheel.

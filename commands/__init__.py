@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The command line: `patchnet SUB-COMMAND`, one sub-command a file.
+"""Command line: `patchnet SUB-COMMAND`, one sub-command a file.
 
 A sub-command NAME is the module `commands/NAME.py`, a hyphen in its name an underscore, with two functions:
 

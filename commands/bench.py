@@ -6,7 +6,7 @@ A bench is a module of `commands/benches/`:
     HELP                        what is measured against what
     add_arguments(parser)       its arguments, without --json
     measure(args) -> Comparison the measurement
-    text(values) -> str         its figures for a person, from the values of the JSON
+    text(values) -> str         its figures for the user, from the values of the JSON
 """
 
 from __future__ import annotations

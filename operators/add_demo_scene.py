@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The courtyard as a scene of the open file, to try things on."""
+"""Operator that adds the courtyard as a scene of the open file, to try things on."""
 
 from __future__ import annotations
 

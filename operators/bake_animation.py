@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All frames of the scene, each with its own octree and pictures."""
+"""Operator that bakes all frames of the scene, each with its own octree and pictures."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether the Python of the preferences has torch."""
+"""Operator that tests whether the Python of the preferences has torch."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Room on the disk."""
+"""Operator that clears the disk cache: kernels, pages of stopped bakes, finished octrees."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Memory back to the machine."""
+"""Operator that frees the memory of a scene's octree and codes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What somebody needs to know who is asked for help."""
+"""Operator that copies diagnostics to the clipboard for bug reports: versions, settings, last errors."""
 
 from __future__ import annotations
 

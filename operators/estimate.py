@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Preview Selection will take, before it runs."""
+"""Operator that estimates the depth, memory and files of Preview Selection, before it runs."""
 
 from __future__ import annotations
 

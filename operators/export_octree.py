@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One level of the octree as a file for other programs."""
+"""Operator that exports one level of the octree as a file for other programs."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An octree file as the voxels of the scene."""
+"""Operator that loads an octree file as the voxels of the scene."""
 
 from __future__ import annotations
 

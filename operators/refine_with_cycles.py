@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The preview's worst regions rendered by Cycles."""
+"""Operator that renders the preview's worst regions with Cycles."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One camera's preview, where it is wrong, and the picture after the budget is spent there."""
+"""Operator that renders one camera's preview, its heatmap, and the picture refined by the budget."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One level of the octree as an object of the scene."""
+"""Operator that shows one level of the octree as an object of the scene."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a run states about itself: command, versions, machine. Paths are cut to their last part."""
+"""Provenance of a run: command, versions, processor; paths are cut to their last part."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The 48 symmetries of the cube, as matrices and as permutations of a brick's blocks and cells (methods 7.20)."""
+"""Symmetries of the cube, all 48, as matrices and as permutations of a brick's blocks and cells (methods 7.20)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The training run: batches from all data sets, checkpoints, a log of curves, validation by scene (methods 7.21).
+"""Training run: batches from all data sets, checkpoints, a log of curves, validation by scene (methods 7.21).
 
 Everything random follows from the seed and the number of the step, so a run that was interrupted continues as if it
 had not been.

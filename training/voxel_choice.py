@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which voxels are trained on, and which parts of a scene are held out for validation (methods 7.18, 7.21)."""
+"""Choice of the voxels to train on, and of the parts of a scene held out for validation (methods 7.18, 7.21)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`--frames` of `patchnet run` and `patchnet octree`."""
+"""Frame arguments (`--frames`) of `patchnet run` and `patchnet octree`."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What commands say, on the terminal for people and as events of the log, and the folders of what they write."""
+"""Messages of commands, on the terminal for users and as events of the log, and folders of the files they write."""
 
 from __future__ import annotations
 

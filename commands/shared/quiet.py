@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender and Cycles write a line for everything they do; on the terminal that would bury the progress bars."""
+"""Silence Blender's and Cycles' own lines on the terminal, which would bury the progress bars."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scene of a command: a file that it opens, or in `blender -b FILE --command patchnet` the one that is open."""
+"""Scene argument of a command: a file that it opens, or the open one in `blender -b FILE --command patchnet`."""
 
 from __future__ import annotations
 

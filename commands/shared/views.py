@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The views that `--depth fit` of `patchnet octree` fits to; no sub-command."""
+"""Views that `--depth fit` of `patchnet octree` fits to; no sub-command."""
 
 from __future__ import annotations
 

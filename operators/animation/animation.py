@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames of an animation, one after the other, each in a folder of its own; those that are there are skipped."""
+"""Animation frames, made one after the other, each in a folder of its own; finished ones are skipped."""
 
 from __future__ import annotations
 

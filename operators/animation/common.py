@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Looking at all frames of an animation before the first one is made: what they have in common."""
+"""Pass over all frames of an animation before the first one is made, for what they have in common."""
 
 from __future__ import annotations
 

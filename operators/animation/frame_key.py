@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Keys of frames: hashes that say whether a frame that was made is what would be made now."""
+"""Keys of frames: hashes that tell whether a frame that was made is what would be made now."""
 
 from __future__ import annotations
 

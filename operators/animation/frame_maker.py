@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What makes the files of one frame, and what all frames of an animation have in common."""
+"""Makers of the files of one frame, and the values that all frames of an animation share."""
 
 from __future__ import annotations
 

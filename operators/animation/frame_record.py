@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The note in a frame's folder that says that all of its files are there, and what they were made from."""
+"""Record in a frame's folder that all of its files are there, and of what they were made from."""
 
 from __future__ import annotations
 

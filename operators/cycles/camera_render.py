@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles' own picture of what is baked: diffuse light and emission, seen by one of the tracer's cameras.
+"""Cycles reference render of what is baked: diffuse light and emission, seen by one of the tracer's cameras.
 
 Light passes are exact sums: direct and indirect diffuse light times diffuse colour, plus emission, is what a combined
 bake of these parts computes. They come out of a multi-layer EXR, so that neither compositor nor view settings matter.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's render of a scene copy into a file: as one call, or beside a window that stays alive.
+"""Render call of Blender, a scene copy into a file: as one call, or beside a window that stays alive.
 
 A call returns when the picture is there; nothing of Python's can stop it. From a window that an operator works in, the
 render is a job of Blender's own, as with F12: steps wait for it, and Esc stops it.

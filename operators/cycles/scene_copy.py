@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A copy of the scene that Cycles renders through exactly one of the tracer's cameras, into a file of all passes."""
+"""Scene copy that Cycles renders through exactly one of the tracer's cameras, into a file of all passes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Three cameras: far and middle keep the distances that look-ahead needs at 192 pixels, close is for the eye."""
+"""Cameras of the courtyard: far and middle at distances that look-ahead needs at 192 pixels, and a close-up."""
 
 from __future__ import annotations
 

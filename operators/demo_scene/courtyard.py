@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Puts the courtyard together and saves it."""
+"""Build the courtyard scene and save it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Table and cloth, chairs, what stands on the table, fountain, door and sign."""
+"""Furniture of the courtyard: table and cloth, chairs, objects on the table, fountain, door and sign."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain shapes as arrays, and their way into Blender objects. Lengths in metres, z up."""
+"""Polygon shapes as arrays, and their conversion to Blender objects; lengths in metres, z up."""
 
 from __future__ import annotations
 

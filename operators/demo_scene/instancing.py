@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Real instances: geometry nodes that set an object on points, and empties that show a collection."""
+"""Instances: geometry nodes that set an object on points, and empties that show a collection."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Everything far thinner than a distant pixel: fence, gate, grilles, scrolls, lantern."""
+"""Ironwork far thinner than a distant pixel: fence, gate, grilles, scrolls, lantern."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sun and sky. The lamp is a mesh and hangs in the arcade (ironwork)."""
+"""Sun and sky of the courtyard; the lamp is a mesh and hangs in the arcade (ironwork)."""
 
 from __future__ import annotations
 

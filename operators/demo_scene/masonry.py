@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Floor, steps, walls and arcade."""
+"""Masonry of the courtyard: floor, steps, walls and arcade."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The courtyard's materials: Principled BSDFs with a plain colour, an image, or an image times a colour."""
+"""Materials of the courtyard: Principled BSDFs with a plain colour, an image, or an image times a colour."""
 
 from __future__ import annotations
 

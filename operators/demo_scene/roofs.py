@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tiled roofs on the arcade and on the house."""
+"""Roofs with tiles on the arcade and on the house."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A closed room of 2 m after the Cornell box: coloured walls, two boxes, a lamp, a luminous panel, a screen, bricks.
+"""Closed room of 2 m after the Cornell box: coloured walls, two boxes, a lamp, a luminous panel, a screen, bricks.
 
 All surfaces are diffuse, so that Cycles and an octree can agree; what makes them differ is here on purpose: corners,
 contact shadows, colours that bounce, a sheet whose sides are lit unlike, a board thinner than a coarse voxel.

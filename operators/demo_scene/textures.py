@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Images computed from a seed: bricks, plaster, wood, glazed tiles, linen, and leaves with alpha. Colours are sRGB."""
+"""Textures computed from a seed, in sRGB: bricks, plaster, wood, glazed tiles, linen, and leaves with alpha."""
 
 from __future__ import annotations
 

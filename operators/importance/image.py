@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Painted images as weights: white matters, black does not."""
+"""Importance weights from painted images: white matters, black does not."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where importance was painted, as one value, checked when it is made."""
+"""Source of painted importance as one value, checked when it is made."""
 
 from __future__ import annotations
 

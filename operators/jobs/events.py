@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which events of a window go on to Blender while a job works in it: menus, saving and looking around, no editing.
+"""Event filter of a window while a job works in it: menus, saving and navigation go on to Blender, editing does not.
 
 Menus can edit the scene nevertheless, and so can scripts: `job_watch.py` sees that.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all operators share: one way to run steps, to show progress, to stop, and to report what went wrong."""
+"""Base of all job operators: run steps, show progress, stop, and report errors."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What operators need before they can run, and what they say where it is not there."""
+"""Poll functions of operators: their requirements, and the message where one is not met."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures where people look: named images, an Image Editor that comes up, and the overlay over camera view and images.
+"""Overlay and named images of views: over camera view and images, and in an Image Editor that comes up.
 
 `show` is what operators call when a view is there. Blender's drawing callbacks live only while something is shown.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The line between two pictures follows the mouse."""
+"""Operator that drags the line of the wipe between two pictures with the mouse."""
 
 from __future__ import annotations
 

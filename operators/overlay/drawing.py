@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the overlay draws into a region: two sides of a wipe, titles, legends, marks, and what is under the mouse."""
+"""Drawing of the overlay in a region: two sides of a wipe, titles, legends, marks, and the pixel under the mouse."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which view lies in an editor's region, and where."""
+"""Lookup of the view that lies in an editor's region, and of its rectangle there."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw handlers that are there while something is shown, and go with it; what goes wrong in them is said once."""
+"""Draw handlers, added while something is shown and removed with it; an error in them is reported once."""
 
 from __future__ import annotations
 

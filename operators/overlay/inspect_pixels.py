@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is known of the pixel under the mouse, beside it."""
+"""Operator that shows the values of the pixel under the mouse, beside it."""
 
 from __future__ import annotations
 

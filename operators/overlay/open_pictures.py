@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""New pictures come up where a person looks, without taking an editor from them that shows something of theirs."""
+"""Image Editors for new pictures; none is taken that shows something of the user's."""
 
 from __future__ import annotations
 

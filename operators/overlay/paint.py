@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rectangles, ramps, textures and text in the pixels of a region. Colours are sRGB, as Blender's own text is."""
+"""Rectangles, ramps, textures and text in the pixels of a region, in sRGB colours as Blender's own text."""
 
 from __future__ import annotations
 

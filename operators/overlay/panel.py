@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the overlay is switched on and set: in the sidebars of 3D viewport and Image Editor."""
+"""Panels of the overlay in the sidebars of 3D viewport and Image Editor."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where things lie in a region: pixels from its lower left corner, as floats. Pure arithmetic, no Blender."""
+"""Rectangles in a region, in pixels from its lower left corner, as floats; pure arithmetic, no Blender."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How the overlay looks. Settings of the window and not of the scene: no undo step, and nothing of a file changes."""
+"""Settings of the overlay, of the window and not of the scene: no undo step, and nothing of a file changes."""
 
 from __future__ import annotations
 

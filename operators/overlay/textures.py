@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures on the graphics card: those that were drawn last, and no more than a few."""
+"""Texture cache on the graphics card: the pictures that were drawn last, and no more than a few."""
 
 from __future__ import annotations
 

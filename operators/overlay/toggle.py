@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The overlay, on and off."""
+"""Operator that switches the overlay on and off."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Names of folders for the pictures of cameras, which may be named alike for a file system."""
+"""Folder names for the pictures of cameras, which may be named alike for a file system."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a traced frame and its priority to a picture whose worst regions are Cycles'."""
+"""Refinement by Cycles: from a traced frame and its priority to a picture whose worst regions are Cycles'."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Who encodes: torch in this Python, torch in another one, or our own kernels, by the settings and what is there."""
+"""Choice of the encoder by settings and availability: torch in this Python or in another one, or our own kernels."""
 
 from __future__ import annotations
 

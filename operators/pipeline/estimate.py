@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a job will take, before it runs: from a coarse octree, the cameras' pixels and the triangles' sizes."""
+"""Estimate of a job before it runs: from a coarse octree, the cameras' pixels and the triangles' sizes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which files a job writes, and which it reads: the latter are never replaced."""
+"""Output files of a job, and its input files, which are never replaced."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A folder of results that appears complete or not at all."""
+"""Output folder of results that appears complete or not at all."""
 
 from __future__ import annotations
 

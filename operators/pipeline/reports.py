@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""report.json, which names all files that it speaks of, so that the next one leaves no pictures that it omits."""
+"""Report file report.json, which names all files of a job, so that the next job leaves no pictures that it omits."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The main job, from a scene to refined pictures and a report."""
+"""Main job, from a scene to refined pictures and a report."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The stages of a job, each a function from the last one's result: surface, grid, lit octree, codes."""
+"""Stages of a job, each a function from the last one's result: surface, grid, lit octree, codes."""
 
 from __future__ import annotations
 

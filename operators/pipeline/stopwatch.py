@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Seconds by stage."""
+"""Stopwatch of a job: seconds by stage."""
 
 from __future__ import annotations
 

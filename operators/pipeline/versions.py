@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What ran: results that can be published name it."""
+"""Versions of the programs that computed a result, for results that are published."""
 
 from __future__ import annotations
 

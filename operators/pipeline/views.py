@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One camera's view of a lit and coded octree: its frame, its pictures, its figures."""
+"""View of a lit and coded octree by one camera: its frame, its pictures, its figures."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixels and text on the screen of a 3D viewport. `gpu` needs a window, so it is imported where it draws."""
+"""Drawing of pixels and text in a 3D viewport; `gpu` needs a window, so it is imported where it draws."""
 
 from __future__ import annotations
 

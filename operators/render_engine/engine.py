@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The render engine as Blender calls it."""
+"""Render engine class (`bpy.types.RenderEngine`) as Blender calls it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The octree that a frame is rendered from: the one that is there if it fits the frame, else a new one.
+"""Octree of a rendered frame: the one that is there if it fits the frame, else a new one.
 
 A bake calls Blender's own render from within ours. A scene has one render, so it bakes in a copy of the scene, and only
 in Blender's main thread, which is where renders run without a window and from scripts.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The properties editor with this engine: its own panels, and those of Blender's that fit it."""
+"""Panels of the properties editor with this engine: its own, and those of Blender's that fit it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The passes of a render: which there are, and their pixels.
+"""Render passes by name, and their pixels.
 
 | pass | channels | what it is |
 |---|---|---|

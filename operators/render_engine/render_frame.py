@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One frame of a final render: octree, picture, passes, between which the person may stop."""
+"""Final render of one frame: octree, picture, passes, between which the user may stop it."""
 
 from __future__ import annotations
 

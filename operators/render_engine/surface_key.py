@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether two frames of an animation show the same surface in the same light, whatever their cameras do."""
+"""Key of a frame's surface and light, equal for frames of an animation that only differ by their cameras."""
 
 from __future__ import annotations
 

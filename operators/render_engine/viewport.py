@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The shading mode of 3D viewports: which preview belongs to the view, and what is said where there is none."""
+"""Viewport shading mode: choose the preview that belongs to the view, or the message where there is none."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Painted importance as a viewport needs it: read once, and anew when other strokes are chosen or there.
+"""Importance mask of a viewport: read once, and anew when other strokes are chosen or there.
 
 Images are read while the viewport draws. Vertex groups need geometry as renders have it, and nothing may change while
 Blender draws: they are read by a timer, between two drawings.

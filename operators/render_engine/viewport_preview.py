@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The picture of one view of a 3D viewport, a little better with every slice of time. No drawing here."""
+"""Progressive preview of one view of a 3D viewport, a little better with every slice of time; no drawing here."""
 
 from __future__ import annotations
 

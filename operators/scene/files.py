@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Opening a scene from a file of any kind that Blender reads."""
+"""Open a scene from a file of any kind that Blender reads."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the nodes of a material ask of the mesh: UV maps and attributes by name, generated coordinates."""
+"""Mesh layers that the nodes of a material read: UV maps and attributes by name, generated coordinates."""
 
 from __future__ import annotations
 

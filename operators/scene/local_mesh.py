@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One evaluated Blender mesh as compact arrays in its own space."""
+"""Evaluated Blender mesh as compact arrays in its own space."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender materials -> what of them does not depend on the view: base colour, opacity, emission."""
+"""Material reader: the view-independent part of Blender materials, that is base colour, opacity and emission."""
 
 from __future__ import annotations
 

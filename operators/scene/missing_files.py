@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that the scene names and that are not there: linked libraries, images of its materials, caches of its meshes.
+"""Missing files that a scene names: linked libraries, images of its materials, caches of its meshes.
 
 Blender opens a scene without them and says so on the terminal at most: objects of a missing library are left out, and
 Cycles shows a missing image in pink.

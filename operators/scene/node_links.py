@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Following links of a shader tree through reroutes, muted nodes and groups."""
+"""Follow the links of a shader tree through reroutes, muted nodes and groups."""
 
 from __future__ import annotations
 

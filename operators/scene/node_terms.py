@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a socket of a shader tree amounts to: a constant times, or affine in, one image."""
+"""Terms that sockets of a shader tree evaluate to: a constant times, or affine in, one image."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The random number that Cycles gives each object (node Object Info)."""
+"""Random number that Cycles gives each object (node Object Info)."""
 
 from __future__ import annotations
 

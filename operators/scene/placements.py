@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which placed objects of a scene are surfaces to voxelize."""
+"""Placed objects of a scene that are surfaces to voxelize."""
 
 from __future__ import annotations
 

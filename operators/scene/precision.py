@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether single precision, in which Blender keeps places and Cycles computes light, resolves a surface.
+"""Precision warnings where float32, in which Blender keeps places and Cycles computes light, resolves no surface.
 
 Voxels themselves are made in double precision, from the meshes' own coordinates and the objects' transforms.
 """

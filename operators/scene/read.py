@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reading the evaluated scene: modifiers, instances, curves and text as Blender sees them."""
+"""Read the evaluated scene: modifiers, instances, curves and text as Blender sees them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The surface of a scene: each mesh once, placed many times, streamed batch by batch."""
+"""Surface of a scene: each mesh once, placed many times, streamed batch by batch."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Cycles computes on, and who encodes."""
+"""Devices, CPU or GPU, that Cycles bakes on and that the encoder may ask for."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Going through frames of a scene, which is at its own frame again afterwards.
+"""Frame iteration over a scene, which is at its own frame again afterwards.
 
-Going to another frame sets whatever is animated, and so drops what a person changed there without a key. That comes
+Going to another frame sets whatever is animated, and so drops what the user changed there without a key. That comes
 back, too.
 """
 

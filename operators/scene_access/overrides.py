@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings and modes that a job changes for a while: as before afterwards, and in files that are saved meanwhile.
+"""Temporary changes of settings and modes by a job: undone afterwards, and in files that are saved meanwhile.
 
 Data-blocks that a job adds need none of this: they are `temporary`, which Blender never writes.
 """

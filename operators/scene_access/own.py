@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What operators leave in a file on purpose: pictures, and the object that shows voxels. They are no part of the scene
-that is read, lit and watched for changes."""
+"""Data-blocks that operators leave in a file on purpose: pictures, and the object that shows voxels.
+
+They are no part of the scene that is read, lit and watched for changes."""
 
 from __future__ import annotations
 

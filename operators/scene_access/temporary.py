@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Data-blocks that exist only while a job runs: Blender never writes them into a file that is saved meanwhile."""
+"""Temporary data-blocks, only there while a job runs: Blender never writes them into a file that is saved meanwhile."""
 
 from __future__ import annotations
 

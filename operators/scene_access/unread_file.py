@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The file that Blender was to open and could not: a batch job would else work on what is open instead of it.
+"""Failed file load: a batch job would else work on what is open instead of the file that Blender could not open.
 
 `blender -b damaged.blend` says one line on the terminal and goes on with an untitled scene.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work beside a window that stays alive, and Blender's own jobs, which are the part of it that is not ours."""
+"""Window jobs: work beside a window that stays alive, and waiting for Blender's own bake and render jobs."""
 
 from __future__ import annotations
 

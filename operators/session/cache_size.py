@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What PatchNet put into its cache folder: compiled kernels, pages of stopped bakes, and finished octrees.
+"""Size of the disk cache: compiled kernels, pages of stopped bakes, and finished octrees.
 
-Only files that look like those are counted and deleted. A person may have chosen a folder that holds other things.
+Only files that look like those are counted and deleted. A user may have chosen a folder that holds other things.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Finished octrees and codes of scenes, kept in the cache folder: there again when the file is opened.
+"""Disk cache of finished octrees and codes of scenes: there again when the file is opened.
 
 An entry is found by the state of the scene that it was made of, so it fits whatever file that scene stands in, saved or
-recovered, and fits nothing else. Without a window it is looked for when somebody asks for voxels; beside a window a
+recovered, and fits nothing else. Without a window it is looked for when voxels are asked for; beside a window a
 moment after a file was opened.
 """
 

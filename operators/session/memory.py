@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Memory: what the extension holds in Blender, and back to the system what it needs no more."""
+"""Memory of the extension in Blender: what it holds, and the release of what it needs no more to the system."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was computed for each scene. Held in memory, dropped with the file; `staleness.py` sees if it still fits."""
+"""Results of each scene, held in memory and dropped with the file; `staleness.py` sees if they still fit."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a view has shown, as part of the scene's result."""
+"""View figures as part of the scene's result."""
 
 from __future__ import annotations
 

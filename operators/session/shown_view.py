@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A camera's result as overlay and pixel inspection need it: arrays, no drawing, nothing of the octree."""
+"""Arrays of a camera's result for overlay and pixel inspection: no drawing, nothing of the octree."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether results still fit the scene, and what changed if not.
+"""Staleness of results: tests if they still fit the scene, and finds what changed if not.
 
 Blender reports what its dependency graph evaluated again, which is far more than what changed. So each report is
 compared with the state of the scene that the result was made of. That is bounded: after an undo, or a change of very

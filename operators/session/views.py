@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The views that can be laid over the scene, by scene and camera, and whether they still fit. Dropped with the file."""
+"""Views that can be laid over the scene, by scene and camera, and their staleness; dropped with the file."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All settings of a job as one value, checked when it is made."""
+"""Settings of a job as one value, checked when it is made."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which settings matter to which step with their present values, and which were changed since a step was done."""
+"""Settings that matter to each step with their present values, and the changed ones since a step was done."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A hash over Blender's data: properties as RNA enumerates them, node trees, images, arrays of geometry.
+"""Hash over Blender's data: properties as RNA enumerates them, node trees, images, arrays of geometry.
 
 It is the same in every process that opened the same file, and differs with anything that a render could show. What only
 the interface shows is left out where it is known; the rest rather counts too much than too little.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a user changes of a scene after a job has read it and before the job has ended.
+"""Watch for changes by the user to a scene between a job's reading of it and the job's end.
 
 Blender stays usable while a job works, as it does while it renders. What the job has read fits the scene no more then,
 and light that is baked later is that of another scene.

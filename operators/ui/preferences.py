@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What belongs to a person or a machine rather than to a scene."""
+"""Preferences of the extension, which belong to a user or a computer rather than to a scene."""
 
 from __future__ import annotations
 

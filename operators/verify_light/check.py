@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bake, build, look at both, compare: the steps of `patchnet verify-light`."""
+"""Steps of `patchnet verify-light`: bake, build, look at both, compare."""
 
 from __future__ import annotations
 

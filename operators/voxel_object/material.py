@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The material of shown voxels: their colour as it is, without any light of the scene."""
+"""Material of shown voxels: their colour as it is, without any light of the scene."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The object "PatchNet Voxels": one vertex a voxel, and a modifier that gives it its shape."""
+"""Object "PatchNet Voxels": one vertex a voxel, and a modifier that gives it its shape."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An octree with a code at every corner of every voxel that has look-ahead."""
+"""Coded octree: an octree with a code at every corner of every voxel that has look-ahead."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Precomputes the codes of an octree: all corners of all voxels with look-ahead, on all levels (methods 7.10)."""
+"""Precompute the codes of an octree: all corners of all voxels with look-ahead, on all levels (methods 7.10)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the network expects behind each pixel: coverage and luminance at its first hit (methods 7.11 to 7.15)."""
+"""Predict coverage and luminance behind each pixel's first hit with the network (methods 7.11 to 7.15)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How far one picture's luminance is from another's, and in what kind of region.
+"""Image metrics: how far one picture's luminance is from another's, by kind of region.
 
 All pictures are (H, W) float32 of linear luminance in one exposure; the metrics clamp it to [0, 1] (methods 7.1).
 """

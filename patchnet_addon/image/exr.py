@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reading uncompressed OpenEXR files of many layers, which Blender writes but does not let scripts read.
+"""Read uncompressed OpenEXR files of many layers, which Blender writes but does not let scripts read.
 
 Format: openexr.com, "OpenEXR File Layout". Blender 4.5 writes all passes in one part, 5.x each in a part of its own.
 """

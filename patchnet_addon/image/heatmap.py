@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures for people: priority in colours with a legend, the red overlay, errors before and after refinement.
+"""Heatmaps of priority in colours with a legend, the red overlay, errors before and after refinement.
 
 All arrays are (H, W) or (H, W, 3), row 0 at the bottom, colours sRGB-encoded float32 in [0, 1].
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Capital letters, digits and a few signs in 3 x 5 pixels, so that legends need no font file."""
+"""Font of capital letters, digits and a few signs in 3 x 5 pixels, so that legends need no font file."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kernels over charts: which texels are whose, and values between texels that never mix two triangles."""
+"""Chart lookup kernels: owners of texels, and values between texels that never mix two triangles."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A texture chart for every triangle.
+"""Texture charts, one for every triangle.
 
 Each triangle becomes a right triangle, its longest edge the hypotenuse, in a rectangle of 2^a x 2^b texels about as
 large as its legs are in texels; `packing` says where. Triangles of about one texel get one texel of their own. Where
 they crowd, they get fewer paths (`crowding`).
 
 Every texel whose centre lies in a triangle's half belongs to that triangle alone, and the lines between the halves stay
-clear of texel centres, so that no rounding can change who owns a texel.
+clear of texel centres, so that no rounding can change which triangle owns a texel.
 """
 
 from __future__ import annotations

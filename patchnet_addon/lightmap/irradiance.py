@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light that falls on each material, summed so that the order of its triangles does not matter."""
+"""Irradiance of each material, summed so that the order of its triangles does not matter."""
 
 from __future__ import annotations
 

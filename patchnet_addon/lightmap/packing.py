@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Charts onto pages, without a search.
+"""Pack charts onto pages, without a search.
 
 Two triangles share a rectangle of 2^a x 2^b texels, b <= a. Rectangles of one width, the highest first, pile up in
 squares of 2^a x 2^a, and squares, the largest first, follow each other along a Morton curve: a square's place is the

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Finished pages of a bake on disk, so that a bake that was stopped or killed goes on where it was.
+"""Disk cache of a bake's finished pages, so that a bake that was stopped or killed goes on where it was.
 
 ROOT / KEY / page-00007.safetensors: the key says everything that determines the pages, see the baker. A page is written
-when it is done, complete or not at all. What nobody came back for goes when the next bake begins.
+when it is done, complete or not at all. Pages of a bake that was not resumed go when the next bake begins.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where more texels meet in a voxel than its surface asks for, each of them needs fewer paths.
+"""Share paths between texels: where more meet in a voxel than its surface asks for, each needs fewer of them.
 
 A triangle has at least one texel, however small it is. In a bush, a voxel as large as a texel holds hundreds of them;
-with all paths in each, most of the bake would go where nobody sees a difference. So triangles share: those of one
+with all paths in each, most of the bake would go where no difference is seen. So triangles share: those of one
 material in one cell of a texel's side get together what the texels that fit their area would get, and no less than one
 texel would. Every triangle keeps a texel of its own, so that the mean over them stays unbiased.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Textures finer than the texels of a bake, put back onto baked light.
+"""Texture detail finer than the texels of a bake, put back onto baked light.
 
 Light that falls on a surface changes slowly, its texture does not. A bake holds their product, blurred to its texels.
 So a fragment gets the baked value times its own base colour over the base colour that the texel held: irradiance at

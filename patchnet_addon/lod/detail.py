@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a picture needs how much detail, so that all that it shows has look-ahead (methods 4.1b)."""
+"""Level of detail that a picture needs, block by block, so that all that it shows has look-ahead (methods 4.1b)."""
 
 from __future__ import annotations
 

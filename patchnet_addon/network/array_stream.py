@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Arrays through a pipe: a line of JSON with type and shape, then the bytes. Only NumPy, see `octants.py`."""
+"""Array stream through a pipe: a line of JSON with type and shape, then the bytes; only NumPy, see `octants.py`."""
 
 from __future__ import annotations
 

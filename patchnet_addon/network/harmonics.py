@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Real spherical harmonics up to degree 4 (methods 6): orthonormal on the sphere, index l^2 + l + m, without the
-Condon-Shortley sign; the axes are those of the octree."""
+"""Real spherical harmonics up to degree 4 (methods 6).
+
+Orthonormal on the sphere, index l^2 + l + m, without the Condon-Shortley sign; the axes are those of the octree.
+"""
 
 from __future__ import annotations
 

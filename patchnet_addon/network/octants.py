@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The encoder's first layer, octant by octant. Only NumPy: another Python that encodes may have nothing else."""
+"""First layer of the encoder, octant by octant; only NumPy, as another Python that encodes may have nothing else."""
 
 from __future__ import annotations
 

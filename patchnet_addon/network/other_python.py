@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Encoding in another Python that has torch, as a process that is fed chunk by chunk."""
+"""Encode in another Python that has torch, as a process that is fed chunk by chunk."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The encoder on torch in a Python of its own, for programs whose own Python has no torch.
+"""Encoder process on torch in a Python of its own, for programs whose own Python has no torch.
 
     python torch_worker.py DEVICE
 

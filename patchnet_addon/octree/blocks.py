@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Dividing the voxelizer's work: passes over blocks of space, so that memory stays bounded, and tasks for cores.
+"""Blocks of the voxelizer's work: passes over blocks of space, so that memory stays bounded, and tasks for cores.
 
 A convex piece K of surface meets 1 + widths along the axes + areas of its shadows on the coordinate planes cells of a
 grid of unit cells, on average over the grid's position: the volume of K thickened by a cell (Steiner's formula).

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles -> Octree: leaves pass by pass, then exact means of all levels, bottom-up (methods 7.2)."""
+"""Octree builder, from triangles: leaves pass by pass, then exact means of all levels, bottom-up (methods 7.2)."""
 
 from __future__ import annotations
 

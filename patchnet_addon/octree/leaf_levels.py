@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How deep the leaves of an octree are, block by block of space."""
+"""Leaf levels of an octree, block by block of space."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From one level of an octree to the next coarser one: which nodes there are, and what they hold.
+"""Build one level of an octree from the next finer one: which nodes there are, and what they hold.
 
 Leaves may lie on several levels, as long as no leaf lies in another one.
 """

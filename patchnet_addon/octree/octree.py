@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sparse voxel octree: 14 bytes a node, 16 in colour, level by level, children of a node side by side."""
+"""Sparse voxel octree: 14 bytes a node, 16 in colour, level by level, children of a node side by side."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The voxels that an octree shows at one level: its nodes there, and the leaves above it, which are coarser.
+"""Voxel cloud of an octree at one level: its nodes there, and the leaves above it, which are coarser.
 
 `voxel_runs` walks them in pieces of bounded size, for files; `voxel_cloud` has them all at once, for the screen.
 """

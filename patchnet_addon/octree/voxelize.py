@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles -> surface sums per leaf cell: clip, shade, add up, batch by batch and block by block."""
+"""Voxelizer, from triangles to surface sums per leaf cell: clip, shade, add up, batch by batch, block by block."""
 
 from __future__ import annotations
 

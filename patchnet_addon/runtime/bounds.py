@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What numbers may be: one table for arguments of commands, properties of Blender, and settings made by scripts.
+"""Bounds of numbers: one table for arguments of commands, properties of Blender, and settings made by scripts.
 
 No row has room for what is not finite. A property whose 0 stands for "automatic" begins at 0 and not at the row's
 lowest number; settings then look at the row again.

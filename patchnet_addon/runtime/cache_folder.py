@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where kernels, pages of bakes and finished octrees are kept: the user's cache folder, or one that takes its place.
+"""Cache folder of kernels, pages of bakes and finished octrees: the user's, or one that takes its place.
 
 A cache folder may be on a disk that can only be read, as in a container, or may have been made by an administrator.
 Compiled kernels are executed when they are read: what takes its place is the user's alone.

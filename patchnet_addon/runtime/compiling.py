@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether kernels are being compiled now, for those who tell a person why it takes long. Imports nothing heavy."""
+"""Compilation state of kernels, so that users can be told why it takes long; imports nothing heavy."""
 
 from __future__ import annotations
 

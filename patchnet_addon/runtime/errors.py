@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Errors a person can act on. Operators report them, the command line prints them and exits with 2."""
+"""Errors that a user can act on: operators report them, the command line prints them and exits with 2."""
 
 from __future__ import annotations
 

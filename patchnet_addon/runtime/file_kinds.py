@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a file is, by what stands in it: something else is never replaced by what is written.
+"""File kinds, told by content: something else is never replaced by what is written.
 
-An ending says little: people mistype paths, and `.json`, `.png` or `.safetensors` may be anybody's.
+An ending says little: users mistype paths, and `.json`, `.png` or `.safetensors` may be of any program.
 """
 
 from __future__ import annotations

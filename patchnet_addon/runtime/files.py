@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Our files: safetensors with a kind, a schema version, JSON metadata and checksums in the header.
+"""File format of ours: safetensors with a kind, a schema version, JSON metadata and checksums in the header.
 
 Files appear complete or not at all (`replace.py`). Reading maps the file into memory; every failure is one sentence
 that names file and cause.

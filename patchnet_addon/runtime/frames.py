@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which frames of an animation: "1-24", "1-24x2", "1,5,9", "all"."""
+"""Frame lists of an animation: "1-24", "1-24x2", "1,5,9", "all"."""
 
 from __future__ import annotations
 

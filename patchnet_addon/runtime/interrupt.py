@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ctrl-C, and SIGTERM as render farms send it, end a command within seconds, also while Blender computes.
+"""Interrupt a command within seconds by Ctrl-C, or SIGTERM as render farms send it, also while Blender computes.
 
 Python acts on a signal only between two of its own instructions, and a call into Blender, such as the bake of a page,
 is one of them for minutes. A thread of ours hears of the signal at once (Blender lets threads run while it bakes); if

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is said on stderr while something runs: lines for people, or one JSON object a line for programs.
+"""Log on stderr while something runs: lines for users, or one JSON object a line for programs.
 
 An object has `time` (UTC), `level`, `event`, `message`, `seconds` since the start, and the fields of its event:
 

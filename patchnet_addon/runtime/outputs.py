@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether what a job will write can be written, asked before its first second of work.
+"""Output checks, before a job's first second of work, that all of its files can be written.
 
 Each command and operator says which files it will write, of which kind, and which files it reads. None of those that it
 reads is replaced, whatever name or link leads to it, and none that is of another kind than what is written.

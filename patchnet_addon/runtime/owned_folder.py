@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Temporary folders that say whether anybody is at work in them, so that what a dead process left can go.
+"""Temporary folders locked by the process at work in them, so that what a dead process left can go.
 
 Such a folder holds a file `owner`, which its process keeps locked: the system frees the lock when the process ends,
 however it ends. Machines that share a disk do not always see each other's locks, so the file also names the machine,
 and its process touches it every minute. A folder is left over if its file is not locked, and if either this machine
-made it or nobody has touched it for an hour, by the disk's own clock.
+made it or no process has touched it for an hour, by the disk's own clock.
 """
 
 from __future__ import annotations

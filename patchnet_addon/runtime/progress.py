@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Long steps are generators of `Progress` whose return value is the result.
+"""Progress of long steps, which are generators of `Progress` whose return value is the result.
 
 The command line and `execute()` drain them, a modal operator pulls them a time slice per timer tick,
 and closing one runs its `finally` blocks: one implementation for all three.

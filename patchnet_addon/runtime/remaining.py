@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How long a step still takes, by what it has done so far."""
+"""Remaining time of a step, by what it has done so far."""
 
 from __future__ import annotations
 

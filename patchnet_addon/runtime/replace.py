@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that appear complete or not at all, and never in place of something else.
+"""Atomic replacement of files: they appear complete or not at all, and never in place of something else.
 
 A file is written beside its destination and renamed when it is complete and on disk, so a half-written file never
 replaces a good one.

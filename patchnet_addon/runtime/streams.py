@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Standard streams that nobody reads any more, as with `>&-` or `| head -1`: the work goes on, and ends as it would.
+"""Standard streams whose reader is gone, as with `>&-` or `| head -1`: the work goes on, and ends as it would.
 
 Without this, the first file that is opened would take the place of a stream that is closed, and get what Blender
-prints; and a line that nobody reads would end the work, although its results are files.
+prints; and a line without a reader would end the work, although its results are files.
 """
 
 from __future__ import annotations

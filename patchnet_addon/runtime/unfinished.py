@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files and folders that are not finished yet, or only for this process: what has to go when it ends at once."""
+"""Unfinished files and folders, or such only for this process: they have to go when it ends at once."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Engine steps in a thread beside whoever waits for them and may stop them: a window, or Ctrl-C.
+"""Worker thread for engine steps, beside the caller that waits for them and may stop them: a window, or Ctrl-C.
 
 A single step can take long: kernels are compiled when they are called for the first time, for up to half a minute in
 all, and one of a large octree computes for seconds. Nothing of Python's acts meanwhile in the thread that it keeps
-busy. So where somebody waits, that is another thread; the one who waits is told how far it is.
+busy. So where a caller waits, that is another thread; the caller is told how far it is.
 
 Work that was stopped is let go of: it ends with the step that it is in, and its result is dropped. So only what
 touches neither Blender nor files of its own may be beside.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A picture that is refined where it is wrong: one ray a pixel first, then 32x32 where the budget goes (methods 3).
+"""Adaptive super-sampling of a picture: one ray a pixel first, then 32x32 where the budget goes (methods 3).
 
 The picture is there at any time between two steps, as good as it is by then: a render engine shows it meanwhile.
 """

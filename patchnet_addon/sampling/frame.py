@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One view of a scene with everything that strategies may look at. Pure data."""
+"""Frame: one view of a scene with everything that strategies may look at, pure data."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spending a budget: the active pixels with the highest scores take the reference (methods 3, 7.25)."""
+"""Refine by a budget: the active pixels with the highest scores take the reference (methods 3, 7.25)."""
 
 from __future__ import annotations
 

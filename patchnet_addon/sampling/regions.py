@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Few rectangles that hold most of a priority map within a budget: what a renderer that takes only rectangles refines.
+"""Regions for renderers that take only rectangles: few that hold most of a priority map within a budget.
 
 Objective: the greatest sum of priority inside disjoint rectangles of whole tiles, with at most `most` rectangles and at
 most `budget` of the picture's pixels. It is solved greedily under a price per pixel, as in Lagrangian relaxation: the

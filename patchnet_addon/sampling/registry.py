@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All strategies by name, best first. A new one is one file and one line."""
+"""Strategies by name, best first; a new one is one file and one line."""
 
 from ..runtime.errors import SettingError
 from . import optimal, patchnet, patchnet_behind, patchnet_behind_exact, patchnet_exact, random, ss_variance

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a refinement strategy is: a name, what it needs to know, and a score per pixel."""
+"""Strategy interface of a refinement: a name, what it needs to know, and a score per pixel."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octree and camera -> Frame: everything that the chosen strategies look at."""
+"""Trace a Frame from octree and camera: everything that the chosen strategies look at."""
 
 from __future__ import annotations
 

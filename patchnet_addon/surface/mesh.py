@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles as the voxelizer reads them: batches with material ids, never all at once."""
+"""Mesh source, triangles as the voxelizer reads them: batches with material ids, never all at once."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A surface turned in space, so that octrees of it show the same shapes at other angles to the voxels."""
+"""Rotated surface, so that octrees of it show the same shapes at other angles to the voxels."""
 
 from __future__ import annotations
 

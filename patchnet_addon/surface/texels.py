@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Values of a texture pyramid at points and squares; functions that kernels call."""
+"""Texel lookup in a texture pyramid at points and squares; functions that kernels call."""
 
 from __future__ import annotations
 

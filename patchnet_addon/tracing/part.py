@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A rectangle of a camera's picture as a camera of its own: border renders, and pictures that are made bit by bit."""
+"""Part of a camera's picture as a camera of its own: border renders, and pictures that are made bit by bit."""
 
 from __future__ import annotations
 

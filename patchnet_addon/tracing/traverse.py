@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""First hit of a ray in the octree under the level-of-detail contract (methods 4.1, 4.1b).
+"""Traverse the octree to the first hit of a ray under the level-of-detail contract (methods 4.1, 4.1b).
 
 The ray is mirrored so that it runs upwards on every axis. The walk keeps the integer cell it is in and its level;
 all plane distances are computed from integers, so nothing drifts. A cell that exists and need not be divided is the

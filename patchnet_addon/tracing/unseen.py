@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Why a picture is empty or black, in a sentence: nobody should have to guess from a black rectangle."""
+"""Explanations, in a sentence, of a picture that is empty or black, so that users need not guess."""
 
 from __future__ import annotations
 

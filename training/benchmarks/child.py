@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A command in a process of its own: how long it took, what it printed, the most memory it held."""
+"""Child process of a command: how long it took, what it printed, the most memory it held."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an octree costs as its depth grows: seconds per fragment, per leaf and per triangle, beside Open3D.
+"""Cost of an octree as its depth grows: seconds per fragment, per leaf and per triangle, beside Open3D.
 
 Fragments are the pieces that the leaf grid cuts triangles into; the voxelizer's own clip makes them, and the shade
 that it calls counts them. The work is linear in their number where the time per fragment is the same at every depth.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The cost of depth as a picture: time over fragments, and time per fragment, leaf and triangle over depth."""
+"""Figure of the cost of depth: time over fragments, and time per fragment, leaf and triangle over depth."""
 
 from __future__ import annotations
 

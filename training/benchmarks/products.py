@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """GFLOP/s of the encoder's products alone, of each shape that it multiplies, with bias and ReLU where it has them.
 
-Everybody is counted as if nothing were zero: two operations for each element of the values and column of the matrix.
+All are counted as if nothing were zero: two operations for each element of the values and column of the matrix.
 Ours leaves zeros out; so it is measured twice, on random values without a zero and on those that the encoder meets.
 """
 

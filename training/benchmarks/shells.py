@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An octree of a wanted size without a scene: bumpy spheres inside each other, voxelized like any other surface."""
+"""Octree of a wanted size without a scene: bumpy spheres inside each other, voxelized like any other surface."""
 
 from __future__ import annotations
 

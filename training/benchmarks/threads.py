@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One thread for every library. BLAS reads how many it may start when it is loaded: it takes a process of its own."""
+"""Single-threaded environment for every library: BLAS reads it when it is loaded, so it takes a process of its own."""
 
 from __future__ import annotations
 

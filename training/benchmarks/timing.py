@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Comparing two functions, on one core or on all."""
+"""Timing of two functions in comparison, on one core or on all."""
 
 from __future__ import annotations
 

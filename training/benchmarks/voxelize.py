@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Our voxelizer beside Open3D's voxel grid.
+"""Voxelizer benchmark: ours beside Open3D's voxel grid.
 
 Open3D marks the voxels that a triangle meets. Ours also clips the triangles, weighs and averages light and normals, and
 builds the octree of all levels. Both get the triangles in memory and the same voxel size; light is constant, so that

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The whole job from a scene file to an octree file, `patchnet octree`, in a process of its own.
+"""Benchmark of `patchnet octree`, from a scene file to an octree file, in a process of its own.
 
 Compared is the peak of resident memory of the whole process, Blender included, with what could be predicted before the
 octree was built: the largest of the peaks until then, and what was resident then plus the estimate of

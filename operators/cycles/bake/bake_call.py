@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's bake of one object: as one call, or beside a window that stays alive.
+"""Bake call of Blender for one object: as one call, or beside a window that stays alive.
 
 A call returns when the bake has ended; nothing of Python's can stop it. From a window that an operator works in, the
 bake runs as a job of Blender's own: steps wait for it, and Esc stops it within a moment, while Cycles reads the scene

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The key of a bake: a hash of everything that determines its pages. Equal keys, equal bits."""
+"""Key of a bake: a hash of everything that determines its pages, so that equal keys mean equal bits."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Copies of materials that write their bake into an image; the user's materials are never touched."""
+"""Material copies that write their bake into an image; the user's materials are never touched."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a bake of a page adds to the scene and sets in it: settings, image, mesh and object, all of them gone after it.
+"""Scene setup of a page's bake: the settings, image, mesh and object that it adds, all removed after it.
 
 It is the user's own scene, not a copy: Blender's bake job beside a window belongs to the scene that the window shows,
 and a copy of a large scene would be evaluated once more for each page. A file that is saved meanwhile has nothing of

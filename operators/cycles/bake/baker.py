@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles bakes one page of charts: what is set up around the call, and how the two sides of a surface become one."""
+"""Cycles bake of one page of charts: the setup around the call, and the merge of a surface's two sides."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is baked is lit by the lamps that shine on the objects it stands for."""
+"""Light linking of a bake: its mesh is lit by the lamps that shine on the objects it stands for."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What materials ask of the object they are on, kept as mesh attributes when triangles of many objects are joined.
+"""Object data that materials read, kept as mesh attributes when triangles of many objects are joined.
 
 In copies of the materials, links from Object Info and from generated and object coordinates are led to Attribute nodes.
 """

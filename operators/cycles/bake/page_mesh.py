@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The triangles of one page of charts, as arrays and as a Blender mesh."""
+"""Page mesh: the triangles of one page of charts, as arrays and as a Blender mesh."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light that shines through a surface from behind (shader Translucent).
+"""Translucent light, which shines through a surface from behind (shader Translucent).
 
 What is baked lies above the surface, which would keep this light off. So it is baked apart, from below the surface.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compile kernels in a second Blender without a window, and wait for it; once on a machine.
+"""Compile kernels in a second Blender without a window, and wait for it; once on each computer.
 
 What compiles in this process stays in its memory: LLVM leaves 600 MB in pieces that no allocator gives back, and holds
 Python's lock while it works, so that the window stutters. What is loaded from the cache takes a tenth of that.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strategies against each other and against the reference, as numbers."""
+"""Panel of the comparison: strategies against each other and against the reference, as numbers."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light and samples, and the frames of an animation."""
+"""Panels of light and samples, and of the frames of an animation."""
 
 from __future__ import annotations
 

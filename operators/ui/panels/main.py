@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The first panel: one button that does everything, what it will take, and where files go."""
+"""Main panel: one button that does everything, the estimate, and the output folder."""
 
 from __future__ import annotations
 

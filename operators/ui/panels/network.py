@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Weights, and what encodes."""
+"""Panel of the network: weights and encoder."""
 
 from __future__ import annotations
 

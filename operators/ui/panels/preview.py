@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cameras, strategy, budget, and what matters to the person."""
+"""Panels of the preview: cameras, strategy, budget, and painted importance."""
 
 from __future__ import annotations
 

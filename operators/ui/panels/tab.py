@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all panels share. Drawing reads settings and what was kept, and computes nothing."""
+"""Base classes of all panels; drawing reads settings and what was kept, and computes nothing."""
 
 from __future__ import annotations
 

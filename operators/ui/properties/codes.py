@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which network looks ahead, and on what."""
+"""Properties of the codes: the network's weights, and the device that encodes."""
 
 from __future__ import annotations
 

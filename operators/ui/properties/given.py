@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The value of a setting: what an operator's caller gave, else the scene's."""
+"""Value of a setting: what an operator's caller gave, else the scene's."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where luminance comes from."""
+"""Properties of the light: the source of luminance."""
 
 from __future__ import annotations
 

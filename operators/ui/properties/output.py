@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where files go, and which frames are made."""
+"""Properties of the output: folder and files, and the frames that are made."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What several settings have in common: bounds, units, choices. Name, description and default are each one's own."""
+"""Property factories: bounds, units and choices of several settings, each with its name, description and default."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whose pictures are made, what is refined first in them, and what matters to the person."""
+"""Properties of views: cameras, strategy and budget, and painted importance."""
 
 from __future__ import annotations
 

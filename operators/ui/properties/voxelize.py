@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is voxelized, and how finely."""
+"""Properties of voxelization: objects and resolution."""
 
 from __future__ import annotations
 

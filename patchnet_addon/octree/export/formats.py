@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The formats that voxels are exported to, by the ending of the file."""
+"""Formats that voxels are exported to, by the ending of the file."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voxels as arrays for NumPy: `numpy.load(path)` needs no pickle.
+"""NumPy export: voxels as arrays, for which `numpy.load(path)` needs no pickle.
 
 cells         (n, 3) int32    integer cell of each voxel at its own level
 level         (n,) uint8      its level; lower than the exported one for leaves that are coarser

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The octree down to one level, as an octree file of ours."""
+"""Octree export down to one level, as an octree file of ours."""
 
 from __future__ import annotations
 

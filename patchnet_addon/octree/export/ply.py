@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voxels as a point cloud in a binary PLY file, which Blender, MeshLab, CloudCompare and Open3D read.
+"""PLY export: voxels as a binary point cloud, which Blender, MeshLab, CloudCompare and Open3D read.
 
 x, y, z          centre in world units
 nx, ny, nz       mean normal; shorter than 1 where the surface in the voxel is curved or has two sides

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voxels as OpenVDB grids, through the `openvdb` module that Blender's own Python has.
+"""OpenVDB export: voxels as grids, through the `openvdb` module that Blender's own Python has.
 
 luminance  linear, 0 to 1
 density    surface / (2 * volume) of the voxel, in 1 / world unit: the extinction of a medium that hides, averaged over
