@@ -38,11 +38,11 @@ class OctreeMaker(FrameMaker):
         return repr(sorted((name, value) for name, value in values.items() if name not in _NOT_IN_FILES))
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
-        """One file."""
+        """Return the kind of the one file that is made."""
         return {OCTREE_NAME: OCTREE}
 
     def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
-        """One file."""
+        """Write the one file."""
         with KeptPages() as kept:
             octree = yield from build(self._of_frame(common), self._clock, kept)
             with self._clock.stage("save"):

@@ -21,7 +21,7 @@ class PATCHNET_OT_add_demo_scene(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Nobody may be at work on the present scene, in which nothing may be edited."""
+        """Require that no job runs on the present scene, and a mode in which scenes can be added."""
         return in_object_mode(cls, context, "A scene can be added") and no_job_runs(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

@@ -20,7 +20,7 @@ class PATCHNET_OT_clear_cache(bpy.types.Operator):
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        """Nobody may be at work with it."""
+        """Require that no job runs, which may use the cache."""
         return no_job_runs(cls)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

@@ -51,7 +51,7 @@ class Batch:
 
 @dataclass(frozen=True, eq=False)
 class Augmentation:
-    """What is done to each of V voxels.
+    """Augmentation of each of V voxels.
 
     symmetry: (V,) int32 number of the cube symmetry, 0 for none.
     remap: (V, 4) float32: gain, place of the result in its free range [0, 1], 1 to invert, 1 to remap at all.

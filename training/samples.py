@@ -29,7 +29,7 @@ COVERAGE_SCALE = 4096.0
 
 @dataclass(frozen=True)
 class SampleSettings:
-    """How samples are drawn.
+    """Settings of drawing samples.
 
     views: random views per voxel. least_level: coarsest level used. held_out: share of spatial blocks kept for
     validation (methods 7.21). first_hit: reject views whose centre ray meets a neighbour first (methods 7.17).
@@ -155,7 +155,7 @@ def _draw_line(state, origin, direction, up):
 
 @device
 def _is_first_hit(counts, origin, direction, enter):
-    """Whether no other occupied voxel of the 3x3x3 neighbourhood is entered before the centre one."""
+    """Return whether no other occupied voxel of the 3x3x3 neighbourhood is entered before the centre one."""
     for block in range(27):
         if counts[block] > 0 and block != 13:
             x, y, z = block % 3 - 1.0, block // 3 % 3 - 1.0, block // 9 - 1.0

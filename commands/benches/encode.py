@@ -54,7 +54,7 @@ def _octree(args: argparse.Namespace) -> Octree:
 
 
 def _in_a_process_of_one_thread(args: argparse.Namespace) -> Comparison:
-    """The same measurement by this command in another process."""
+    """Run the same measurement by this command in another process, on one thread."""
     from ...training.benchmarks.child import run_child
     from ...training.benchmarks.threads import one_thread_environment
     from ...training.benchmarks.timing import Comparison

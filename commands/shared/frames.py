@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def add_frames(parser: argparse.ArgumentParser) -> None:
-    """Which frames, and what is done with those that are there."""
+    """Add the arguments of frames, and of overwriting those that are there."""
     parser.add_argument(
         "--frames", metavar="FRAMES",
         help="bake these frames one after the other, each into a folder of its own: 1-24, 1-24x2, 1,5,9, or all of the "

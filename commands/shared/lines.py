@@ -13,13 +13,13 @@ from ...patchnet_addon.runtime.log import event, is_json
 
 
 def say_result(text: str, **fields: Any) -> None:
-    """What was made; `fields` for programs: file, frame, and figures."""
+    """Print what was made; `fields` for programs: file, frame, and figures."""
     print(text)
     event("result", text, **fields)
 
 
 def say_note(text: str) -> None:
-    """What was assumed or left out; people get it on stderr, so that it is seen where stdout is kept in a file."""
+    """Print what was assumed or left out, for users to stderr, so that it is seen where stdout is kept in a file."""
     if not is_json():
         print(f"Note: {text}", file=sys.stderr)
     event("warning", text, logging.WARNING)

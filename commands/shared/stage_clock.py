@@ -14,7 +14,7 @@ from ...patchnet_addon.runtime.heap import peak_bytes, resident_bytes
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage: wall seconds, resident memory of the process when it began, and the most of it until it ended.
+    """Stage of a command: wall seconds, resident memory when it began, and the most of it until it ended.
 
     Bytes are None where the system does not say (only Linux does).
     """

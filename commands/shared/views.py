@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def add_views(parser: argparse.ArgumentParser) -> None:
-    """What `--depth fit` fits to."""
+    """Add the arguments of the views that `--depth fit` fits to."""
     add_number(
         parser, "--view", bounds.COORDINATE, nargs=6, action="append", default=[],
         metavar=("X", "Y", "Z", "TX", "TY", "TZ"),

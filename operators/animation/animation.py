@@ -30,7 +30,7 @@ from .frame_record import RECORD_NAME, FrameRecord, discard, files_in, frame_fol
 
 @dataclass(frozen=True)
 class FramePlan:
-    """Which frames go where.
+    """Plan of the frames and their folders.
 
     overwrite: make frames that are there, too. one_grid: the octrees of all frames have the same cube and depth.
     scene_file: .blend file that was just opened, and not changed since; None if that is not known.
@@ -49,7 +49,7 @@ class FramePlan:
 
 @dataclass
 class AnimationResult:
-    """Which frames were made, which were there, figures of all of them, and warnings with the frame they are from."""
+    """Result by frame: those made, those that were there, figures of all, and warnings with the frame they are from."""
 
     made: list[int] = field(default_factory=list)
     skipped: list[int] = field(default_factory=list)
@@ -57,7 +57,7 @@ class AnimationResult:
     warnings: tuple[str, ...] = ()
 
     def sentence(self) -> str:
-        """What was done."""
+        """Summary of what was done."""
         made, skipped = len(self.made), len(self.skipped)
         there = f", {skipped} {'was' if skipped == 1 else 'were'} there" if skipped else ""
         return f"{made} frame{'' if made == 1 else 's'} made{there}"
@@ -153,7 +153,7 @@ class _Animation:
         self.write_report(complete=False)
 
     def _counted(self, steps: Steps[dict[str, Any]], frame: int, number: str, start: float) -> Steps[dict[str, Any]]:
-        """The same steps with the frame's number, and with the share of all frames that is done."""
+        """Pass on the steps with the frame's number, and with the share of all frames that is done."""
         try:
             while True:
                 report = next(steps)
@@ -189,7 +189,7 @@ class _Animation:
         return record if record is not None and "exposure" in record.summary else None
 
     def _fits(self, frame: int, record: FrameRecord) -> bool:
-        """Whether files alone say that the frame would become what it is."""
+        """Return whether files alone say that the frame would become what it is."""
         return self._plan.scene_file is not None and record.file == self._file_key(frame)
 
     def _file_key(self, frame: int) -> str:
@@ -202,7 +202,7 @@ class _Animation:
         return content_key(self._context, self._maker.scope, self._maker.settings_text(self._common_of(frame)))
 
     def write_report(self, *, complete: bool) -> None:
-        """What is there by now. Raises PatchNetError."""
+        """Write the report of what is there by now. Raises PatchNetError."""
         common, out = self._common, self._plan.out
         self.result.warnings = _warnings(self._summaries)
         self.result.report = {

@@ -21,7 +21,7 @@ from .frame_maker import FrameMaker
 
 
 def same_daylight(context: bpy.types.Context, frames: Sequence[int]) -> Steps[bool]:
-    """Whether no frame has a light, so that sun and sky are needed: not in the dark frames of a scene with lamps."""
+    """Test that no frame has a light, so that sun and sky are needed: not in the dark frames of a scene with lamps."""
     for done, frame in enumerate(frames):
         yield Progress(done, len(frames), "Looking for light")
         go_to_frame(context.scene, frame)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Common:
-    """What frames share, so that their pictures do not flicker.
+    """Values that frames share, so that their pictures do not flicker.
 
     exposure: factor on luminance; None where the frame chooses it, for all others.
     daylight: whether sun and sky are added; None where the light is not baked.

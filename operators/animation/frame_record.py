@@ -32,7 +32,7 @@ class FrameRecord:
 
 
 def frame_folder(out: Path, frame: int) -> Path:
-    """Where a frame's files are: frame-0001 and so on."""
+    """Folder of a frame's files: frame-0001 and so on."""
     return out / f"frame-{frame:04d}"
 
 
@@ -44,7 +44,7 @@ def files_in(folder: Path) -> dict[str, int]:
 
 
 def read_record(folder: Path) -> FrameRecord | None:
-    """What is known of the frame in `folder`, or None if it is not there as a whole."""
+    """Read the record of the frame in `folder`, or None if it is not there as a whole."""
     try:
         record = FrameRecord(**json.loads((folder / RECORD_NAME).read_text(encoding="utf-8")))
         there = all((folder / name).stat().st_size == size for name, size in record.files.items())

@@ -21,7 +21,7 @@ SKY_STRENGTH = 0.8
 
 
 def has_light(depsgraph: bpy.types.Depsgraph) -> bool:
-    """Whether anything in the evaluated scene can light it: a lamp, the world, or an emitting material."""
+    """Return whether anything in the evaluated scene can light it: a lamp, the world, or an emitting material."""
     if _world_shines(depsgraph.scene.world):
         return True
     materials: set[bpy.types.Material] = set()

@@ -38,7 +38,7 @@ def render(scene: bpy.types.Scene, path: Path) -> float:
 
 
 def rendered(scene: bpy.types.Scene, path: Path, at: Callable[[float], Progress]) -> Steps[float]:
-    """As `render`; where a window waits, beside it. Reports are `at` of the share of samples that is done.
+    """Render as `render`; where a window waits, beside it. Reports are `at` of the share of samples that is done.
 
     Raises StoppedError if a person stopped it in a window.
     """
@@ -60,7 +60,7 @@ def rendered(scene: bpy.types.Scene, path: Path, at: Callable[[float], Progress]
 
 
 class _Status:
-    """What Cycles says of a picture, in the render's thread: how much of its samples is `done`, 0 to 1, and its end."""
+    """Status of Cycles' picture, in the render's thread: the share of its samples that is `done`, 0 to 1, and end."""
 
     def __init__(self) -> None:
         self.done = 0.0

@@ -47,7 +47,7 @@ def _matt(name: str, color: textures.Colour | None = None, image: bpy.types.Imag
 
 
 def _sheet(corners: np.ndarray) -> Shape:
-    """One quad of corners (2, 2, 3), rows then columns, facing the way that columns turn to rows."""
+    """Build a quad of corners (2, 2, 3), rows then columns, facing the way that columns turn to rows."""
     return Shape(corners.reshape(-1, 3), [(0, 1, 3, 2)])
 
 

@@ -15,7 +15,7 @@ VERTEX_GROUP = "VERTEX_GROUP"
 
 @dataclass(frozen=True)
 class Importance:
-    """One of three sources.
+    """Source of importance, one of three.
 
     image: name of an image of the open file, painted in an Image Editor and stretched over each view.
     file: the same as a file. vertex_group: name of a group that voxelized objects have; objects without it weigh 0.

@@ -66,7 +66,7 @@ class JobOperator(_Operator):
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        """One job at a time; operators that need more call this first."""
+        """Require that no job runs; operators that need more call this first."""
         if JobOperator.running:
             cls.poll_message_set(f"{JobOperator.running} is running: wait for it, or press Esc over the window")
             return False
@@ -186,7 +186,7 @@ class JobOperator(_Operator):
         return context.temp_override(scene=self._scene, view_layer=self._layer)
 
     def _pull(self, *, alive: bool) -> None:
-        """One step, which sets the outcome if it was the last. Domain errors become reports here and nowhere else.
+        """Pull a step, which sets the outcome if it was the last. Domain errors become reports here and nowhere else.
 
         alive: the step returns soon, with work left to others, because a window waits.
         """

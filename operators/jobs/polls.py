@@ -32,17 +32,17 @@ class CodesJob(JobOperator):
 
 
 def has_voxels(operator: Any, context: bpy.types.Context) -> bool:
-    """Whether there are voxels; else the operator's class says so."""
+    """Return whether there are voxels; else the operator's class says so."""
     return _unless(operator, result_or_kept(context.scene) is None, results.NO_VOXELS)
 
 
 def in_object_mode(operator: Any, context: bpy.types.Context, what: str) -> bool:
-    """Whether objects can be added; else the operator's class says that `what` needs it."""
+    """Return whether objects can be added; else the operator's class says that `what` needs it."""
     return _unless(operator, context.mode != "OBJECT", f"{what} in Object Mode only: leave the present mode")
 
 
 def no_job_runs(operator: Any) -> bool:
-    """Whether nobody is at work in a window; else the operator's class says who is."""
+    """Test that no job runs in a window; else the operator's class says which one does."""
     running = JobOperator.running
     return _unless(operator, bool(running), f"{running} is running: wait for it, or press Esc over the window")
 

@@ -43,7 +43,7 @@ def forget(context: bpy.types.Context) -> None:
 
 @persistent
 def _on_load_pre(_path: str) -> None:
-    """What is shown belongs to the file that is being closed."""
+    """Forget what is shown, which belongs to the file that is being closed."""
     inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
     handlers.switch_off(bpy.context)
     kept.forget_all()

@@ -39,7 +39,7 @@ inspected: dict[int, Inspected] = {}  # by the window's address
 
 @dataclass(frozen=True)
 class _Look:
-    """How a view is drawn now."""
+    """Look of a view as it is drawn now."""
 
     view: ShownView
     maximum: float
@@ -48,7 +48,7 @@ class _Look:
 
 
 def draw_region(context: bpy.types.Context) -> None:
-    """Everything that belongs into the region that is being drawn."""
+    """Draw the overlay into the region that is being drawn."""
     area, region, values = context.area, context.region, overlay_settings(context)
     if area is None or area.type not in EDITORS:
         return

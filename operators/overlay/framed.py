@@ -26,7 +26,7 @@ class Framed(NamedTuple):
 
     @property
     def rect(self) -> Rect | None:
-        """Where the overlay is drawn: nowhere if the picture is there twice."""
+        """Rectangle where the overlay is drawn: none if the picture is there twice."""
         return self.rects[0] if len(self.rects) == 1 else None
 
 
@@ -40,7 +40,7 @@ class Place(NamedTuple):
 
 
 def framed(scene: bpy.types.Scene, area: bpy.types.Area, region: bpy.types.Region) -> Framed | None:
-    """What lies in a WINDOW region of a 3D viewport or an Image Editor; None if no view of ours does."""
+    """Find the view in a WINDOW region of a 3D viewport or an Image Editor; None if no view of ours lies there."""
     if area.type == "VIEW_3D":
         return _in_viewport(scene, area.spaces.active, region)
     if area.type == "IMAGE_EDITOR":
@@ -111,7 +111,7 @@ def _holds(item: bpy.types.Area | bpy.types.Region, x: int, y: int) -> bool:
 
 
 def free_rect(area: bpy.types.Area, region: bpy.types.Region) -> Rect:
-    """What headers and sidebars leave of a region, in its pixels."""
+    """Rectangle that headers and sidebars leave of a region, in its pixels."""
 
     def rect(item: bpy.types.Region) -> Rect:
         left, bottom = item.x - region.x, item.y - region.y

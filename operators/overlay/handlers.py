@@ -40,7 +40,7 @@ def redraw(context: bpy.types.Context) -> None:
 
 
 def is_drawing() -> bool:
-    """Whether handlers are there."""
+    """Return whether handlers are there."""
     return bool(_handles)
 
 

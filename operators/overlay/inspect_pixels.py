@@ -39,7 +39,7 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
 
     @classmethod
     def runs_in(cls, window: bpy.types.Window | None) -> bool:
-        """Whether pixels are inspected in a window."""
+        """Return whether pixels are inspected in a window."""
         return window is not None and window.as_pointer() in cls._running
 
     @classmethod

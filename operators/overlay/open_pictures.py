@@ -57,7 +57,7 @@ def _show(window: bpy.types.Window, area: bpy.types.Area, image: bpy.types.Image
 
 
 def is_free(image: bpy.types.Image | None) -> bool:
-    """Whether an Image Editor that shows this may show another picture: none, a render, or a result of ours."""
+    """Return whether an Image Editor that shows this may show another picture: none, a render, or a result of ours."""
     return image is None or image.type in {"RENDER_RESULT", "COMPOSITING"} or is_own(image)
 
 
@@ -73,7 +73,7 @@ def _images(manager: bpy.types.WindowManager) -> Iterator[bpy.types.Image | None
 
 
 def _free_editors(manager: bpy.types.WindowManager) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
-    """Those that a person does not use, the largest first: neither pinned nor in a mode that edits or masks."""
+    """Find Image Editors not in use, the largest first: neither pinned nor in a mode that edits or masks."""
     found = [
         (window, area)
         for window, area in _editors(manager)

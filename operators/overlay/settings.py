@@ -40,12 +40,12 @@ def _switch(name: str, description: str, default: bool = False) -> Any:
 
 
 def _picture(name: str, description: str, default: str, *more: tuple[str, str, str]) -> Any:
-    """One of the pictures of a view, or of what else there is."""
+    """Property that chooses one of the pictures of a view, or of what else there is."""
     return EnumProperty(name=name, description=description, items=[*_ITEMS, *more], default=default, update=_changed)
 
 
 class PatchNetOverlaySettings(bpy.types.PropertyGroup):
-    """What lies over cameras' views and images."""
+    """Settings of what lies over cameras' views and images."""
 
     show_viewport: _switch("In Viewport", "Lay the picture over the camera's view")
     show_editor: _switch("In Image Editor", "Lay the picture over PatchNet's images and over the Render Result")

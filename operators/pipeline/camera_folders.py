@@ -59,7 +59,7 @@ def _plain(name: str) -> str:
 
 
 def _folded(folder: str) -> str:
-    """The same for names that some file system takes for one: of other case, or composed otherwise."""
+    """Fold names to the same text that some file system takes for one: of other case, or composed otherwise."""
     return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", folder).casefold())
 
 

@@ -61,7 +61,7 @@ def chosen_encoder(weights: Weights, settings: JobSettings) -> Iterator[Encoding
 
 
 def encoder_text(settings: JobSettings) -> str:
-    """Who would encode, in a few words, without starting anything."""
+    """Name of the encoder that would run, in a few words, without starting anything."""
     if settings.torch_python is not None:
         return f"torch of {settings.torch_python.name}"
     if settings.encoder_device == GPU or (settings.encoder_device == AUTOMATIC and torch_has_gpu()):
@@ -70,7 +70,7 @@ def encoder_text(settings: JobSettings) -> str:
 
 
 def torch_has_gpu() -> bool:
-    """Whether this Python has torch, and torch an NVIDIA GPU. Torch is imported only where there may be one."""
+    """Return whether this Python has torch, and torch an NVIDIA GPU. Torch is imported only where there may be one."""
     if importlib.util.find_spec("torch") is None:
         return False
     if sys.platform == "linux" and not Path("/dev/nvidiactl").exists():

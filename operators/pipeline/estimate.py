@@ -62,7 +62,7 @@ class Estimate:
 
     @property
     def too_large(self) -> bool:
-        """Whether building would not fit into memory."""
+        """Return whether building would not fit into memory."""
         return self.peak_bytes > self.free_bytes
 
 

@@ -91,7 +91,7 @@ def _move(source: Path, out: Path) -> None:
 
 
 def _can_be_renamed(source: Path, folder: Path) -> bool:
-    """Whether files in `source` can go into `folder`, which is made, or it is on another disk or mount."""
+    """Return whether files in `source` can go into `folder`, which is made, or it is on another disk or mount."""
     folder.mkdir(parents=True, exist_ok=True)
     probe, there = temporary_path(source / "probe"), temporary_path(folder / "probe")
     probe.touch()

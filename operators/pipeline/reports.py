@@ -20,7 +20,7 @@ _PICTURES = {ending: kind for kind in (PNG, EXR) for ending in kind.endings}
 
 @dataclass(frozen=True)
 class Reported:
-    """What a report says it speaks of: the `job` that wrote it, and paths of its `files` in the folder."""
+    """Contents of a report: the `job` that wrote it, and paths of its `files` in the folder."""
 
     job: str = ""
     files: frozenset[str] = frozenset()
@@ -40,7 +40,7 @@ def write_json(path: Path, values: dict[str, Any], kind: FileKind) -> None:
 
 
 def reported(out: Path) -> Reported:
-    """What the report in `out` speaks of; nothing where there is no report of ours."""
+    """Read what the report in `out` speaks of; nothing where there is no report of ours."""
     path = out / REPORT_NAME
     try:
         report = json.loads(path.read_text(encoding="utf-8")) if REPORT.is_at(path) else {}
@@ -76,6 +76,6 @@ def remove_omitted(out: Path, before: Reported, inputs: Iterable[Path]) -> None:
 
 
 def is_inside(name: str) -> bool:
-    """Whether the path that a report or a record names cannot lead out of its folder."""
+    """Return whether the path that a report or a record names cannot lead out of its folder."""
     path = PurePosixPath(name)
     return not path.is_absolute() and ".." not in path.parts and "\\" not in name and ":" not in name

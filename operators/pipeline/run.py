@@ -41,7 +41,7 @@ if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
 
 @dataclass(frozen=True, eq=False)
 class JobResult:
-    """What a job made.
+    """Result of a job.
 
     warnings: sentences about what had to be assumed or left out. layout: levels of the leaves, if not all on one.
     cycles: of each view, where regions by Cycles were wanted. state: of the scene when it was read.
@@ -118,7 +118,7 @@ def job_report(
     timings_s: dict[str, float],
     warnings: Sequence[str],
 ) -> dict[str, Any]:
-    """Everything that was measured, as plain JSON values."""
+    """Report of everything that was measured, as plain JSON values."""
     octree = coded.octree
     return {
         "octree": {

@@ -198,7 +198,7 @@ def build(
 
 
 def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[str, Any]:
-    """How an octree was made. The scene's file is named without its folder: results are passed on."""
+    """Provenance of an octree. The scene's file is named without its folder: results are passed on."""
     values = {
         "file": Path(bpy.data.filepath).name,
         "scene": bpy.context.scene.name,

@@ -95,7 +95,7 @@ def _measured(
 
 
 def _pictures(frame: Frame, score: np.ndarray, settings: JobSettings, name: str) -> dict[str, np.ndarray]:
-    """What a person looks at; those with a legend are magnified, the others are as many pixels as the camera has.
+    """Pictures for users; those with a legend are magnified, the others are as many pixels as the camera has.
 
     Preview, refined and reference are in colour if the octree is. The overlay stays gray, so that red means one thing.
     """

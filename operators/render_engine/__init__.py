@@ -37,7 +37,7 @@ def _ends_of_renders() -> tuple[list[Any], ...]:
 
 @bpy.app.handlers.persistent
 def _forget_frames(*_: object) -> None:
-    """What was made for frames of an animation is not needed after it, nor what the allocator kept of their arrays."""
+    """Forget what was made for frames of an animation, and free what the allocator kept of their arrays."""
     import sys
 
     from ...patchnet_addon.runtime.heap import trim

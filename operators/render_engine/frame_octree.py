@@ -51,7 +51,7 @@ def forget_frames(*_: object) -> None:
 
 
 def all_results() -> list[results.SceneResult]:
-    """What is kept for frames."""
+    """Results that are kept for frames."""
     return [known.result for known in (*_kept.values(), *_made.values())]
 
 

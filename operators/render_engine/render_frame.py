@@ -97,7 +97,7 @@ class _Output:
         self._shown = time.monotonic()
 
     def shown_meanwhile(self, steps: Steps[None]) -> Steps[None]:
-        """The same steps; now and then the picture that they work on is shown."""
+        """Pass on the steps; now and then the picture that they work on is shown."""
         for report in steps:
             if time.monotonic() - self._shown > _SHOWN_S:
                 self._write()

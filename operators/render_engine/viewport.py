@@ -30,7 +30,7 @@ _STALE = "the scene has changed: voxelize and bake again"
 
 
 class Viewport:
-    """What one viewport needs between two drawings. Dropping it frees all of its memory."""
+    """State of one viewport between two drawings. Dropping it frees all of its memory."""
 
     def __init__(self) -> None:
         self._state: tuple[Any, ...] | None = None
@@ -98,7 +98,7 @@ class Viewport:
         return self._preview
 
     def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:
-        """Whether all kernels are there; they come once for each kind of work."""
+        """Return whether all kernels are there; they come once for each kind of work."""
         kind = picture.strategy.name, picture.octree.chroma is None, picture.coded is None
         if self._preparation is None or self._prepared_for != kind:
             apply_preferences(context)

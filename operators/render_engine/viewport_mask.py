@@ -36,7 +36,7 @@ class ViewportMask:
 
     @property
     def waiting(self) -> bool:
-        """Whether strokes are still to be read, after this drawing."""
+        """Return whether strokes are still to be read, after this drawing."""
         return self._touched and not self._problem
 
     def meshes_changed(self) -> None:
@@ -45,7 +45,7 @@ class ViewportMask:
             self._touched, self._problem = True, ""
 
     def ready(self, context: bpy.types.Context, *, idle: bool) -> bool:
-        """Whether `strokes` can be used; old ones can until the new ones are read.
+        """Return whether `strokes` can be used; old ones can until the new ones are read.
 
         idle: nothing else is to be done, so that an image may be looked at again. Raises SettingError if what was
         painted is not there.

@@ -104,7 +104,7 @@ class Preparation:
 
     @property
     def ready(self) -> bool:
-        """Whether the thread has ended."""
+        """Return whether the thread has ended."""
         return not self._thread.is_alive()
 
     def _run(self) -> None:

@@ -29,7 +29,7 @@ def texture_use(values: NodeValues, output: Output) -> TextureUse:
 def _uv_transform(
     values: NodeValues, at: Input
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
-    """How texture coordinates come from the mesh's UV map; None for the map itself."""
+    """Transform from the mesh's UV map to texture coordinates; None for the map itself."""
     found = source(at)
     if isinstance(found, Input) or (found.node.type == "TEX_COORD" and found.socket.name == "UV"):
         return None

@@ -57,7 +57,7 @@ class ImageReader:
 
 
 def usable(image: bpy.types.Image | None) -> bool:
-    """Whether the image has pixels that can be read as one rectangle."""
+    """Return whether the image has pixels that can be read as one rectangle."""
     return image is not None and image.source != "TILED" and min(image.size) > 0 and image.channels > 0
 
 

@@ -41,7 +41,7 @@ def layer_names(material: bpy.types.Material) -> frozenset[str]:
 
 
 def needs_generated(node: bpy.types.Node) -> bool:
-    """Whether a node yields or takes generated coordinates."""
+    """Return whether a node yields or takes generated coordinates."""
     if node.type == "TEX_COORD":
         return node.outputs["Generated"].is_linked
     return node.type in GENERATED_BY_DEFAULT and not node.inputs["Vector"].is_linked

@@ -25,7 +25,7 @@ _MAX_EMISSION = 1e6  # W/m2; more can only be a mistake
 
 @dataclass(frozen=True)
 class _Surface:
-    """What a shader socket shows; `transparent` surfaces show nothing of their own."""
+    """Surface that a shader socket shows; `transparent` surfaces show nothing of their own."""
 
     base: ColorTerm = ColorTerm(_BLACK)  # noqa: RUF009
     alpha: NumberTerm = NumberTerm(1.0)  # noqa: RUF009
@@ -94,7 +94,7 @@ class _Walk:
         self.values = values
 
     def surface(self, at: Input) -> _Surface:
-        """What a shader input shows; unlinked it is black."""
+        """Evaluate a shader input to what it shows; unlinked it is black."""
         found = source(at)
         if isinstance(found, Input):
             return _Surface()

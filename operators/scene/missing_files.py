@@ -79,7 +79,7 @@ def _missing_images(tree: bpy.types.NodeTree) -> Iterator[str]:
 
 
 def _files_of(node: bpy.types.Node, image: bpy.types.Image) -> list[str]:
-    """What an image is read from at the present frame."""
+    """Files that an image is read from at the present frame."""
     if image.source == "TILED":
         return [image.filepath.replace("<UDIM>", str(tile.number)) for tile in image.tiles]
     if image.source == "SEQUENCE":

@@ -30,12 +30,12 @@ class Output:
     groups: tuple[bpy.types.Node, ...]
 
     def input(self, key: str | int) -> Input:
-        """One of the node's inputs."""
+        """Input of the node by its key."""
         return Input(self.node.inputs[key], self.groups)
 
 
 def source(start: Input) -> Output | Input:
-    """What feeds an input: the output that computes it, or the unlinked input whose value counts."""
+    """Follow the links to an input: to the output that computes it, or to the unlinked input whose value counts."""
     at = start
     while True:
         link = next((link for link in at.socket.links if not link.is_muted), None)

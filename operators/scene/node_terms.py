@@ -47,7 +47,7 @@ class NumberTerm:
 
     @property
     def constant(self) -> bool:
-        """Whether it is the same everywhere."""
+        """Return whether it is the same everywhere."""
         return self.texture is None
 
     def affine(self, scale: float, offset: float) -> NumberTerm:

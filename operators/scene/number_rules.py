@@ -39,7 +39,7 @@ def _separated(values: NodeValues, output: Output) -> NumberTerm:
 
 
 def _light_path(values: NodeValues, output: Output) -> NumberTerm:
-    """What the camera sees counts."""
+    """Evaluate a Light Path node as a camera ray sees it."""
     return NumberTerm(1.0 if output.socket.name == "Is Camera Ray" else 0.0)
 
 

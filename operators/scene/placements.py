@@ -55,7 +55,7 @@ def _renders(item: bpy.types.Object) -> bool:
 
 
 def _shows(instance: bpy.types.DepsgraphObjectInstance) -> bool:
-    """Whether the object itself is shown, and not only what it instances."""
+    """Return whether the object itself is shown, and not only what it instances."""
     if not instance.show_self:
         return False
     item = instance.object
@@ -63,5 +63,5 @@ def _shows(instance: bpy.types.DepsgraphObjectInstance) -> bool:
 
 
 def _hidden_instance(instance: bpy.types.DepsgraphObjectInstance) -> bool:
-    """Whether the instanced object is disabled for renders; geometry nodes instance it nevertheless, as renders do."""
+    """Test whether the instanced object is disabled for renders; geometry nodes instance it anyway, as renders do."""
     return instance.parent.instance_type != "NONE" and instance.instance_object.original.hide_render

@@ -55,7 +55,7 @@ def _nothing(scope: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """One row of `Placements`."""
+    """Row of `Placements`."""
 
     name: str
     matrix_world: np.ndarray

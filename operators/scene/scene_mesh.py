@@ -19,7 +19,7 @@ BATCH_TRIANGLES = 250_000
 
 @dataclass(frozen=True, eq=False)
 class Placements:
-    """One mesh and where it stands.
+    """Mesh and its places.
 
     mesh: the triangles in their own space. objects: (P,) names of the placed objects.
     matrices_world: (P, 4, 4) float64. materials: (P, S) int32, index into the scene's materials for each slot.
@@ -156,7 +156,7 @@ class SceneMesh:
             first += len(batch)
 
     def runs(self) -> Iterator[tuple[Run, ...]]:
-        """What each of the `batches` is made of: large meshes divided, small ones grouped."""
+        """Runs that each of the `batches` is made of: large meshes divided, small ones grouped."""
         group: list[Run] = []
         count = 0
         for part in self.parts:

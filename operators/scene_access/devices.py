@@ -15,13 +15,13 @@ _ENABLE = "enable one in the preferences under System > Cycles Render Devices, o
 
 
 def gpu_is_enabled(context: bpy.types.Context) -> bool:
-    """Whether a GPU is enabled in the preferences of Cycles; it then bakes, whatever the scene's file says."""
+    """Return whether a GPU is enabled in the preferences of Cycles; it then bakes, whatever the scene's file says."""
     addon = context.preferences.addons.get("cycles")
     return addon is not None and bool(addon.preferences.has_active_device())
 
 
 def bakes_on_gpu(context: bpy.types.Context, device: str = AUTOMATIC) -> bool:
-    """Whether a bake with a setting of `DEVICES` runs on a GPU.
+    """Return whether a bake with a setting of `DEVICES` runs on a GPU.
 
     Raises SettingError if a GPU is asked for and none is enabled.
     """
@@ -34,7 +34,7 @@ def bakes_on_gpu(context: bpy.types.Context, device: str = AUTOMATIC) -> bool:
 
 
 def device_text(context: bpy.types.Context, device: str = AUTOMATIC) -> str:
-    """What a bake would run on, in a few words; raises as `bakes_on_gpu`."""
+    """Name of the device that a bake would run on, in a few words; raises as `bakes_on_gpu`."""
     if not bakes_on_gpu(context, device):
         return "CPU"
     values = context.preferences.addons["cycles"].preferences

@@ -46,7 +46,7 @@ def drop_image(name: str) -> None:
 
 
 def is_shown() -> bool:
-    """Whether a picture of ours is among Blender's images."""
+    """Return whether a picture of ours is among Blender's images."""
     return any(OWNER in image for image in bpy.data.images)
 
 

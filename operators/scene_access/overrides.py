@@ -60,7 +60,7 @@ def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
 
 
 def _place(owner: bpy.types.bpy_struct) -> Callable[[], Any]:
-    """Where `owner` is found again: Blender notices that a data-block is gone, and not that settings in it are."""
+    """Function that finds `owner` again: Blender notices a data-block that is gone, but not settings in it that are."""
     block = owner.id_data
     if block is None or block == owner:
         return lambda: owner

@@ -11,5 +11,5 @@ OWNER = "patchnet_result"  # custom property that marks a data-block as ours to 
 
 
 def is_own(item: bpy.types.ID) -> bool:
-    """Whether an operator of ours made this data-block, original or evaluated, as a result."""
+    """Return whether an operator of ours made this data-block, original or evaluated, as a result."""
     return OWNER in item

@@ -24,5 +24,5 @@ def quiet() -> Iterator[None]:
 
 
 def is_quiet() -> bool:
-    """Whether changes are our own now."""
+    """Return whether changes are our own now."""
     return _blocks > 0

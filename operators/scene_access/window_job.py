@@ -36,12 +36,12 @@ def in_window(alive: bool) -> Iterator[None]:
 
 
 def window_is_alive() -> bool:
-    """Whether a window waits for these steps."""
+    """Return whether a window waits for these steps."""
     return _in_window.get()
 
 
 def job_is_running(*kinds: str) -> bool:
-    """Whether Blender bakes or renders beside its window, or does what is in `kinds`."""
+    """Return whether Blender bakes or renders beside its window, or does what is in `kinds`."""
     return any(bpy.app.is_job_running(kind) for kind in kinds or (BAKE, RENDER))
 
 
@@ -53,7 +53,7 @@ def check_no_job() -> None:
 
 @dataclass(frozen=True)
 class JobEnd:
-    """How a job ended, as far as Blender says, and the seconds until then, without those of who waited for it."""
+    """End of a job, as far as Blender says, and the seconds until then, without those of the caller that waited."""
 
     completed: bool
     cancelled: bool

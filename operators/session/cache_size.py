@@ -44,7 +44,7 @@ class CacheSize:
 
 
 def cache_size(root: Path) -> CacheSize:
-    """How much of `root` is ours."""
+    """Size of what is ours in `root`."""
     return CacheSize(*(sum(_size(path) for path in files(root)) for files in _ALL))
 
 

@@ -61,7 +61,7 @@ def restore(scene: bpy.types.Scene) -> bool:
 
 
 def result_or_kept(scene: bpy.types.Scene) -> results.SceneResult | None:
-    """What is there for `scene`, in background from the cache folder too."""
+    """Return the result of `scene` that is there, in background from the cache folder too."""
     result = results.result_of(scene)
     if result is None and bpy.app.background and scene.session_uid not in _looked:
         _looked.add(scene.session_uid)
@@ -87,14 +87,14 @@ def _cache() -> OctreeCache:
 
 
 def _key(state: SceneState) -> str:
-    """What an octree depends on beside the settings, which stand in the entry: the last ones that it was made with."""
+    """Key of what an octree depends on beside the settings it was last made with, which stand in the entry."""
     from ..animation.frame_key import code_hash
 
     return state.identity(code_hash(), bpy.app.version_string)
 
 
 def _fingerprint(scene: bpy.types.Scene) -> list[Any]:
-    """What tells most scenes apart at once."""
+    """Fingerprint that tells most scenes apart at once."""
     return [scene.name, len(scene.objects), len(bpy.data.meshes), len(bpy.data.materials)]
 
 

@@ -33,7 +33,7 @@ def give_back() -> None:
 
 
 def held() -> Held:
-    """What the extension holds now."""
+    """Measure what the extension holds now."""
     from . import views as kept
 
     holders = [results.all_results(), kept.all_views()]

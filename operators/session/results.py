@@ -94,7 +94,7 @@ class SceneResult:
             names.append(what)
 
     def known_changes(self) -> set[str]:
-        """What is marked already, so that nobody looks at it again."""
+        """Names that are marked already, so that they are not looked at again."""
         return {what for names in self.reasons.values() for what in names}
 
     def unmark(self, step: str) -> None:
@@ -103,7 +103,7 @@ class SceneResult:
         self.reasons.pop(step, None)
 
     def why(self, step: str) -> str:
-        """What made a step stale, in a few words."""
+        """Reason for a stale step, in a few words."""
         names = self.reasons.get(step, [])
         return ", ".join(names[:_MOST_NAMES]) + (" and more" if len(names) > _MOST_NAMES else "")
 
@@ -120,7 +120,7 @@ _estimates: dict[int, Estimate] = {}
 
 
 def result_of(scene: bpy.types.Scene) -> SceneResult | None:
-    """What is there for `scene`."""
+    """Return the result of `scene`, None if there is none."""
     return _results.get(scene.session_uid)
 
 
@@ -158,7 +158,7 @@ def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str) -> None:
 
 
 def without_view(result: SceneResult) -> SceneResult:
-    """The same without what was found out about a view."""
+    """Copy a result without what was found out about a view."""
     made = replace(result, lookahead_share=None, pictures=False, comparison=None, errors=None)
     made.unmark("view")
     return made
@@ -171,7 +171,7 @@ def forget(scene: bpy.types.Scene) -> None:
 
 
 def in_main_thread() -> bool:
-    """Whether this is not the thread of a render beside a window."""
+    """Return whether this is not the thread of a render beside a window."""
     return threading.current_thread() is threading.main_thread()
 
 
@@ -186,7 +186,7 @@ def _redraw_viewports() -> None:
 
 
 def estimate_of(scene: bpy.types.Scene) -> Estimate | None:
-    """What the last estimate for `scene` said."""
+    """Return the last estimate for `scene`, None if there is none."""
     return _estimates.get(scene.session_uid)
 
 
@@ -196,7 +196,7 @@ def keep_estimate(scene: bpy.types.Scene, estimate: Estimate) -> None:
 
 
 def all_results() -> list[SceneResult]:
-    """Those of all scenes."""
+    """Results of all scenes."""
     return list(_results.values())
 
 

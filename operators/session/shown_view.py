@@ -35,7 +35,7 @@ _numbers = count(1)
 
 @dataclass(frozen=True, eq=False)
 class ShownView:
-    """What is known of each pixel of a view.
+    """Values of each pixel of a view.
 
     camera: what it looked through. values: quantity -> (H, W) float32, raw; level is -1 where nothing was met.
     looks: PREVIEW, REFINED, REFERENCE -> (H, W, 3) uint8, as a screen shows them. strategy: name.
@@ -100,7 +100,7 @@ class ShownView:
 
 
 def view_to_show(view: View, settings: JobSettings, chosen_maximum: float) -> ShownView:
-    """What overlay and inspection need of a view that was made with `settings`."""
+    """Select what overlay and inspection need of a view that was made with `settings`."""
     from ...patchnet_addon.tracing.supersample import MAX_SAMPLES
 
     frame, scores = view.frame, strategy(view.strategy)

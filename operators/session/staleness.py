@@ -71,7 +71,7 @@ def changes(
 
 
 def _words(update: bpy.types.DepsgraphUpdate) -> str:
-    """What a report says of a data-block."""
+    """Describe the change of a data-block that Blender reports."""
     from ..state.scene_state import changed_text, key_of
 
     block = update.id.original
@@ -103,7 +103,7 @@ def recheck(result: SceneResult, scene: bpy.types.Scene) -> None:
 
 
 def _recheck_if_quick(result: SceneResult, scene: bpy.types.Scene, reason: str) -> None:
-    """As `recheck`; of a large scene all counts as changed, for that `reason`, until somebody needs to know."""
+    """Recheck a result, or of a large scene mark all as changed, for that `reason`, until the state is needed."""
     from ..state.scene_state import LIGHT, SURFACE
 
     if result.state is not None and result.state.seconds < _QUICK_S:

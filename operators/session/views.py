@@ -52,12 +52,12 @@ def forget_all() -> None:
 
 
 def all_views() -> list[ShownView]:
-    """Those of all scenes and cameras."""
+    """Views of all scenes and cameras."""
     return [item.view for views in _views.values() for item in views.values()]
 
 
 def has_views(scene: bpy.types.Scene) -> bool:
-    """Whether there is something to lay over this scene."""
+    """Return whether there is something to lay over this scene."""
     return bool(_views.get(scene.session_uid))
 
 
@@ -78,7 +78,7 @@ def view_of_image(scene: bpy.types.Scene, image: bpy.types.Image) -> tuple[Shown
 
 
 def why_stale(scene: bpy.types.Scene, view: ShownView) -> str:
-    """What makes a view out of date, in a few words; empty if it fits the scene."""
+    """Reason for a view being out of date, in a few words; empty if it fits the scene."""
     result, found = results.result_of(scene), _views.get(scene.session_uid, {}).get(view.camera.name)
     if result is None or found is None or found.octree is None or found.octree() is not result.octree:
         return "voxels were made anew"

@@ -25,7 +25,7 @@ Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 @dataclass(frozen=True)
 class JobSettings:
-    """What to do with a scene.
+    """Settings of a job on a scene.
 
     scope: SELECTED objects or all VISIBLE renderable ones.
     depth: of the octree; None chooses it by the cameras (methods 4.1b). voxel_world: leaf side instead of a depth.

@@ -95,7 +95,7 @@ class Digest:
         self.contents(block)
 
     def contents(self, block: bpy.types.ID) -> None:
-        """What is in a data-block."""
+        """Hash the contents of a data-block."""
         if isinstance(block, bpy.types.Image):
             self._image(block)
         elif isinstance(block, bpy.types.NodeTree):
@@ -216,7 +216,7 @@ class Digest:
         self.array(f"{attribute.name} {attribute.domain}", values_of(attribute.data, key, width, dtype))
 
     def faces(self, data: Any) -> None:
-        """Which vertices the faces of a mesh have; nothing of what has none."""
+        """Hash the vertex indices of a mesh's faces; nothing of what has none."""
         if not isinstance(data, bpy.types.Mesh):
             return
         corners = data.attributes.get(_CORNERS)  # the same as of `loops`, many times faster
@@ -244,7 +244,7 @@ def _properties_of(owner: bpy.types.bpy_struct) -> list[tuple[str, str, bool]]:
 
 
 def values_of(items: Any, key: str, width: int, dtype: type) -> np.ndarray:
-    """One property of all items of a collection: (len(items) * width,)."""
+    """Values of one property of all items of a collection: (len(items) * width,)."""
     values: np.ndarray = np.empty(len(items) * width, dtype)
     if len(items):
         items.foreach_get(key, values)

@@ -67,7 +67,7 @@ class _Hashes(NamedTuple):
 
 @dataclass(frozen=True)
 class SceneState:
-    """What a scene was at some moment.
+    """State of a scene at some moment.
 
     entries: hashes by data-block. layer: name of the view layer. frame: the present one if something is animated.
     seconds: what it took to find out.
@@ -86,7 +86,7 @@ class SceneState:
         return digest.hexdigest()
 
     def differences(self, now: SceneState) -> dict[str, list[str]]:
-        """What is not as it was, in words, for the surface and for the light."""
+        """List what changed, in words, for the surface and for the light."""
         found: dict[str, list[str]] = {SURFACE: [], LIGHT: []}
         for key in dict.fromkeys((*self.entries, *now.entries)):
             before, after = (state.entries.get(key, _Hashes()) for state in (self, now))
@@ -130,7 +130,7 @@ def scene_state(scene: bpy.types.Scene, layer: str = "") -> SceneState:
 
 
 def key_of(block: bpy.types.ID) -> Key:
-    """What a data-block is found by."""
+    """Key that a data-block is found by."""
     kind = type(block).__name__
     if isinstance(block, bpy.types.Object):
         kind = _KINDS_OF_OBJECTS.get(block.type, kind)
@@ -156,7 +156,7 @@ def _layer(scene: bpy.types.Scene, name: str) -> bpy.types.ViewLayer:
 
 
 def _members(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Hashes:
-    """Which objects a view layer shows and what its collections leave out; how Cycles renders the scene."""
+    """Hash which objects a view layer shows and what its collections leave out, and how Cycles renders the scene."""
     shown: set[tuple[str, tuple[bool, ...]]] = set()
     stack = [(layer.layer_collection, (False,) * 6)]
     while stack:
@@ -185,12 +185,12 @@ def _counts(item: bpy.types.Object) -> bool:
 
 
 def _passed_over(block: bpy.types.ID) -> bool:
-    """Whether a data-block shows results, or is there only while a job runs."""
+    """Return whether a data-block shows results, or is there only while a job runs."""
     return is_own(block) or block.is_runtime_data
 
 
 def is_camera(block: bpy.types.ID) -> bool:
-    """Whether a data-block is a camera, as object or as its data."""
+    """Return whether a data-block is a camera, as object or as its data."""
     return isinstance(block, bpy.types.Camera) or (isinstance(block, bpy.types.Object) and block.type == "CAMERA")
 
 
@@ -274,7 +274,7 @@ class _Reader:
 
 
 def _lights(block: bpy.types.ID) -> bool:
-    """Whether a data-block, neither an object nor a mesh, makes light or shows it."""
+    """Return whether a data-block, neither an object nor a mesh, makes light or shows it."""
     if isinstance(block, bpy.types.NodeTree):
         return block.type != "GEOMETRY"
     return isinstance(block, _LIGHT_TYPES) or (isinstance(block, bpy.types.Object) and block.type in _LAMPS)

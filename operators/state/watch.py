@@ -58,7 +58,7 @@ def end(watch: JobWatch) -> None:
 
 
 def watches_of(scene: bpy.types.Scene) -> list[JobWatch]:
-    """Those of jobs that have read this scene."""
+    """Watches of jobs that have read this scene."""
     return [watch for watch in _watches if watch.scene == scene.session_uid and watch.state is not None]
 
 

@@ -22,7 +22,7 @@ _LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
 
 @dataclass
 class _Kept:
-    """What operators found out for the preferences to show: the size of the cache, what the other Python has."""
+    """Findings of operators that the preferences show: the size of the cache, what the other Python has."""
 
     cache: str = ""
     python: str = ""

@@ -32,7 +32,7 @@ _COVERAGE_RAYS = 8
 
 @dataclass(frozen=True, eq=False)
 class CameraCheck:
-    """One camera's pictures (H, W) float32, exposed and clamped to [0, 1], row 0 at the bottom, and figures."""
+    """Pictures of one camera (H, W) float32, exposed and clamped to [0, 1], row 0 at the bottom, and figures."""
 
     camera: Camera
     cycles: np.ndarray

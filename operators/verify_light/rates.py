@@ -33,7 +33,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class Rates:
-    """What pages took, and the render after each of them, reading the scene included."""
+    """Cost of pages, and of the render after each of them, reading the scene included."""
 
     pages: tuple[Turn, ...]
     renders: tuple[Turn, ...]

@@ -57,7 +57,7 @@ class OctreeCache:
         self._root, self._max_bytes = root, max_bytes
 
     def notes(self) -> dict[str, dict[str, Any]]:
-        """What the entries say of themselves, by key."""
+        """Notes of all entries by key."""
         return {path.name: notes for path in self._entries() if (notes := _read_notes(path)) is not None}
 
     def load(self, key: str, weights: Weights | None) -> CachedOctree | None:

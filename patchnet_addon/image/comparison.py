@@ -25,7 +25,7 @@ _CREASE_REACH_PX = 2
 
 @dataclass(frozen=True, eq=False)
 class Guides:
-    """What the reference knows beside luminance, each (H, W) float32, `normal` (H, W, 3).
+    """Guide layers of the reference beside luminance, each (H, W) float32, `normal` (H, W, 3).
 
     coverage: of the reference. other_coverage: of the picture that is judged. depth: inf or huge where nothing is.
     albedo: luminance of the diffuse colour.

@@ -21,7 +21,7 @@ _DTYPES: dict[int, np.dtype] = {0: np.dtype("<u4"), 1: np.dtype("<f2"), 2: np.dt
 
 @dataclass
 class _Part:
-    """One part's header: channels by name in the order of the file, size in pixels, first row."""
+    """Header of a part: channels by name in the order of the file, size in pixels, first row."""
 
     channels: dict[str, np.dtype] = field(default_factory=dict)
     width: int = 0

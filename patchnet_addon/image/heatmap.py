@@ -97,8 +97,10 @@ def with_legend(
 def places_on_page(
     page_px: tuple[int, int], size_px: tuple[int, int], count: int
 ) -> tuple[tuple[float, float, float, float], ...]:
-    """Where `count` pictures of size_px (width, height) lie on a page of `with_legend`, in shares of the page's sides:
-    left, bottom, right, top. Nothing if the page is not one of theirs."""
+    """Rectangles of `count` pictures of size_px (width, height) on a page of `with_legend`.
+
+    In shares of the page's sides: left, bottom, right, top. Nothing if the page is not one of theirs.
+    """
     factor = _magnification(size_px[1])
     width, height = size_px[0] * factor, size_px[1] * factor
     if page_px[0] != count * width + (count - 1) * _GAP_PX:

@@ -24,7 +24,7 @@ def _leg(log_side, square, kind):  # type: ignore[no-untyped-def]
 
 @device
 def _owns(i, j, leg_x, leg_y):  # type: ignore[no-untyped-def]
-    """Whether the texel (i, j), counted from the right angle, has its centre in the triangle."""
+    """Return whether the texel (i, j), counted from the right angle, has its centre in the triangle."""
     return i >= 0 and j >= 0 and (i + 0.5) / leg_x + (j + 0.5) / leg_y < 1.0
 
 
@@ -162,7 +162,7 @@ def triangle_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, pa
 
 
 def group_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, page: int | None = None) -> np.ndarray:
-    """As `triangle_means`, but triangles that share paths (`crowding`) have the mean over those of them given."""
+    """Average as `triangle_means`, but triangles that share paths (`crowding`) get the mean of those of them given."""
     means = triangle_means(charts, texels, triangles, page)
     if charts.group is None or not len(triangles):
         return means

@@ -33,7 +33,7 @@ _SINGLE_CORNERS = np.array([[0.1, 0.25], [0.9, 0.25], [0.5, 1.0]])
 
 @dataclass(frozen=True, eq=False)
 class Charts:
-    """Where each of T triangles lies on P square pages of `page_side` texels, and how many paths pages get.
+    """Charts of T triangles on P square pages of `page_side` texels, and the number of paths that pages get.
 
     page, x, y: (T,) int32, lower left texel of the triangle's rectangle. log_width, log_height: (T,) int8.
     kind: (T,) int8, FIRST has its right angle at the rectangle's lower left, SECOND at its upper right, SINGLE is one
@@ -136,7 +136,7 @@ def layout_charts(
 
 
 def texels_wanted(source: MeshSource, texel_world: float | np.ndarray, max_texels: int = 1 << 25) -> Steps[int]:
-    """How many texels `layout_charts` would give all triangles together, without laying them out."""
+    """Count the texels that `layout_charts` would give all triangles together, without laying them out."""
     _, _, _, sides, _ = yield from _rectangles(source, texel_world, max_texels)
     return int(_own_texels(sides).sum())
 

@@ -22,7 +22,7 @@ _LARGE = 2.0  # texels along the longest edge: such triangles lie in many cells,
 
 @dataclass(frozen=True, eq=False)
 class Crowding:
-    """Who shares paths with whom.
+    """Crowding: the triangles that share paths.
 
     excess: (T,) float32, at least 1: texels in the triangle's cell over those that its surface asks for.
     group: (T,) int32, the same for triangles that share a cell.

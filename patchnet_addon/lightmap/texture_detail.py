@@ -53,7 +53,7 @@ def hue_detail(
     base: np.ndarray,
     opacity: np.ndarray,
 ) -> np.ndarray:
-    """The same for the hue of baked light: factors (F, 3) float32 on red, green and blue; brightness does not count.
+    """Hue detail of baked light: factors (F, 3) float32 on red, green and blue; brightness does not count.
 
     base: (F, 3) base colours of luminance 1, by `color_of_fragments`. opacity: (F,).
     """

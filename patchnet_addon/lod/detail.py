@@ -85,7 +85,7 @@ def fitting_level(limit):  # type: ignore[no-untyped-def]
 
 @device
 def _has_look_ahead(child_mask, first_child, node):  # type: ignore[no-untyped-def]
-    """Whether any child of `node` has children: LOOK_AHEAD is two levels."""
+    """Return whether any child of `node` has children: LOOK_AHEAD is two levels."""
     child = np.int64(first_child[node])
     mask = child_mask[node]
     while mask:

@@ -19,7 +19,7 @@ from .weights import Weights
 
 
 class Encoder(Protocol):
-    """What encodes the corners of a chunk; `chunk` is the number of corners that it likes at once."""
+    """Encoder of the corners of a chunk; `chunk` is the number of corners that it likes at once."""
 
     chunk: int
 
@@ -79,7 +79,7 @@ def _sum_octants(products, rows, bias, values):
 
 @device
 def sum_corner(products, eight, bias, values, corner):
-    """One corner's first layer: values[c] = max(0, bias + sum over octants o of products[eight[o], slice o])."""
+    """First layer of one corner: values[c] = max(0, bias + sum over octants o of products[eight[o], slice o])."""
     width = len(bias)
     for column in range(0, width, LANES):
         total = load(bias, column)

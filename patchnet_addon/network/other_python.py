@@ -27,7 +27,7 @@ _BLENDERS_OWN = ("PYTHONHOME", "PYTHONPATH", "PYTHONSTARTUP")
 
 
 def ask_python(python: Path, seconds: float = 60.0) -> str:
-    """What a Python with torch has, in a few words. Raises SettingError that says what is wrong with it."""
+    """Ask a Python for its torch, in a few words. Raises SettingError that says what is wrong with it."""
     try:
         done = subprocess.run(
             [str(python), "-c", _ASK], capture_output=True, text=True, timeout=seconds, env=environment(), check=False

@@ -110,7 +110,7 @@ def _above(parts: Sequence[Subtrees]) -> Subtrees:
 def _of_level(
     parts: Sequence[Subtrees], level: int, column: Callable[[Subtrees], Sequence[np.ndarray]], dtype: type
 ) -> np.ndarray:
-    """One column of one level of all parts, in order."""
+    """Concatenate one column of one level of all parts, in order."""
     arrays = [
         column(part)[level - part.root_level] for part in parts if 0 <= level - part.root_level < len(part.child_mask)
     ]

@@ -42,10 +42,10 @@ class LeafLevels:
         return max(self.used, default=0)
 
     def divided(self, block_level: int) -> LeafLevels:
-        """The same leaves over blocks of a finer level, as far as the leaves are not coarser than these."""
+        """Divide the blocks to those of a finer level, as far as the leaves are not coarser than these."""
         more = min(block_level, *self.used) - self.block_level if self.used else 0
         return self if more <= 0 else LeafLevels(np.repeat(self.levels, 8**more))
 
     def at_most(self, level: int) -> LeafLevels:
-        """The same with no leaf deeper than `level`, which is at least the blocks' level."""
+        """Limit the leaves' depth to `level`, which is at least the blocks' level."""
         return replace(self, levels=np.minimum(self.levels, np.uint8(level)))

@@ -34,7 +34,7 @@ class VoxelRun:
         return len(self.nodes)
 
     def only(self, chosen: np.ndarray | slice) -> VoxelRun:
-        """Those voxels that `chosen` picks."""
+        """Select the voxels that `chosen` picks."""
         return VoxelRun(self.octree, self.level, self.nodes[chosen], self.keys[chosen])
 
     @property

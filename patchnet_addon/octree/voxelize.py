@@ -84,7 +84,7 @@ def all_leaves(leaves: list[LeafSums], _block_level: int) -> list[LeafSums]:
 
 
 class _Share:
-    """What one core does in a pass: the leaves of some blocks."""
+    """Share of a pass that one core computes: the leaves of some blocks."""
 
     def __init__(self, blocks: BlockRange, grid: Grid, shade: Shade) -> None:
         self.block_level = blocks.layout.block_level
@@ -138,7 +138,7 @@ def _finish(tasks: Sequence[Future[None]]) -> None:
 
 
 def _kept(shares: list[_Share], keep: Callable[[list[LeafSums], int], Kept]) -> list[Kept]:
-    """What is kept of each share, in order, made on all cores; the shares are let go."""
+    """Take what is kept of each share, in order, made on all cores; the shares are let go."""
     with ThreadPoolExecutor(len(shares)) as pool:
         return list(pool.map(lambda share: keep(share.take(), share.block_level), shares))
 

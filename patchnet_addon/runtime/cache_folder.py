@@ -109,7 +109,7 @@ def _private_folder() -> Path:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether `folder` is one, is ours, and nobody else can put files there."""
+    """Test whether `folder` is one, is ours, and no other user can put files there."""
     try:
         found = folder.lstat()
         if not stat.S_ISDIR(found.st_mode):

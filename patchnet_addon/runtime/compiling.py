@@ -12,7 +12,7 @@ _count = 0
 
 
 def is_compiling() -> bool:
-    """Whether a kernel is compiled in some thread; one that is loaded from the cache is not."""
+    """Return whether a kernel is compiled in some thread; one that is loaded from the cache is not."""
     return _count > 0
 
 

@@ -35,7 +35,7 @@ class SettingError(PatchNetError):
 
 
 class OutputError(PatchNetError):
-    """What would be written cannot be, or would replace something that is to stay."""
+    """Output cannot be written, or would replace something that is to stay."""
 
 
 class FileAccessError(PatchNetError):

@@ -33,7 +33,7 @@ class FileKind:
     holds: Callable[[Path], bool]
 
     def is_at(self, path: Path) -> bool:
-        """Whether the file at `path` is of this kind; an empty one is, if it has the ending. Raises OSError."""
+        """Return whether the file at `path` is of this kind; an empty one is, if it has the ending. Raises OSError."""
         if path.stat().st_size == 0:
             return path.suffix.lower() in self.endings
         try:

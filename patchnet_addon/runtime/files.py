@@ -37,7 +37,7 @@ _DTYPE_NAMES = {np.dtype(code): name for name, code in _DTYPES.items()}
 
 @dataclass(frozen=True)
 class FileHeader:
-    """What a file says about itself.
+    """Header of a file: what it says about itself.
 
     kind: "octree", "codes" or "weights". metadata: plain JSON values.
     arrays: dtype and shape of each array. data_start: byte where the arrays begin.

@@ -48,7 +48,7 @@ def exit_code_of(error: KeyboardInterrupt) -> int:
 
 
 class _Waiting:
-    """How many blocks of `interrupts_wait` there are, and the signal that came meanwhile, or 0."""
+    """Counter of blocks of `interrupts_wait`, and the signal that came meanwhile, or 0."""
 
     depth = 0
     heard = 0
@@ -103,7 +103,7 @@ def _hear(number: int, _frame: FrameType | None) -> None:
 
 @contextmanager
 def _listening(number: signal.Signals) -> Iterator[bool]:
-    """Whether we hear a signal within the block, in place of Python or of the program that it is a part of."""
+    """Return whether we hear a signal within the block, in place of Python or of the program that it is a part of."""
     before = signal.getsignal(number)
     if before not in (None, _DEFAULTS[number]) or (os.name == "nt" and (before is None or number != signal.SIGINT)):
         yield False

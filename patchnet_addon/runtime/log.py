@@ -56,7 +56,7 @@ def set_up(log_format: str | None = None, level: str = "WARNING") -> None:
 
 
 def is_json() -> bool:
-    """Whether programs read what is said."""
+    """Return whether programs read what is said."""
     return any(isinstance(handler, _Lines) and handler.as_json for handler in LOG.handlers)
 
 
@@ -79,7 +79,7 @@ def unexpected(error: BaseException, **fields: Any) -> None:
 
 
 def json_line(name: str, message: str, level: int = logging.INFO, /, **fields: Any) -> str:
-    """One event as a line of JSON, without the end of the line."""
+    """Format an event as a line of JSON, without the end of the line."""
     values = {
         "time": datetime.now(UTC).isoformat(timespec="milliseconds"),
         "level": logging.getLevelName(level).lower(),

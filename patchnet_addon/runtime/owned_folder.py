@@ -63,7 +63,7 @@ def remove_left_over(folder: Path, name: str) -> None:
 
 @cache
 def machine() -> str:
-    """What tells this machine from others; containers of one machine are one, as they are for locks."""
+    """Identity of this machine; containers of one machine are one, as they are for locks."""
     try:
         return _BOOT.read_text(encoding="ascii").strip()
     except OSError:
@@ -71,7 +71,7 @@ def machine() -> str:
 
 
 def _is_left_over(folder: Path) -> bool:
-    """Whether nobody is at work in `folder`. Raises OSError."""
+    """Test whether no process is at work in `folder`. Raises OSError."""
     try:
         with (folder / _OWNER).open("rb+") as owner:
             locked = _lock(owner)
@@ -95,7 +95,7 @@ def _silent_s(path: Path, folder: Path) -> float:
 
 
 def _lock(file: BinaryIO, *, wait: bool = False) -> bool | None:
-    """Whether `file` is locked now by us: not while another process holds it; None where there are no locks."""
+    """Return whether `file` is locked now by us: not while another process holds it; None where there are no locks."""
     try:
         if os.name == "nt":
             file.seek(0)

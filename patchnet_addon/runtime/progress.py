@@ -56,7 +56,7 @@ def drain(steps: Steps[Result], on_progress: Callable[[Progress], None] | None =
 
 
 def labelled(steps: Steps[Result], text: str) -> Steps[Result]:
-    """The same steps under another label; `{}` in `text` stands for their own."""
+    """Relabel steps; `{}` in `text` stands for their own label."""
     try:
         while True:
             report = next(steps)

@@ -44,7 +44,7 @@ class Remaining:
         return max(spent / share * (1.0 - self._last) - since, 0.0)
 
     def text(self) -> str:
-        """The same in words: "about 40 s left", or ""."""
+        """Remaining time in words: "about 40 s left", or ""."""
         seconds = self.seconds()
         if seconds is None or seconds < 1.0:
             return ""

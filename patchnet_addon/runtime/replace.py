@@ -47,7 +47,7 @@ def check_replaceable(path: Path, kind: FileKind) -> None:
 
 
 def _is_someone_elses(path: Path, found: os.stat_result) -> bool:
-    """Whether a sticky folder, such as /tmp, keeps us from replacing the file."""
+    """Return whether a sticky folder, such as /tmp, keeps us from replacing the file."""
     if not hasattr(os, "geteuid") or os.geteuid() == 0:
         return False
     folder = path.parent.stat()
@@ -72,7 +72,7 @@ def replaced_file(path: Path, kind: FileKind) -> Iterator[BinaryIO]:
 
 @contextlib.contextmanager
 def replaced_path(path: Path, kind: FileKind) -> Iterator[Path]:
-    """As `replaced_file`, for writers that open the file on their own: the path that they shall write."""
+    """Replace as `replaced_file`, for writers that open the file on their own: yields the path they are to write."""
     check_replaceable(path, kind)
     temporary = temporary_path(path)
     try:

@@ -82,7 +82,7 @@ def _drop(number: int) -> None:
 
 
 def is_written(number: int) -> bool:
-    """Whether a file descriptor can be written: that of a closed stream may be somebody's by now, such as Blender's."""
+    """Test whether a file descriptor can be written: that of a closed stream may be another file's by now."""
     if os.name == "nt":
         return True
     import fcntl

@@ -33,7 +33,7 @@ _let_go: list[threading.Thread] = []
 
 @contextmanager
 def attended() -> Iterator[None]:
-    """Somebody waits for the steps that are pulled within the block, and wants to be asked often whether to go on."""
+    """Mark that a caller waits for the steps pulled within the block, and wants to be asked often whether to go on."""
     token = _attended.set(True)
     try:
         yield
@@ -92,7 +92,7 @@ class _Work(Generic[Result]):
             _let_go[:] = [thread for thread in _let_go if thread.is_alive()] + [self._thread]
 
     def result(self) -> Result:
-        """What the steps gave, or the error that ended them; once, so that no memory is held for longer."""
+        """Return what the steps gave, or raise the error that ended them; once, so that no memory is held on."""
         if self._error is not None:
             raise self._error
         return self._results.pop()

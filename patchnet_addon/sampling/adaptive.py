@@ -36,7 +36,7 @@ Importance = Callable[[Frame], Steps[np.ndarray]]  # weights (P,) in [0, 1] of a
 
 @dataclass
 class Pace:
-    """How much is done in one step: pixels that are traced, and rays of pixels that are refined.
+    """Amount of work in one step: pixels that are traced, and rays of pixels that are refined.
 
     It may be changed between two steps, by those who find out on the way how long one takes.
     """
@@ -77,7 +77,7 @@ class AdaptivePicture:
         return None if self.frame is None or self.score is None else priority(self.frame, self.score)
 
     def trace(self, pace: Pace | None = None) -> Steps[None]:
-        """One ray per pixel, band of rows by band of rows, then importance and score of all pixels.
+        """Trace one ray per pixel, band of rows by band of rows, then find importance and score of all pixels.
 
         Raises SettingError if the strategy needs codes and there are none, and what finding importance raises.
         """
@@ -136,7 +136,7 @@ class AdaptivePicture:
 
 
 def joined_frames(bands: list[Frame]) -> Frame:
-    """One frame of frames that lie on top of each other, the lowest first."""
+    """Join frames that lie on top of each other, the lowest first, into one."""
     if len(bands) == 1:
         return bands[0]
     return Frame(

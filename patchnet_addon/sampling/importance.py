@@ -13,7 +13,7 @@ import numpy as np
 
 
 class Place(NamedTuple):
-    """Where a picture lies on a frame, in pixels of the frame from its lower left; it may reach beyond the frame."""
+    """Place of a picture on a frame, in pixels of the frame from its lower left; it may reach beyond the frame."""
 
     left: int
     bottom: int

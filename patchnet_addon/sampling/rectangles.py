@@ -42,7 +42,7 @@ def _strips(values: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarr
 
 
 def best_rectangle_reference(values: np.ndarray, taken: np.ndarray) -> tuple[float, Box | None]:
-    """As `best_rectangle`, by trying all."""
+    """Find the same rectangle as `best_rectangle`, by trying all."""
     rows, columns = values.shape
     best: tuple[float, Box | None] = (-np.inf, None)
     for bottom in range(rows):

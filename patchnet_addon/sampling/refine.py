@@ -29,7 +29,7 @@ def refinement_order(frame: Frame, score: np.ndarray) -> np.ndarray:
 
 
 def refinable(frame: Frame) -> int:
-    """How many of the active pixels may be refined at all."""
+    """Count the active pixels that may be refined at all."""
     if frame.importance is None:
         return int(np.count_nonzero(frame.active))
     return int(np.count_nonzero(frame.active & (frame.importance > 0)))
@@ -43,7 +43,7 @@ def budget_count(budget: float, active: int) -> int:
 
 
 def refined_count(frame: Frame, budget: float, active: int) -> int:
-    """How many of the `active` pixels, in their order, a budget refines: those that it pays for and that matter."""
+    """Count the `active` pixels, in their order, that a budget refines: those that it pays for and that matter."""
     return min(budget_count(budget, active), refinable(frame))
 
 

@@ -129,7 +129,7 @@ def _style(texture: Texture) -> tuple[object, ...]:
 
 
 def _parts(material: Material) -> tuple[Material, Material | None]:
-    """What gives opacity, and what gives base colour if its texture lies otherwise on the surface."""
+    """Split a material into its opacity, and its base colour if that texture lies otherwise on the surface."""
     base, alpha = material.base_texture, material.alpha_texture
     if base is None or alpha is None or _style(base) == _style(alpha):
         return material, None

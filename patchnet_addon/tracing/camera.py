@@ -81,7 +81,7 @@ class Camera:
         return self.width_px * self.height_px
 
     def with_size(self, width_px: int, height_px: int) -> Camera:
-        """The same view in another resolution of the same aspect ratio."""
+        """Resize the view to another resolution of the same aspect ratio."""
         return replace(self, width_px=width_px, height_px=height_px)
 
     def pixel_side(self, z_world: np.ndarray) -> np.ndarray:

@@ -43,7 +43,7 @@ def _child(child_mask, first_child, node, octant):  # type: ignore[no-untyped-de
 
 @device
 def _upwards(origin, direction):  # type: ignore[no-untyped-def]
-    """One axis of a ray, mirrored so that it does not run downwards: origin, 1 / direction, whether it was mirrored."""
+    """Mirror one axis of a ray so that it does not run downwards: origin, 1 / direction, whether it was mirrored."""
     if direction < 0.0:
         return 1.0 - origin, 1.0 / max(-direction, _TINY), 1
     return origin, 1.0 / max(direction, _TINY), 0

@@ -68,7 +68,7 @@ def _why_nothing(octree: Octree, camera: Camera) -> str:
 
 
 def _stands_in_voxels(hits: Hits, camera: Camera) -> bool:
-    """Whether all rays of a perspective picture end where they begin."""
+    """Return whether all rays of a perspective picture end where they begin."""
     if camera.kind != PERSPECTIVE or not hits.hit.all():
         return False
     return bool((hits.z_world <= camera.clip_start * (1.0 + 1e-6)).all())
@@ -89,7 +89,7 @@ def _why_black(octree: Octree, camera: Camera) -> str:
 
 
 def _enclosed(octree: Octree, camera: Camera) -> bool:
-    """Whether rays into all directions from the camera end on the surface."""
+    """Return whether rays into all directions from the camera end on the surface."""
     from .render import first_hits
 
     ways = [np.eye(3)[axis] * sign for axis in range(3) for sign in (1.0, -1.0)]

@@ -25,7 +25,7 @@ from .voxelize import WARM_DEPTH, OurVoxels
 
 @dataclass(frozen=True)
 class DepthCost:
-    """One depth: median seconds of `runs` runs of clipping, averaging and building all levels.
+    """Cost of one depth: median seconds of `runs` runs of clipping, averaging and building all levels.
 
     peer_seconds and peer_voxels are None where Open3D did not run, and peer_skipped then says why.
     """

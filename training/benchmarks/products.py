@@ -22,7 +22,7 @@ from .timing import take_turns
 
 
 class Product:
-    """One product of the encoder: values (N, depth), matrix (depth, columns), bias (columns,) or None."""
+    """Product of the encoder: values (N, depth), matrix (depth, columns), bias (columns,) or None."""
 
     def __init__(self, values: np.ndarray, matrix: np.ndarray, bias: np.ndarray | None, *, relu: bool) -> None:
         self.values, self.matrix, self.bias, self.relu = values, np.ascontiguousarray(matrix), bias, relu
@@ -35,7 +35,7 @@ class Product:
         return multiply_reference(self.values, self.matrix, self.bias, relu=self.relu)
 
     def runs(self) -> dict[str, Callable[[], Any]]:
-        """What is measured, by name: ours, ours_on_its_values, numpy, torch where it is there."""
+        """Functions to measure, by name: ours, ours_on_its_values, numpy, torch where it is there."""
         panels = Panels.pack(self.matrix, self.bias)
         result = np.empty((len(self.values), panels.width), np.float32)
         runs: dict[str, Callable[[], Any]] = {

@@ -16,5 +16,5 @@ def one_thread_environment() -> dict[str, str]:
 
 
 def has_one_thread() -> bool:
-    """Whether this process was started in such an environment."""
+    """Return whether this process was started in such an environment."""
     return all(os.environ.get(name) == "1" for name in _VARIABLES)

@@ -43,7 +43,7 @@ def benchmark_scene(scene: Path, depth: int, light: str) -> Comparison:
 
 @dataclass(frozen=True)
 class Built:
-    """What `patchnet octree` took: wall seconds, the whole process's peak of memory, and the same of each stage."""
+    """Cost of `patchnet octree`: wall seconds, the whole process's peak of memory, and the same of each stage."""
 
     seconds: float
     peak_bytes: int

@@ -55,7 +55,7 @@ def _code_hash() -> str:
 
 
 def _devices() -> tuple[str, ...]:
-    """What Cycles could compute on: processors differ in their last bits."""
+    """Devices that Cycles could compute on: processors differ in their last bits."""
     try:
         import _cycles  # type: ignore[import-not-found]
     except ImportError:
@@ -64,7 +64,7 @@ def _devices() -> tuple[str, ...]:
 
 
 def add_surface(digest: Digest, source: SceneMesh) -> None:
-    """What is baked, as renders evaluate it."""
+    """Add the surface that is baked, as renders evaluate it."""
     digest.text(source.material_names, [sorted(links) for links in source.light_links])
     for part in source.parts:
         mesh = part.mesh
@@ -78,7 +78,7 @@ def add_surface(digest: Digest, source: SceneMesh) -> None:
 
 
 def add_scene(digest: Digest, depsgraph: bpy.types.Depsgraph) -> None:
-    """What shines, shadows and reflects, whether it is baked or not, and how Cycles renders it."""
+    """Add all that shines, shadows and reflects, whether it is baked or not, and how Cycles renders it."""
     scene, layer = depsgraph.scene, depsgraph.view_layer
     digest.text(scene.frame_current_final)
     digest.block(scene.world)

@@ -102,7 +102,7 @@ class Baker:
         return texels
 
     def triangles(self, page: int) -> PageTriangles:
-        """What lies on a page."""
+        """Triangles on a page."""
         return page_triangles(self._source, self._charts, page, self._closed, self._attributes)
 
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
@@ -161,7 +161,7 @@ class Baker:
     def _bake(
         self, page: int, fronts: PageTriangles, backs: PageTriangles, links: Links, through: bool, at: Progress
     ) -> Steps[list[np.ndarray]]:
-        """As `bake`, of objects that are the same receivers of light: what shines through them, or all but that.
+        """Bake as `bake`, of objects that are the same receivers of light: what shines through them, or all but that.
 
         In a window, what is baked stays in the scene while steps wait; reports are `at`.
         """
@@ -203,7 +203,7 @@ class Baker:
             when_job_ended(stack.close)
 
     def _texels(self, page: int, part: PageTriangles) -> int:
-        """How many texels are part's on its page."""
+        """Count the texels of `part` on its page."""
         from ....patchnet_addon.lightmap.chart_lookup import texel_owners
 
         mine = np.zeros(len(self._charts.page) + 1, bool)  # the last one: texels without a triangle
@@ -226,7 +226,7 @@ def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> lis
 
 
 def is_opaque(material: Material) -> bool:
-    """Whether a surface has no gaps: leaves and grilles have, and are meant to be seen from both sides."""
+    """Return whether a surface has no gaps: leaves and grilles have, and are meant to be seen from both sides."""
     return material.alpha >= 1.0 and material.alpha_texture is None
 
 

@@ -55,13 +55,13 @@ class PageTriangles:
         )
 
     def on_image(self, pages: int, *, upper: bool) -> PageTriangles:
-        """The same on an image of so many pages above each other: on the upper or the lower one."""
+        """Move the charts onto an image of so many pages above each other: on the upper or the lower one."""
         bottom = (pages - 1) / pages if upper else 0.0
         uvs = (self.chart_uvs * np.array([1.0, 1.0 / pages]) + np.array([0.0, bottom])).astype(np.float32)
         return replace(self, chart_uvs=uvs)
 
     def turned(self, material_shift: int) -> PageTriangles:
-        """The same triangles facing the other way, their material indices raised by `material_shift`."""
+        """Turn the triangles to face the other way, their material indices raised by `material_shift`."""
         wind = [0, 2, 1]
         return replace(
             self,

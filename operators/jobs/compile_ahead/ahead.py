@@ -37,7 +37,7 @@ _tried: set[Path] = set()  # marks that could not be made in this process
 
 
 class _OtherBlenderError(Exception):
-    """It did not come to its end."""
+    """The other Blender did not come to its end."""
 
 
 def compiled_ahead() -> Steps[None]:

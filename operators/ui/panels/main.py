@@ -37,7 +37,7 @@ class PATCHNET_PT_main(Tab, bpy.types.Panel):
 
 
 def _draw_estimate(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """What the last estimate said, and for what."""
+    """Draw the last estimate, and what it was made for."""
     found = results.estimate_of(scene)
     if found is None:
         return

@@ -53,7 +53,7 @@ def draw_settings(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, s
 
 
 def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, name: str) -> None:
-    """One setting, with its list of images where it names one."""
+    """Draw a setting, with its list of images where it names one."""
     if name == "importance_image":
         layout.prop_search(values, name, bpy.data, "images")
     else:

@@ -48,6 +48,6 @@ def relative_path(name: str, description: str, subtype: str) -> Any:
 
 
 def device_choice(name: str, description: str, automatic: str, cpu: str, gpu: str) -> Any:
-    """What computes; what each choice means."""
+    """Choice of a device; the texts say what each choice means."""
     items = [(AUTOMATIC, "Automatic", automatic), (CPU, "CPU", cpu), (GPU, "GPU", gpu)]
     return EnumProperty(name=name, description=description, items=items, default=AUTOMATIC)

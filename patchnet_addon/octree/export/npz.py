@@ -70,7 +70,7 @@ def write_npz(octree: Octree, level: int, path: Path) -> Steps[int]:
 
 
 def _whole(octree: Octree, level: int) -> dict[str, np.ndarray]:
-    """What is said once."""
+    """Arrays of the whole octree, written once."""
     return {
         "grid_origin_world": np.array(octree.grid.origin_world, "<f8"),
         "grid_side_world": np.array(octree.grid.side_world, "<f8"),

@@ -92,7 +92,7 @@ def _values(run: VoxelRun, name: str) -> np.ndarray:
 
 
 def _fill(grids: dict[str, Any], leaf: VoxelRun, level: int) -> int:
-    """One coarse leaf as tiles; 1, the number of voxels."""
+    """Fill a coarse leaf as tiles; returns 1, the number of voxels."""
     width = 1 << (level - leaf.level)
     low = leaf.cells[0] * width
     corners = tuple(low.tolist()), tuple((low + width - 1).tolist())
