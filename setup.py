@@ -22,7 +22,7 @@ DATA = [
 
 
 class BuildTree(build_py):
-    """Copies the modules of each package, except this script, which lies in the root package's folder."""
+    """Build step that copies the modules of each package, except this script in the root package's folder."""
 
     def find_package_modules(self, package: str, package_dir: str) -> list[tuple[str, str, str]]:
         return [module for module in super().find_package_modules(package, package_dir) if module[1] != "setup"]

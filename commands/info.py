@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _summary(header: FileHeader, path: Path) -> list[str]:
-    """The figures that a person asks for first."""
+    """Figures that a user asks for first."""
     if header.kind == "octree":
         from ..patchnet_addon.octree.file import load_octree
 

@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def check_out(args: argparse.Namespace) -> None:
-    """Raises OutputError if --out cannot be written, or would replace what the open or the named scene is read from."""
+    """Raise OutputError if --out cannot be written, or would replace what the open or the named scene is read from."""
     from ..operators.pipeline.output_files import scene_inputs
     from ..operators.pipeline.reports import REPORT_NAME
     from ..patchnet_addon.runtime.file_kinds import OCTREE, REPORT
@@ -112,7 +112,7 @@ def check_out(args: argparse.Namespace) -> None:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raises SettingError for settings that are impossible or contradict each other."""
+    """Raise SettingError for settings that are impossible or contradict each other."""
     check_frames(args)
     if args.frames is not None and args.timings:
         raise SettingError("--timings are those of one octree: leave them out with --frames")
@@ -131,7 +131,7 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def without(args: argparse.Namespace) -> list[str]:
-    """The texts of --without, in lower case."""
+    """Texts of --without, in lower case."""
     return [text.strip().lower() for text in args.without.split(",") if text.strip()]
 
 
@@ -147,7 +147,7 @@ def hide_from_renders(texts: list[str]) -> None:
 
 
 def build(args: argparse.Namespace, clock: StageClock, kept: KeptPages) -> Steps[Octree]:
-    """The octree of the scene that is open, at its present frame."""
+    """Build the octree of the scene that is open, at its present frame."""
     import bpy
 
     from ..operators.pipeline.versions import versions

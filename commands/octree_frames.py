@@ -33,7 +33,7 @@ class OctreeMaker(FrameMaker):
             bpy.app.handlers.frame_change_post.append(_hide(texts))  # their keys may show them again
 
     def settings_text(self, common: Common) -> str:
-        """The arguments that the octree depends on."""
+        """Arguments that the octree depends on."""
         values = vars(self._of_frame(common))
         return repr(sorted((name, value) for name, value in values.items() if name not in _NOT_IN_FILES))
 

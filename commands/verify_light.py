@@ -109,7 +109,7 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
 
 
 def camera_folders_of(settings: CheckSettings) -> dict[str, str]:
-    """The folder of each camera by its name, of the open scene's or of those that will be placed. Raises SceneError."""
+    """Folder of each camera by its name, of the open scene's or of those that will be placed. Raises SceneError."""
     import bpy
 
     from ..operators.pipeline.camera_folders import camera_folders, view_folders

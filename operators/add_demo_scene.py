@@ -46,7 +46,7 @@ def _draw_in_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
 
 
 def register() -> None:
-    """The operator, and its entry in the viewport's menu Add."""
+    """Register the operator, and its entry in the viewport's menu Add."""
     bpy.utils.register_class(PATCHNET_OT_add_demo_scene)
     bpy.types.VIEW3D_MT_add.append(_draw_in_menu)
 

@@ -56,7 +56,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
 
 
 def _check_bounds(bounds_world: np.ndarray, grid: Grid) -> None:
-    """Raises SceneError if the surface (2, 3) has left the cube that was voxelized."""
+    """Raise SceneError if the surface (2, 3) has left the cube that was voxelized."""
     corners = grid.to_unit(bounds_world)
     if corners.min() < 0.0 or corners.max() > 1.0:
         raise SceneError("Objects have moved out of the voxels, or others are selected: run Voxelize again")

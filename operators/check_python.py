@@ -20,7 +20,7 @@ class PATCHNET_OT_check_python(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be one."""
+        """Require a Python in the preferences."""
         if not preferences(context).torch_python:
             cls.poll_message_set("No Python is chosen: without one, codes are computed by Blender's own")
             return False

@@ -24,7 +24,7 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be something to free, and nobody at work on it."""
+        """Require something to free that no job works on."""
         if results.result_of(context.scene) is None:
             cls.poll_message_set("There are no results to free")
             return False

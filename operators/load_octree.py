@@ -78,7 +78,7 @@ class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
 
 
 def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, str]:
-    """The octree, its codes if there are any for these weights, and why not if they are for others."""
+    """Load the octree, its codes if there are any for these weights, and why not if they are for others."""
     from ..patchnet_addon.codes.file import load_codes
     from ..patchnet_addon.octree.file import load_octree
 
@@ -114,7 +114,7 @@ def _draw_in_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
 
 
 def register() -> None:
-    """The operator, and its entry in the menu File > Import."""
+    """Register the operator, and its entry in the menu File > Import."""
     bpy.utils.register_class(PATCHNET_OT_load_octree)
     bpy.types.TOPBAR_MT_file_import.append(_draw_in_menu)
 

@@ -45,7 +45,7 @@ class PATCHNET_OT_refine_with_cycles(
 
 
 def summary(view: CyclesView) -> str:
-    """A sentence with the figures of a view."""
+    """Sentence with the figures of a view."""
     report = view.report
     seconds = report["seconds"]
     count = len(view.regions)

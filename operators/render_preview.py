@@ -37,7 +37,7 @@ class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy
 
 
 def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) -> Steps[View]:
-    """The first camera's view of the scene's result, whose figures are kept with it; its pictures are shown.
+    """Look through the first camera at the scene's result, which keeps the figures; the pictures are shown.
 
     compare: measure all strategies. Raises SettingError, SceneError.
     """

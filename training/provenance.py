@@ -13,7 +13,7 @@ _PACKAGES = ("patchnet-blender", "numpy", "numba", "torch")
 
 
 def describe_command(arguments: Sequence[str]) -> str:
-    """The command line with paths cut to their last part."""
+    """Command line with paths cut to their last part."""
     words = [Path(word).name if os.sep in word else word for word in arguments]
     return " ".join(["patchnet", *words[1:]])
 

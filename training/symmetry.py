@@ -25,7 +25,7 @@ class Symmetries:
     cell: np.ndarray
 
     def matrix(self, index: int) -> np.ndarray:
-        """The symmetry as a (3, 3) float64 matrix that acts on column vectors."""
+        """Symmetry as a (3, 3) float64 matrix that acts on column vectors."""
         matrix = np.zeros((3, 3))
         matrix[np.arange(3), self.axis[index]] = self.sign[index]
         return matrix

@@ -72,7 +72,7 @@ def measure(args: argparse.Namespace) -> Comparison:
 
 
 def text(values: dict[str, Any]) -> str:
-    """A Markdown table, and the prices that explain it."""
+    """Markdown table, and the prices that explain it."""
     from ...training.benchmarks.tables import markdown_table
 
     head = ["depth", "fragments", "leaves", "time", "ns per fragment", "ns per leaf", "ns per triangle", "runs"]

@@ -71,7 +71,7 @@ def _in_a_process_of_one_thread(args: argparse.Namespace) -> Comparison:
 
 
 def text(values: dict[str, Any]) -> str:
-    """A sentence about corners, and a Markdown table of products."""
+    """Sentence about corners, and a Markdown table of products."""
     from ...training.benchmarks.tables import markdown_table
 
     names = ["ours", "ours_on_its_values", "numpy"] + (["torch"] if values["torch"] else [])

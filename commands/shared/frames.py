@@ -32,7 +32,7 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
 
 
 def check_frames(args: argparse.Namespace) -> None:
-    """Raises SettingError for frames that cannot be, before anything is opened."""
+    """Raise SettingError for frames that cannot be, before anything is opened."""
     if args.frames is not None:
         parse_frames(args.frames)
     elif args.overwrite or args.same_grid:

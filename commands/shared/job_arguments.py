@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def add_job_arguments(parser: argparse.ArgumentParser) -> None:
-    """The settings of a job, which `patchnet demo` shares."""
+    """Add the settings of a job, which `patchnet demo` shares."""
     parser.add_argument(
         "--depth", default="auto",
         help="octree depth; auto: 95 %% look-ahead for all cameras; fit: fine only where the cameras look (auto)",
@@ -65,14 +65,14 @@ def add_both_sides(parser: argparse.ArgumentParser) -> None:
 
 
 def add_color(parser: argparse.ArgumentParser) -> None:
-    """The argument that all commands share which write octrees."""
+    """Add the argument that all commands share which write octrees."""
     parser.add_argument(
         "--color", action="store_true", help="keep colour beside luminance, for pictures and exports (luminance alone)"
     )
 
 
 def add_exposure(parser: argparse.ArgumentParser) -> None:
-    """The argument that all commands share which write lit octrees."""
+    """Add the argument that all commands share which write lit octrees."""
     add_number(
         parser, "--exposure", bounds.EXPOSURE, metavar="FACTOR",
         help="factor on luminance (the one that brings its 99.5 %% quantile to 1)",
@@ -80,7 +80,7 @@ def add_exposure(parser: argparse.ArgumentParser) -> None:
 
 
 def require_blender() -> None:
-    """Raises PatchNetError that says what to install if Blender is not there as a Python module."""
+    """Raise PatchNetError that says what to install if Blender is not there as a Python module."""
     try:
         import bpy  # noqa: F401
     except ImportError as cause:

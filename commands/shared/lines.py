@@ -26,7 +26,7 @@ def say_note(text: str) -> None:
 
 
 def say_error(text: str, exit_code: int, *, prefix: str = "patchnet: ") -> None:
-    """Why the command ends with `exit_code`; people get it on stderr, too."""
+    """Print why the command ends with `exit_code`, for users to stderr, too."""
     if not is_json():
         print(f"{prefix}{text}", file=sys.stderr)
     event("error", text.removeprefix("error: "), logging.ERROR, exit_code=exit_code)

@@ -14,7 +14,7 @@ NO_SCENE = "There is no scene: name its file, or open one with `blender -b FILE 
 
 
 def add_scene(parser: argparse.ArgumentParser, text: str, kind: Callable[[str], Any] = Path) -> None:
-    """The argument SCENE, which may be left out where a file is open."""
+    """Add the argument SCENE, which may be left out where a file is open."""
     parser.add_argument("scene", type=kind, nargs="?", help=f"{text}; in Blender, the open file if it is left out")
 
 
@@ -42,5 +42,5 @@ def open_given(scene: Path | str | None) -> None:
 
 
 def opened_file(scene: Path | None) -> Path | None:
-    """The .blend file that was opened just now. What was open before may have been changed by a script since."""
+    """Return the .blend file that was opened just now. What was open before may have been changed by a script since."""
     return scene if scene is not None and scene.suffix.lower() == ".blend" else None

@@ -32,7 +32,7 @@ def add_views(parser: argparse.ArgumentParser) -> None:
 
 
 def view_cameras(args: argparse.Namespace) -> list[Camera]:
-    """The cameras of `add_views`."""
+    """Cameras of `add_views`."""
     from ...patchnet_addon.tracing.camera import Camera
 
     width, height = args.size

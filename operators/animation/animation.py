@@ -95,7 +95,7 @@ def _all_files(plan: FramePlan, files: Mapping[str, FileKind]) -> dict[Path, Fil
 
 
 class _Animation:
-    """Bakes frames, and knows what is common to those that are still to come.
+    """Bake of frames, with what is common to those that are still to come.
 
     One of them, the reference, chooses the exposure for all where none was given: else a lamp that goes down would
     darken nothing. Of frames that are there it is the one that did so for them.
@@ -109,7 +109,7 @@ class _Animation:
         self.result = AnimationResult()
 
     def find_reference(self) -> Steps[None]:
-        """The frame whose exposure is everybody's."""
+        """Choose the frame whose exposure all frames take."""
         if self._maker.exposure is not None:
             return
         self._reference = self._plan.frames[0]
@@ -197,7 +197,7 @@ class _Animation:
         return "" if path is None else file_key(path, self._maker.settings_text(self._common_of(frame)), frame)
 
     def _content(self, frame: int) -> str:
-        """The key of a frame, which the scene is at from now on."""
+        """Key of a frame, which the scene is at from now on."""
         go_to_frame(self._context.scene, frame)
         return content_key(self._context, self._maker.scope, self._maker.settings_text(self._common_of(frame)))
 
@@ -222,7 +222,7 @@ class _Animation:
 
 
 def _reference_of(out: Path) -> int | None:
-    """The frame that an earlier call took the exposure from."""
+    """Frame that an earlier call took the exposure from."""
     try:
         number = json.loads((out / REPORT_NAME).read_text(encoding="utf-8"))["reference"]
     except (OSError, ValueError, TypeError, KeyError):
@@ -231,7 +231,7 @@ def _reference_of(out: Path) -> int | None:
 
 
 def _warnings(summaries: dict[int, dict[str, Any]]) -> tuple[str, ...]:
-    """Each warning once, with the frames that it is about."""
+    """List each warning once, with the frames that it is about."""
     frames: dict[str, list[int]] = {}
     for frame, summary in sorted(summaries.items()):
         for text in summary.get("warnings", ()):

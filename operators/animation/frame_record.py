@@ -18,7 +18,7 @@ RECORD_NAME = "frame.json"
 
 @dataclass(frozen=True)
 class FrameRecord:
-    """A finished frame.
+    """Record of a finished frame.
 
     content: `content_key`. file: `file_key`, or "" where no file is known to hold the scene.
     files: bytes of each file by its path in the folder. summary: figures for the report of the animation.
@@ -54,7 +54,7 @@ def read_record(folder: Path) -> FrameRecord | None:
 
 
 def write_record(folder: Path, record: FrameRecord) -> None:
-    """From now on the frame counts as finished; raises OutputError if it cannot be written."""
+    """Record that the frame is finished, from now on; raises OutputError if it cannot be written."""
     write_json(folder / RECORD_NAME, asdict(record), FRAME_RECORD)
 
 

@@ -41,7 +41,7 @@ _EMISSION = ("Emit", "Emission")
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A render, row 0 at the bottom, over black.
+    """Render, row 0 at the bottom, over black.
 
     luminance: (H, W) float32 of diffuse light and emission, unexposed. coverage, depth_world, albedo: (H, W).
     normal: (H, W, 3).

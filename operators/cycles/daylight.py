@@ -57,7 +57,7 @@ def _emits(material: bpy.types.Material) -> bool:
 
 
 def _bright(socket: bpy.types.NodeSocket) -> bool:
-    """A colour or strength that is not black; a linked one is taken for bright."""
+    """Test for a colour or strength that is not black; a linked one is taken for bright."""
     value = socket.default_value
     return socket.is_linked or (value > 0 if isinstance(value, float) else max(value[:3]) > 0)
 

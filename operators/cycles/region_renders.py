@@ -40,9 +40,9 @@ _INSIDE = 0.25  # of a pixel, so that borders, which Blender keeps as float32 sh
 
 
 class RegionRenders:
-    """Renders parts of a picture; made by `region_renders`.
+    """Renderer of parts of a picture; made by `region_renders`.
 
-    seconds: of Blender's renders up to now and of reading their files, without those of who waited for them.
+    seconds: of Blender's renders up to now and of reading their files, without those of the caller that waited.
     sync_seconds: of the first, which reads the scene.
     """
 

@@ -19,7 +19,7 @@ VIEWS = {
 
 
 def build_cameras(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
-    """Adds the views for square pictures; Middle becomes the scene's camera."""
+    """Add the views for square pictures; Middle becomes the scene's camera."""
     for name, (position, target) in VIEWS.items():
         data = bpy.data.cameras.new(name)
         data.sensor_fit, data.angle = "AUTO", FIELD_OF_VIEW

@@ -20,7 +20,7 @@ _RED, _GREEN, _WHITE = (0.80, 0.26, 0.22), (0.35, 0.66, 0.30), (0.88, 0.87, 0.85
 
 
 def build_room(scene: bpy.types.Scene, seed: int = 1) -> None:
-    """Builds the room with its camera into a scene; every random choice from `seed`."""
+    """Build the room with its camera into a scene; every random choice from `seed`."""
     collection = bpy.data.collections.new("Room")
     scene.collection.children.link(collection)
     white = _matt("White", _WHITE)
@@ -65,7 +65,7 @@ def _build_shell(collection: bpy.types.Collection, walls: list[bpy.types.Materia
 
 
 def _build_lamp(collection: bpy.types.Collection) -> None:
-    """A square area light under the ceiling; as Cycles' lamps do, it shines downwards only."""
+    """Square area light under the ceiling; as Cycles' lamps do, it shines downwards only."""
     data = bpy.data.lights.new("Lamp", "AREA")
     data.shape, data.size, data.energy = "SQUARE", 0.7, 30.0
     add_object(collection, "Lamp", data).location = (0.0, 0.0, SIDE - 0.02)

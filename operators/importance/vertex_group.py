@@ -24,7 +24,7 @@ _HALF_DIAGONAL = 0.5 * 3.0**0.5 * 1.001  # in voxel sides, and what rounding add
 
 
 class PaintedSurface:
-    """The triangles of all objects that have a vertex group, in world units."""
+    """Triangles of all objects that have a vertex group, in world units."""
 
     def __init__(self, depsgraph: bpy.types.Depsgraph, scope: str, group: str) -> None:
         """depsgraph: as renders see it. Raises SettingError if no object in scope has the group."""

@@ -61,7 +61,7 @@ class JobOperator(_Operator):
     _file: Path | None = None  # what the steps write, for the log
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """The work; its result is a sentence about what was done. It leaves the scene as it was, also when closed."""
+        """Do the work; the result is a sentence about what was done. The scene is left as it was, also when closed."""
         raise RuntimeError(f"{type(self).__name__} has no steps")
 
     @classmethod
@@ -138,7 +138,7 @@ class JobOperator(_Operator):
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Blender calls this when the window closes."""
+        """Stop when the window closes; Blender calls this."""
         self.stop()
         self._end_modal(context)
 
@@ -179,7 +179,7 @@ class JobOperator(_Operator):
                 return
 
     def _in_scene(self, context: bpy.types.Context) -> Any:
-        """The context in which the steps began: the window may show another scene or view layer by now."""
+        """Context in which the steps began: the window may show another scene or view layer by now."""
         if context.scene == self._scene and context.view_layer == self._layer:
             return nullcontext()
         self._scene.name, self._layer.name  # noqa: B018  raises ReferenceError where they are gone

@@ -13,20 +13,20 @@ from .job_operator import JobOperator
 
 
 class VoxelJob(JobOperator):
-    """A job on the voxels of the scene."""
+    """Job on the voxels of the scene."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be voxels."""
+        """Require voxels."""
         return has_voxels(cls, context) and super().poll(context)
 
 
 class CodesJob(JobOperator):
-    """A job on the codes of the scene."""
+    """Job on the codes of the scene."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be codes."""
+        """Require codes."""
         result = result_or_kept(context.scene)
         return _unless(cls, result is None or result.coded is None, results.NO_CODES) and super().poll(context)
 

@@ -23,12 +23,12 @@ _CLASSES = tuple(item for module in _MODULES for item in module.CLASSES)
 
 
 def show(context: bpy.types.Context, views: Sequence[View], job: JobSettings) -> None:
-    """Put the pictures of views into images, and where the person looks; the first one's heatmap comes up."""
+    """Put the pictures of views into images, and into an editor of the user's; the first one's heatmap comes up."""
     heatmaps = []
     for view in views:
         made = view_to_show(view, job, context.scene.patchnet.heatmap_maximum)
         heatmaps.append(show_images(view, made)["heatmap"])
-        if not bpy.app.background:  # nobody looks
+        if not bpy.app.background:  # else there is no window
             kept.keep(context.scene, made)
     open_pictures.open_picture(context, heatmaps[0])
     handlers.refresh(context)
@@ -58,7 +58,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse, with all callbacks and textures."""
+    """Unregister all, with callbacks and textures."""
     bpy.app.handlers.load_pre.remove(_on_load_pre)
     handlers.unregister()
     open_pictures.unregister()

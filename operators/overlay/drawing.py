@@ -26,7 +26,7 @@ _RAMP_STOPS = 52
 
 @dataclass
 class Inspected:
-    """A pixel that the mouse points at: in which region (its address), where there, and what is said of it."""
+    """Pixel that the mouse points at: in which region (its address), where there, and what is said of it."""
 
     region: int
     x: float
@@ -111,7 +111,7 @@ def _draw_side(look: _Look, name: str, seen: Rect, *, right_side: bool, shown: b
 
 
 def _draw_legend(look: _Look, legend: tuple[float, str], seen: Rect, right_side: bool) -> None:
-    """A bar of colours from 0 to the configured maximum, with ticks, numbers and the quantity."""
+    """Draw a bar of colours from 0 to the configured maximum, with ticks, numbers and the quantity."""
     scale, (maximum, quantity) = look.scale, legend
     gap, line = _GAP_PX * scale, paint.text_size("0", scale)[1]
     wanted = max(_LEGEND_PX * scale, paint.text_size(quantity, scale)[0] + 2 * gap)

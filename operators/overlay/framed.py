@@ -19,7 +19,7 @@ _BARS = frozenset({"HEADER", "TOOL_HEADER", "TOOLS", "UI", "ASSET_SHELF", "ASSET
 
 
 class Framed(NamedTuple):
-    """A view and the rectangles where its picture lies, in pixels of the region: two on the page of errors."""
+    """View and the rectangles where its picture lies, in pixels of the region: two on the page of errors."""
 
     view: ShownView
     rects: tuple[Rect, ...]
@@ -31,7 +31,7 @@ class Framed(NamedTuple):
 
 
 class Place(NamedTuple):
-    """A region under the mouse, and the mouse in its pixels."""
+    """Region under the mouse, and the mouse in its pixels."""
 
     area: bpy.types.Area
     region: bpy.types.Region
@@ -84,7 +84,7 @@ def _in_image_editor(
 
 
 def _of_render(scene: bpy.types.Scene, image: bpy.types.Image) -> ShownView | None:
-    """The view of the scene's camera if a render shows the same part of the scene."""
+    """View of the scene's camera if a render shows the same part of the scene."""
     render = scene.render
     if image.type != "RENDER_RESULT" or scene.camera is None or (render.use_border and render.use_crop_to_border):
         return None
@@ -96,7 +96,7 @@ def _of_render(scene: bpy.types.Scene, image: bpy.types.Image) -> ShownView | No
 
 
 def place_under(window: bpy.types.Window, x: int, y: int) -> Place | None:
-    """The viewport or Image Editor under the mouse at x, y in the window; None over bars and other editors."""
+    """Viewport or Image Editor under the mouse at x, y in the window; None over bars and other editors."""
     for area in window.screen.areas:
         if area.type not in EDITORS or not _holds(area, x, y):
             continue

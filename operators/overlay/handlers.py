@@ -54,7 +54,7 @@ def remove() -> None:
 
 
 def switch_off(context: bpy.types.Context) -> None:
-    """Nothing is shown any more, and nothing is inspected."""
+    """Switch everything off that is shown or inspected."""
     from .drawing import inspected
 
     inspected.clear()
@@ -75,7 +75,7 @@ def _add() -> None:
 
 
 def _draw() -> None:
-    """Blender calls this for every region. It must not raise again and again: the first error ends it."""
+    """Draw a region, for which Blender calls this. It must not raise again and again: the first error ends it."""
     from .drawing import draw_region
 
     if problem:
@@ -87,7 +87,7 @@ def _draw() -> None:
 
 
 def _fail(error: Exception) -> None:
-    """Say it once; handlers cannot be taken away while they run, so that is done right after."""
+    """Report an error once; handlers cannot be taken away while they run, so that is done right after."""
     global problem
     problem = f"The overlay cannot be drawn and went off: {error}"
     log.unexpected(error)

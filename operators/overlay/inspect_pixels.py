@@ -28,7 +28,7 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be a picture, and a window."""
+        """Require a picture, and a window."""
         if bpy.app.background or context.window is None:
             cls.poll_message_set("Pixels are inspected with the mouse, in a window")
             return False
@@ -74,7 +74,7 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
         return {"PASS_THROUGH"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Blender calls this when the window closes, too."""
+        """Stop when the window closes, too; Blender calls this."""
         self._running.discard(self._window)
         self._ending.discard(self._window)
         inspected.pop(self._window, None)
@@ -83,7 +83,7 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
         handlers.refresh(context)
 
     def _is_click_away(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
-        """A right click over an editor in which pixels are inspected; elsewhere it opens menus as ever."""
+        """Test for a right click over an editor in which pixels are inspected; elsewhere it opens menus as ever."""
         return event.type == "RIGHTMOUSE" and place_under(context.window, event.mouse_x, event.mouse_y) is not None
 
     def _look(self, context: bpy.types.Context, event: bpy.types.Event) -> None:

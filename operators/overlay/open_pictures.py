@@ -85,7 +85,7 @@ def _free_editors(manager: bpy.types.WindowManager) -> Iterator[tuple[bpy.types.
 
 
 def _new_window(context: bpy.types.Context) -> tuple[bpy.types.Window, bpy.types.Area] | None:
-    """A window with an Image Editor alone, as renders open one."""
+    """Open a window with an Image Editor alone, as renders open one."""
     before = {window.as_pointer() for window in context.window_manager.windows}
     with context.temp_override(window=context.window or context.window_manager.windows[0]):
         bpy.ops.wm.window_new()
@@ -98,7 +98,7 @@ def _new_window(context: bpy.types.Context) -> tuple[bpy.types.Window, bpy.types
 
 
 def _fit(window: bpy.types.Window, area: bpy.types.Area) -> None:
-    """The whole picture at once."""
+    """Fit the whole picture into the editor."""
     region = next((item for item in area.regions if item.type == "WINDOW"), None)
     if region is None or min(region.width, region.height) < 2:
         return

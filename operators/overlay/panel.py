@@ -25,7 +25,7 @@ class _OverlayPanel(_Panel):
     shown_by = ""  # the setting that switches the overlay of this editor
 
     def draw(self, context: bpy.types.Context) -> None:
-        """The switch, the pictures, the wipe, the inspection."""
+        """Draw the switch, the pictures, the wipe, the inspection."""
         layout, values = self.layout, overlay_settings(context)
         layout.use_property_split = True
         layout.use_property_decorate = False

@@ -12,7 +12,7 @@ from ...patchnet_addon.tracing.camera import Camera
 
 
 class Rect(NamedTuple):
-    """A rectangle with sides along the region's."""
+    """Rectangle with sides along the region's."""
 
     left: float
     bottom: float
@@ -21,12 +21,12 @@ class Rect(NamedTuple):
 
     @property
     def width(self) -> float:
-        """Negative for a rectangle that is empty."""
+        """Width; negative for a rectangle that is empty."""
         return self.right - self.left
 
     @property
     def height(self) -> float:
-        """Negative for a rectangle that is empty."""
+        """Height; negative for a rectangle that is empty."""
         return self.top - self.bottom
 
     @property
@@ -44,7 +44,7 @@ class Rect(NamedTuple):
         )
 
     def part(self, inner: Rect) -> Rect:
-        """The rectangle that `inner`, in shares of this one, [0, 1] along each side, takes of it."""
+        """Rectangle that `inner`, in shares of this one, [0, 1] along each side, takes of it."""
         return Rect(
             self.left + inner.left * self.width,
             self.bottom + inner.bottom * self.height,

@@ -63,7 +63,7 @@ class PatchNetOverlaySettings(bpy.types.PropertyGroup):
 
 
 def overlay_settings(context: bpy.types.Context) -> bpy.types.PropertyGroup:
-    """The settings."""
+    """Settings of the overlay in this window."""
     return context.window_manager.patchnet_overlay
 
 

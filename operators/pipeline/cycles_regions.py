@@ -31,7 +31,7 @@ NOT_CYCLES = "The voxels do not show Cycles' light: bake the light with Cycles f
 
 @dataclass(frozen=True, eq=False)
 class CyclesView:
-    """A view with Cycles' regions in it.
+    """View with Cycles' regions in it.
 
     priority: (H, W) float32 that chose them. mask: (H, W) bool, their pixels. preview, composited, full: (H, W), or
     (H, W, 3) in colour, linear, exposed, in [0, 1]; `full` is of Cycles alone, None without a comparison.
@@ -96,7 +96,7 @@ def refine_view(
 
 
 def check_light(octree: Octree) -> None:
-    """Raises SettingError if what Cycles renders could not stand beside this octree."""
+    """Raise SettingError if what Cycles renders could not stand beside this octree."""
     if octree.provenance.get("light") != CYCLES:
         raise SettingError(NOT_CYCLES)
 
@@ -109,7 +109,7 @@ def _chosen(priority: np.ndarray, settings: CyclesSettings) -> Sequence[Region]:
 def _rendered(
     context: bpy.types.Context, camera: Camera, regions: Sequence[Region], settings: CyclesSettings, sun: bool
 ) -> Steps[Renders]:
-    """The regions; for a comparison then the whole picture in a scene copy of its own, so that it pays for all it
+    """Regions; for a comparison then the whole picture in a scene copy of its own, so that it pays for all it
     needs, and the reference, which finds the scene read."""
     wanted = camera, settings.samples, settings.seed, settings.light
     black = np.zeros((camera.height_px, camera.width_px, 3), np.float32)

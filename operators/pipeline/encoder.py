@@ -25,7 +25,7 @@ _TORCH_DEVICES = {"CPU": "cpu", "GPU": "cuda", AUTOMATIC: "auto"}
 
 @dataclass(frozen=True, eq=False)
 class Encoding:
-    """An encoder, in a few words who it is, and sentences about what was asked for and is not there."""
+    """Encoder, its name in a few words, and sentences about what was asked for and is not there."""
 
     encoder: Encoder
     text: str
@@ -34,10 +34,10 @@ class Encoding:
 
 @contextmanager
 def chosen_encoder(weights: Weights, settings: JobSettings) -> Iterator[Encoding]:
-    """The encoder of the settings for these weights; a process of it ends with the block.
+    """Encoder of the settings for these weights; a process of it ends with the block.
 
     Torch on a GPU of this Python, else the other Python that is named, else our kernels with the same codes. Raises
-    SettingError if a GPU is asked for and nobody here has one.
+    SettingError if a GPU is asked for and there is none.
     """
     from ...patchnet_addon.codes.encode import make_encoder
     from ...patchnet_addon.network.other_python import OtherPythonEncoder

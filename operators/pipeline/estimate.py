@@ -140,7 +140,7 @@ def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> tuple[str, str]:
 
 
 def estimate_lines(found: Estimate) -> list[str]:
-    """The estimate in words, for panel, log and report."""
+    """Estimate in words, for panel, log and report."""
     most = "Up to depth" if found.fitted else "Depth"
     lines = [f"{most} {found.depth}, voxel side {found.voxel_world:.4g}"]
     if found.fitted:

@@ -144,7 +144,7 @@ def job_report(
 
 
 def _scalars(metadata: dict[str, Any]) -> dict[str, Any]:
-    """The metadata without curves and tables, which stand in the weights' model card."""
+    """Metadata without curves and tables, which stand in the weights' model card."""
     return {name: value for name, value in metadata.items() if isinstance(value, str | int | float)}
 
 

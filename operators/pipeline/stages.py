@@ -41,7 +41,7 @@ NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 
 @dataclass(frozen=True, eq=False)
 class GridChoice:
-    """The grid of the octree, the levels of its leaves (None: all on the deepest), and what they lack in sentences."""
+    """Grid of the octree, the levels of its leaves (None: all on the deepest), and what they lack in sentences."""
 
     grid: Grid
     layout: LeafLevels | None = None
@@ -100,7 +100,7 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
 
 
 def unlit(source: MeshSource, settings: JobSettings) -> Steps[Shade]:
-    """The surface's own colour, before any light is baked."""
+    """Colour of the surface itself, before any light is baked."""
     return computed(lambda: _albedo(source, settings), Progress(0, 1, _TEXTURES))
 
 
@@ -113,7 +113,7 @@ def lit(
     kept: KeptPages | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
 ) -> Steps[tuple[Shade, tuple[str, ...]]]:
-    """The surface in the light of the settings, and sentences about what had to be assumed.
+    """Surface in the light of the settings, and sentences about what had to be assumed.
 
     grid, layout: the leaves that the light is for; texels follow them.
     kept: where a bake finds pages of one that was stopped, and leaves its own.
@@ -178,7 +178,7 @@ def build(
     layout: LeafLevels | None = None,
     state: SceneState | None = None,
 ) -> Steps[Octree]:
-    """The octree of a surface; `light` says in its file what `shade` is, `layout` how deep its leaves are.
+    """Build the octree of a surface; `light` says in its file what `shade` is, `layout` how deep its leaves are.
 
     state: of the scene that the surface was read from, whose identity stands in the file.
     """
@@ -220,7 +220,7 @@ def _is_black(material: Material) -> bool:
 
 
 def load_network(path: Path | None) -> Weights:
-    """The weights of the settings, or the shipped ones; raises WeightsFileError."""
+    """Load the weights of the settings, or the shipped ones; raises WeightsFileError."""
     from ...patchnet_addon.network.weights import load_weights
 
     return load_weights(path)
@@ -232,7 +232,7 @@ def encode(octree: Octree, weights: Weights) -> Steps[CodedOctree]:
 
 
 def encode_as_set(octree: Octree, weights: Weights, settings: JobSettings) -> Steps[tuple[CodedOctree, Encoding]]:
-    """Codes for all voxels with look-ahead, and who computed them by the settings' devices. Raises SettingError."""
+    """Codes for all voxels with look-ahead, and the encoder that the settings' devices chose. Raises SettingError."""
     yield Progress(0, 1, _ENCODING)
     with chosen_encoder(weights, settings) as chosen:
         steps = beside(lambda: _encoded(octree, weights, chosen.encoder), Progress(0, 1, _ENCODING))

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 
 class Stopwatch:
-    """Adds up the wall-clock seconds of named stages, in the order of their first use."""
+    """Stopwatch that adds up wall-clock seconds of named stages, in the order of their first use."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}

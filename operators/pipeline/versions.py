@@ -27,7 +27,7 @@ def versions() -> dict[str, Any]:
 
 
 def machine() -> dict[str, Any]:
-    """The machine's kind, as far as timings depend on it."""
+    """Kind of machine, as far as timings depend on it."""
     return {"system": sys.platform, "processor": platform.machine(), "cores": os.cpu_count()}
 
 

@@ -32,14 +32,14 @@ from ..settings.job_settings import JobSettings
 
 ERROR_MAXIMUM = 0.5  # luminance error at the end of the error picture's legend
 
-# Each picture that is a file and a Blender image, in the order in which a person would look at them.
+# Each picture that is a file and a Blender image, in the order in which a user would look at them.
 PICTURES = ("preview", "heatmap", "overlay", "refined", "reference", "error")
 PRIORITY_NAME = "priority.exr"
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera's result.
+    """Result of a camera.
 
     priority: (H, W) float32, raw scores of `strategy`. pictures: name -> (h, w, 3) encoded colours; those of PICTURES,
     and "priority" and "order", which are the heatmap and the overlay without legend. report: figures.

@@ -11,7 +11,7 @@ _MARGIN_PX = 20
 
 
 class PictureTexture:
-    """A picture on the graphics card, freed with this object."""
+    """Picture on the graphics card, freed with this object."""
 
     def __init__(self, pixels: np.ndarray) -> None:
         """pixels: (H, W, 4) float32, scene-linear, weighed by alpha."""
@@ -34,7 +34,7 @@ class PictureTexture:
 
 
 def draw_message(region: bpy.types.Region, text: str) -> None:
-    """A sentence in the middle of the region."""
+    """Draw a sentence in the middle of the region."""
     import blf
 
     font = 0

@@ -34,7 +34,7 @@ _BUTTON = "press Preview Selection in the tab PatchNet of the 3D viewport's side
 
 @dataclass(frozen=True)
 class _Known:
-    """A result that was rendered from, and the key of the scene that it shows."""
+    """Result that was rendered from, and the key of the scene that it shows."""
 
     result: results.SceneResult
     key: str
@@ -63,7 +63,7 @@ def octree_of_frame(
     *,
     animation: bool,
 ) -> Steps[CodedOctree]:
-    """The lit and coded octree of a render's graph at its frame; `camera` sees it if the depth is to be found.
+    """Lit and coded octree of a render's graph at its frame; `camera` sees it if the depth is to be found.
 
     warn: takes sentences about what had to be assumed or left out where one is made.
     animation: other frames follow. Raises PatchNetError.
@@ -95,7 +95,7 @@ def octree_of_frame(
 
 
 def _coded(scene: bpy.types.Scene, result: results.SceneResult, settings: JobSettings) -> Steps[CodedOctree]:
-    """The codes of a result, which are kept with it where it is kept."""
+    """Codes of a result, which are kept with it where it is kept."""
     if result.coded is None:
         coded = yield from encode(result.octree, load_network(settings.weights))
         if results.result_of(scene) is result:
@@ -134,7 +134,7 @@ def _compute(
 
 @contextmanager
 def _bake_context(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> Iterator[None]:
-    """The context shows a copy of the scene if Cycles bakes."""
+    """Let the context show a copy of the scene if Cycles bakes."""
     if settings.light != CYCLES:
         yield
         return

@@ -26,7 +26,7 @@ NO_DEPTH = 1e10  # what Cycles writes
 
 
 class Pass(NamedTuple):
-    """A pass as Blender registers it: a name, a letter for each channel, and what the compositor takes it for."""
+    """Pass as Blender registers it: a name, a letter for each channel, and what the compositor takes it for."""
 
     name: str
     channels: str

@@ -19,7 +19,7 @@ from ..scene.cameras import tracing_camera
 def render_camera(
     scene: bpy.types.Scene, camera: bpy.types.Object | None, size_px: tuple[int, int]
 ) -> tuple[Camera, Place]:
-    """The view of an evaluated camera object at the render resolution, or what the render border leaves of it; and
+    """View of an evaluated camera object at the render resolution, or what the render border leaves of it; and
     where the whole picture lies on that.
 
     scene: evaluated. Raises SceneError without a camera and for panoramic ones, SettingError for an empty border.

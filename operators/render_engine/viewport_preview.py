@@ -26,7 +26,7 @@ _LARGEST_PACE = (1 << 16, 1 << 20)
 class ViewportPreview:
     """Coarse picture, one ray in each pixel, then refinement by priority until the budget is spent.
 
-    status: what is done now. done: nothing is left to do. steps: the work, for who pulls them without `work`.
+    status: what is done now. done: nothing is left to do. steps: the work, for callers that pull it without `work`.
     """
 
     def __init__(self, picture: AdaptivePicture, budget: float, world: np.ndarray | None) -> None:
@@ -93,10 +93,10 @@ class ViewportPreview:
 
 
 class Preparation:
-    """Loads or compiles all kernels that a preview needs, beside the window, which lives meanwhile."""
+    """Preparation of a preview: loads or compiles all kernels beside the window, which lives meanwhile."""
 
     def __init__(self, picture: AdaptivePicture) -> None:
-        """`picture`: like the preview's, but tiny."""
+        """Prepare for `picture`: like the preview's, but tiny."""
         self.problem = ""
         self._picture = picture
         self._thread = threading.Thread(target=self._run, name="PatchNet kernels", daemon=True)

@@ -33,7 +33,7 @@ def camera_size_px(scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> tu
 
 
 def tracing_camera(camera: bpy.types.Object, scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> Camera:
-    """The view that Blender renders through an evaluated camera object, at a size as in `camera_size_px`.
+    """View that Blender renders through an evaluated camera object, at a size as in `camera_size_px`.
 
     Sensor fit, shift, pixel aspect and clipping follow Blender; the object's scale does not matter, as in Blender.
     Raises SceneError for panoramic cameras and for objects that are no cameras.
@@ -131,7 +131,7 @@ def camera_names(scene: bpy.types.Scene, names: Sequence[str]) -> list[str]:
 
 
 def scene_cameras(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
-    """The scene's camera objects by name."""
+    """Scene's camera objects by name."""
     return {item.name: item for item in scene.objects if item.type == "CAMERA"}
 
 
@@ -156,7 +156,7 @@ def choose_cameras(
 def track_cameras(
     context: bpy.types.Context, names: Sequence[str], size: tuple[int, int], bounds_world: np.ndarray
 ) -> list[Camera]:
-    """The cameras of `choose_cameras` at every frame of the scene, by its first and last frame and its frame step.
+    """Cameras of `choose_cameras` at every frame of the scene, by its first and last frame and its frame step.
 
     The scene is at its own frame again afterwards. Raises SceneError as `choose_cameras` does.
     """

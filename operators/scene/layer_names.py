@@ -48,7 +48,7 @@ def needs_generated(node: bpy.types.Node) -> bool:
 
 
 def shader_tree(material: bpy.types.Material) -> bpy.types.NodeTree | None:
-    """The material's nodes, or None if it uses none (from Blender 5.0 on all materials do)."""
+    """Material's nodes, or None if it uses none (from Blender 5.0 on all materials do)."""
     if bpy.app.version < (5, 0, 0) and not material.use_nodes:
         return None
     return material.node_tree

@@ -103,7 +103,7 @@ def _normals(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
 
 
 def _layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
-    """A UV map (L, 2), colours (L, 4), vectors (L, 3) or numbers (L, 1), by name, at the corners."""
+    """UV map (L, 2), colours (L, 4), vectors (L, 3) or numbers (L, 1), by name, at the corners."""
     if name == GENERATED:
         return _generated(mesh)
     if name in mesh.uv_layers:

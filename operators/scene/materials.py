@@ -34,7 +34,7 @@ class _Surface:
 
 
 def read_material(material: bpy.types.Material, images: ImageReader) -> tuple[Material, str | None]:
-    """The view-independent part of a material, and one sentence if something in it had to be simplified.
+    """Read the view-independent part of a material, and one sentence if something in it had to be simplified.
 
     What is not understood takes its default value: base colour 0.8, opaque, no emission.
     """
@@ -88,7 +88,7 @@ def _material(name: str, surface: _Surface, images: ImageReader) -> Material:
 
 
 class _Walk:
-    """Walks shaders from the material's output towards the BSDFs."""
+    """Walk along shaders from the material's output towards the BSDFs."""
 
     def __init__(self, values: NodeValues) -> None:
         self.values = values
@@ -177,7 +177,7 @@ class _Walk:
         return factor.affine(alpha.offset, 0.0) if factor.threshold is None else factor
 
     def _blend(self, first: _Surface, second: _Surface, weight: float) -> _Surface:
-        """Both show, with constant weights; of two textures the heavier one stays."""
+        """Blend two surfaces with constant weights; of two textures the heavier one stays."""
         r, g, b = (a + weight * (c - a) for a, c in zip(first.emission, second.emission, strict=True))
         if first.base.texture is None and second.base.texture is None:
             x, y, z = (a + weight * (c - a) for a, c in zip(first.base.factor, second.base.factor, strict=True))
@@ -192,7 +192,7 @@ class _Walk:
         return replace(first if weight < 0.5 else second, base=base, emission=(r, g, b))
 
     def _add(self, first: _Surface, second: _Surface) -> _Surface:
-        """Both show in full."""
+        """Add two surfaces in full."""
         r, g, b = (a + c for a, c in zip(first.emission, second.emission, strict=True))
         if first.transparent:
             return replace(second, emission=(r, g, b))

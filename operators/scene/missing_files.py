@@ -59,7 +59,7 @@ def missing_files(materials: Iterable[bpy.types.Material], world: bpy.types.Worl
 def _trees(
     materials: Iterable[bpy.types.Material], world: bpy.types.World | None
 ) -> Iterator[tuple[str, bpy.types.NodeTree]]:
-    """Node trees, and whose they are in words."""
+    """List node trees, each with its owner in words."""
     for material in materials:
         if (tree := shader_tree(material)) is not None:
             yield f"material '{material.name}'", tree

@@ -10,20 +10,20 @@ import bpy
 
 @dataclass(frozen=True)
 class Input:
-    """An input socket and the group nodes, outermost first, inside which it lies."""
+    """Input socket and the group nodes, outermost first, inside which it lies."""
 
     socket: bpy.types.NodeSocket
     groups: tuple[bpy.types.Node, ...] = ()
 
     @property
     def value(self) -> object:
-        """The socket's own value, which counts if nothing is linked."""
+        """Socket's own value, which counts if nothing is linked."""
         return getattr(self.socket, "default_value", None)
 
 
 @dataclass(frozen=True)
 class Output:
-    """An output socket that computes a value: its node is no reroute, no group and not muted."""
+    """Output socket that computes a value: its node is no reroute, no group and not muted."""
 
     node: bpy.types.Node
     socket: bpy.types.NodeSocket
@@ -48,7 +48,7 @@ def source(start: Input) -> Output | Input:
 
 
 def _behind(output: Output) -> Input | None:
-    """The input that an output only passes on, or None if its node computes something."""
+    """Input that an output only passes on, or None if its node computes something."""
     node = output.node
     if node.type == "REROUTE":
         return output.input(0)

@@ -15,7 +15,7 @@ WHITE: Rgb = (1.0, 1.0, 1.0)
 
 @dataclass(frozen=True)
 class TextureUse:
-    """An image and how it lies on the surface: uv' = transform (2, 3) of (u, v, 1)."""
+    """Image and how it lies on the surface: uv' = transform (2, 3) of (u, v, 1)."""
 
     image: bpy.types.Image
     extension: str = "REPEAT"
@@ -30,7 +30,7 @@ class ColorTerm:
     texture: TextureUse | None = None
 
     def scaled(self, factor: Rgb) -> ColorTerm:
-        """This colour times a constant one."""
+        """Scale this colour by a constant one."""
         r, g, b = (one * other for one, other in zip(self.factor, factor, strict=True))
         return replace(self, factor=(r, g, b))
 
@@ -63,11 +63,11 @@ class NumberTerm:
 
 
 class NotUnderstoodError(Exception):
-    """A part of a shader tree that has no view of its own here; its message is a noun phrase."""
+    """Part of a shader tree that has no view of its own here; its message is a noun phrase."""
 
 
 def rgb(value: object) -> Rgb:
-    """A socket's value as a colour."""
+    """Socket's value as a colour."""
     if isinstance(value, float | int):
         return (float(value),) * 3
     r, g, b = (float(each) for each in list(value)[:3])  # type: ignore[call-overload]
@@ -75,7 +75,7 @@ def rgb(value: object) -> Rgb:
 
 
 def number(value: object) -> float:
-    """A socket's value as a number; a colour counts by its luminance."""
+    """Socket's value as a number; a colour counts by its luminance."""
     if isinstance(value, float | int):
         return float(value)
     return float(np.dot(rgb(value), REC709))

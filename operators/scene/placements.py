@@ -48,7 +48,7 @@ def _rendered_objects(layer: bpy.types.ViewLayer) -> frozenset[str]:
 
 
 def _renders(item: bpy.types.Object) -> bool:
-    """Voxels that we show are no surface of the scene, also where a person has them rendered."""
+    """Test for rendered objects; voxels that we show are no surface, also where a user has them rendered."""
     if is_own(item):
         return False
     return not item.hide_render and item.visible_camera and not item.is_holdout and not item.is_shadow_catcher

@@ -27,7 +27,7 @@ _NO_MATERIAL = ""
 
 
 def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMesh:
-    """The surface of the objects in scope ("SELECTED" or "VISIBLE") in world units, with their materials.
+    """Read the surface of the objects in scope ("SELECTED" or "VISIBLE") in world units, with their materials.
 
     Raises EmptySelectionError if nothing in scope has a surface, GeometryError if the surface has no area
     or coordinates that are not finite.
@@ -66,12 +66,12 @@ class _Placed:
     links: int
 
     def padded_slots(self, width: int) -> tuple[int, ...]:
-        """`width` slots, the last one repeated, as Blender does for faces beyond the slots."""
+        """Pad to `width` slots, the last one repeated, as Blender does for faces beyond the slots."""
         return (*self.slots, *(self.slots[-1:] * (width - len(self.slots))))
 
 
 class _Reader:
-    """Collects placements; each mesh and each material once."""
+    """Collector of placements; each mesh and each material once."""
 
     def __init__(self) -> None:
         self.material_names: dict[str, int] = {}
@@ -142,7 +142,7 @@ class _Reader:
         return tuple(parts)
 
     def materials(self) -> tuple[tuple[Material, ...], list[str]]:
-        """The materials in the order of their indices, and sentences about what was simplified."""
+        """Materials in the order of their indices, and sentences about what was simplified."""
         images, warnings, result = ImageReader(), [], []
         library = {material.name_full: material for material in bpy.data.materials}
         for name in self.material_names:
@@ -155,7 +155,7 @@ class _Reader:
 
 @contextmanager
 def _evaluated_mesh(instance: bpy.types.DepsgraphObjectInstance) -> Iterator[bpy.types.Mesh | None]:
-    """The mesh of an instance."""
+    """Mesh of an instance."""
     item = instance.object
     if instance.is_instance and isinstance(item.data, bpy.types.Mesh):
         yield item.data  # it may belong to no object: geometry nodes instance meshes, curves evaluate to them

@@ -21,7 +21,7 @@ _changes: list[tuple[Act, Act]] = []  # how to put a change back, and how to mak
 
 @contextmanager
 def put_back_when_saved(put_back: Act, make_again: Act) -> Iterator[None]:
-    """Within the block something of the user's is changed: a file that is saved meanwhile does not have the change."""
+    """Undo a change of the user's values, made within the block, in files saved meanwhile: they do not have it."""
     change = put_back, make_again
     _changes.append(change)
     try:

@@ -15,7 +15,7 @@ _unread: list[str] = []  # its path, while nothing was opened since
 
 
 def check_opened() -> None:
-    """Raises SceneError in a Blender without a window that has no file open because the one it was given is damaged."""
+    """Raise SceneError in a Blender without a window that has no file open because the one it was given is damaged."""
     if bpy.app.background and _unread and not bpy.data.filepath:
         raise SceneError(
             f"Scene file {_unread[-1]} could not be opened, it may be damaged: nothing of it is there to work on; "

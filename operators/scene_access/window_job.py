@@ -46,7 +46,7 @@ def job_is_running(*kinds: str) -> bool:
 
 
 def check_no_job() -> None:
-    """Raises SceneError while Blender bakes or renders beside its window: a render of ours would end that."""
+    """Raise SceneError while Blender bakes or renders beside its window: a render of ours would end that."""
     if job_is_running():
         raise SceneError("Blender is rendering or baking: wait for it, or press Esc over the window, then start again")
 
@@ -78,7 +78,7 @@ def as_job(kind: str, start: Callable[[], object], at: Callable[[], Progress]) -
 
 @contextmanager
 def _told(kind: str, ended: list[tuple[str, float]]) -> Iterator[None]:
-    """Blender's word for the end of a job, and when it came, go into `ended`; Blender says it in the job's thread."""
+    """Collect in `ended` Blender's word for the end of a job, and its time; Blender says it in the job's thread."""
 
     def note(word: str) -> Callable[..., None]:
         return lambda *_: ended.append((word, time.perf_counter()))

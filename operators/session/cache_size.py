@@ -38,7 +38,7 @@ class CacheSize:
         return self.kernels + self.bakes + self.octrees
 
     def text(self) -> str:
-        """In words."""
+        """Sizes in words."""
         parts = ", ".join(f"{name} {value / 2**20:.1f}" for name, value in asdict(self).items())
         return f"{self.total / 2**20:.1f} MiB: {parts}"
 

@@ -32,7 +32,7 @@ _looked: set[int] = set()  # scenes of the open file that were looked for, by se
 
 
 def keep_on_disk(scene: bpy.types.Scene, result: results.SceneResult) -> None:
-    """Write a scene's result into the cache folder, beside a window in a thread: nobody waits for it."""
+    """Write a scene's result into the cache folder, beside a window in a thread, without waiting for it."""
     if result.state is None or limit_bytes() <= 0:
         return
     cache, key, entry = _cache(), _key(result.state), _entry(result, scene)
@@ -65,7 +65,7 @@ def result_or_kept(scene: bpy.types.Scene) -> results.SceneResult | None:
     result = results.result_of(scene)
     if result is None and bpy.app.background and scene.session_uid not in _looked:
         _looked.add(scene.session_uid)
-        with suppress(PatchNetError):  # no weights, say: whoever needs them says so
+        with suppress(PatchNetError):  # no weights, say: code that needs them says so
             restore(scene)
         result = results.result_of(scene)
     return result

@@ -27,7 +27,7 @@ class Held(NamedTuple):
 
 
 def give_back() -> None:
-    """Collect what nobody uses, and return what is free to the system, which allocators else keep for themselves."""
+    """Collect what is not used, and return what is free to the system, which allocators else keep for themselves."""
     gc.collect()
     trim()
 

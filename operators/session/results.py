@@ -32,7 +32,7 @@ _MOST_NAMES = 3  # of what made a step stale, in one line
 
 @dataclass(frozen=True)
 class Row:
-    """A strategy's error in a comparison: mean squared over active pixels, after the budget."""
+    """Strategy's error in a comparison: mean squared over active pixels, after the budget."""
 
     name: str
     title: str
@@ -41,7 +41,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All strategies on one view, best first.
+    """Comparison of all strategies on one view, best first.
 
     view: camera and size, in words. unrefined: the error without a budget.
     """
@@ -54,13 +54,13 @@ class Comparison:
 
 @dataclass
 class SceneResult:
-    """The steps that are done for a scene; codes are None until they were computed.
+    """Steps that are done for a scene; codes are None until they were computed.
 
     scope: which objects were voxelized, "SELECTED" or "VISIBLE".
     layout: levels of the leaves, None where all are on the deepest.
     light: "none" while the octree shows the surface's own colour, else the light that was baked.
     pictures: whether the result's pictures stand among Blender's images.
-    comparison: strategies on a view, None before they were compared. seconds: by stage. encoder: who made the codes.
+    comparison: strategies on a view, None before they were compared. seconds: by stage. encoder: of the codes.
     stale: the steps whose input changed since: "surface", "light". reasons: names of what changed, by step, and for
     the pictures, "view", which make nothing else stale.
     made_with: the scene's settings when each step was done, by step. state: of the scene when it was read for them,
@@ -86,7 +86,7 @@ class SceneResult:
     summary: list[str] = field(default_factory=list)
 
     def mark(self, step: str, what: str) -> None:
-        """A step, or the "view", does not fit the scene any more, because of `what`; a few names are kept."""
+        """Mark a step, or the "view", as not fitting the scene any more, because of `what`; a few names are kept."""
         if step != VIEW:
             self.stale.add(step)
         names = self.reasons.setdefault(step, [])
@@ -98,7 +98,7 @@ class SceneResult:
         return {what for names in self.reasons.values() for what in names}
 
     def unmark(self, step: str) -> None:
-        """A step fits the scene again."""
+        """Unmark a step, which fits the scene again."""
         self.stale.discard(step)
         self.reasons.pop(step, None)
 
@@ -125,7 +125,7 @@ def result_of(scene: bpy.types.Scene) -> SceneResult | None:
 
 
 def voxels_of(scene: bpy.types.Scene) -> SceneResult:
-    """The result of `scene`; raises SettingError with what to do if there is none."""
+    """Result of `scene`; raises SettingError with what to do if there is none."""
     result = result_of(scene)
     if result is None:
         raise SettingError(NO_VOXELS)
@@ -133,7 +133,7 @@ def voxels_of(scene: bpy.types.Scene) -> SceneResult:
 
 
 def codes_of(scene: bpy.types.Scene) -> CodedOctree:
-    """The codes of `scene`; raises SettingError with what to do if there are none."""
+    """Codes of `scene`; raises SettingError with what to do if there are none."""
     coded = voxels_of(scene).coded
     if coded is None:
         raise SettingError(NO_CODES)

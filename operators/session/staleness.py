@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..state.scene_state import SceneState
 
 _MOST_UPDATES = 1000  # compared one by one after one change
-_QUICK_S = 0.5  # a comparison of everything may take so long while somebody works
+_QUICK_S = 0.5  # a comparison of everything may take so long while the user works
 _MEMBERS = bpy.types.Scene | bpy.types.Collection
 MANY = "many objects"
 UNDO = "undo or redo"
@@ -80,7 +80,7 @@ def _words(update: bpy.types.DepsgraphUpdate) -> str:
 
 
 def look_again(result: SceneResult, scene: bpy.types.Scene) -> None:
-    """Before a result is used: disprove what marks it as stale, and see what Blender reports to nobody."""
+    """Recheck a result before it is used: disprove what marks it as stale, and see what Blender does not report."""
     from ..state.scene_state import MEMBERS, changed_text
 
     if result.stale:
@@ -115,7 +115,7 @@ def _recheck_if_quick(result: SceneResult, scene: bpy.types.Scene, reason: str) 
 
 @persistent
 def _on_undo_post(scene: bpy.types.Scene, _depsgraph: object = None) -> None:
-    """After undo or redo, what is as it was fits again. Pictures that an undo has taken away are not shown as there."""
+    """Recheck after undo or redo: what is as it was fits again. Pictures that an undo removed do not count as shown."""
     result = results.result_of(scene)
     estimate = results.estimate_of(scene)
     if estimate is not None:

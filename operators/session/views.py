@@ -25,7 +25,7 @@ _SAME = 1e-5  # of lengths and angles that single precision keeps
 
 
 class _Kept(NamedTuple):
-    """A view, and the octree that it shows, which may be gone."""
+    """View, and the octree that it shows, which may be gone."""
 
     view: ShownView
     octree: ReferenceType[Octree] | None
@@ -35,7 +35,7 @@ _views: dict[int, dict[str, _Kept]] = {}
 
 
 def keep(scene: bpy.types.Scene, view: ShownView) -> None:
-    """From now on this is the result of the view's camera; it was made from the scene's present octree."""
+    """Keep a view as the result of its camera; it was made from the scene's present octree."""
     result = results.result_of(scene)
     octree = ref(result.octree) if result is not None else None
     _views.setdefault(scene.session_uid, {})[view.camera.name] = _Kept(view, octree)
@@ -62,13 +62,13 @@ def has_views(scene: bpy.types.Scene) -> bool:
 
 
 def view_of_camera(scene: bpy.types.Scene, name: str) -> ShownView | None:
-    """The result of the camera called `name`."""
+    """Result of the camera called `name`."""
     found = _views.get(scene.session_uid, {}).get(name)
     return found.view if found is not None else None
 
 
 def view_of_image(scene: bpy.types.Scene, image: bpy.types.Image) -> tuple[ShownView, str] | None:
-    """The view that an image of ours belongs to, and which of its pictures it is."""
+    """View that an image of ours belongs to, and which of its pictures it is."""
     owner = image.get(OWNER)
     for camera, item in _views.get(scene.session_uid, {}).items():
         for name in (*PICTURES, *RAW):

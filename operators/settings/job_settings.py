@@ -44,7 +44,7 @@ class JobSettings:
     bounds: lower and upper corner, in world units, that the octree's cube is put around; None takes the surface's own.
     importance: what was painted to matter; None where all pixels matter alike.
     device: of the bake; encoder_device: of the network where torch is there. torch_python: another Python that has
-    torch. They decide who computes, and not what: they count for no frame's key.
+    torch. They decide which device computes, and not what: they count for no frame's key.
     daylight: whether sun and sky are added for the bake; None adds them to a scene without light.
     cycles: how Cycles renders the worst regions over the preview; None renders none.
     """
@@ -97,7 +97,7 @@ class JobSettings:
                 raise SettingError(f"There is no device {name!r}: choose one of {', '.join(DEVICES)}")
 
     def _check_numbers(self) -> None:
-        """Raises SettingError for a number outside the table's bounds; None is automatic."""
+        """Raise SettingError for a number outside the table's bounds; None is automatic."""
         gib = None if self.memory_bytes is None else self.memory_bytes / 2**30
         for row, value in (
             (bounds.DEPTH, self.depth),

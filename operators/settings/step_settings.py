@@ -34,12 +34,12 @@ def step_settings(values: bpy.types.PropertyGroup, step: str) -> tuple[str, ...]
     return ("cameras", "size", "strategy", "budget", "heatmap_maximum", "importance", *painted)
 
 
-# What decides who computes, and bounds that need not bite, change no result.
+# What decides which device computes, and bounds that need not bite, change no result.
 _NO_RESULT = frozenset({"memory", "device", "encoder_device", "heatmap_maximum"})
 
 
 def recorded(values: bpy.types.PropertyGroup, *steps: str) -> dict[str, Any]:
-    """The values of the steps' settings, to compare with later ones."""
+    """Record the values of the steps' settings, to compare with later ones."""
     found = {}
     for step in steps:
         for name in step_settings(values, step):

@@ -16,7 +16,7 @@ import numpy as np
 
 
 def names(text: str) -> frozenset[str]:
-    """The words of a text."""
+    """Split a text into its words."""
     return frozenset(text.split())
 
 
@@ -50,7 +50,7 @@ _MOST_TEXTS = 4096
 
 
 class Digest:
-    """A growing hash; the contents of a data-block count when it is first met, later its name."""
+    """Hash that grows; the contents of a data-block count when it is first met, later its name."""
 
     def __init__(self) -> None:
         self.is_empty = True
@@ -75,7 +75,7 @@ class Digest:
         self._texts.clear()
 
     def array(self, name: str, values: np.ndarray | None) -> None:
-        """An array with its type and shape."""
+        """Hash an array with its type and shape."""
         if values is None:
             self.text(name, None)
             return
@@ -84,7 +84,7 @@ class Digest:
         self._hash.update(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
 
     def block(self, block: bpy.types.ID | None) -> None:
-        """A data-block: its name, and its contents if it is new here."""
+        """Hash a data-block: its name, and its contents if it is new here."""
         if block is None:
             self.text(None)
             return
@@ -192,7 +192,7 @@ class Digest:
             self.block(material)
 
     def file(self, path: str) -> None:
-        """A file outside, by its size and time; a file that is not there counts too."""
+        """Hash a file outside, by its size and time; a file that is not there counts too."""
         try:
             state = os.stat(path)
         except OSError:

@@ -58,7 +58,7 @@ _KEYFRAME_VALUES = ("co", "handle_left", "handle_right")
 
 
 class _Hashes(NamedTuple):
-    """Of one data-block: what makes the surface, what lights it and how it looks, and what cameras see."""
+    """Hashes of one data-block: what makes the surface, what lights it and how it looks, and what cameras see."""
 
     surface: str = ""
     light: str = ""
@@ -96,7 +96,7 @@ class SceneState:
         return found
 
     def changes_of(self, block: bpy.types.ID) -> list[str]:
-        """The steps for which an original data-block is not what it was; none if they do not depend on it."""
+        """Steps for which an original data-block is not what it was; none if they do not depend on it."""
         before = self.entries.get(key_of(block))
         if before is None or _passed_over(block):
             return []
@@ -104,13 +104,13 @@ class SceneState:
         return [step for step in _Hashes._fields if getattr(before, step) != getattr(now, step)]
 
     def changes_of_members(self, scene: bpy.types.Scene) -> list[str]:
-        """The steps for which the scene is not what it was by its objects and settings."""
+        """Steps for which the scene is not what it was by its objects and settings."""
         before, now = self.entries[MEMBERS], _members(scene, _layer(scene, self.layer))
         return [step for step in _Hashes._fields if getattr(before, step) != getattr(now, step)]
 
 
 def scene_state(scene: bpy.types.Scene, layer: str = "") -> SceneState:
-    """The state of a scene without objects that show results, and of all that it refers to.
+    """Take the state of a scene without objects that show results, and of all that it refers to.
 
     layer: name of the view layer that is looked at, by default the context's.
     """
@@ -202,7 +202,7 @@ class _OwnDigest(Digest):
         self.references: list[bpy.types.ID] = []
 
     def block(self, block: bpy.types.ID | None) -> None:
-        """The name of a data-block; nothing of one that shows results."""
+        """Hash the name of a data-block; nothing of one that shows results."""
         if block is not None and _passed_over(block):
             return
         self.text(None if block is None else key_of(block))
@@ -211,7 +211,7 @@ class _OwnDigest(Digest):
 
 
 class _Reader:
-    """Hashes data-blocks; `animated` is whether one of them changes by itself from frame to frame."""
+    """Reader that hashes data-blocks; `animated` is whether one of them changes by itself from frame to frame."""
 
     def __init__(self) -> None:
         self.animated = False
@@ -223,7 +223,7 @@ class _Reader:
         return taken
 
     def hashes(self, block: bpy.types.ID) -> _Hashes:
-        """Of one data-block."""
+        """Hash one data-block."""
         surface, light, view = digests = _OwnDigest(), _OwnDigest(), _OwnDigest()
         main = view if is_camera(block) else light if _lights(block) else surface
         if isinstance(block, bpy.types.Object):
@@ -237,8 +237,8 @@ class _Reader:
         return _Hashes(*("" if digest.is_empty else digest.hexdigest() for digest in digests))
 
     def _object(self, item: bpy.types.Object, surface: _OwnDigest, light: _OwnDigest) -> None:
-        # What Blender computes from this, the world's matrix, is not known right after an undo. Nobody compares cameras
-        # then, and what moves them need not be part of the surface.
+        # What Blender computes from this, the world's matrix, is not known right after an undo. Cameras are not
+        # compared then, and what moves them need not be part of the surface.
         moved_by = (item.matrix_world,) if is_camera(item) else (item.matrix_basis, item.matrix_parent_inverse)
         for matrix in moved_by:
             surface.text(tuple(tuple(row) for row in matrix))

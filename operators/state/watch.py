@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class JobWatch:
-    """The state that a job has read its scene in, None before that; steps that do not fit any more, and why."""
+    """State that a job has read its scene in, None before that; steps that do not fit any more, and why."""
 
     scene: int  # its session_uid
     state: SceneState | None = None
@@ -52,7 +52,7 @@ def begin(scene: bpy.types.Scene) -> JobWatch:
 
 
 def end(watch: JobWatch) -> None:
-    """The job has ended."""
+    """End the watch with its job."""
     if watch in _watches:
         _watches.remove(watch)
 
@@ -63,7 +63,7 @@ def watches_of(scene: bpy.types.Scene) -> list[JobWatch]:
 
 
 def read_state(scene: bpy.types.Scene, layer: str = "") -> SceneState:
-    """The scene's state, which is what the present job reads now."""
+    """Read the scene's state, which is what the present job reads now."""
     from .scene_state import scene_state
 
     state = scene_state(scene, layer)
@@ -80,7 +80,7 @@ def changes_meanwhile() -> list[tuple[str, str]]:
 
 
 def check_unchanged() -> None:
-    """Raises SceneError if what the present job has read was changed."""
+    """Raise SceneError if what the present job has read was changed."""
     for step, what in changes_meanwhile():
         if step in ("surface", "light"):
             raise SceneError(

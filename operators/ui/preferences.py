@@ -123,7 +123,7 @@ class Preferences:
 
 
 def preferences(context: bpy.types.Context) -> Preferences:
-    """The person's preferences."""
+    """Preferences of the user."""
     addon = context.preferences.addons.get(ROOT_PACKAGE)
     if addon is None or addon.preferences is None:
         return Preferences()

@@ -124,7 +124,7 @@ def check_camera(
 
 @contextmanager
 def _light(context: bpy.types.Context) -> Iterator[None]:
-    """The light that was baked: the scene's own, or daylight if it has none."""
+    """Light that was baked: the scene's own, or daylight if it has none."""
     if has_light(context.evaluated_depsgraph_get()):
         yield
         return

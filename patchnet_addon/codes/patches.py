@@ -62,7 +62,7 @@ def covering_nodes(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
 
 
 def covering_nodes_reference(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
-    """`covering_nodes` by one search of the sorted keys per level, from the finest up."""
+    """Reference of `covering_nodes` by one search of the sorted keys per level, from the finest up."""
     nodes = np.full(len(cells), -1, np.int64)
     for coarser in range(min(level, octree.depth), -1, -1):
         found = octree.find(coarser, np.asarray(cells) >> (level - coarser))

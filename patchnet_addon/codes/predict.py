@@ -23,7 +23,7 @@ _HALF_FLOATS = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.fl
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Of each of P pixels.
+    """Prediction for each of P pixels.
 
     coverage: (P,) float32, sigma, share of the pixel that the patch covers; 1 where nothing is known.
     luminance: (P,) float32, L_N, mean luminance of that share; that of the preview where nothing is known.
@@ -60,7 +60,7 @@ def interpolate_codes(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndar
 
 
 def interpolate_codes_reference(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndarray) -> np.ndarray:
-    """`interpolate_codes` in NumPy, float64."""
+    """Reference of `interpolate_codes` in NumPy, float64."""
     entry = np.asarray(entry_voxel, np.float64)[:, None, :]
     shares = np.where(OCTANTS == 1, entry, 1 - entry).prod(axis=-1)  # (M, 8)
     codes = coded.codes[coded.node_corners[rows]].astype(np.float64)  # (M, 8, 10)

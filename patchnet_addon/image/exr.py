@@ -31,7 +31,7 @@ class _Part:
 
 
 class _Reader:
-    """A cursor over the bytes of a file."""
+    """Cursor over the bytes of a file."""
 
     def __init__(self, data: bytes) -> None:
         self.data = data

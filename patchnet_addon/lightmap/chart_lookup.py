@@ -42,7 +42,7 @@ def _place(i, j, kind, page, x, y, log_width, log_height, page_side):  # type: i
 
 @device
 def _nearest(u, v, leg_x, leg_y):  # type: ignore[no-untyped-def]
-    """The own texel nearest to a point (u, v) texels from the right angle, along rows."""
+    """Own texel nearest to a point (u, v) texels from the right angle, along rows."""
     last_row = math.ceil(leg_y * (1.0 - 0.5 / leg_x) - 0.5) - 1
     j = min(max(math.floor(v), 0), last_row)
     last_column = math.ceil(leg_x * (1.0 - (j + 0.5) / leg_y) - 0.5) - 1

@@ -40,7 +40,7 @@ class Charts:
     texel.
     origin: (T,) int8, the corner at the right angle. along: (T,) int8, the corner at the end of the leg along x.
     page_samples: (P,) int32, paths a texel. page_size: (P, 2) int32, width and height of what is in use of each page.
-    group: (T,) int32, the same for triangles that share paths, None where nobody does.
+    group: (T,) int32, the same for triangles that share paths, None where none do.
     texel_world: side of the smallest texels. growth: how many times larger texels are than was asked for.
     """
 

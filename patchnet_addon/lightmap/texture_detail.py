@@ -75,7 +75,7 @@ def _textured(table: TextureTable, batch: TriangleBatch, fragments: Fragments, o
 
 
 def _at_texels(charts: Charts, batch: TriangleBatch, fragments: Fragments, chosen: np.ndarray) -> Fragments:
-    """The chosen fragments (n,), each as large as a texel of the bake."""
+    """Chosen fragments (n,), each as large as a texel of the bake."""
     triangles = fragments.triangle[chosen]
     areas = _texel_areas(charts, batch, triangles)
     return Fragments(fragments.keys[chosen], triangles, fragments.barycentric[chosen], areas)

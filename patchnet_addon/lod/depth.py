@@ -39,7 +39,7 @@ _NODES_PER_LEAF = 1.36
 
 @dataclass(frozen=True)
 class DepthChoice:
-    """A depth and why: `wanted` is what the cameras need, `depth` what memory allows; bytes are estimates."""
+    """Depth and why: `wanted` is what the cameras need, `depth` what memory allows; bytes are estimates."""
 
     depth: int
     wanted: int
@@ -56,7 +56,7 @@ class DepthChoice:
 def coarse_octree(
     source: MeshSource, depth: int = COARSE_DEPTH, bounds_world: np.ndarray | None = None
 ) -> Steps[Octree]:
-    """A quick octree without light, to see where the surface is; around `bounds_world` (2, 3), or else its own."""
+    """Build a quick octree without light, to see the surface's place; around `bounds_world` (2, 3), or else its own."""
     bounds_world = source.bounds_world if bounds_world is None else bounds_world
     return (yield from build_octree(source, Grid.around(bounds_world, depth), _no_shade, exposure=1.0))
 
@@ -160,7 +160,7 @@ def choose_depth(
     *,
     color: bool = False,
 ) -> DepthChoice:
-    """The given depth, or for None the smallest that gives the cameras look-ahead, bounded by memory.
+    """Choose the given depth, or for None the smallest that gives the cameras look-ahead, bounded by memory.
 
     color: whether the octree is to hold it. Raises MemoryEstimateError if a given depth would not fit.
     """

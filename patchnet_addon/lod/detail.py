@@ -74,7 +74,7 @@ def _hits(
 
 @device
 def fitting_level(limit):  # type: ignore[no-untyped-def]
-    """The first level whose voxels have a side below `limit`, in cube sides."""
+    """First level whose voxels have a side below `limit`, in cube sides."""
     level = 0
     size = 1.0
     while not size < limit and level < MAX_LEVELS:

@@ -37,7 +37,7 @@ class Buffers:
         self._arrays: dict[str, np.ndarray] = {}
 
     def __call__(self, name: str, rows: int, columns: int) -> np.ndarray:
-        """The array (rows, columns) float32 of that name; what it holds is left from before."""
+        """Array (rows, columns) float32 of that name; what it holds is left from before."""
         if name not in self._arrays or len(self._arrays[name]) < rows:
             self._arrays[name] = np.empty((rows, columns), np.float32)
         return self._arrays[name][:rows]
@@ -55,7 +55,7 @@ class NumpyEncoder:
         self._buffers = Buffers()
 
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """See `Encoder`."""
+        """Encode as `Encoder` says."""
         products = self._buffers("products", len(blocks), self._octants.shape[1])  # (U, 8 * 256)
         np.matmul(blocks, self._octants, out=products)
         values = self._buffers("layer 0", len(rows), len(self._bias))

@@ -14,7 +14,7 @@ MAX_DEGREE = 4
 
 
 def harmonic_terms(x: Any, y: Any, z: Any, degree: int = MAX_DEGREE) -> list[Any]:
-    """The (degree + 1)^2 harmonics at unit vectors (x, y, z), one array each, in the type of the arguments.
+    """Harmonics at unit vectors (x, y, z), (degree + 1)^2 of them, one array each, in the type of the arguments.
 
     Only arithmetic is used, so arrays of NumPy and of torch both work.
     """

@@ -54,7 +54,7 @@ class OtherPythonEncoder:
     def __init__(self, python: Path, weights: Weights, device: str = "auto") -> None:
         """device: auto, cpu or cuda. Raises SettingError if the Python cannot be run or has no torch."""
         self._python = python
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - a pipe that nobody reads would fill up
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - a pipe without a reader would fill up
         try:
             self._process = subprocess.Popen(
                 [str(python), str(_WORKER), device],
@@ -109,7 +109,7 @@ class OtherPythonEncoder:
         stream.flush()
 
     def _failed(self) -> SettingError:
-        """The error to raise when the process does not answer; it is ended."""
+        """Error to raise when the process does not answer; it is ended."""
         if self._process.poll() is None:
             try:
                 self._process.wait(1.0)

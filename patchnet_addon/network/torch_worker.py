@@ -38,7 +38,7 @@ def main(device: str) -> None:
 
 
 def _part(name: str) -> ModuleType:
-    """A module beside this one, in a package of its own: what the whole package needs need not be there."""
+    """Import a module beside this one, in a package of its own: what the whole package needs need not be there."""
     if _PACKAGE not in sys.modules:
         package = ModuleType(_PACKAGE)
         package.__path__ = [str(Path(__file__).parent)]

@@ -36,7 +36,7 @@ class CellSet:
 
     @classmethod
     def of_blocks(cls, wanted: np.ndarray, level: int) -> CellSet:
-        """The cells of `level` in the wanted ones (8^b,) bool of all blocks."""
+        """Cells of `level` in the wanted ones (8^b,) bool of all blocks."""
         block_level = (len(wanted).bit_length() - 1) // 3
         brick_level = max(level - BRICK_LEVELS, 0)
         near, coarser = wanted, brick_level - block_level
@@ -46,7 +46,7 @@ class CellSet:
 
 
 def all_cells(level: int) -> CellSet:
-    """The whole cube."""
+    """Cells of the whole cube."""
     return CellSet.of_blocks(np.ones(1, np.bool_), level)
 
 
@@ -59,7 +59,7 @@ class BlockRange:
     end: int
 
     def cells(self) -> dict[int, CellSet]:
-        """The cells that become leaves, level by level, coarse first."""
+        """Cells that become leaves, level by level, coarse first."""
         levels = self.layout.levels
         sets = {}
         for level in LeafLevels(levels[self.first : self.end]).used:

@@ -89,7 +89,7 @@ def _joined(parts: list[Subtrees], grid: Grid, exposure: float | None, provenanc
 
 
 def _above(parts: Sequence[Subtrees]) -> Subtrees:
-    """The levels above the blocks of all parts, which are of one level."""
+    """Levels above the blocks of all parts, which are of one level."""
     level = parts[0].root_level
     keys = np.concatenate([part.root_keys for part in parts])
     sums = np.concatenate([part.root_sums for part in parts])

@@ -29,7 +29,7 @@ _OPTIONAL_DTYPES = {"chroma": np.uint8}  # files without colour do not have it, 
 
 
 def octree_arrays(octree: Octree) -> dict[str, np.ndarray]:
-    """The arrays that a file holds."""
+    """Arrays that a file holds."""
     arrays = {name: getattr(octree, name) for name in (*_DTYPES, *_OPTIONAL_DTYPES)}
     return {name: array for name, array in arrays.items() if array is not None}
 

@@ -13,7 +13,7 @@ from ..runtime.bounds import MAX_DEPTH
 
 @dataclass(frozen=True, eq=False)
 class LeafLevels:
-    """The level of the leaves in each block; a block is a cell of level `block_level`.
+    """Level of the leaves in each block; a block is a cell of level `block_level`.
 
     levels: (8^block_level,) uint8 over the Morton keys of blocks, at least `block_level`; 0: no leaves are made there.
     """
@@ -32,7 +32,7 @@ class LeafLevels:
 
     @cached_property
     def used(self) -> tuple[int, ...]:
-        """The different levels of leaves, ascending."""
+        """Different levels of leaves, ascending."""
         counts = np.bincount(self.levels, minlength=MAX_DEPTH + 1)
         return tuple(int(level) for level in np.flatnonzero(counts) if level > 0)
 

@@ -20,7 +20,7 @@ _PIECE = 1 << 17  # nodes of a level that are expanded at a time
 
 @dataclass(frozen=True, eq=False)
 class VoxelRun:
-    """Some voxels of one level. Columns are computed when they are asked for.
+    """Run of voxels of one level. Columns are computed when they are asked for.
 
     nodes: (n,) int64 node indices. keys: (n,) uint64 Morton keys of their cells.
     """
@@ -103,7 +103,7 @@ def voxel_counts(octree: Octree) -> np.ndarray:
 
 
 def check_level(octree: Octree, level: int) -> int:
-    """`level`; raises SettingError if the octree does not have it."""
+    """Check `level` and return it; raises SettingError if the octree does not have it."""
     if not 0 <= level <= octree.depth:
         raise SettingError(
             f"Level {level} is outside 0 to {octree.depth}, the levels of the octree: choose one of them"
@@ -112,7 +112,7 @@ def check_level(octree: Octree, level: int) -> int:
 
 
 def level_within(octree: Octree, limit: int, finest: int | None = None) -> int:
-    """The finest level, up to `finest`, that shows at most `limit` voxels.
+    """Finest level, up to `finest`, that shows at most `limit` voxels.
 
     Raises SettingError if `limit` is below 1 or the octree does not have the level `finest`.
     """
@@ -124,7 +124,7 @@ def level_within(octree: Octree, limit: int, finest: int | None = None) -> int:
 
 
 def voxel_runs(octree: Octree, level: int, top: VoxelRun | None = None, piece: int = _PIECE) -> Iterator[VoxelRun]:
-    """The voxels that `level` shows, below the nodes of `top` or all of them, in a fixed order.
+    """Voxels that `level` shows, below the nodes of `top` or all of them, in a fixed order.
 
     Memory is bounded by `piece` nodes a level: the octree is walked depth first, many neighbouring nodes at a time.
     """

@@ -103,14 +103,14 @@ class _Share:
                 self._leaves[level].add(fragments, luminance, opacity, normals, *color)
 
     def take(self) -> list[LeafSums]:
-        """The leaves, level by level; they are let go here."""
+        """Take the leaves, level by level; they are let go here."""
         return [LeafSums(level, *self._leaves.pop(level).take()) for level in self._cells if len(self._leaves[level])]
 
 
 def _on_all_cores(shares: Sequence[_Share], source: MeshSource) -> Iterator[int]:
     """Give all triangles to all shares, each in a thread of its own; yields how many triangles were handed out.
 
-    Kernels run without the interpreter lock. A few batches may wait for a slow share, so that nobody waits for each.
+    Kernels run without the interpreter lock. A few batches may wait for a slow share, so that the others need not.
     """
     pools = [ThreadPoolExecutor(1) for _ in shares]
     waiting: deque[list[Future[None]]] = deque()

@@ -95,7 +95,7 @@ def _usable(wanted: Path) -> Path:
 
 
 def _private_folder() -> Path:
-    """The user's own folder among the temporary files, the same at each start; a new one if somebody is in the way."""
+    """Private folder of the user among the temporary files, the same at each start; a new one if it is not private."""
     user = os.geteuid() if hasattr(os, "geteuid") else getpass.getuser()
     folder = Path(tempfile.gettempdir()) / f"patchnet-{user}"
     with suppress(OSError):

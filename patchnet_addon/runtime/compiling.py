@@ -17,12 +17,12 @@ def is_compiling() -> bool:
 
 
 def compilation_begins() -> None:
-    """`kernels.py` says so."""
+    """Note that a compilation begins; `kernels.py` calls this."""
     _change(1)
 
 
 def compilation_ends() -> None:
-    """`kernels.py` says so."""
+    """Note that a compilation has ended; `kernels.py` calls this."""
     _change(-1)
 
 

@@ -15,7 +15,7 @@ class SceneError(PatchNetError):
 
 
 class StoppedError(SceneError):
-    """A person stopped what Blender was doing for us."""
+    """The user stopped what Blender was doing for us."""
 
 
 class EmptySelectionError(SceneError):
@@ -43,7 +43,7 @@ class FileAccessError(PatchNetError):
 
     @classmethod
     def of(cls, cause: OSError) -> FileAccessError | None:
-        """The sentence for an error of the system that names its file, else None."""
+        """Sentence for an error of the system that names its file, else None."""
         names = [os.fsdecode(name) for name in (cause.filename, cause.filename2) if isinstance(name, str | bytes)]
         if not names or cause.strerror is None:
             return None

@@ -22,7 +22,7 @@ _COMPRESSED = (b"\x28\xb5\x2f\xfd", b"\x1f\x8b")  # zstd and gzip, as Blender co
 
 @dataclass(frozen=True)
 class FileKind:
-    """A kind of files.
+    """Kind of files.
 
     title: in words, with its article. endings: of such files' names. holds: whether the file at a path is one, by what
     stands in it; raises OSError, and ValueError, TypeError or KeyError where it is something else.
@@ -75,7 +75,7 @@ def _is_report(path: Path) -> bool:
 
 
 def _is_frame_record(path: Path) -> bool:
-    """Also one that is not whole: it does not count as a frame, and should not keep it from being made."""
+    """Test for a frame's record, also one that is not whole: such a one counts as no frame, and should not block it."""
     head = _head(path, len(_RECORD_BEGINS))
     return _RECORD_BEGINS.startswith(head) or {"frame", "content", "file", "files", "summary"} <= _json(path).keys()
 

@@ -30,7 +30,7 @@ TEXT, JSON = "text", "json"
 FORMATS = (TEXT, JSON)
 VARIABLE = "PATCHNET_LOG"
 
-_SAID_OTHERWISE = ("start", "progress", "warning", "result", "error")  # to people: by bars, prints and reports
+_SAID_OTHERWISE = ("start", "progress", "warning", "result", "error")  # to users: by bars, prints and reports
 _began = time.monotonic()
 
 
@@ -61,19 +61,19 @@ def is_json() -> bool:
 
 
 def event(name: str, message: str, level: int = logging.INFO, /, **fields: Any) -> None:
-    """Say that something happened. Fields that are None are left out."""
+    """Log that something happened. Fields that are None are left out."""
     LOG.log(level, message, extra={"event": name, "fields": fields})
 
 
 def start(command: str, **fields: Any) -> None:
-    """Say that a command or an operator begins; seconds count from here."""
+    """Log that a command or an operator begins; seconds count from here."""
     global _began
     _began = time.monotonic()
     event("start", command, command=command, **fields)
 
 
 def unexpected(error: BaseException, **fields: Any) -> None:
-    """Say what should not have happened, with its traceback."""
+    """Log what should not have happened, with its traceback."""
     text = "".join(traceback.format_exception(error))
     event("error", f"{type(error).__name__}: {error}", logging.ERROR, traceback=text, **fields)
 
@@ -93,7 +93,7 @@ def json_line(name: str, message: str, level: int = logging.INFO, /, **fields: A
 
 
 class _Lines(logging.StreamHandler):  # type: ignore[type-arg]
-    """Writes to what stderr is at the moment."""
+    """Writer of lines to what stderr is at the moment."""
 
     def __init__(self, as_json: bool) -> None:
         super().__init__()

@@ -109,7 +109,7 @@ def _lock(file: BinaryIO, *, wait: bool = False) -> bool | None:
 
 @contextlib.contextmanager
 def _beating(owner: Path) -> Iterator[None]:
-    """A thread touches the file `owner` now and then within the block."""
+    """Touch the file `owner` now and then within the block, in a thread."""
     ended = threading.Event()
 
     def beat() -> None:

@@ -19,7 +19,7 @@ class Progress:
     """`done` of `total` units of the step called `label` are finished.
 
     waiting: a thread, or a job of Blender's, is at work for the step, on what the step has put there: ask again later.
-    whole: share of all steps that is done, 0 to 1, where somebody counts them.
+    whole: share of all steps that is done, 0 to 1, where a caller counts them.
     frame: of the animation that the step belongs to; `step` is then the label without it.
     note: why it takes longer than usual, or "".
     """

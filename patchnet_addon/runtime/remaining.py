@@ -8,12 +8,12 @@ from collections.abc import Callable
 
 from .progress import Progress
 
-_LEAST_SHARE = 0.02  # of the step, before which nobody can say
+_LEAST_SHARE = 0.02  # of the step, before which no estimate is made
 _LEAST_S = 2.0
 
 
 class Remaining:
-    """Watches the progress of steps, one after the other.
+    """Remaining time by the progress of steps, one after the other.
 
     A step that begins in its middle, such as a bake that is resumed, is measured from there.
     """

@@ -23,7 +23,7 @@ _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
 def check_replaceable(path: Path, kind: FileKind) -> None:
-    """Raises OutputError if something is at `path` that a file of `kind` must not take the place of."""
+    """Raise OutputError if something is at `path` that a file of `kind` must not take the place of."""
     try:
         found = path.stat()
     except FileNotFoundError:
@@ -55,7 +55,7 @@ def _is_someone_elses(path: Path, found: os.stat_result) -> bool:
 
 
 def temporary_path(path: Path) -> Path:
-    """A new name beside `path` for what is not finished yet, in the form that is looked for to tidy up."""
+    """New name beside `path` for what is not finished yet, in the form that is looked for to tidy up."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
 
 

@@ -20,7 +20,7 @@ _NAMES = ("stdin", "stdout", "stderr")  # by their file descriptors
 def keep_streams() -> None:
     """Open those of stdin, stdout and stderr that are closed on nothing, and let a pipe without a reader be no error.
 
-    Does nothing to streams that somebody has replaced.
+    Does nothing to streams that were replaced.
     """
     for number, name in enumerate(_NAMES):
         _open_if_closed(number)
@@ -42,7 +42,7 @@ def _open_if_closed(number: int) -> None:
 
 
 def _patient(stream: TextIO | None, number: int) -> TextIO:
-    """A stream like `stream` that drops what nobody reads."""
+    """Stream like `stream` that drops what is not read."""
     raw = _Pipe(number, "w", closefd=False)
     if stream is None:
         return io.TextIOWrapper(io.BufferedWriter(raw), encoding="utf-8", errors="backslashreplace")
@@ -94,7 +94,7 @@ def is_written(number: int) -> bool:
 
 
 class _Pipe(io.FileIO):
-    """Writes to stdout or stderr, and to nothing once nobody reads there; other errors name the stream."""
+    """Pipe to stdout or stderr, and to nothing once its reader is gone; other errors name the stream."""
 
     def write(self, data: Any) -> int | None:  # type: ignore[override]
         try:
@@ -103,6 +103,6 @@ class _Pipe(io.FileIO):
             _drop(self.fileno())
             return memoryview(data).nbytes
         except OSError as error:
-            if error.errno == errno.EBADF:  # it was closed, and is somebody's who only reads there
+            if error.errno == errno.EBADF:  # it was closed, and now belongs to a file that is only read
                 return memoryview(data).nbytes
             raise OSError(error.errno, error.strerror, _NAMES[self.fileno()]) from error

@@ -42,7 +42,7 @@ def attended() -> Iterator[None]:
 
 
 def beside(make: Callable[[], Steps[Result]], at: Progress) -> Steps[Result]:
-    """The steps that `make` gives, with the same reports, result and errors; beside those who wait, if somebody does.
+    """Run the steps that `make` gives, with the same reports, result and errors; beside a caller, if one waits.
 
     make: is called where the steps are. at: the first report, when they have not said anything yet.
     """
@@ -58,7 +58,7 @@ def beside(make: Callable[[], Steps[Result]], at: Progress) -> Steps[Result]:
 
 
 def computed(function: Callable[[], Result], at: Progress) -> Steps[Result]:
-    """The result of `function`, computed beside those who wait; every report is `at`."""
+    """Compute `function` and return its result, beside a caller that waits; every report is `at`."""
 
     def steps() -> Steps[Result]:
         yield at
@@ -86,7 +86,7 @@ class _Work(Generic[Result]):
             threading.stack_size(before)
 
     def let_go(self) -> None:
-        """Take no more steps. What the present one still does is nobody's."""
+        """Take no more steps. What the present one still does is dropped."""
         self._stop = True
         if not self.ended.is_set():
             _let_go[:] = [thread for thread in _let_go if thread.is_alive()] + [self._thread]
@@ -109,7 +109,7 @@ class _Work(Generic[Result]):
                 self._results.append(stop.value)
             finally:
                 steps.close()
-        except BaseException as error:  # noqa: BLE001 - whoever waits raises it
+        except BaseException as error:  # noqa: BLE001 - the caller that waits raises it
             self._error = error
         finally:
             self.ended.set()
@@ -117,7 +117,7 @@ class _Work(Generic[Result]):
 
 @atexit.register
 def _wait_for_kernels() -> None:
-    """A process that ends under a running kernel may crash."""
+    """Wait for running kernels: a process that ends under one may crash."""
     deadline = time.monotonic() + _PATIENCE_S
     for thread in _let_go:
         thread.join(max(0.0, deadline - time.monotonic()))

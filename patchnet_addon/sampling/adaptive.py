@@ -38,7 +38,7 @@ Importance = Callable[[Frame], Steps[np.ndarray]]  # weights (P,) in [0, 1] of a
 class Pace:
     """Amount of work in one step: pixels that are traced, and rays of pixels that are refined.
 
-    It may be changed between two steps, by those who find out on the way how long one takes.
+    It may be changed between two steps, by a caller that finds out on the way how long one takes.
     """
 
     band_pixels: int = BAND_PIXELS
@@ -46,7 +46,7 @@ class Pace:
 
 
 class AdaptivePicture:
-    """A picture of P pixels, row 0 at the bottom, and what is known of them so far.
+    """Picture of P pixels, row 0 at the bottom, and what is known of them so far.
 
     colors: (P, 3) float32, linear as the octree's, weighed by alpha over black. alpha: (P,) float32, share of the rays
     that met something. samples: (P,) int32, rays per pixel; 0 where nothing is traced yet.
@@ -92,7 +92,7 @@ class AdaptivePicture:
             bands.append(band)
             self._show(row * camera.width_px, band)
             row += rows
-        # Of all pixels at once, so as long as that takes: beside who waits.
+        # Of all pixels at once, so as long as that takes: beside the caller that waits.
         ranked = yield from beside(lambda: self._ranked(bands), Progress(0, 1, "Ranking pixels"))
         self.frame, self.score, self._order = ranked
 
@@ -112,7 +112,7 @@ class AdaptivePicture:
             done += len(batch)
 
     def _ranked(self, bands: list[Frame]) -> Steps[tuple[Frame, np.ndarray, np.ndarray]]:
-        """The whole frame of its bands, the score of its pixels, and their order."""
+        """Whole frame of its bands, the score of its pixels, and their order."""
         yield Progress(0, 1, "Ranking pixels")
         frame = joined_frames(bands)
         if self._importance is not None:

@@ -11,7 +11,7 @@ from .pixel_hash import pixel_hash
 
 
 def priority(frame: Frame, score: np.ndarray) -> np.ndarray:
-    """(P,): scores times what matters to the person."""
+    """(P,): scores times importance to the user."""
     return score if frame.importance is None else score * frame.importance
 
 

@@ -25,7 +25,7 @@ _PRICES = 24
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangle of pixels; row 0 is the bottom."""
+    """Rectangle of pixels; row 0 is the bottom."""
 
     left: int
     bottom: int
@@ -34,7 +34,7 @@ class Region:
 
     @property
     def pixels(self) -> int:
-        """Its area."""
+        """Area of the rectangle."""
         return self.width * self.height
 
     @property
@@ -43,7 +43,7 @@ class Region:
         return slice(self.bottom, self.bottom + self.height), slice(self.left, self.left + self.width)
 
     def split(self, most_px: int) -> tuple[Region, Region | None]:
-        """Its lower rows, at most `most_px` pixels but one row at least, and the rest, if there is one."""
+        """Split off the lower rows, at most `most_px` pixels but one row at least, and the rest, if there is one."""
         rows = min(max(1, most_px // self.width), self.height)
         rest = Region(self.left, self.bottom + rows, self.width, self.height - rows) if rows < self.height else None
         return Region(self.left, self.bottom, self.width, rows), rest
@@ -96,7 +96,7 @@ def region_mask(regions: list[Region], height: int, width: int) -> np.ndarray:
 
 
 def _worth(tiles: _Tiles, boxes: list[Box], overhead_px: float) -> tuple[float, float]:
-    """The priority held, as a share that sums in any order agree on; of equal ones, what costs less is worth more."""
+    """Priority held, as a share that sums in any order agree on; of equal ones, what costs less is worth more."""
     sums = [tiles.sums(box) for box in boxes]
     share = sum(priority for priority, _ in sums) / max(float(tiles.priority.sum()), 1e-300)
     return round(share, 12), -sum(pixels + overhead_px for _, pixels in sums)

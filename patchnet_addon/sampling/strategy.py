@@ -20,7 +20,7 @@ REFERENCE = "reference"
 
 @dataclass(frozen=True)
 class Strategy:
-    """A way to decide which pixels are refined first.
+    """Strategy to decide which pixels are refined first.
 
     name: as on the command line. title: as in a menu. description: one sentence for a tooltip.
     needs: the parts of a `Frame` that must be filled in, of PREDICTION, BEHIND, EXACT, REFERENCE.

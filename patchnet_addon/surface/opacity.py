@@ -28,7 +28,7 @@ def opacity_shade(source: MeshSource) -> Shade:
 
 
 def _only(fragments: Fragments, chosen: np.ndarray) -> Fragments:
-    """The fragments at indices (n,)."""
+    """Fragments at indices (n,)."""
     return Fragments(
         fragments.keys[chosen],
         fragments.triangle[chosen],

@@ -34,6 +34,6 @@ class RotatedSource:
         self.bounds_world: np.ndarray = np.stack([low, high])
 
     def batches(self) -> Iterator[TriangleBatch]:
-        """The source's batches, rotated."""
+        """Source's batches, rotated."""
         for batch in self._source.batches():
             yield replace(batch, corners_world=batch.corners_world @ self._rotation.T)

@@ -80,7 +80,7 @@ def hit_colors(octree: Octree, hits: Hits, background: float = 0.0) -> np.ndarra
 
 
 def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """The camera's up (3,) made orthogonal to each ray (P, 3): normalise(u - (u.w) w) (methods 7.14)."""
+    """Camera's up (3,) made orthogonal to each ray (P, 3): normalise(u - (u.w) w) (methods 7.14)."""
     up = np.asarray(up, np.float64)
     along = direction.astype(np.float64) @ up
     across = up - along[:, None] * direction

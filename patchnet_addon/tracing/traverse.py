@@ -122,7 +122,7 @@ def first_hit(child_mask, first_child, origin, direction, t_start, z0, dz, side0
 
 @device
 def first_seen(child_mask, first_child, origin, direction, speed, lens, footprint, stack, cell):  # type: ignore[no-untyped-def]
-    """`first_hit` of a ray of `pixel_ray` between the lens's planes of sight; footprint scales the pixel side."""
+    """Find `first_hit` of a ray of `pixel_ray` between the lens's planes of sight; footprint scales the pixel side."""
     node, level, t = first_hit(
         child_mask, first_child, origin, direction, lens[4] / speed, 0.0, speed, footprint * lens[2],
         footprint * lens[3], stack, cell,

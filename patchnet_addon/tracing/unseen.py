@@ -21,7 +21,7 @@ BLACK_SURFACE = "black_surface"  # in an octree's provenance: all materials are 
 
 
 def why_unseen(octree: Octree, camera: Camera, hits: Hits, brightest: float) -> str | None:
-    """A sentence about a picture that shows nothing or is black; None for any other.
+    """Sentence about a picture that shows nothing or is black; None for any other.
 
     hits: of the camera's pixels. brightest: the largest luminance in the picture.
     """

@@ -51,7 +51,7 @@ class DepthCost:
 
 
 def check_depths(first: int, last: int) -> None:
-    """Raises SettingError unless 1 <= first <= last <= MAX_DEPTH."""
+    """Raise SettingError unless 1 <= first <= last <= MAX_DEPTH."""
     if not 1 <= first <= last <= MAX_DEPTH:
         raise SettingError(
             f"Depths {first} to {last} cannot be measured: give --depths FIRST LAST with "
@@ -92,7 +92,7 @@ def _measure_depth(
     most_seconds: float,
     peer_depth: int,
 ) -> DepthCost:
-    """The first run of ours tells how much memory Open3D will need."""
+    """Measure one depth; the first run of ours tells how much memory Open3D will need."""
     settings: dict[str, Any] = {"all_cores": all_cores, "prepare": theirs.clear}
     functions = {"ours": lambda: ours.voxelize(grid)}
     seconds = take_turns(functions, 1, **settings) | {"peer": []}

@@ -24,7 +24,7 @@ _BLUE, _ORANGE, _GREEN, _PURPLE, _GRAY = "#0072b2", "#d55e00", "#009e73", "#aa44
 
 
 def check_figure(path: Path, inputs: Iterable[Path]) -> None:
-    """Raises PatchNetError if a figure could not be drawn to `path`, before anything long is measured.
+    """Raise PatchNetError if a figure could not be drawn to `path`, before anything long is measured.
 
     inputs: files that are read, and never replaced.
     """

@@ -31,7 +31,7 @@ Chunk = tuple[np.ndarray, np.ndarray]
 
 
 class _Recorder:
-    """An `Encoder` that keeps the last chunks, which are those of the finest level, and encodes nothing."""
+    """Recorder: an `Encoder` that keeps the last chunks, which are those of the finest level, and encodes nothing."""
 
     chunk = CompiledEncoder.chunk
 
@@ -44,7 +44,7 @@ class _Recorder:
 
 
 def record_chunks(octree: Octree, weights: Weights, corners: int) -> list[Chunk]:
-    """The last chunks of an octree, together up to about `corners`; raises SettingError if there are none."""
+    """Last chunks of an octree, together up to about `corners`; raises SettingError if there are none."""
     recorder = _Recorder(-(-corners // _Recorder.chunk))
     drain(encode_octree(octree, weights, encoder=recorder))
     if not recorder.chunks:

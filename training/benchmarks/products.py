@@ -31,7 +31,7 @@ class Product:
         self.dense = 1 - random.random(values.shape, np.float32)  # in (0, 1], no zeros
 
     def reference(self) -> np.ndarray:
-        """The result by NumPy."""
+        """Result by NumPy."""
         return multiply_reference(self.values, self.matrix, self.bias, relu=self.relu)
 
     def runs(self) -> dict[str, Callable[[], Any]]:
@@ -49,7 +49,7 @@ class Product:
 
 
 def encoder_products(chunk: tuple[np.ndarray, np.ndarray], weights: Weights) -> list[Product]:
-    """The products of one chunk, blocks (U, 320) and rows (C, 8), in their order."""
+    """Products of one chunk, blocks (U, 320) and rows (C, 8), in their order."""
     blocks, rows = chunk
     matrix, bias = weights.encoder[0]
     products = [Product(blocks, octant_matrices(matrix), None, relu=False)]
@@ -80,7 +80,7 @@ def measure_products(
 
 
 def _numpy_run(product: Product) -> Callable[[], Any]:
-    """Into an array that is there, as the encoder does it: fresh pages would cost as much as small products."""
+    """Multiply into an array that is there, as the encoder does: fresh pages would cost as much as small products."""
     result = np.empty((len(product.values), product.matrix.shape[1]), np.float32)
 
     def run() -> None:

@@ -36,7 +36,7 @@ def octree_of_shells(nodes: int) -> Octree:
 
 
 def sphere_nodes(depth: int) -> float:
-    """About the nodes of a sphere that fills the cube: 1.5 leaves per leaf face of its area, a third as many above."""
+    """Estimate nodes of a sphere that fills the cube: 1.5 leaves per leaf face of its area, a third as many above."""
     return math.pi * 4.0**depth * 1.5 * 4 / 3
 
 

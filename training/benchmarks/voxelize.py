@@ -38,7 +38,7 @@ class OurVoxels:
     """Triangles (T, 3, 3) in memory, and the last octree made of them."""
 
     def __init__(self, corners_world: np.ndarray) -> None:
-        """Runs once at a small depth, which compiles all kernels."""
+        """Run once at a small depth, which compiles all kernels."""
         self.mesh = TriangleMesh.from_arrays(corners_world)
         self.octree: Octree | None = None
         self.fragments = 0

@@ -101,7 +101,7 @@ def _compared(built: Built, octree: Octree, file_bytes: int, light: str) -> Comp
 
 
 def cut(octree: Octree, depth: int) -> Octree:
-    """The octree without what lies below level `depth`, as if it had been voxelized at that depth."""
+    """Octree without what lies below level `depth`, as if it had been voxelized at that depth."""
     depth = min(depth, octree.depth)
     count = int(octree.level_start[depth + 1])
     mask = octree.child_mask[:count].copy()

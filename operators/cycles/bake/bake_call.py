@@ -36,7 +36,7 @@ _ARGUMENTS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class BakeTarget:
-    """An object to bake into the active images of its materials, and the scene and view layer that light it."""
+    """Object to bake into the active images of its materials, and the scene and view layer that light it."""
 
     scene: bpy.types.Scene
     layer: bpy.types.ViewLayer

@@ -125,7 +125,7 @@ _PLACE = names(
 
 
 def _add_object(digest: Digest, item: bpy.types.Object, data: bpy.types.ID | None) -> None:
-    """An object without its place and its materials; `data` is what is shown for it."""
+    """Add an object without its place and its materials; `data` is what is shown for it."""
     digest.struct(item, _OBJECT_SKIPPED | _PLACE)
     for system in item.particle_systems:
         digest.text(system.name, system.seed, len(system.particles))

@@ -18,7 +18,7 @@ from .translucency import is_translucent, keep_sides
 def bake_materials(
     names: Sequence[str], image: bpy.types.Image, back: bool, through: bool = False
 ) -> Iterator[list[bpy.types.Material]]:
-    """A copy of each named material, in this order, whose active node is `image`; removed after the block.
+    """Copy each named material, in this order, with `image` as the active node; removed after the block.
 
     The copies take from attributes what they would ask the object. back: the mesh shows back sides. through: they show
     only what shines through from behind, else all but that.

@@ -57,7 +57,7 @@ def tile_side() -> int:
 
 @contextmanager
 def page_image(size: np.ndarray, pages: int) -> Iterator[bpy.types.Image]:
-    """An image for `pages` pages of width and height (2,), one above the other."""
+    """Image for `pages` pages of width and height (2,), one above the other."""
     width, height = int(size[0]), int(size[1]) * pages
     image = bpy.data.images.new(_NAME, width, height, alpha=True, float_buffer=True, is_data=True)
     with temporary(image):
@@ -66,14 +66,14 @@ def page_image(size: np.ndarray, pages: int) -> Iterator[bpy.types.Image]:
 
 @contextmanager
 def page_mesh() -> Iterator[bpy.types.Mesh]:
-    """A mesh without anything, to be filled."""
+    """Mesh without anything, to be filled."""
     with temporary(bpy.data.meshes.new(_NAME)) as mesh:
         yield mesh
 
 
 @contextmanager
 def page_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
-    """An object of `mesh` in `scene` that no ray meets, and that nobody sees in a window."""
+    """Object of `mesh` in `scene` that no ray meets, and that is not seen in a window."""
     with temporary(bpy.data.objects.new(_NAME, mesh)) as item:
         scene.collection.objects.link(item)
         # Cycles drops objects that no ray at all can meet: scattering in volumes is what remains.

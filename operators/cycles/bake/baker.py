@@ -36,7 +36,7 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 class Baker:
-    """Bakes sides of pages; holds nothing of Blender's between two calls but the context.
+    """Baker of pages' sides; holds nothing of Blender's between two calls but the context.
 
     channels: of its texels, 2 or 4, see `Atlas`. both_sides: backs of opaque sheets count like fronts; else, and always
     with materials that cull backfaces, only where fronts get no light. warnings: sentences about what cannot be baked.
@@ -54,7 +54,7 @@ class Baker:
         device: str = AUTOMATIC,
         with_daylight: bool = False,
     ) -> None:
-        """`device` is one of `DEVICES`. Raises SettingError for a GPU that is not there."""
+        """Prepare for `device`, one of `DEVICES`. Raises SettingError for a GPU that is not there."""
         self._context = context
         self._source = source
         self._charts = charts
@@ -83,7 +83,7 @@ class Baker:
         self._offset_world = max(1e-3 * charts.texel_world, LIFT_SHARE * reach)
 
     def page(self, page: int) -> Steps[np.ndarray]:
-        """The texels (side * side, C) of a page."""
+        """Texels (side * side, C) of a page."""
         count, self.paths_traced = self._charts.page_count, 0
         at = Progress(page, count, "Baking light")
         part = yield from computed(lambda: self.triangles(page), at)
@@ -106,7 +106,7 @@ class Baker:
         return page_triangles(self._source, self._charts, page, self._closed, self._attributes)
 
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
-        """(N,) bool: triangles whose back was left out and may be what people see.
+        """(N,) bool: triangles whose back was left out and may be what is seen.
 
         Fronts of closed pieces that get no light: a lamp may be inside. Fronts of sheets that get next to none: their
         normals may point into a building. Where another triangle of a closed piece gets light from outside, the dark
@@ -123,7 +123,7 @@ class Baker:
     def merged(
         self, page: int, triangles: np.ndarray, front: np.ndarray, back: np.ndarray, share: float = 0.5
     ) -> np.ndarray:
-        """The page (side * side, C) with both sides of `triangles`, or the lit one where the other is dark.
+        """Page (side * side, C) with both sides of `triangles`, or the lit one where the other is dark.
 
         share: of the back, where both are lit.
         """
@@ -139,7 +139,7 @@ class Baker:
         return front * (1.0 - of_texel) + back * of_texel
 
     def bake(self, page: int, fronts: PageTriangles, backs: PageTriangles, at: Progress) -> Steps[list[np.ndarray]]:
-        """Both sides of a page, each (side * side, C) float32: luminance weighed by opacity, and opacity; else zero.
+        """Bake both sides of a page, (side * side, C) float32 each: luminance weighed by opacity, and opacity; else 0.
 
         With colour, red and blue weighed by opacity are there too.
 

@@ -15,7 +15,7 @@ from ...scene_access.temporary import temporary
 
 @contextmanager
 def lit_as(target: bpy.types.Object, links: Links) -> Iterator[None]:
-    """`target` is a member of receiver collections within the block.
+    """Make `target` a member of receiver collections within the block.
 
     The collections stay as they are, they may be linked from another file: their lamps get copies with one more member.
     """

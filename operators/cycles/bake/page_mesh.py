@@ -48,7 +48,7 @@ class PageTriangles:
         return self.pieces >= 0
 
     def only(self, chosen: np.ndarray) -> PageTriangles:
-        """The triangles where `chosen` (N,) is true."""
+        """Select the triangles where `chosen` (N,) is true."""
         return PageTriangles(
             **{name: getattr(self, name)[chosen] for name in _COLUMNS},
             layers={name: values[chosen] for name, values in self.layers.items()},
@@ -92,7 +92,7 @@ def joined(parts: Sequence[PageTriangles]) -> PageTriangles:
 def page_triangles(
     source: SceneMesh, charts: Charts, page: int, closed: ClosedPieces, attributes: frozenset[str]
 ) -> PageTriangles:
-    """The triangles with an area whose charts lie on a page, with `attributes` of their objects among the layers."""
+    """Triangles with an area whose charts lie on a page, with `attributes` of their objects among the layers."""
     parts: list[PageTriangles] = []
     first = 0
     for runs in source.runs():
@@ -176,7 +176,7 @@ def _add_uvs(mesh: bpy.types.Mesh, name: str, uvs: np.ndarray) -> None:
 
 
 def _add_layer(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
-    """A UV map or attribute of values (N, 3, C)."""
+    """Add a UV map or attribute of values (N, 3, C)."""
     width = values.shape[-1]
     if width == 2:
         if len(mesh.uv_layers) < _MAX_UV_LAYERS:

@@ -37,7 +37,7 @@ _tried: set[Path] = set()  # marks that could not be made in this process
 
 
 class _OtherBlenderError(Exception):
-    """The other Blender did not come to its end."""
+    """Error of the other Blender, which did not come to its end."""
 
 
 def compiled_ahead() -> Steps[None]:
@@ -78,7 +78,7 @@ def _compiled(folder: Path) -> Steps[None]:
 
 
 def small_jobs_path() -> Path:
-    """The script that the other Blender runs."""
+    """Script that the other Blender runs."""
     return Path(__file__).with_name("small_jobs.py")
 
 
@@ -102,10 +102,10 @@ def _kernels() -> tuple[Path, str]:
 
 
 def _start(said: IO[bytes]) -> subprocess.Popen[bytes]:
-    """A Blender with factory settings, in which small jobs compile what is missing."""
+    """Start a Blender with factory settings, in which small jobs compile what is missing."""
     words = [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1"]
     words += ["--python", str(small_jobs_path()), "--", ROOT_PACKAGE, str(Path(__file__).parents[2]), *sys.path]
-    # The kernels' folder lies in the cache folder that this process uses, whoever named it.
+    # The kernels' folder lies in the cache folder that this process uses, however it was named.
     environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder()), "PATCHNET_KEEP": "0"}
     flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal comes up on Windows
     return subprocess.Popen(

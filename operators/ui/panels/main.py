@@ -18,11 +18,11 @@ class PATCHNET_PT_main(Tab, bpy.types.Panel):
     bl_label = "PatchNet"
 
     def draw_header_preset(self, _context: bpy.types.Context) -> None:
-        """The menu of presets."""
+        """Draw the menu of presets."""
         PATCHNET_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """The button, or progress in its place, so that the buttons below stay where they are."""
+        """Draw the button, or progress in its place, so that the buttons below stay where they are."""
         layout = split(self.layout)
         if JobOperator.running:
             layout.progress(factor=JobOperator.fraction, text=f"{JobOperator.running}: Esc stops")

@@ -79,7 +79,7 @@ def _bytes(gib: float) -> int | None:
 
 
 def _resolution(operator: bpy.types.Operator, resolution: str) -> str:
-    """A depth or voxel size that is given to an operator counts, without naming the resolution too."""
+    """Resolution of a job: a depth or voxel size given to an operator counts, without naming the resolution too."""
     given = [name for name in ("resolution", "depth", "voxel_size") if is_given(operator, name)]
     if "resolution" in given or not given:
         return resolution

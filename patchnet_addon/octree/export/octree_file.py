@@ -14,7 +14,7 @@ from ..voxel_cloud import voxel_counts
 
 
 def truncated(octree: Octree, level: int) -> Octree:
-    """The octree without what lies below `level`, whose nodes become leaves; values of nodes stay as they are.
+    """Octree without what lies below `level`, whose nodes become leaves; values of nodes stay as they are.
 
     Raises SettingError for level 0: a single node is no octree.
     """
