@@ -28,7 +28,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Forget it."""
+    """Forget the command."""
     import bpy
 
     atexit.unregister(unregister)

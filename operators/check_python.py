@@ -27,7 +27,7 @@ class PATCHNET_OT_check_python(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Ask it, and keep the answer for the preferences."""
+        """Ask the Python, and keep the answer for the preferences."""
         from ..patchnet_addon.network.other_python import ask_python
 
         try:

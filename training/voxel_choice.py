@@ -33,8 +33,10 @@ def usable_nodes(octree: Octree, least_level: int) -> dict[int, np.ndarray]:
 
 
 def choose_voxels(octree: Octree, nodes: dict[int, np.ndarray], count: int, random: np.random.Generator) -> np.ndarray:
-    """Voxels (count, 4) uint16 level, x, y, z of `nodes` by level, in random order: half uniform over voxels, half
-    uniform over levels."""
+    """Voxels (count, 4) uint16 level, x, y, z of `nodes` by level, in random order.
+
+    Half is uniform over voxels, half uniform over levels.
+    """
     sizes = np.array([len(here) for here in nodes.values()], np.int64)
     shares = np.minimum(count // (2 * len(nodes)), _REPEATS * sizes)
     shares = shares + random.multinomial(count - shares.sum(), sizes / sizes.sum())

@@ -87,7 +87,7 @@ def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) 
 
 
 def _all_files(plan: FramePlan, files: Mapping[str, FileKind]) -> dict[Path, FileKind]:
-    """All files of an animation that are not there as we wrote them; `files` are those of a frame."""
+    """Files of an animation that are not there as we wrote them, all of them; `files` are those of a frame."""
     folders = [folder for frame in plan.frames if read_record(folder := frame_folder(plan.out, frame)) is None]
     return {plan.out / REPORT_NAME: REPORT} | {
         folder / name: kind for folder in folders for name, kind in files.items()

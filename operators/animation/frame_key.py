@@ -62,7 +62,7 @@ def code_hash() -> str:
 
 
 def _add_cameras(digest: Digest, depsgraph: bpy.types.Depsgraph) -> None:
-    """All cameras, also those that are hidden: pictures are made through them nevertheless."""
+    """Add all cameras, also those that are hidden: pictures are made through them nevertheless."""
     scene = depsgraph.scene.original
     digest.text(scene.camera.name_full if scene.camera else None)
     for item in scene.objects:

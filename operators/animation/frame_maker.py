@@ -53,7 +53,7 @@ class FrameMaker(ABC):
 
     @abstractmethod
     def settings_text(self, common: Common) -> str:
-        """All settings that the files depend on."""
+        """Text of all settings that the files depend on."""
 
     @abstractmethod
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:

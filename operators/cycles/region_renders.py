@@ -133,7 +133,7 @@ def region_renders(
 
 
 def _drop_kept(scene: bpy.types.Scene) -> None:
-    """Cycles drops what it kept of `scene`, before anything of that is removed."""
+    """Drop what Cycles kept of `scene`, before anything of that is removed."""
     scene.render.use_persistent_data = False
 
 

@@ -36,7 +36,7 @@ class Shape:
 
 
 def join(shapes: Iterable[Shape]) -> Shape:
-    """All shapes in one; UVs survive if every shape has them."""
+    """Join all shapes in one; UVs survive if every shape has them."""
     parts = list(shapes)
     faces: list[tuple[int, ...]] = []
     start = 0

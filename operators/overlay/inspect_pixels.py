@@ -44,7 +44,7 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
 
     @classmethod
     def forget(cls) -> None:
-        """All windows have ended it, or are gone."""
+        """Forget the windows, which have all ended it, or are gone."""
         cls._running.clear()
         cls._ending.clear()
         inspected.clear()

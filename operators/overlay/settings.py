@@ -74,6 +74,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Forget them."""
+    """Forget the settings."""
     del bpy.types.WindowManager.patchnet_overlay
     bpy.utils.unregister_class(PatchNetOverlaySettings)

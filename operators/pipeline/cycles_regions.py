@@ -109,8 +109,11 @@ def _chosen(priority: np.ndarray, settings: CyclesSettings) -> Sequence[Region]:
 def _rendered(
     context: bpy.types.Context, camera: Camera, regions: Sequence[Region], settings: CyclesSettings, sun: bool
 ) -> Steps[Renders]:
-    """Regions; for a comparison then the whole picture in a scene copy of its own, so that it pays for all it
-    needs, and the reference, which finds the scene read."""
+    """Render the regions, for a comparison then the whole picture, and the reference.
+
+    The whole picture comes from a scene copy of its own, so that it pays for all it needs; the reference finds the
+    scene read.
+    """
     wanted = camera, settings.samples, settings.seed, settings.light
     black = np.zeros((camera.height_px, camera.width_px, 3), np.float32)
     result = Renders(black)

@@ -149,7 +149,7 @@ def _scalars(metadata: dict[str, Any]) -> dict[str, Any]:
 
 
 def write_result(folder: Path, result: JobResult) -> None:
-    """All files of a job."""
+    """Write all files of a job."""
     save_octree(result.coded.octree, folder / OCTREE_NAME)
     save_codes(result.coded, folder / CODES_NAME)
     for item in result.views:

@@ -60,7 +60,7 @@ def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetti
 
 
 def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
-    """All leaves on one level."""
+    """Choose a grid with all leaves on one level."""
     from ...patchnet_addon.lod.depth import choose_depth, coarse_octree
 
     bounds_world = settings.bounds_world(source)

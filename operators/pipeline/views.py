@@ -126,7 +126,7 @@ def _pictures(frame: Frame, score: np.ndarray, settings: JobSettings, name: str)
 
 
 def overview(views: Sequence[View]) -> np.ndarray:
-    """All cameras in one picture: a row each, from the preview to the reference."""
+    """Overview of all cameras in one picture: a row each, from the preview to the reference."""
     columns = ("preview", "priority", "order", "refined", "reference")
     rows = [[item.pictures[name] for name in columns] for item in views]
     names = []

@@ -19,10 +19,10 @@ from ..scene.cameras import tracing_camera
 def render_camera(
     scene: bpy.types.Scene, camera: bpy.types.Object | None, size_px: tuple[int, int]
 ) -> tuple[Camera, Place]:
-    """View of an evaluated camera object at the render resolution, or what the render border leaves of it; and
-    where the whole picture lies on that.
+    """View of an evaluated camera object at the render resolution, and where the whole picture lies on it.
 
-    scene: evaluated. Raises SceneError without a camera and for panoramic ones, SettingError for an empty border.
+    The view is what the render border leaves of the picture. scene: evaluated. Raises SceneError without a camera and
+    for panoramic ones, SettingError for an empty border.
     """
     if camera is None:
         raise SceneError(f"Scene '{scene.name}' has no active camera: add one, or make one active with Ctrl Numpad 0")

@@ -116,7 +116,7 @@ class Viewport:
 
 
 def _view(camera: Camera) -> tuple[Any, ...]:
-    """All that makes two views different."""
+    """Identity of a view: all that makes two views different."""
     axes = (camera.position_world, camera.right, camera.up)
     lens = (camera.half_x, camera.half_y, camera.shift_x, camera.shift_y)
     return (*np.concatenate(axes).tolist(), *lens, camera.width_px, camera.height_px, camera.kind)

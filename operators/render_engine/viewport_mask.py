@@ -22,7 +22,10 @@ _REST = 5.0  # between two looks at an image, in times that one takes
 
 
 class ViewportMask:
-    """strokes: what was painted; None where all pixels matter alike. version: another number for other strokes."""
+    """Mask by strokes.
+
+    strokes: what was painted; None where all pixels matter alike. version: another number for other strokes.
+    """
 
     def __init__(self) -> None:
         self.strokes: Strokes | None = None

@@ -171,7 +171,7 @@ def track_cameras(
 
 
 def _without_repeats(cameras: list[Camera]) -> list[Camera]:
-    """Each view once: cameras that stand still, or that stood there before, see nothing new."""
+    """Drop repeated views: cameras that stand still, or that stood there before, see nothing new."""
     views: dict[tuple[object, ...], Camera] = {}
     for camera in cameras:
         axes = (camera.position_world, camera.right, camera.up, camera.forward)

@@ -121,7 +121,7 @@ class _Reader:
         return self.material_names.setdefault(name, len(self.material_names))
 
     def parts(self) -> tuple[Placements, ...]:
-        """All placements, mesh by mesh in the order of their first appearance."""
+        """Placements, all of them, mesh by mesh in the order of their first appearance."""
         parts = []
         for key, placed in self._placed.items():
             mesh = self._meshes[key]

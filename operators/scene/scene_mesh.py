@@ -148,7 +148,7 @@ class SceneMesh:
         return frozenset(self.material_names[index] for index in used)
 
     def batches(self) -> Iterator[TriangleBatch]:
-        """All triangles, in a fixed order: mesh by mesh, placement by placement."""
+        """Triangles in batches, all in a fixed order: mesh by mesh, placement by placement."""
         first = 0
         for runs in self.runs():
             batch = _batch(runs, first)

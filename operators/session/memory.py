@@ -18,8 +18,11 @@ from . import results
 
 
 class Held(NamedTuple):
-    """Bytes. results: octrees, codes and views of all scenes, and those of frames that are rendered. images: pictures
-    in the file. process: all that Blender takes, the extension included; None where the system does not say."""
+    """Bytes that the extension holds.
+
+    results: octrees, codes and views of all scenes, and those of frames that are rendered. images: pictures in the
+    file. process: all that Blender takes, the extension included; None where the system does not say.
+    """
 
     results: int
     images: int

@@ -118,7 +118,7 @@ class Digest:
             self.block(getattr(block, "node_tree", None))
 
     def struct(self, owner: bpy.types.bpy_struct, skipped: frozenset[str] = frozenset(), depth: int = _DEPTH) -> None:
-        """All properties, those of nested settings too."""
+        """Hash all properties, those of nested settings too."""
         self.text(owner.bl_rna.identifier)
         for key, kind, is_array in _properties_of(owner):
             if key in skipped:

@@ -151,5 +151,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Forget them."""
+    """Forget the preferences."""
     bpy.utils.unregister_class(PatchNetPreferences)

@@ -36,8 +36,10 @@ class Prediction:
 
 
 def predict(coded: CodedOctree, hits: Hits) -> Prediction:
-    """Decoded coverage and luminance of all pixels; those without look-ahead keep what they show, so that their
-    priority is 0 (methods 4.1b)."""
+    """Decode coverage and luminance of all pixels.
+
+    Those without look-ahead keep what they show, so that their priority is 0 (methods 4.1b).
+    """
     rows = np.where(hits.node >= 0, coded.coded_index[hits.node], -1)
     pixels = np.flatnonzero(rows >= 0)
     codes = interpolate_codes(coded, rows[pixels], hits.entry_voxel[pixels])
@@ -50,8 +52,10 @@ def predict(coded: CodedOctree, hits: Hits) -> Prediction:
 
 
 def interpolate_codes(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndarray) -> np.ndarray:
-    """Trilinear means (M, 10) float32 of the codes of coded nodes, given as rows (M,) of `node_corners`, at points
-    (M, 3) in the voxels, [0, 1]^3."""
+    """Trilinear means (M, 10) float32 of the codes of coded nodes at points (M, 3) in the voxels, [0, 1]^3.
+
+    The nodes are given as rows (M,) of `node_corners`.
+    """
     result = np.empty((len(rows), coded.codes.shape[1]), np.float32)
     halves = coded.codes.view(np.uint16)
     entry = np.ascontiguousarray(entry_voxel, np.float32)

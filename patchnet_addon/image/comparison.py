@@ -135,7 +135,7 @@ def widened(mask: np.ndarray, reach: int) -> np.ndarray:
 
 
 def compare(picture: np.ndarray, reference: np.ndarray, guides: Guides) -> dict[str, Any]:
-    """All figures of a picture against its reference, as plain JSON values.
+    """Compare a picture with its reference: all figures, as plain JSON values.
 
     regions: share of pixels, share of the squared error, and the mean luminance ratio, by name of region.
     """

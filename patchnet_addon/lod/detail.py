@@ -57,9 +57,9 @@ def _hits(
     offset: tuple[float, float],
     finer: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Cells (R, 3) int32, their levels (R,) uint8, the levels (R,) uint8 of leaves that look-ahead takes there (0 for a
-    miss), and whether there is look-ahead (R,) bool.
+    """Cells (R, 3) int32 that rays hit, their levels and the levels of leaves needed there, and their look-ahead.
 
+    Levels (R,) uint8; those of leaves are what look-ahead takes there, 0 for a miss. (R,) bool: is there look-ahead?
     offset: from the pixels' centres, in pixels. finer: levels that the rays' footprint is finer than the pixel.
     """
     count = (rows[1] - rows[0]) * unit.width_px

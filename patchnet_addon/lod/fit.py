@@ -114,8 +114,10 @@ def _changed(
 def _look(
     leaves: dict[int, np.ndarray], grid: Grid, cameras: Sequence[Camera], layout: LeafLevels
 ) -> Steps[tuple[np.ndarray, np.ndarray]]:
-    """Levels (blocks,) uint8 that all cameras ask for where they see the leaves so far, and how many pixels (blocks,)
-    uint32 show each block."""
+    """Levels (blocks,) uint8 that all cameras ask for where they see the leaves so far.
+
+    With them: how many pixels (blocks,) uint32 show each block.
+    """
     needed, pixels = np.zeros(len(layout.levels), np.uint8), np.zeros(len(layout.levels), np.uint32)
     child_mask, first_child = hierarchy(leaves, max(leaves))
     for camera in cameras:

@@ -72,8 +72,10 @@ class BlockRange:
 def plan_passes(
     source: MeshSource, grid: Grid, layout: LeafLevels, most_fragments: int, cores: int = 1
 ) -> list[list[BlockRange]]:
-    """Passes over the triangles, each over blocks with about `most_fragments`, in Morton order, and each divided into
-    as many ranges of similar load as there are cores; reads the triangles once."""
+    """Plan passes over the triangles, each over blocks with about `most_fragments`, in Morton order.
+
+    Each is divided into as many ranges of similar load as there are cores; reads the triangles once.
+    """
     blocks = layout.divided(BLOCK_LEVEL)
     load = expected_fragments(source, grid, blocks)
     total = float(load.sum())

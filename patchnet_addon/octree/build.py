@@ -144,7 +144,7 @@ def _luminance(
 
 
 def _emptied(arrays: list[np.ndarray]) -> np.ndarray:
-    """All arrays in one; the list is emptied, each array let go as soon as it is copied."""
+    """Concatenate all arrays; the list is emptied, each array let go as soon as it is copied."""
     joined = np.empty((sum(len(array) for array in arrays), *arrays[0].shape[1:]), arrays[0].dtype)
     start = 0
     while arrays:

@@ -19,7 +19,7 @@ LOOK_AHEAD = 2  # levels of detail that a patch sees ahead (the paper's delta le
 
 @dataclass(frozen=True, eq=False)
 class Octree:
-    """All nodes of all levels, root first; within a level in Morton order.
+    """Octree of all nodes of all levels, root first; within a level in Morton order.
 
     level_start: (depth + 2,) int64, nodes of level l are level_start[l] to level_start[l + 1].
     child_mask: (n,) uint8, bit x + 2y + 4z set if that child exists; 0 for leaves.

@@ -75,7 +75,7 @@ class VoxelRun:
 
 @dataclass(frozen=True, eq=False)
 class VoxelCloud:
-    """All voxels of one level as arrays; those of coarser leaves have a larger side.
+    """Voxels of one level, all as arrays; those of coarser leaves have a larger side.
 
     centres_world: (n, 3) float64. side_world: (n,) float32. luminance: (n,) float32 in [0, 1].
     color: (n, 3) float32, linear, of that luminance; gray without colour.
@@ -152,7 +152,7 @@ def _children(run: VoxelRun) -> VoxelRun:
 
 
 def voxel_cloud(octree: Octree, level: int) -> VoxelCloud:
-    """All voxels that `level` shows; raises SettingError if the octree does not have it."""
+    """Collect all voxels that `level` shows; raises SettingError if the octree does not have it."""
     runs = list(voxel_runs(octree, check_level(octree, level)))
     return VoxelCloud(
         level=level,

@@ -76,8 +76,9 @@ def interrupts_wait() -> Iterator[None]:
 
 @contextmanager
 def prompt_interrupt(end: Callable[[], None] | None = None) -> Iterator[None]:
-    """Within the block, Ctrl-C and SIGTERM raise `Interrupted`, and `end` is called if that has not ended the block
-    DEADLINE_S after it; by default the process ends.
+    """Raise `Interrupted` within the block at Ctrl-C and SIGTERM.
+
+    If that has not ended the block DEADLINE_S after it, `end` is called; by default the process ends.
 
     Leaves a signal alone where another handler in Python listens, or where it is ignored; does nothing
     outside the main thread.

@@ -16,7 +16,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Progress:
-    """`done` of `total` units of the step called `label` are finished.
+    """Progress of the step called `label`: `done` of `total` units are finished.
 
     waiting: a thread, or a job of Blender's, is at work for the step, on what the step has put there: ask again later.
     whole: share of all steps that is done, 0 to 1, where a caller counts them.

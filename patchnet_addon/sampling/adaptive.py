@@ -97,7 +97,7 @@ class AdaptivePicture:
         self.frame, self.score, self._order = ranked
 
     def refine(self, budget: float, side: int = REFINED_SIDE, pace: Pace | None = None) -> Steps[None]:
-        """side x side rays in the share `budget` of the active pixels, those of highest priority first.
+        """Refine the share `budget` of the active pixels with side x side rays, those of highest priority first.
 
         Pixels of importance 0 keep their one ray, also where the budget would reach them.
         """

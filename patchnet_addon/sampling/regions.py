@@ -122,8 +122,10 @@ def _tiles(priority: np.ndarray, tile: int) -> _Tiles:
 
 
 def _prices(tiles: _Tiles) -> np.ndarray:
-    """Prices per pixel to try: quantiles of the tiles' own density; half the least, which buys all that has priority,
-    but no ground between; and none, which buys the ground too."""
+    """Prices per pixel to try: quantiles of the tiles' own density, half the least, and none.
+
+    Half the least buys all that has priority, but no ground between; none buys the ground too.
+    """
     density = (tiles.priority / tiles.pixels)[tiles.priority > 0]
     if not density.size:
         return np.zeros(0)

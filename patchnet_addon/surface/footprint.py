@@ -94,8 +94,10 @@ def piece_on_texture(rows, corners_voxel, key, triangle, uvs, m):  # type: ignor
 
 @device
 def _span(low, high, size, margin, extension):  # type: ignore[no-untyped-def]
-    """First and last square that [low, high] (in squares) reaches; beyond a border that does not repeat, one stands
-    for all."""
+    """First and last square that [low, high] (in squares) reaches.
+
+    Beyond a border that does not repeat, one stands for all.
+    """
     first = math.floor(low)
     last = math.floor(high)
     if extension in (REPEAT, MIRROR):
@@ -105,8 +107,10 @@ def _span(low, high, size, margin, extension):  # type: ignore[no-untyped-def]
 
 @device
 def _scale(rows, count, columns, lines):  # type: ignore[no-untyped-def]
-    """Write the outline in units of squares, counter-clockwise, to columns 1 and 2, and 3 and 4 (those are never
-    set onto a line, so that areas add up)."""
+    """Write the outline in units of squares, counter-clockwise, to columns 1 and 2, and 3 and 4.
+
+    Those of 3 and 4 are never set onto a line, so that areas add up.
+    """
     turn = 0.0
     for i in range(count):
         j = (i + 1) % count

@@ -76,7 +76,7 @@ class MeshSource(Protocol):
         """Triangles of all batches."""
 
     def batches(self) -> Iterator[TriangleBatch]:
-        """All triangles."""
+        """Batches of all triangles."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,7 +103,7 @@ def _fill(grids: dict[str, Any], leaf: VoxelRun, level: int) -> int:
 
 
 def _copy_block(grids: dict[str, Any], node: VoxelRun, level: int) -> int:
-    """All voxels below one node, through dense arrays; their number."""
+    """Copy all voxels below one node, through dense arrays; returns their number."""
     side, count = 1 << (level - node.level), 0
     low = node.cells[0] * side
     dense = {name: np.zeros((side, side, side, _CHANNELS[name]), np.float32) for name in grids}
