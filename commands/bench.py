@@ -38,7 +38,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure and print; returns 0. Raises PatchNetError."""
+    """Measure and print; returns 0; raises PatchNetError."""
     bench = BENCHES[args.bench]
     values = bench.measure(args).as_json()
     print(json.dumps(values) if args.json else bench.text(values))

@@ -66,7 +66,7 @@ def execute(words: Sequence[str]) -> int:
 
 
 def _blender_path(word: str) -> str:
-    """Expand Blender's `//` in a word to the folder of the open file. Raises SettingError if none is open."""
+    """Expand Blender's `//` in a word to the folder of the open file; raises SettingError if none is open."""
     from ..operators.ui.properties import absolute_path
 
     path: Path | None = absolute_path(word) if word.startswith("//") else None

@@ -67,7 +67,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 
 def run(args: argparse.Namespace) -> int:
-    """Build the octree and write it; returns 0. Raises PatchNetError."""
+    """Build the octree and write it; returns 0; raises PatchNetError."""
     _check(args)
     clock = StageClock()
     with clock.stage("start"):

@@ -92,7 +92,7 @@ def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, s
 
 
 def _result(octree: Octree, coded: CodedOctree | None, state: Any) -> results.SceneResult:
-    """Build a result from an octree's file. It is taken to fit a scene that the file says nothing of."""
+    """Build a result from an octree's file; it is taken to fit a scene that the file says nothing of."""
     from .scene.placements import VISIBLE
 
     provenance = octree.provenance

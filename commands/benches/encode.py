@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Rates of all; one core is measured in a process that has one thread. Raises PatchNetError."""
+    """Rates of all; one core is measured in a process that has one thread; raises PatchNetError."""
     from ...patchnet_addon.network.weights import load_weights
     from ...training.benchmarks.encoding import benchmark_encoding
     from ...training.benchmarks.threads import has_one_thread

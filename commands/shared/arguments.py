@@ -21,7 +21,7 @@ def add_number(parser: argparse._ActionsContainer, flag: str, bounds: Bounds, **
 
 
 def add_out(parser: argparse.ArgumentParser, text: str, **others: Any) -> None:
-    """Path of `--out`, which is not empty. An empty one would be the working folder, not meant to be filled."""
+    """Path of `--out`, which is not empty; an empty one would be the working folder, not meant to be filled."""
     parser.add_argument("--out", type=_output, help=text, **others)
 
 

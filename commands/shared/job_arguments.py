@@ -56,7 +56,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_both_sides(parser: argparse.ArgumentParser) -> None:
-    """`--both-sides`."""
+    """Add the argument `--both-sides`."""
     parser.add_argument(
         "--both-sides",
         action="store_true",

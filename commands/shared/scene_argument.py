@@ -19,7 +19,7 @@ def add_scene(parser: argparse.ArgumentParser, text: str, kind: Callable[[str], 
 
 
 def scene_path(scene: Path | str | None) -> Path:
-    """File of the scene, for its name. Raises SceneError if none is named and none is open."""
+    """File of the scene, for its name; raises SceneError if none is named and none is open."""
     import bpy
 
     from ...operators.scene_access.unread_file import check_opened
@@ -31,7 +31,7 @@ def scene_path(scene: Path | str | None) -> Path:
 
 
 def open_given(scene: Path | str | None) -> None:
-    """Open the scene if a file is named, else keep what is open. Raises SceneError."""
+    """Open the scene if a file is named, else keep what is open; raises SceneError."""
     from ...operators.scene import open_scene
     from .quiet import quiet_stdout
 
@@ -42,5 +42,5 @@ def open_given(scene: Path | str | None) -> None:
 
 
 def opened_file(scene: Path | None) -> Path | None:
-    """Return the .blend file that was opened just now. What was open before may have been changed by a script since."""
+    """Return the .blend file that was opened just now; what was open before may have been changed by a script since."""
     return scene if scene is not None and scene.suffix.lower() == ".blend" else None

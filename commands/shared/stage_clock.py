@@ -47,7 +47,7 @@ class StageClock:
             self._peak = max(peak, self._peak or 0)
 
     def as_json(self) -> dict[str, Any]:
-        """stages: by name; peak_bytes: the most resident memory of the process so far."""
+        """Plain values: stages by name; peak_bytes: the most resident memory of the process so far."""
         self._notice_peak()
         return {"stages": {name: asdict(stage) for name, stage in self.stages.items()}, "peak_bytes": self._peak}
 

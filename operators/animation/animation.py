@@ -169,7 +169,7 @@ class _Animation:
         return Progress(1, 1, f"{number}: {step}", whole=self._share(0.0), frame=frame, step=step)
 
     def _share(self, of_frame: float) -> float:
-        """Share of the frames to make; a frame takes as long as the one before. Skipped ones took no time."""
+        """Share of the frames to make; a frame takes as long as the one before; skipped ones took no time."""
         wanted = len(self._plan.frames) - len(self.result.skipped)
         return (len(self.result.made) + of_frame) / max(wanted, 1)
 
@@ -202,7 +202,7 @@ class _Animation:
         return content_key(self._context, self._maker.scope, self._maker.settings_text(self._common_of(frame)))
 
     def write_report(self, *, complete: bool) -> None:
-        """Write the report of what is there by now. Raises PatchNetError."""
+        """Write the report of what is there by now; raises PatchNetError."""
         common, out = self._common, self._plan.out
         self.result.warnings = _warnings(self._summaries)
         self.result.report = {

@@ -57,7 +57,7 @@ class FrameMaker(ABC):
 
     @abstractmethod
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
-        """Kind of each file that may be made at any frame, by its path in the frame's folder. Raises SceneError."""
+        """Kind of each file that may be made at any frame, by its path in the frame's folder; raises SceneError."""
 
     def inputs(self) -> list[Path]:
         """Files that are read: they are never replaced."""

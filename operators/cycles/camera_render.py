@@ -55,7 +55,7 @@ class Reference:
 
 
 def render_reference(context: bpy.types.Context, camera: Camera, samples: int, seed: int) -> Reference:
-    """Render the scene; it is as before afterwards. Raises SceneError if Cycles is not there or does not render."""
+    """Render the scene; it is as before afterwards; raises SceneError if Cycles is not there or does not render."""
     with tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
         path = Path(folder) / "reference.exr"
         with prepared(context, camera, samples, seed, path) as (scene, layer):

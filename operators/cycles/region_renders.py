@@ -63,7 +63,7 @@ class RegionRenders:
         self.sync_seconds = self.seconds
 
     def picture(self, region: Region, at: Callable[[float], Progress]) -> Steps[np.ndarray]:
-        """(h, w, 3) float32, linear and unexposed, row 0 at the bottom. Raises SceneError, StoppedError.
+        """(h, w, 3) float32, linear and unexposed, row 0 at the bottom; raises SceneError, StoppedError.
 
         Reports are `at` of the share that is done.
         """

@@ -31,7 +31,7 @@ class Importance:
 
     @classmethod
     def chosen(cls, kind: str, image: str, vertex_group: str) -> Importance | None:
-        """Choose by the settings of a scene; None for none. Raises SettingError if the chosen source is not named."""
+        """Choose by the settings of a scene; None for none; raises SettingError if the chosen source is not named."""
         if kind == NOTHING:
             return None
         name = image if kind == IMAGE else vertex_group

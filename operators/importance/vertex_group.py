@@ -27,7 +27,7 @@ class PaintedSurface:
     """Triangles of all objects that have a vertex group, in world units."""
 
     def __init__(self, depsgraph: bpy.types.Depsgraph, scope: str, group: str) -> None:
-        """depsgraph: as renders see it. Raises SettingError if no object in scope has the group."""
+        """Read the group through `depsgraph`, as renders see it; raises SettingError if no object in scope has it."""
         points, triangles, weights, first = [], [], [], 0
         for instance in surface_instances(depsgraph, scope):
             if group not in instance.object.vertex_groups:

@@ -11,7 +11,7 @@ from ...patchnet_addon.runtime.remaining import Remaining
 
 
 class JobDisplay:
-    """Display of a job. progress: its latest report; fraction: of its present step, or of all, for the panel."""
+    """Display of a job; progress: its latest report; fraction: of its present step, or of all, for the panel."""
 
     def __init__(self, title: str) -> None:
         self.progress = Progress(0, 1, title)

@@ -61,7 +61,7 @@ class JobOperator(_Operator):
     _file: Path | None = None  # what the steps write, for the log
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """Do the work; the result is a sentence about what was done. The scene is left as it was, also when closed."""
+        """Do the work; the result is a sentence about what was done; the scene is left as it was, also when closed."""
         raise RuntimeError(f"{type(self).__name__} has no steps")
 
     @classmethod
@@ -186,7 +186,7 @@ class JobOperator(_Operator):
         return context.temp_override(scene=self._scene, view_layer=self._layer)
 
     def _pull(self, *, alive: bool) -> None:
-        """Pull a step, which sets the outcome if it was the last. Domain errors become reports here and nowhere else.
+        """Pull a step, which sets the outcome if it was the last; domain errors become reports here and nowhere else.
 
         alive: the step returns soon, with work left to others, because a window waits.
         """

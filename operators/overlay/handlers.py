@@ -75,7 +75,7 @@ def _add() -> None:
 
 
 def _draw() -> None:
-    """Draw a region, for which Blender calls this. It must not raise again and again: the first error ends it."""
+    """Draw a region, for which Blender calls this; it must not raise again and again: the first error ends it."""
     from .drawing import draw_region
 
     if problem:

@@ -12,7 +12,7 @@ from ..ui.preferences import OPEN_NEVER, OPEN_WINDOW, preferences
 
 
 def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> bool:
-    """Show `image` in a free Image Editor, or as the preferences have it; whether it is or will be. Not in background.
+    """Show `image` in a free Image Editor, or as the preferences have it; whether it is or will be; not in background.
 
     A new window opens a moment later: an operator in whose event it opened would not be let go of by its own window.
     """

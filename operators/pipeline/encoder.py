@@ -70,7 +70,7 @@ def encoder_text(settings: JobSettings) -> str:
 
 
 def torch_has_gpu() -> bool:
-    """Return whether this Python has torch, and torch an NVIDIA GPU. Torch is imported only where there may be one."""
+    """Return whether this Python has torch, and torch an NVIDIA GPU; torch is imported only where there may be one."""
     if importlib.util.find_spec("torch") is None:
         return False
     if sys.platform == "linux" and not Path("/dev/nvidiactl").exists():

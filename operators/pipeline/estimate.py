@@ -67,7 +67,7 @@ class Estimate:
 
 
 def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Estimate]:
-    """Look at the scene as the job would, and build nothing but a coarse octree. Raises PatchNetError."""
+    """Look at the scene as the job would, and build nothing but a coarse octree; raises PatchNetError."""
     yield Progress(0, 1, "Reading the scene")
     source, state = read_scene(context.evaluated_depsgraph_get(), settings.scope), read_state(context.scene)
     depsgraph = context.evaluated_depsgraph_get()

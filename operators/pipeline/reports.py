@@ -27,14 +27,14 @@ class Reported:
 
 
 def write_report(folder: Path, job: str, report: dict[str, Any]) -> None:
-    """Write the report of a `job` with the names of all files in `folder`. Raises OutputError."""
+    """Write the report of a `job` with the names of all files in `folder`; raises OutputError."""
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     values = {"job": job, **report, "files": sorted(names | {REPORT_NAME})}
     write_json(folder / REPORT_NAME, values, REPORT)
 
 
 def write_json(path: Path, values: dict[str, Any], kind: FileKind) -> None:
-    """Write plain values to `path`. Raises OutputError."""
+    """Write plain values to `path`; raises OutputError."""
     with replaced_file(path, kind) as file:
         file.write((json.dumps(values, indent=2, allow_nan=False) + "\n").encode())
 

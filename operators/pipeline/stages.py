@@ -198,7 +198,7 @@ def build(
 
 
 def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[str, Any]:
-    """Provenance of an octree. The scene's file is named without its folder: results are passed on."""
+    """Provenance of an octree; the scene's file is named without its folder: results are passed on."""
     values = {
         "file": Path(bpy.data.filepath).name,
         "scene": bpy.context.scene.name,
@@ -232,7 +232,7 @@ def encode(octree: Octree, weights: Weights) -> Steps[CodedOctree]:
 
 
 def encode_as_set(octree: Octree, weights: Weights, settings: JobSettings) -> Steps[tuple[CodedOctree, Encoding]]:
-    """Codes for all voxels with look-ahead, and the encoder that the settings' devices chose. Raises SettingError."""
+    """Codes for all voxels with look-ahead, and the encoder that the settings' devices chose; raises SettingError."""
     yield Progress(0, 1, _ENCODING)
     with chosen_encoder(weights, settings) as chosen:
         steps = beside(lambda: _encoded(octree, weights, chosen.encoder), Progress(0, 1, _ENCODING))

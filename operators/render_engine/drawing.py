@@ -14,7 +14,7 @@ class PictureTexture:
     """Picture on the graphics card, freed with this object."""
 
     def __init__(self, pixels: np.ndarray) -> None:
-        """pixels: (H, W, 4) float32, scene-linear, weighed by alpha."""
+        """Upload pixels (H, W, 4) float32, scene-linear, weighed by alpha."""
         import gpu
 
         self.height_px, self.width_px = pixels.shape[:2]

@@ -30,7 +30,7 @@ _STALE = "the scene has changed: voxelize and bake again"
 
 
 class Viewport:
-    """State of one viewport between two drawings. Dropping it frees all of its memory."""
+    """State of one viewport between two drawings; dropping it frees all of its memory."""
 
     def __init__(self) -> None:
         self._state: tuple[Any, ...] | None = None

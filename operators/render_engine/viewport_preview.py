@@ -38,7 +38,7 @@ class ViewportPreview:
         self.steps = self._all()
 
     def work(self, seconds: float) -> None:
-        """Do what fits into a slice of time; at least one step. Raises PatchNetError."""
+        """Do what fits into a slice of time; at least one step; raises PatchNetError."""
         seconds = min(max(seconds, SLICE_S), LONGEST_SLICE_S)
         end = time.perf_counter() + seconds
         while not self.done:

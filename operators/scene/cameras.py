@@ -111,7 +111,7 @@ def framing_cameras(bounds_world: np.ndarray, size: tuple[int, int]) -> list[Cam
 
 
 def camera_names(scene: bpy.types.Scene, names: Sequence[str]) -> list[str]:
-    """Names of the cameras that `choose_cameras` gives. Raises SceneError if there is no such camera."""
+    """Names of the cameras that `choose_cameras` gives; raises SceneError if there is no such camera."""
     if list(names) == [AUTO]:
         return list(_AUTO_DISTANCES)
     known = scene_cameras(scene)

@@ -93,7 +93,7 @@ def _mix_color(values: NodeValues, output: Output) -> ColorTerm:
 
 
 def _product(values: NodeValues, first: ColorTerm, second: ColorTerm, factor: float) -> ColorTerm:
-    """first * lerp(1, second, factor)."""
+    """Product of two colours: first * lerp(1, second, factor)."""
     if second.texture is not None and first.texture is None and factor >= 1.0:
         first, second = second, first
     if second.texture is not None:
@@ -103,7 +103,7 @@ def _product(values: NodeValues, first: ColorTerm, second: ColorTerm, factor: fl
 
 
 def _blend(values: NodeValues, first: ColorTerm, second: ColorTerm, factor: float) -> ColorTerm:
-    """lerp(first, second, factor)."""
+    """Blend of two colours: lerp(first, second, factor)."""
     if factor >= 1.0:
         return second
     for term in (first, second):

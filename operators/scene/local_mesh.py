@@ -42,7 +42,7 @@ class LocalMesh:
 
 
 def read_local_mesh(mesh: bpy.types.Mesh, name: str, layer_names: frozenset[str] = frozenset()) -> LocalMesh | None:
-    """Arrays of an evaluated mesh, or None if it has no faces. `name` is the object's, for messages.
+    """Arrays of an evaluated mesh, or None if it has no faces; `name` is the object's, for messages.
 
     layer_names: UV maps and colour attributes that materials ask for by name.
     Raises GeometryError if a coordinate is not finite.

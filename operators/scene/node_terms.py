@@ -24,7 +24,7 @@ class TextureUse:
 
 @dataclass(frozen=True)
 class ColorTerm:
-    """factor * texture, or factor alone."""
+    """Colour term: factor * texture, or factor alone."""
 
     factor: Rgb = WHITE
     texture: TextureUse | None = None
@@ -37,7 +37,7 @@ class ColorTerm:
 
 @dataclass(frozen=True)
 class NumberTerm:
-    """scale * channel of a texture + offset; 1 or 0 by `threshold` if there is one. Without texture: offset."""
+    """Number term: scale * channel of a texture + offset, or offset alone; 1 or 0 by `threshold` if there is one."""
 
     offset: float = 1.0
     scale: float = 0.0
@@ -51,7 +51,7 @@ class NumberTerm:
         return self.texture is None
 
     def affine(self, scale: float, offset: float) -> NumberTerm:
-        """scale * this + offset; after a threshold only the complement is possible."""
+        """Affine map of this term: scale * this + offset; after a threshold only the complement is possible."""
         if self.threshold is not None:
             if (scale, offset) == (1.0, 0.0):
                 return self

@@ -16,7 +16,7 @@ from .number_rules import NUMBER_RULES
 
 @dataclass
 class NodeValues:
-    """Evaluator of sockets. `notes` collects noun phrases for whatever was left out."""
+    """Evaluator of sockets; `notes` collects noun phrases for whatever was left out."""
 
     images: ImageReader
     notes: list[str] = field(default_factory=list)

@@ -44,7 +44,7 @@ def place_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
 
 
 def light_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
-    """Warn if Cycles' light is coarser than the grid's voxels. Raises GeometryError where it would be wrong."""
+    """Warn if Cycles' light is coarser than the grid's voxels; raises GeometryError where it would be wrong."""
     reach, name = _farthest(source)
     extent = float(np.ptp(source.bounds_world, axis=0).max())
     other = "or choose the two-lights shading"

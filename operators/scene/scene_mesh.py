@@ -115,7 +115,7 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """`MeshSource` of a Blender scene. Meshes are kept once; placed triangles exist only batch by batch.
+    """`MeshSource` of a Blender scene; meshes are kept once; placed triangles exist only batch by batch.
 
     material_names: Blender's (full) name for each of `materials`, "" where a surface has none.
     warnings: sentences about what is missing or was simplified.

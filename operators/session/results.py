@@ -141,7 +141,7 @@ def codes_of(scene: bpy.types.Scene) -> CodedOctree:
 
 
 def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str) -> None:
-    """Replace what is there for `scene`. `steps`: those that were done now, of "octree", "light", "codes", "view"."""
+    """Replace what is there for `scene`; `steps`: those that were done now, of "octree", "light", "codes", "view"."""
     from ..settings.step_settings import recorded
 
     result.made_with = result.made_with | {step: recorded(scene.patchnet, step) for step in steps}
@@ -176,7 +176,7 @@ def in_main_thread() -> bool:
 
 
 def _redraw_viewports() -> None:
-    """Viewports may show results: the render engine's shading mode does. A render beside a window leaves them alone."""
+    """Redraw viewports, as the engine's shading mode shows results; a render beside a window leaves them alone."""
     if not in_main_thread():
         return
     for window in bpy.context.window_manager.windows:

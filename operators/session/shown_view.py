@@ -61,7 +61,7 @@ class ShownView:
         return self.maximum if chosen == self.chosen_maximum else chosen or strategy(self.strategy).maximum
 
     def picture(self, name: str, maximum: float, ramp: str) -> np.ndarray:
-        """(H, W, 3) float32, sRGB in [0, 1]: one of TITLES. maximum: of the heatmap. ramp: a colour map."""
+        """(H, W, 3) float32, sRGB in [0, 1]: one of TITLES; maximum: of the heatmap; ramp: a colour map."""
         if name in self.looks:
             return self.looks[name].astype(np.float32) / np.float32(255)
         values, end = self.mapped(name, maximum)

@@ -115,7 +115,7 @@ def _recheck_if_quick(result: SceneResult, scene: bpy.types.Scene, reason: str) 
 
 @persistent
 def _on_undo_post(scene: bpy.types.Scene, _depsgraph: object = None) -> None:
-    """Recheck after undo or redo: what is as it was fits again. Pictures that an undo removed do not count as shown."""
+    """Recheck after undo or redo: what is as it was fits again; pictures that an undo removed do not count as shown."""
     result = results.result_of(scene)
     estimate = results.estimate_of(scene)
     if estimate is not None:

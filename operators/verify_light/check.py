@@ -50,7 +50,7 @@ class LightCheck:
 
 
 def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[LightCheck]:
-    """Compare the octree of the open scene with Cycles; the scene is as before afterwards. Raises PatchNetError.
+    """Compare the octree of the open scene with Cycles; the scene is as before afterwards; raises PatchNetError.
 
     A comparison that is stopped finds the pages of light that it has baked when it is started again.
     """
@@ -137,7 +137,7 @@ def _mean(halves: list[Reference]) -> np.ndarray:
 
 
 def _figures(mine: np.ndarray, coverage: np.ndarray, halves: list[Reference], exposure: float) -> dict[str, Any]:
-    """Figures of a view. The noise of the mean of two independent halves is half their difference."""
+    """Figures of a view; the noise of the mean of two independent halves is half their difference."""
     first, second = (half.luminance * np.float32(exposure) for half in halves)
     cycles = (first + second) / 2
     guides = Guides(halves[0].coverage, coverage, halves[0].depth_world, halves[0].albedo, halves[0].normal)

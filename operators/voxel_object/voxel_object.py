@@ -52,7 +52,7 @@ def _is_ours(item: bpy.types.Object) -> bool:
 
 
 def _new_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> bpy.types.Object:
-    """Create the object in the scene's own collection. Where a user enables it for renders, it changes no light."""
+    """Create the object in the scene's own collection; where a user enables it for renders, it changes no light."""
     item = bpy.data.objects.new(NAME, mesh)
     item[OWNER] = NAME
     item.hide_render = True

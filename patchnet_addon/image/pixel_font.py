@@ -25,7 +25,7 @@ def text_width(text: str) -> int:
 
 
 def text_mask(text: str, scale: int = 1) -> np.ndarray:
-    """(5 scale, width scale) bool, row 0 at the bottom: where the letters are. Unknown characters show as a box."""
+    """(5 scale, width scale) bool, row 0 at the bottom: where the letters are; unknown characters show as a box."""
     mask = np.zeros((GLYPH_HEIGHT, text_width(text)), bool)
     for place, character in enumerate(text.upper()):
         for row, digit in enumerate(_GLYPHS.get(character, "75557")):

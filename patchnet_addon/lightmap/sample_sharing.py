@@ -63,7 +63,7 @@ _PRIMES = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9],
 def _keys(
     corners_world: np.ndarray, side: np.ndarray, origin: np.ndarray, least: float, materials: np.ndarray
 ) -> np.ndarray:
-    """(N,) uint64 below 2^63: a hash of cell, its size and material. Cells are 2^k times the least texel wide."""
+    """(N,) uint64 below 2^63: a hash of cell, its size and material; cells are 2^k times the least texel wide."""
     size = np.floor(np.log2(side / least) + 1e-6)
     cell = np.floor((corners_world.mean(axis=1) - origin) / (least * np.exp2(size))[:, None]).astype(np.int64)
     mixed = (materials.astype(np.uint64) << np.uint64(8)) + size.astype(np.uint64) + np.uint64(1)

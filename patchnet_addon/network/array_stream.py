@@ -18,7 +18,7 @@ def write_array(stream: BinaryIO, array: np.ndarray) -> None:
 
 
 def read_array(stream: BinaryIO) -> np.ndarray:
-    """Read the next array. Raises EOFError where the stream ends before it does, ValueError for anything else in it."""
+    """Read the next array; raises EOFError where the stream ends before it does, ValueError for anything else in it."""
     line = stream.readline()
     if not line:
         raise EOFError("the stream has ended")

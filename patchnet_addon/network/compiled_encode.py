@@ -20,7 +20,7 @@ _CHANNELS = 5  # of a cell, occupancy first
 
 
 class CompiledEncoder:
-    """`Encoder` on the kernels of `product.py`. It keeps its buffers."""
+    """`Encoder` on the kernels of `product.py`; it keeps its buffers."""
 
     chunk = 4096
 

@@ -101,7 +101,7 @@ def _multiply(values, bits, tiles, panels, bias, least, result, parts):
 
 @device
 def _multiply_block(values, bits, tiles, first, last, panels, bias, least, result):
-    """Rows tiles[first:last] (T, 4) of the values. bits: the values as integers, which are compared faster."""
+    """Rows tiles[first:last] (T, 4) of the values; bits: the values as integers, which are compared faster."""
     steps = np.empty((_TILES, values.shape[1] + 1), np.int64)
     counts = np.empty(_TILES, np.int64)
     for tile in range(first, last):

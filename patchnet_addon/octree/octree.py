@@ -126,7 +126,7 @@ class Octree:
         return self.luminance[nodes].astype(np.float32) / np.float32(LUMINANCE_SCALE)
 
     def color_float(self, nodes: np.ndarray | slice) -> np.ndarray:
-        """Linear colours (N, 3) float32 whose luminance is the node's; channels may be above 1. Gray without colour."""
+        """Linear colours (N, 3) float32 whose luminance is the node's; channels may be above 1; gray without colour."""
         luminance = self.luminance_float(nodes)
         if self.chroma is None:
             return np.repeat(luminance[:, None], 3, axis=1)

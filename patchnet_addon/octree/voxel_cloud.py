@@ -20,7 +20,7 @@ _PIECE = 1 << 17  # nodes of a level that are expanded at a time
 
 @dataclass(frozen=True, eq=False)
 class VoxelRun:
-    """Run of voxels of one level. Columns are computed when they are asked for.
+    """Run of voxels of one level; columns are computed when they are asked for.
 
     nodes: (n,) int64 node indices. keys: (n,) uint64 Morton keys of their cells.
     """

@@ -37,7 +37,7 @@ class Bounds:
             raise SettingError(f"{what or self.what} {value} is not a whole number: choose one of {self._range()}")
 
     def read(self, text: str, what: str = "") -> float:
-        """Read the number that a text is; an int where it is whole. Raises SettingError as `check`."""
+        """Read the number that a text is; an int where it is whole; raises SettingError as `check`."""
         try:
             value = int(text) if self.whole else float(text)
         except ValueError as cause:

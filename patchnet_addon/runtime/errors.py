@@ -19,7 +19,7 @@ class StoppedError(SceneError):
 
 
 class EmptySelectionError(SceneError):
-    """Nothing that has a surface is selected or visible."""
+    """Empty selection: nothing that has a surface is selected or visible."""
 
 
 class GeometryError(SceneError):

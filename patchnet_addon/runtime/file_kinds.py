@@ -33,7 +33,7 @@ class FileKind:
     holds: Callable[[Path], bool]
 
     def is_at(self, path: Path) -> bool:
-        """Return whether the file at `path` is of this kind; an empty one is, if it has the ending. Raises OSError."""
+        """Return whether the file at `path` is of this kind; an empty one is, if it has the ending; raises OSError."""
         if path.stat().st_size == 0:
             return path.suffix.lower() in self.endings
         try:
@@ -50,7 +50,7 @@ def arrays_kind(kind: str) -> FileKind:
 
 
 def arrays_in(path: Path) -> str:
-    """Kind of a file of ours with arrays, "" for one of another program. Raises as `FileKind.holds`."""
+    """Kind of a file of ours with arrays, "" for one of another program; raises as `FileKind.holds`."""
     with path.open("rb") as file:
         length = int.from_bytes(file.read(8), "little")
         own = json.loads(file.read(length))["__metadata__"] if length <= _MAX_HEADER_BYTES else {}

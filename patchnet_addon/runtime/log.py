@@ -61,7 +61,7 @@ def is_json() -> bool:
 
 
 def event(name: str, message: str, level: int = logging.INFO, /, **fields: Any) -> None:
-    """Log that something happened. Fields that are None are left out."""
+    """Log that something happened; fields that are None are left out."""
     LOG.log(level, message, extra={"event": name, "fields": fields})
 
 

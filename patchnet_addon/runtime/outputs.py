@@ -78,7 +78,7 @@ def check_writable(folder: Path) -> None:
 
 
 def _nearest_folder(folder: Path, makes_folders: bool) -> Path:
-    """Folder itself, or the nearest one above it that is there. Raises OutputError if something is in the way."""
+    """Folder itself, or the nearest one above it that is there; raises OutputError if something is in the way."""
     for place in (folder, *folder.parents):
         if place.is_dir():
             return place

@@ -71,7 +71,7 @@ def machine() -> str:
 
 
 def _is_left_over(folder: Path) -> bool:
-    """Test whether no process is at work in `folder`. Raises OSError."""
+    """Test whether no process is at work in `folder`; raises OSError."""
     try:
         with (folder / _OWNER).open("rb+") as owner:
             locked = _lock(owner)

@@ -86,7 +86,7 @@ class _Work(Generic[Result]):
             threading.stack_size(before)
 
     def let_go(self) -> None:
-        """Take no more steps. What the present one still does is dropped."""
+        """Take no more steps; what the present one still does is dropped."""
         self._stop = True
         if not self.ended.is_set():
             _let_go[:] = [thread for thread in _let_go if thread.is_alive()] + [self._thread]

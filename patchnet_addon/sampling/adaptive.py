@@ -61,7 +61,7 @@ class AdaptivePicture:
         coded: CodedOctree | None = None,
         importance: Importance | None = None,
     ) -> None:
-        """importance: what makes of the traced frame the weights that multiply scores; None where all matter alike."""
+        """Prepare a picture; importance makes the weights that multiply scores of a traced frame, None for 1."""
         self.octree, self.camera, self.strategy, self.coded = octree, camera, strategy, coded
         self._importance = importance
         self.colors = np.zeros((camera.pixel_count, 3), np.float32)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Picture of P = height x width pixels, row-major, row 0 at the bottom. Luminances are linear, in [0, 1].
+    """Picture of P = height x width pixels, row-major, row 0 at the bottom; luminances are linear, in [0, 1].
 
     hits: first hits of the pixel-centre rays; their luminance is the preview L1.
     behind: (P,) float32, L_B, luminance behind the patch (methods 3.12).

@@ -36,7 +36,7 @@ def refinable(frame: Frame) -> int:
 
 
 def budget_count(budget: float, active: int) -> int:
-    """Pixels that a budget X in [0, 1] pays for: round(X |A|). Raises SettingError outside that range."""
+    """Pixels that a budget X in [0, 1] pays for: round(X |A|); raises SettingError outside that range."""
     if not 0.0 <= budget <= 1.0:
         raise SettingError(f"Budget {budget} is outside 0 to 1: give the share of active pixels to refine")
     return round(budget * active)
@@ -56,13 +56,13 @@ def refine(frame: Frame, score: np.ndarray, budget: float) -> np.ndarray:
 
 
 def refined_picture(frame: Frame, mask: np.ndarray) -> np.ndarray:
-    """(P,) float32: the reference where `mask` (P,) is set, the preview elsewhere. The frame needs its reference."""
+    """(P,) float32: the reference where `mask` (P,) is set, the preview elsewhere; the frame needs its reference."""
     assert frame.reference is not None
     return np.where(mask, frame.reference, frame.preview)
 
 
 def refined_colors(frame: Frame, mask: np.ndarray) -> np.ndarray:
-    """(P, 3) float32: as `refined_picture`, in colour. The frame needs its colours and its reference."""
+    """(P, 3) float32: as `refined_picture`, in colour; the frame needs its colours and its reference."""
     assert frame.preview_color is not None and frame.reference_color is not None
     return np.where(mask[:, None], frame.reference_color, frame.preview_color)
 

@@ -70,7 +70,7 @@ def choose_regions(
     most: int = DEFAULT_MOST,
     overhead_px: float = 0.0,
 ) -> list[Region]:
-    """Disjoint regions for `priority` (H, W); negative or missing values count as 0. The densest region is first.
+    """Disjoint regions for `priority` (H, W); negative or missing values count as 0; the densest region is first.
 
     budget: share of the picture's pixels, 0 to 1. tile: side of the tiles in pixels. most: regions at most.
     A map without priority has no regions, whatever the budget. Raises SettingError for values outside their range.

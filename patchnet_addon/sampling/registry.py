@@ -22,7 +22,7 @@ STRATEGIES: dict[str, Strategy] = {
 
 
 def strategy(name: str) -> Strategy:
-    """Strategy called `name`. Raises SettingError that lists the names if there is none."""
+    """Strategy called `name`; raises SettingError that lists the names if there is none."""
     if name not in STRATEGIES:
         raise SettingError(f"There is no strategy {name!r}: choose one of {', '.join(STRATEGIES)}")
     return STRATEGIES[name]

@@ -14,7 +14,7 @@ from .strategy import Strategy
 
 
 def frame_report(frame: Frame, camera_name: str, budget: float, strategies: Iterable[Strategy]) -> dict[str, Any]:
-    """Errors of one frame, unrefined and after `budget` by every strategy (methods 5). It needs its reference.
+    """Errors of one frame, unrefined and after `budget` by every strategy (methods 5); it needs its reference.
 
     mse values are over active pixels; psnr_db belongs to the unrefined picture.
     """

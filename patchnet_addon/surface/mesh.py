@@ -29,7 +29,7 @@ class Texture:
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """View-independent part of a material. base_color and emission are linear Rec. 709."""
+    """View-independent part of a material; base_color and emission are linear Rec. 709."""
 
     name: str
     base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)

@@ -52,7 +52,7 @@ class Open3DVoxels:
 
     @property
     def voxel_count(self) -> int:
-        """Voxels of the last grid. Its text says how many; `get_voxels` would make a Python object of each."""
+        """Voxels of the last grid; its text says how many; `get_voxels` would make a Python object of each."""
         return int(str(self._voxels).split()[2])
 
     def clear(self) -> None:

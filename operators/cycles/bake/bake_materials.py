@@ -63,7 +63,7 @@ class _Copies:
 
 
 def _aim(material: bpy.types.Material, image: bpy.types.Image, plain: bool) -> None:
-    """Make an image node of `image` the active node. `plain`: diffuse, as Cycles shows a surface without material."""
+    """Make an image node of `image` the active node; `plain`: diffuse, as Cycles shows a surface without material."""
     if plain or shader_tree(material) is None:
         _make_diffuse(material)
     nodes = material.node_tree.nodes

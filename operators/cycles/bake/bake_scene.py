@@ -40,7 +40,7 @@ _SETTINGS = {
 
 @contextmanager
 def cycles_settings(scene: bpy.types.Scene, samples: int, seed: int, on_gpu: bool) -> Iterator[None]:
-    """Settings of Cycles for a bake within the block. Raises SceneError if Cycles is not there."""
+    """Settings of Cycles for a bake within the block; raises SceneError if Cycles is not there."""
     if not hasattr(scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose the two-lights shading")
     values: dict[str, Any] = _SETTINGS | {"samples": samples, "seed": seed, "device": "GPU" if on_gpu else "CPU"}

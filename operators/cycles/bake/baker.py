@@ -54,7 +54,7 @@ class Baker:
         device: str = AUTOMATIC,
         with_daylight: bool = False,
     ) -> None:
-        """Prepare for `device`, one of `DEVICES`. Raises SettingError for a GPU that is not there."""
+        """Prepare for `device`, one of `DEVICES`; raises SettingError for a GPU that is not there."""
         self._context = context
         self._source = source
         self._charts = charts

@@ -41,7 +41,7 @@ class _OtherBlenderError(Exception):
 
 
 def compiled_ahead() -> Steps[None]:
-    """Wait until all kernels are in the cache. What goes wrong is logged: they are then compiled when they are called.
+    """Wait until all kernels are in the cache; what goes wrong is logged: they are then compiled when they are called.
 
     Closing these steps stops the other Blender; what it has compiled by then stays in the cache.
     """

@@ -72,7 +72,7 @@ def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope:
 
 
 def _bytes(gib: float) -> int | None:
-    """Bytes of a memory limit; None for 0. Raises SettingError, since Blender lets a script set NaN."""
+    """Bytes of a memory limit; None for 0; raises SettingError, since Blender lets a script set NaN."""
     if gib:
         MEMORY_GIB.check(gib)
     return round(gib * 2**30) or None

@@ -34,7 +34,7 @@ class AnimationProperties:
 
 
 def _frame(name: str, description: str, default: int, bounds: Bounds = FRAME) -> Any:
-    """Property for a frame, or a number of frames. The scene has them already, as its frame range."""
+    """Property for a frame, or a number of frames; the scene has them already, as its frame range."""
     return number(name, f"{description}; the scene's if it is not given", default, bounds, options=OF_ONE_CALL)
 
 

@@ -35,7 +35,7 @@ FORMATS: dict[str, Format] = {
 
 
 def format_of(path: Path) -> Format:
-    """Format that the ending of `path` names. Raises SettingError if it names none."""
+    """Format that the ending of `path` names; raises SettingError if it names none."""
     found = FORMATS.get(path.suffix.lower())
     if found is None:
         raise SettingError(f"{path} has no ending that names a format: choose one of {', '.join(FORMATS)}")

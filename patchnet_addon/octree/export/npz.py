@@ -46,7 +46,7 @@ _COLOR_COLUMN: dict[str, tuple[str, int, Callable[[VoxelRun], np.ndarray]]] = {
 
 
 def write_npz(octree: Octree, level: int, path: Path) -> Steps[int]:
-    """Write the voxels of `level` to `path`; returns their number. Raises PatchNetError if it cannot be written.
+    """Write the voxels of `level` to `path`; returns their number; raises PatchNetError if it cannot be written.
 
     The columns stand one after the other in the file, so the octree is walked once for each of them.
     """

@@ -40,7 +40,7 @@ def truncated(octree: Octree, level: int) -> Octree:
 
 
 def write_octree(octree: Octree, level: int, path: Path) -> Steps[int]:
-    """Write the octree down to `level`; returns the voxels of that level. Raises PatchNetError."""
+    """Write the octree down to `level`; returns the voxels of that level; raises PatchNetError."""
     coarse = truncated(octree, level)
     yield Progress(0, 1, "Writing the octree")
     save_octree(coarse, path)

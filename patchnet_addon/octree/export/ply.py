@@ -29,7 +29,7 @@ _ROW = np.dtype([(n, "<f4") for n in _FLOATS] + [(n, "u1") for n in _COLOURS] + 
 
 
 def write_ply(octree: Octree, level: int, path: Path) -> Steps[int]:
-    """Write the voxels of `level` to `path`; returns their number. Raises PatchNetError if it cannot be written."""
+    """Write the voxels of `level` to `path`; returns their number; raises PatchNetError if it cannot be written."""
     total, done = int(voxel_counts(octree)[level]), 0
     with replaced_file(path, PLY) as file:
         file.write(_header(level, total))
