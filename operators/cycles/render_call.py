@@ -38,7 +38,7 @@ def render(scene: bpy.types.Scene, path: Path) -> float:
 
 
 def rendered(scene: bpy.types.Scene, path: Path, at: Callable[[float], Progress]) -> Steps[float]:
-    """Render as `render`; where a window waits, beside it; reports are `at` of the share of samples that is done.
+    """Render as `render` does; where a window waits, beside it; reports are `at` of the share of samples that is done.
 
     Raises StoppedError if the user stopped it in a window.
     """

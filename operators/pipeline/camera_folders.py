@@ -25,7 +25,7 @@ def view_folders(scene: bpy.types.Scene, cameras: Sequence[str]) -> dict[str, st
 
 
 def camera_folders(names: Iterable[str]) -> dict[str, str]:
-    """Folder's name for each camera's name, all of them different for every file system.
+    """Folder name for each camera's name, all of them different for every file system.
 
     Letters and digits of the camera's name, other characters as "_". Where that is not the name of one camera alone, by
     whatever case of letters, a hash of the camera's own name follows; so names do not depend on the order of cameras,
@@ -59,7 +59,7 @@ def _plain(name: str) -> str:
 
 
 def _folded(folder: str) -> str:
-    """Fold names to the same text that some file system takes for one: of other case, or composed otherwise."""
+    """Folded name, the same for names that some file system takes for one: of other case, or composed otherwise."""
     return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", folder).casefold())
 
 

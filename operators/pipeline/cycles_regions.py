@@ -83,7 +83,7 @@ def cycles_view(
 def refine_view(
     context: bpy.types.Context, octree: Octree, view: View, job: JobSettings, settings: CyclesSettings
 ) -> Steps[CyclesView]:
-    """Refine a view that `job` has made as `cycles_view`; the refined octree picture is that of its budget."""
+    """Refine a view that `job` has made, as `cycles_view` does; the refined octree picture is that of its budget."""
     frame = view.frame
     refined = yield from computed(
         lambda: refined_picture(frame, refine(frame, strategy(view.strategy).scores(frame), job.budget)),

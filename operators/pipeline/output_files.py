@@ -36,7 +36,7 @@ def job_inputs(settings: JobSettings) -> list[Path]:
 
 
 def scene_inputs() -> Iterator[Path]:
-    """Open file, and all files that it names, such as images, libraries and caches."""
+    """Files of the scene: the open file, and all that it names, such as images, libraries and caches."""
     if bpy.data.filepath:
         yield Path(bpy.data.filepath)
     yield from map(Path, bpy.utils.blend_paths(absolute=True))

@@ -35,7 +35,7 @@ class Output:
 
 
 def source(start: Input) -> Output | Input:
-    """Follow the links to an input: to the output that computes it, or to the unlinked input whose value counts."""
+    """Follow the links behind an input to the output that computes it, or to the unlinked input whose value counts."""
     at = start
     while True:
         link = next((link for link in at.socket.links if not link.is_muted), None)

@@ -44,7 +44,7 @@ def place_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
 
 
 def light_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
-    """Warn if Cycles' light is coarser than the grid's voxels; raises GeometryError where it would be wrong."""
+    """Warning if Cycles' light is coarser than the grid's voxels; raises GeometryError where it would be wrong."""
     reach, name = _farthest(source)
     extent = float(np.ptp(source.bounds_world, axis=0).max())
     other = "or choose the two-lights shading"
@@ -74,7 +74,7 @@ def _farthest(source: SceneMesh) -> tuple[float, str]:
 
 
 def _lonely(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
-    """Warn if one object is so far from all others that those are no larger than voxels."""
+    """Warning if one object is so far from all others that those are no larger than voxels."""
     names, boxes = _boxes(source)
     if len(names) < 2:
         return ()

@@ -21,7 +21,7 @@ _changes: list[tuple[Act, Act]] = []  # how to put a change back, and how to mak
 
 @contextmanager
 def put_back_when_saved(put_back: Act, make_again: Act) -> Iterator[None]:
-    """Undo a change of the user's values, made within the block, in files saved meanwhile: they do not have it."""
+    """Put back what the block changes of the user's in a file that is saved meanwhile, which has no such change."""
     change = put_back, make_again
     _changes.append(change)
     try:

@@ -61,7 +61,7 @@ def restore(scene: bpy.types.Scene) -> bool:
 
 
 def result_or_kept(scene: bpy.types.Scene) -> results.SceneResult | None:
-    """Return the result of `scene` that is there, in background from the cache folder too."""
+    """Return the result of `scene` if there is one, in background from the cache folder too."""
     result = results.result_of(scene)
     if result is None and bpy.app.background and scene.session_uid not in _looked:
         _looked.add(scene.session_uid)

@@ -32,7 +32,7 @@ _MOST_NAMES = 3  # of what made a step stale, in one line
 
 @dataclass(frozen=True)
 class Row:
-    """Strategy's error in a comparison: mean squared over active pixels, after the budget."""
+    """Error of a strategy in a comparison: mean squared over active pixels, after the budget."""
 
     name: str
     title: str

@@ -71,7 +71,7 @@ class LeafAccumulator:
                 self._grow()
 
     def _grow(self) -> None:
-        """Grow by half as much room; the arrays grow in place, so that the old ones do not stand beside the new."""
+        """Grow the room by half; the arrays grow in place, so that the old ones do not stand beside the new."""
         bricks, leaves = (int(value) for value in self._count)
         if bricks == len(self._brick_key):
             more = bricks + bricks // 2

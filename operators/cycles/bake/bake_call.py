@@ -51,7 +51,7 @@ def run(context: bpy.types.Context, target: BakeTarget) -> None:
 
 
 def run_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) -> Steps[None]:
-    """Bake as `run` in a window: reports `at` as waiting until the job has ended; raises StoppedError after Esc.
+    """Bake as `run` does, in a window: reports `at` as waiting until the job has ended; raises StoppedError after Esc.
 
     Closing these steps does not stop the job: what it works on must stay until `when_job_ended`.
     """

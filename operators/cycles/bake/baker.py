@@ -161,7 +161,7 @@ class Baker:
     def _bake(
         self, page: int, fronts: PageTriangles, backs: PageTriangles, links: Links, through: bool, at: Progress
     ) -> Steps[list[np.ndarray]]:
-        """Bake as `bake`, of objects that are the same receivers of light: what shines through them, or all but that.
+        """Bake as `bake` does, of objects that are the same receivers of light: what shines through, or all but that.
 
         In a window, what is baked stays in the scene while steps wait; reports are `at`.
         """
