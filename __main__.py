@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The `patchnet` command, also `python -m patchnet`."""
+"""Entry point of the `patchnet` command, also `python -m patchnet`."""
 
 import os
 import sys

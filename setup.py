@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Find the packages of the tree; everything else about the build stands in pyproject.toml.
+"""Package finder of the build; everything else about the build stands in pyproject.toml.
 
 The repository root is the package `patchnet`. setuptools can map that (`package-dir`) but cannot discover the
 sub-packages under the mapped name, and a hand-written list would silently drop new folders from the wheel.
@@ -22,7 +22,7 @@ DATA = [
 
 
 class BuildTree(build_py):
-    """Copies the modules of each package, except this script, which lies in the root package's folder."""
+    """Build step that copies the modules of each package, except this script in the root package's folder."""
 
     def find_package_modules(self, package: str, package_dir: str) -> list[tuple[str, str, str]]:
         return [module for module in super().find_package_modules(package, package_dir) if module[1] != "setup"]

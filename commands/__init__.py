@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The command line: `patchnet SUB-COMMAND`, one sub-command a file.
+"""Command line: `patchnet SUB-COMMAND`, one sub-command a file.
 
 A sub-command NAME is the module `commands/NAME.py`, a hyphen in its name an underscore, with two functions:
 
@@ -34,7 +34,7 @@ def main(
     """Run the command line.
 
     `argv` are the arguments without the program's name, by default those of the process; `names` the sub-commands that
-    there are, by default all; `level` what the log tells people. Returns the exit code: 0 for success, 2 for bad input
+    there are, by default all; `level` what the log tells users. Returns the exit code: 0 for success, 2 for bad input
     (one sentence on stderr), 130 when interrupted, 143 by SIGTERM, and with a log for programs 1 for what should not
     have happened, which else is raised.
     """
@@ -68,7 +68,7 @@ def main(
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what it does not understand as an event where programs listen."""
+    """Argument parser that reports what it does not understand as an event where programs listen."""
 
     def error(self, message: str) -> NoReturn:
         from ..patchnet_addon.runtime.log import is_json
@@ -81,7 +81,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser(modules: dict[str, ModuleType], program: str) -> argparse.ArgumentParser:
-    """The parser of the whole command line, with one sub-parser a module."""
+    """Parser of the whole command line, with one sub-parser a module."""
     parser = _Parser(prog=program, description="See where a coarse view of a scene is wrong, and refine there first.")
     _add_log_format(parser)
     subparsers = parser.add_subparsers(dest="command", metavar="SUB-COMMAND", required=True)

@@ -6,7 +6,7 @@ A bench is a module of `commands/benches/`:
     HELP                        what is measured against what
     add_arguments(parser)       its arguments, without --json
     measure(args) -> Comparison the measurement
-    text(values) -> str         its figures for a person, from the values of the JSON
+    text(values) -> str         its figures for the user, from the values of the JSON
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure and print; returns 0. Raises PatchNetError."""
+    """Measure and print; returns 0; raises PatchNetError."""
     bench = BENCHES[args.bench]
     values = bench.measure(args).as_json()
     print(json.dumps(values) if args.json else bench.text(values))

@@ -28,7 +28,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Forget it."""
+    """Forget the command."""
     import bpy
 
     atexit.unregister(unregister)
@@ -60,13 +60,13 @@ def execute(words: Sequence[str]) -> int:
         return EXIT_ERROR
     except SystemExit as stop:  # argparse: help, or words that it does not know
         return stop.code if isinstance(stop.code, int) else EXIT_UNEXPECTED
-    except Exception:  # noqa: BLE001  there is nobody above who would say what it was
+    except Exception:  # noqa: BLE001  no caller would report what it was
         traceback.print_exc()
         return EXIT_UNEXPECTED
 
 
 def _blender_path(word: str) -> str:
-    """A word with Blender's `//`, the folder of the open file, spelled out. Raises SettingError if none is open."""
+    """Expand Blender's `//` in a word to the folder of the open file; raises SettingError if none is open."""
     from ..operators.ui.properties import absolute_path
 
     path: Path | None = absolute_path(word) if word.startswith("//") else None

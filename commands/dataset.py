@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def sample_names(octrees: list[Path]) -> dict[str, Path]:
-    """A different name for each octree: its file's, or its folder's where files are all called alike.
+    """Choose a different name for each octree: its file's, or its folder's where files are all called alike.
 
     Names differ by more than the case of letters, which some file systems do not tell apart.
     """

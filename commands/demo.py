@@ -31,7 +31,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 
 def run(args: argparse.Namespace) -> int:
-    """Build, save, run, print; returns 0. Raises PatchNetError."""
+    """Build, save, run, print; returns 0; raises PatchNetError."""
     require_blender()
     from ..operators.demo_scene import save_demo_scene
     from ..operators.pipeline.output_files import check_job

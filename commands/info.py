@@ -25,7 +25,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the file's contents; returns 0. Raises FileFormatError for foreign or damaged files."""
+    """Print the file's contents; returns 0; raises FileFormatError for foreign or damaged files."""
     from ..patchnet_addon.runtime.files import read_arrays, read_header
 
     header = read_header(args.file)
@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _summary(header: FileHeader, path: Path) -> list[str]:
-    """The figures that a person asks for first."""
+    """Figures that a user asks for first."""
     if header.kind == "octree":
         from ..patchnet_addon.octree.file import load_octree
 

@@ -52,7 +52,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 
 def run(args: argparse.Namespace) -> int:
-    """Build the octree and write it; returns 0. Raises PatchNetError."""
+    """Build the octree and write it; returns 0; raises PatchNetError."""
     _check(args)
     clock = StageClock(memory=args.timings)
     with clock.stage("start"):
@@ -118,7 +118,7 @@ def _recipe(args: argparse.Namespace) -> Recipe:
 
 
 def check_out(args: argparse.Namespace) -> None:
-    """Raises OutputError if --out cannot be written, or would replace what the open or the named scene is read from."""
+    """Raise OutputError if --out cannot be written, or would replace what the open or the named scene is read from."""
     from ..operators.pipeline.output_files import scene_inputs
     from ..operators.pipeline.reports import REPORT_NAME
     from ..patchnet_addon.runtime.file_kinds import OCTREE, REPORT
@@ -129,7 +129,7 @@ def check_out(args: argparse.Namespace) -> None:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raises SettingError for settings that are impossible or contradict each other."""
+    """Raise SettingError for settings that are impossible or contradict each other."""
     check_frames(args)
     if args.frames is not None and args.timings:
         raise SettingError("--timings are those of one octree: leave them out with --frames")

@@ -38,7 +38,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the job and print its figures; returns 0. Raises PatchNetError."""
+    """Run the job and print its figures; returns 0; raises PatchNetError."""
     check_frames(args)
     require_blender()
     from ..operators.pipeline.output_files import check_job

@@ -106,7 +106,7 @@ def keep_freed_memory() -> None:
 
 
 def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
-    """The preset with what the command line says otherwise."""
+    """Preset with what the command line says otherwise."""
     if args.epochs is not None and args.passes is not None:
         raise SettingError("Give --epochs or --passes, not both")
     changes = {

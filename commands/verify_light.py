@@ -57,7 +57,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compare and print a table; returns 0. Raises PatchNetError."""
+    """Compare and print a table; returns 0; raises PatchNetError."""
     require_blender()
     import bpy
 
@@ -97,7 +97,7 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
 
 
 def camera_folders_of(settings: CheckSettings) -> dict[str, str]:
-    """The folder of each camera by its name, of the open scene's or of those that will be placed. Raises SceneError."""
+    """Folder of each camera by its name, of the open scene's or of those that will be placed; raises SceneError."""
     import bpy
 
     from ..operators.pipeline.camera_folders import camera_folders, view_folders

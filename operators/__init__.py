@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Everything that touches Blender: operators, panel, scene to arrays, baking, results as images."""
+"""Blender integration: operators, panel, scene to arrays, baking, results as images."""

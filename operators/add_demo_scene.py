@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The courtyard as a scene of the open file, to try things on."""
+"""Operator that adds the courtyard as a scene of the open file, to try things on."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class PATCHNET_OT_add_demo_scene(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Nobody may be at work on the present scene, in which nothing may be edited."""
+        """Require that no job runs on the present scene, and a mode in which scenes can be added."""
         return in_object_mode(cls, context, "A scene can be added") and no_job_runs(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -46,7 +46,7 @@ def _draw_in_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
 
 
 def register() -> None:
-    """The operator, and its entry in the viewport's menu Add."""
+    """Register the operator, and its entry in the viewport's menu Add."""
     bpy.utils.register_class(PATCHNET_OT_add_demo_scene)
     bpy.types.VIEW3D_MT_add.append(_draw_in_menu)
 

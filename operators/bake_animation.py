@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All frames of the scene, each with its own octree and pictures."""
+"""Operator that bakes all frames of the scene, each with its own octree and pictures."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class PATCHNET_OT_bake_animation(
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Nothing else may change the frame."""
+        """Require that nothing else may change the frame."""
         if context.screen is not None and context.screen.is_animation_playing:
             cls.poll_message_set("The animation is playing: stop it first")
             return False
@@ -73,7 +73,7 @@ class PATCHNET_OT_bake_animation(
         return f"{result.sentence()}, files in {settings.out}"
 
     def _frame(self, context: bpy.types.Context, name: str) -> int:
-        """The operator's "start", "end" or "step" if its caller set it, else the scene's."""
+        """Value of the operator's "start", "end" or "step" if its caller set it, else the scene's."""
         name = f"frame_{name}"
         return int(getattr(self if is_given(self, name) else context.scene, name))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The light of the scene into the voxels."""
+"""Operator that bakes the light of the scene into the voxels."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether the Python of the preferences has torch."""
+"""Operator that tests whether the Python of the preferences has torch."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ class PATCHNET_OT_check_python(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be one."""
+        """Require a Python in the preferences."""
         if not preferences(context).torch_python:
             cls.poll_message_set("No Python is chosen: without one, codes are computed by Blender's own")
             return False
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Ask it, and keep the answer for the preferences."""
+        """Ask the Python, and keep the answer for the preferences."""
         from ..patchnet_addon.network.other_python import ask_python
 
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Room on the disk."""
+"""Operator that clears the disk cache: kernels, pages of stopped bakes, finished octrees."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class PATCHNET_OT_clear_cache(bpy.types.Operator):
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        """Nobody may be at work with it."""
+        """Require that no job runs, which may use the cache."""
         return no_job_runs(cls)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

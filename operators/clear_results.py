@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Memory back to the machine."""
+"""Operator that frees the memory of a scene's octree and codes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be something to free, and nobody at work on it."""
+        """Require something to free that no job works on."""
         if results.result_of(context.scene) is None:
             cls.poll_message_set("There are no results to free")
             return False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All strategies on one view, against each other and against the reference."""
+"""Operator that compares all strategies on one view, with each other and with the reference."""
 
 from __future__ import annotations
 

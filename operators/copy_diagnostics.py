@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What somebody needs to know who is asked for help."""
+"""Operator that copies diagnostics to the clipboard for bug reports: versions, settings, last errors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MOST = 20
 
 
 class _Last(logging.Handler):
-    """Remembers the last warnings and errors."""
+    """Memory of the last warnings and errors."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
@@ -50,7 +50,7 @@ class PATCHNET_OT_copy_diagnostics(bpy.types.Operator):
 
 
 def diagnostics(context: bpy.types.Context) -> str:
-    """The text; the person's own folder is written as ~."""
+    """Text of the diagnostics; the user's own folder is written as ~."""
     result = results.result_of(context.scene)
     values = {
         "versions": versions(),

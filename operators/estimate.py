@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Preview Selection will take, before it runs."""
+"""Operator that estimates the depth, memory and files of Preview Selection, before it runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class PATCHNET_OT_estimate(VoxelizeProperties, LightProperties, CameraProperties
     bl_label = "Estimate"
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """Look, and keep what was found for the panel."""
+        """Estimate the job, and keep what was found for the panel."""
         from .pipeline.estimate import estimate_job
 
         found = yield from estimate_job(context, settings)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One level of the octree as a file for other programs."""
+"""Operator that exports one level of the octree as a file for other programs."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def check(self, _context: bpy.types.Context) -> bool:
-        """In the file browser, a format that was chosen changes the ending, and an ending that was typed the format."""
+        """Match format and ending in the file browser: the one that was chosen or typed changes the other."""
         before = (self.filepath, self.format)
         if self.format == self._shown and self._ending():
             self.format = self._ending()
@@ -91,7 +91,7 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
         return f"{path.name}: {count:,} voxels of level {level}"
 
     def _ending(self) -> str:
-        """The format that the file's ending names, or ""."""
+        """Format that the file's ending names, or ""."""
         ending = Path(self.filepath).suffix.lower()
         return ending if ending in [name for name, *_ in _FORMATS] else ""
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An octree file as the voxels of the scene."""
+"""Operator that loads an octree file as the voxels of the scene."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
 
 
 def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, str]:
-    """The octree, its codes if there are any for these weights, and why not if they are for others."""
+    """Load the octree, its codes if there are any for these weights, and why not if they are for others."""
     from ..patchnet_addon.codes.file import load_codes
     from ..patchnet_addon.octree.file import load_octree
 
@@ -115,7 +115,7 @@ def _draw_in_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
 
 
 def register() -> None:
-    """The operator, and its entry in the menu File > Import."""
+    """Register the operator, and its entry in the menu File > Import."""
     bpy.utils.register_class(PATCHNET_OT_load_octree)
     bpy.types.TOPBAR_MT_file_import.append(_draw_in_menu)
 

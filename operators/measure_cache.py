@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How large the cache is, for the preferences, which do not look at the disk while they are drawn."""
+"""Operator that measures the disk cache for the preferences, which do not read the disk while they are drawn."""
 
 from __future__ import annotations
 

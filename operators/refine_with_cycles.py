@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The preview's worst regions rendered by Cycles."""
+"""Operator that renders the preview's worst regions with Cycles."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class PATCHNET_OT_refine_with_cycles(
 
 
 def summary(view: CyclesView) -> str:
-    """A sentence with the figures of a view."""
+    """Sentence with the figures of a view."""
     report = view.report
     seconds = report["seconds"]
     count = len(view.regions)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One camera's preview, where it is wrong, and the picture after the budget is spent there."""
+"""Operator that renders one camera's preview, its heatmap, and the picture refined by the budget."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy
 
 
 def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) -> Steps[View]:
-    """The first camera's view of the scene's result, whose figures are kept with it; its pictures are shown.
+    """Look through the first camera at the scene's result, which keeps the figures; the pictures are shown.
 
     compare: measure all strategies. Raises SettingError, SceneError.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The whole job in one step."""
+"""Operator that runs the whole job in one step."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One level of the octree as an object of the scene."""
+"""Operator that shows one level of the octree as an object of the scene."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be voxels, nobody at work on them, and a mode in which objects can be added."""
+        """Require voxels that no job works on, and a mode in which objects can be added."""
         return has_voxels(cls, context) and in_object_mode(cls, context, "Voxels can be shown") and no_job_runs(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

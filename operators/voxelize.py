@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects to an octree that shows their own colour."""
+"""Operator that voxelizes objects to an octree that shows their own colour."""
 
 from __future__ import annotations
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The engine: pure computation on arrays, without Blender."""
+"""Engine: pure computation on arrays, without Blender."""

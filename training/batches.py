@@ -51,7 +51,7 @@ class Batch:
 
 @dataclass(frozen=True, eq=False)
 class Augmentation:
-    """What is done to each of V voxels.
+    """Augmentation of each of V voxels.
 
     symmetry: (V,) int32 number of the cube symmetry, 0 for none.
     remap: (V, 4) float32: gain, place of the result in its free range [0, 1], 1 to invert, 1 to remap at all.
@@ -67,7 +67,7 @@ class Augmentation:
 
     @classmethod
     def random(cls, count: int, random: np.random.Generator, remap_share: float = 0.5) -> Augmentation:
-        """A random symmetry for each voxel, and for a share of them another range of luminance (methods 7.20)."""
+        """Random symmetry for each voxel, and for a share of them another range of luminance (methods 7.20)."""
         remap = random.random((count, 4), np.float32)
         remap[:, 0] += 0.5
         remap[:, 2] = remap[:, 2] < 0.5

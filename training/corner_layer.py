@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The encoder's first layer on the occupied blocks of a batch: exact, and about half the work or less.
+"""First layer of the encoder on the occupied blocks of a batch: exact, and about half the work or less.
 
 A corner's patch is eight 4x4x4 blocks, most of them often empty. The layer is linear, so each occupied block is
 multiplied with the slice of the matrix that belongs to its octant, and the products are added up per corner.

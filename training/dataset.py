@@ -65,7 +65,7 @@ def load_dataset(path: Path) -> Dataset:
 
 
 def sample_files(paths: list[Path]) -> list[Path]:
-    """The sample files named, and those in the folders named; raises FileFormatError if a folder holds none."""
+    """Sample files named, and those in the folders named; raises FileFormatError if a folder holds none."""
     files: list[Path] = []
     for path in paths:
         if path.is_dir():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Several octrees side by side in one set of arrays, so that a batch may mix the voxels of all of them."""
+"""Forest: several octrees side by side in one set of arrays, so that a batch may mix the voxels of all of them."""
 
 from __future__ import annotations
 

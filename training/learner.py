@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One network in training: forward pass, loss, optimiser step, moving mean of the weights."""
+"""Training step of one network: forward pass, loss, optimiser, moving mean of the weights."""
 
 from __future__ import annotations
 

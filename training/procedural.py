@@ -54,7 +54,7 @@ def _assemble(levels: list[tuple[np.ndarray, np.ndarray, np.ndarray]], depth: in
 
 
 def prune(octree: Octree, nodes: np.ndarray) -> Octree:
-    """The same octree with `nodes` made leaves: what lay below them is gone."""
+    """Prune the octree at `nodes`, which become leaves: what lay below them is gone."""
     leaves = []
     drop = np.zeros(octree.node_count, bool)
     below = np.zeros(octree.node_count, bool)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a run states about itself: command, versions, machine. Paths are cut to their last part."""
+"""Provenance of a run: command, versions, processor; paths are cut to their last part."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _PACKAGES = ("patchnet-blender", "numpy", "numba", "torch")
 
 
 def describe_command(arguments: Sequence[str]) -> str:
-    """The command line with paths cut to their last part."""
+    """Command line with paths cut to their last part."""
     words = [Path(word).name if os.sep in word else word for word in arguments]
     return " ".join(["patchnet", *words[1:]])
 

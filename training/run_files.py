@@ -23,7 +23,7 @@ _KINDS = {
 
 
 def check_run(out: Path, inputs: Iterable[Path] = (), *, resume: bool) -> None:
-    """Whether a run can begin in `out`, or go on there.
+    """Check that a run can begin in `out`, or go on there.
 
     Raises OutputError for files that cannot be written or are to stay, SettingError if there is a run already, and
     FileFormatError if there is none to resume.

@@ -29,7 +29,7 @@ COVERAGE_SCALE = 4096.0
 
 @dataclass(frozen=True)
 class SampleSettings:
-    """How samples are drawn.
+    """Settings of drawing samples.
 
     views: random views per voxel. least_level: coarsest level used. held_out: share of spatial blocks kept for
     validation (methods 7.21). first_hit: reject views whose centre ray meets a neighbour first (methods 7.17).
@@ -109,7 +109,7 @@ def _views(octree: Octree, voxels: np.ndarray, settings: SampleSettings, number:
 
 @device
 def _mix(state):
-    """The splitmix64 finaliser: a random word from a counter, the same on any number of cores."""
+    """Splitmix64 finaliser: a random word from a counter, the same on any number of cores."""
     state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return state ^ (state >> np.uint64(31))
@@ -140,7 +140,7 @@ def _enter_box(origin, direction, x, y, z):
 
 @device
 def _draw_line(state, origin, direction, up):
-    """A random direction, roll, and a line through the disc of radius sqrt(3)/2 around the voxel's centre."""
+    """Random direction, roll, and a line through the disc of radius sqrt(3)/2 around the voxel's centre."""
     height, turn = 2.0 * _uniform(state) - 1.0, 2.0 * np.pi * _uniform(state)
     flat = np.sqrt(max(0.0, 1.0 - height * height))
     direction[0], direction[1], direction[2] = flat * np.cos(turn), flat * np.sin(turn), height
@@ -155,7 +155,7 @@ def _draw_line(state, origin, direction, up):
 
 @device
 def _is_first_hit(counts, origin, direction, enter):
-    """Whether no other occupied voxel of the 3x3x3 neighbourhood is entered before the centre one."""
+    """Return whether no other occupied voxel of the 3x3x3 neighbourhood is entered before the centre one."""
     for block in range(27):
         if counts[block] > 0 and block != 13:
             x, y, z = block % 3 - 1.0, block // 3 % 3 - 1.0, block // 9 - 1.0

@@ -11,7 +11,7 @@ from ..patchnet_addon.runtime.errors import SettingError
 
 @dataclass(frozen=True)
 class TrainSettings:
-    """What decides the result of a training run.
+    """Settings that decide the result of a training run.
 
     passes: sample passes in all, the paper's 16 M x 8 epochs being 128 M. batch: samples (views) per step.
     schedule: "paper" (drops to a tenth after 4/8 and 7/8 of the run, methods 7.21) or "cosine".

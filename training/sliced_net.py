@@ -16,7 +16,7 @@ from .corner_layer import CornerLayer, from_slices, to_slices
 
 
 class SlicedNet(nn.Module):
-    """The network of some weights, which `to_weights` gives back."""
+    """Network of some weights, which `to_weights` gives back."""
 
     def __init__(self, weights: Weights) -> None:
         super().__init__()
@@ -29,7 +29,7 @@ class SlicedNet(nn.Module):
         return list(self.net.encoder)  # type: ignore[arg-type]
 
     def trained(self) -> list[nn.Parameter]:
-        """The parameters that are learned."""
+        """Parameters that are learned."""
         return [parameter for parameter in self.parameters() if parameter.requires_grad]
 
     def forward(self, batch: Batch, dtype: torch.dtype) -> Tensor:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The 48 symmetries of the cube, as matrices and as permutations of a brick's blocks and cells (methods 7.20)."""
+"""Symmetries of the cube, all 48, as matrices and as permutations of a brick's blocks and cells (methods 7.20)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Symmetries:
     cell: np.ndarray
 
     def matrix(self, index: int) -> np.ndarray:
-        """The symmetry as a (3, 3) float64 matrix that acts on column vectors."""
+        """Symmetry as a (3, 3) float64 matrix that acts on column vectors."""
         matrix = np.zeros((3, 3))
         matrix[np.arange(3), self.axis[index]] = self.sign[index]
         return matrix

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The training run: batches from all data sets, checkpoints, a log of curves, validation by scene (methods 7.21).
+"""Training run: batches from all data sets, checkpoints, a log of curves, validation by scene (methods 7.21).
 
 Everything random follows from the seed and the number of the step, so a run that was interrupted continues as if it
 had not been.
@@ -39,7 +39,7 @@ PARTS = 2
 
 @dataclass
 class RunOptions:
-    """How a run is carried out, none of which changes its result."""
+    """Options of carrying out a run, none of which changes its result."""
 
     out: Path
     resume: bool = False
@@ -95,7 +95,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
 
 
 def _extent(learner: Learner, per_step: int) -> dict[str, Any]:
-    """How far a run is, for the metadata of its weights."""
+    """Extent of a run so far, for the metadata of its weights."""
     minutes = round(learner.seconds / 60, 1)
     return {"steps": learner.steps, "sample_passes": learner.steps * per_step, "minutes": minutes}
 
@@ -182,7 +182,7 @@ def encoder_type(settings: TrainSettings, share: float) -> torch.dtype:
 
 
 def has_fast_bf16() -> bool:
-    """Whether this processor multiplies bf16 matrices in hardware."""
+    """Return whether this processor multiplies bf16 matrices in hardware."""
     capability = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
     return bool(capability.get("amx_bf16") or capability.get("avx512_bf16"))
 

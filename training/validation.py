@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Errors on the held-out parts of each scene (methods 7.21)."""
+"""Validation errors on the held-out parts of each scene (methods 7.21)."""
 
 from __future__ import annotations
 

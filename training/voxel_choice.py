@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which voxels are trained on, and which parts of a scene are held out for validation (methods 7.18, 7.21)."""
+"""Choice of the voxels to train on, and of the parts of a scene held out for validation (methods 7.18, 7.21)."""
 
 from __future__ import annotations
 
@@ -33,8 +33,10 @@ def usable_nodes(octree: Octree, least_level: int) -> dict[int, np.ndarray]:
 
 
 def choose_voxels(octree: Octree, nodes: dict[int, np.ndarray], count: int, random: np.random.Generator) -> np.ndarray:
-    """Voxels (count, 4) uint16 level, x, y, z of `nodes` by level, in random order: half uniform over voxels, half
-    uniform over levels."""
+    """Voxels (count, 4) uint16 level, x, y, z of `nodes` by level, in random order.
+
+    Half is uniform over voxels, half uniform over levels.
+    """
     sizes = np.array([len(here) for here in nodes.values()], np.int64)
     shares = np.minimum(count // (2 * len(nodes)), _REPEATS * sizes)
     shares = shares + random.multinomial(count - shares.sum(), sizes / sizes.sum())

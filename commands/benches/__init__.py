@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What `patchnet bench` measures, one bench a file; `commands/bench.py` says what a file holds."""
+"""Benches of `patchnet bench`, one a file; `commands/bench.py` documents what such a file holds."""

@@ -17,24 +17,24 @@ if TYPE_CHECKING:
 
 
 def add_scene(parser: argparse.ArgumentParser, required: bool = True) -> None:
-    """`--scene FILE`."""
+    """Add the argument `--scene FILE`."""
     parser.add_argument("--scene", type=Path, required=required, help="scene file, as for `patchnet run`")
 
 
 def add_depth(parser: argparse.ArgumentParser) -> None:
-    """`--depth D`."""
+    """Add the argument `--depth D`."""
     add_number(parser, "--depth", bounds.DEPTH, default=9, help="octree depth (9)")
 
 
 def add_repeats(parser: argparse.ArgumentParser, repeats: int) -> None:
-    """`--repeats N`."""
+    """Add the argument `--repeats N`."""
     add_number(
         parser, "--repeats", bounds.REPEATS, default=repeats, help=f"runs of each, the median counts ({repeats})"
     )
 
 
 def add_cores(parser: argparse.ArgumentParser) -> None:
-    """`--cores one|all`."""
+    """Add the argument `--cores one|all`."""
     parser.add_argument(
         "--cores",
         choices=("one", "all"),

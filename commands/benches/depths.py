@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Cost of each depth; the line of a depth goes to stderr when it is known. Raises PatchNetError."""
+    """Cost of each depth; the line of a depth goes to stderr when it is known; raises PatchNetError."""
     from ...training.benchmarks.depths import check_depths, compare_depths, measure_depths
     from ...training.benchmarks.depths_figure import check_figure, draw_depths
     from ...training.benchmarks.open3d_peer import import_open3d
@@ -72,7 +72,7 @@ def measure(args: argparse.Namespace) -> Comparison:
 
 
 def text(values: dict[str, Any]) -> str:
-    """A Markdown table, and the prices that explain it."""
+    """Markdown table, and the prices that explain it."""
     from ...training.benchmarks.tables import markdown_table
 
     head = ["depth", "fragments", "leaves", "time", "ns per fragment", "ns per leaf", "ns per triangle", "runs"]

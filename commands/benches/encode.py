@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Rates of all; one core is measured in a process that has one thread. Raises PatchNetError."""
+    """Rates of all; one core is measured in a process that has one thread; raises PatchNetError."""
     from ...patchnet_addon.network.weights import load_weights
     from ...training.benchmarks.encoding import benchmark_encoding
     from ...training.benchmarks.threads import has_one_thread
@@ -54,7 +54,7 @@ def _octree(args: argparse.Namespace) -> Octree:
 
 
 def _in_a_process_of_one_thread(args: argparse.Namespace) -> Comparison:
-    """The same measurement by this command in another process."""
+    """Run the same measurement by this command in another process, on one thread."""
     from ...training.benchmarks.child import run_child
     from ...training.benchmarks.threads import one_thread_environment
     from ...training.benchmarks.timing import Comparison
@@ -71,7 +71,7 @@ def _in_a_process_of_one_thread(args: argparse.Namespace) -> Comparison:
 
 
 def text(values: dict[str, Any]) -> str:
-    """A sentence about corners, and a Markdown table of products."""
+    """Sentence about corners, and a Markdown table of products."""
     from ...training.benchmarks.tables import markdown_table
 
     names = ["ours", "ours_on_its_values", "numpy"] + (["torch"] if values["torch"] else [])

@@ -37,7 +37,7 @@ def measure(args: argparse.Namespace) -> Comparison:
 
 
 def text(values: dict[str, Any]) -> str:
-    """A Markdown table with a row for each octree."""
+    """Markdown table with a row for each octree."""
     from ...training.benchmarks.tables import markdown_table
 
     rows = [

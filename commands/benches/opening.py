@@ -42,7 +42,7 @@ def measure(args: argparse.Namespace) -> Comparison:
 
 
 def text(values: dict[str, Any]) -> str:
-    """One sentence."""
+    """Return the figures as one sentence."""
     return (
         f"{values['file']}: {values['nodes']:,} nodes, {values['file_bytes'] / 2**20:.1f} MiB, open and checked in "
         f"{values['ours']:.3f} s, {values['peer_name']} {values['peer']:.3f} s, ratio {values['ratio']:.2f}; "

@@ -34,7 +34,7 @@ def measure(args: argparse.Namespace) -> Comparison:
 
 
 def text(values: dict[str, Any]) -> str:
-    """A Markdown table of stages, and the sums."""
+    """Markdown table of stages, and the sums."""
     from ...training.benchmarks.tables import markdown_table
 
     rows = [

@@ -34,7 +34,7 @@ def measure(args: argparse.Namespace) -> Comparison:
 
 
 def text(values: dict[str, Any]) -> str:
-    """One sentence."""
+    """Return the figures as one sentence."""
     return (
         f"{values['scene']} at depth {values['depth']}: octree of {values['ours_voxels']:,} voxels in "
         f"{values['ours']:.2f} s, {values['peer_name']} {values['peer_voxels']:,} voxels in {values['peer']:.2f} s, "

@@ -13,7 +13,7 @@ from ...patchnet_addon.runtime.errors import OutputError
 
 
 def add_number(parser: argparse._ActionsContainer, flag: str, bounds: Bounds, **others: Any) -> None:
-    """An argument that is a number of the table, or several of them with `nargs`.
+    """Add an argument that is a number of the table, or several of them with `nargs`.
 
     A value outside raises SettingError, which argparse lets through.
     """
@@ -21,7 +21,7 @@ def add_number(parser: argparse._ActionsContainer, flag: str, bounds: Bounds, **
 
 
 def add_out(parser: argparse.ArgumentParser, text: str, **others: Any) -> None:
-    """`--out`: a path that is not empty. An empty one would be the working folder, which nobody meant to fill."""
+    """Path of `--out`, which is not empty; an empty one would be the working folder, not meant to be filled."""
     parser.add_argument("--out", type=_output, help=text, **others)
 
 

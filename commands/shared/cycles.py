@@ -22,7 +22,7 @@ _TITLES = {
 
 
 def add_cycles(parser: argparse.ArgumentParser) -> None:
-    """The arguments that begin with --cycles."""
+    """Add the arguments that begin with --cycles."""
     group = parser.add_argument_group("regions by Cycles")
     add_number(
         group,
@@ -48,7 +48,7 @@ def add_cycles(parser: argparse.ArgumentParser) -> None:
 
 
 def cycles_settings(args: argparse.Namespace) -> CyclesSettings | None:
-    """None unless a budget was given; raises SettingError for values outside their range."""
+    """Read the settings, None unless a budget was given; raises SettingError for values outside their range."""
     from ...operators.settings.cycles_settings import CyclesSettings
     from ...patchnet_addon.runtime.errors import SettingError
 
@@ -67,7 +67,7 @@ def cycles_settings(args: argparse.Namespace) -> CyclesSettings | None:
 
 
 def print_cycles(report: dict[str, Any] | None) -> None:
-    """A view's figures of regions by Cycles, if it has any."""
+    """Print a view's figures of regions by Cycles, if it has any."""
     if report is None:
         return
     seconds = report["seconds"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`--frames` of `patchnet run` and `patchnet octree`."""
+"""Frame arguments (`--frames`) of `patchnet run` and `patchnet octree`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def add_frames(parser: argparse.ArgumentParser) -> None:
-    """Which frames, and what is done with those that are there."""
+    """Add the arguments of frames, and of overwriting those that are there."""
     parser.add_argument(
         "--frames", metavar="FRAMES",
         help="bake these frames one after the other, each into a folder of its own: 1-24, 1-24x2, 1,5,9, or all of the "
@@ -32,7 +32,7 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
 
 
 def check_frames(args: argparse.Namespace) -> None:
-    """Raises SettingError for frames that cannot be, before anything is opened."""
+    """Raise SettingError for frames that cannot be, before anything is opened."""
     if args.frames is not None:
         parse_frames(args.frames)
     elif args.overwrite or args.same_grid:

@@ -66,7 +66,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def require_blender() -> None:
-    """Raises PatchNetError that says what to install if Blender is not there as a Python module."""
+    """Raise PatchNetError that says what to install if Blender is not there as a Python module."""
     try:
         import bpy  # noqa: F401
     except ImportError as cause:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What commands say, on the terminal for people and as events of the log, and the folders of what they write."""
+"""Messages of commands, on the terminal for users and as events of the log, and folders of the files they write."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from ...patchnet_addon.runtime.log import event, is_json
 
 
 def say_result(text: str, **fields: Any) -> None:
-    """What was made; `fields` for programs: file, frame, and figures."""
+    """Print what was made; `fields` for programs: file, frame, and figures."""
     print(text)
     event("result", text, **fields)
 
 
 def say_note(text: str) -> None:
-    """What was assumed or left out; people get it on stderr, so that it is seen where stdout is kept in a file."""
+    """Print what was assumed or left out, for users to stderr, so that it is seen where stdout is kept in a file."""
     if not is_json():
         print(f"Note: {text}", file=sys.stderr)
     event("warning", text, logging.WARNING)
 
 
 def say_error(text: str, exit_code: int, *, prefix: str = "patchnet: ") -> None:
-    """Why the command ends with `exit_code`; people get it on stderr, too."""
+    """Print why the command ends with `exit_code`, for users to stderr, too."""
     if not is_json():
         print(f"{prefix}{text}", file=sys.stderr)
     event("error", text.removeprefix("error: "), logging.ERROR, exit_code=exit_code)

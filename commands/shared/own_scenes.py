@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes that the project builds itself, in the place of a file's name."""
+"""Built-in scenes of the command line (courtyard, room), named in the place of a file."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class ProgressBars:
 
 
 class _Lines:
-    """A line when a step begins, and one now and then while it lasts."""
+    """Progress lines: one when a step begins, and one now and then while it lasts."""
 
     def __init__(self) -> None:
         self._label = ""
@@ -63,7 +63,7 @@ class _Lines:
 
 
 class _Bars:
-    """A bar a step; a step that is named anew gets a new one."""
+    """Progress bars, one a step; a step that is named anew gets a new one."""
 
     def __init__(self) -> None:
         self._bar: Any = None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender and Cycles write a line for everything they do; on the terminal that would bury the progress bars."""
+"""Silence Blender's and Cycles' own lines on the terminal, which would bury the progress bars."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...patchnet_addon.runtime.streams import is_written
 
 @contextmanager
 def quiet_stdout() -> Iterator[None]:
-    """Within the block, what the process writes to stdout goes nowhere, whether Python or compiled code writes it."""
+    """Silence stdout of the process within the block, whether Python or compiled code writes to it."""
     if not is_written(1):
         yield
         return

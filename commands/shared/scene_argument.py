@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scene of a command: a file that it opens, or in `blender -b FILE --command patchnet` the one that is open."""
+"""Scene argument of a command: a file that it opens, or the open one in `blender -b FILE --command patchnet`."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ NO_SCENE = "There is no scene: name its file, or open one with `blender -b FILE 
 
 
 def add_scene(parser: argparse.ArgumentParser, text: str, kind: Callable[[str], Any] = Path) -> None:
-    """The argument SCENE, which may be left out where a file is open."""
+    """Add the argument SCENE, which may be left out where a file is open."""
     parser.add_argument("scene", type=kind, nargs="?", help=f"{text}; in Blender, the open file if it is left out")
 
 
 def scene_path(scene: Path | str | None) -> Path:
-    """File of the scene, for its name. Raises SceneError if none is named and none is open."""
+    """File of the scene, for its name; raises SceneError if none is named and none is open."""
     import bpy
 
     from ...operators.scene_access.unread_file import check_opened
@@ -31,7 +31,7 @@ def scene_path(scene: Path | str | None) -> Path:
 
 
 def open_given(scene: Path | str | None) -> None:
-    """Open the scene if a file is named, else keep what is open. Raises SceneError."""
+    """Open the scene if a file is named, else keep what is open; raises SceneError."""
     from ...operators.scene import open_scene
     from .quiet import quiet_stdout
 
@@ -42,5 +42,5 @@ def open_given(scene: Path | str | None) -> None:
 
 
 def opened_file(scene: Path | None) -> Path | None:
-    """The .blend file that was opened just now. What was open before may have been changed by a script since."""
+    """Return the .blend file that was opened just now; what was open before may have been changed by a script since."""
     return scene if scene is not None and scene.suffix.lower() == ".blend" else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The views that `--depth fit` of `patchnet octree` fits to; no sub-command."""
+"""Views that `--depth fit` of `patchnet octree` fits to; no sub-command."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def add_views(parser: argparse.ArgumentParser) -> None:
-    """What `--depth fit` fits to."""
+    """Add the arguments of the views that `--depth fit` fits to."""
     add_number(
         parser, "--view", bounds.COORDINATE, nargs=6, action="append", default=[],
         metavar=("X", "Y", "Z", "TX", "TY", "TZ"),
@@ -32,7 +32,7 @@ def add_views(parser: argparse.ArgumentParser) -> None:
 
 
 def view_cameras(args: argparse.Namespace) -> list[Camera]:
-    """The cameras of `add_views`."""
+    """Cameras of `add_views`."""
     from ...patchnet_addon.tracing.camera import Camera
 
     width, height = args.size

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames of an animation, one after the other, each in a folder of its own; those that are there are skipped."""
+"""Animation frames, made one after the other, each in a folder of its own; finished ones are skipped."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from .frame_record import RECORD_NAME, FrameRecord, discard, files_in, frame_fol
 
 @dataclass(frozen=True)
 class FramePlan:
-    """Which frames go where.
+    """Plan of the frames and their folders.
 
     overwrite: make frames that are there, too. one_grid: the octrees of all frames have the same cube and depth.
     scene_file: .blend file that was just opened, and not changed since; None if that is not known.
@@ -49,7 +49,7 @@ class FramePlan:
 
 @dataclass
 class AnimationResult:
-    """Which frames were made, which were there, figures of all of them, and warnings with the frame they are from."""
+    """Result by frame: those made, those that were there, figures of all, and warnings with the frame they are from."""
 
     made: list[int] = field(default_factory=list)
     skipped: list[int] = field(default_factory=list)
@@ -57,7 +57,7 @@ class AnimationResult:
     warnings: tuple[str, ...] = ()
 
     def sentence(self) -> str:
-        """What was done."""
+        """Summary of what was done."""
         made, skipped = len(self.made), len(self.skipped)
         there = f", {skipped} {'was' if skipped == 1 else 'were'} there" if skipped else ""
         return f"{made} frame{'' if made == 1 else 's'} made{there}"
@@ -87,7 +87,7 @@ def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) 
 
 
 def _all_files(plan: FramePlan, files: Mapping[str, FileKind]) -> dict[Path, FileKind]:
-    """All files of an animation that are not there as we wrote them; `files` are those of a frame."""
+    """Files of an animation that are not there as we wrote them, all of them; `files` are those of a frame."""
     folders = [folder for frame in plan.frames if read_record(folder := frame_folder(plan.out, frame)) is None]
     return {plan.out / REPORT_NAME: REPORT} | {
         folder / name: kind for folder in folders for name, kind in files.items()
@@ -95,7 +95,7 @@ def _all_files(plan: FramePlan, files: Mapping[str, FileKind]) -> dict[Path, Fil
 
 
 class _Animation:
-    """Bakes frames, and knows what is common to those that are still to come.
+    """Bake of frames, with what is common to those that are still to come.
 
     One of them, the reference, chooses the exposure for all where none was given: else a lamp that goes down would
     darken nothing. Of frames that are there it is the one that did so for them.
@@ -109,7 +109,7 @@ class _Animation:
         self.result = AnimationResult()
 
     def find_reference(self) -> Steps[None]:
-        """The frame whose exposure is everybody's."""
+        """Choose the frame whose exposure all frames take."""
         if self._maker.exposure is not None:
             return
         self._reference = self._plan.frames[0]
@@ -153,7 +153,7 @@ class _Animation:
         self.write_report(complete=False)
 
     def _counted(self, steps: Steps[dict[str, Any]], frame: int, number: str, start: float) -> Steps[dict[str, Any]]:
-        """The same steps with the frame's number, and with the share of all frames that is done."""
+        """Pass on the steps with the frame's number, and with the share of all frames that is done."""
         try:
             while True:
                 report = next(steps)
@@ -169,7 +169,7 @@ class _Animation:
         return Progress(1, 1, f"{number}: {step}", whole=self._share(0.0), frame=frame, step=step)
 
     def _share(self, of_frame: float) -> float:
-        """Share of the frames to make; a frame takes as long as the one before. Skipped ones took no time."""
+        """Share of the frames to make; a frame takes as long as the one before; skipped ones took no time."""
         wanted = len(self._plan.frames) - len(self.result.skipped)
         return (len(self.result.made) + of_frame) / max(wanted, 1)
 
@@ -189,7 +189,7 @@ class _Animation:
         return record if record is not None and "exposure" in record.summary else None
 
     def _fits(self, frame: int, record: FrameRecord) -> bool:
-        """Whether files alone say that the frame would become what it is."""
+        """Return whether files alone say that the frame would become what it is."""
         return self._plan.scene_file is not None and record.file == self._file_key(frame)
 
     def _file_key(self, frame: int) -> str:
@@ -197,12 +197,12 @@ class _Animation:
         return "" if path is None else file_key(path, self._maker.settings_text(self._common_of(frame)), frame)
 
     def _content(self, frame: int) -> str:
-        """The key of a frame, which the scene is at from now on."""
+        """Key of a frame, which the scene is at from now on."""
         go_to_frame(self._context.scene, frame)
         return content_key(self._context, self._maker.scope, self._maker.settings_text(self._common_of(frame)))
 
     def write_report(self, *, complete: bool) -> None:
-        """What is there by now. Raises PatchNetError."""
+        """Write the report of what is there by now; raises PatchNetError."""
         common, out = self._common, self._plan.out
         self.result.warnings = _warnings(self._summaries)
         self.result.report = {
@@ -222,7 +222,7 @@ class _Animation:
 
 
 def _reference_of(out: Path) -> int | None:
-    """The frame that an earlier call took the exposure from."""
+    """Frame that an earlier call took the exposure from."""
     try:
         number = json.loads((out / REPORT_NAME).read_text(encoding="utf-8"))["reference"]
     except (OSError, ValueError, TypeError, KeyError):
@@ -231,7 +231,7 @@ def _reference_of(out: Path) -> int | None:
 
 
 def _warnings(summaries: dict[int, dict[str, Any]]) -> tuple[str, ...]:
-    """Each warning once, with the frames that it is about."""
+    """List each warning once, with the frames that it is about."""
     frames: dict[str, list[int]] = {}
     for frame, summary in sorted(summaries.items()):
         for text in summary.get("warnings", ()):

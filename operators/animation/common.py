@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Looking at all frames of an animation before the first one is made: what they have in common."""
+"""Pass over all frames of an animation before the first one is made, for what they have in common."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .frame_maker import FrameMaker
 
 
 def same_daylight(context: bpy.types.Context, frames: Sequence[int]) -> Steps[bool]:
-    """Whether no frame has a light, so that sun and sky are needed: not in the dark frames of a scene with lamps."""
+    """Test that no frame has a light, so that sun and sky are needed: not in the dark frames of a scene with lamps."""
     for done, frame in enumerate(frames):
         yield Progress(done, len(frames), "Looking for light")
         go_to_frame(context.scene, frame)

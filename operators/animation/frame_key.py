@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Keys of frames: hashes that say whether a frame that was made is what would be made now."""
+"""Keys of frames: hashes that tell whether a frame that was made is what would be made now."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def code_hash() -> str:
 
 
 def _add_cameras(digest: Digest, depsgraph: bpy.types.Depsgraph) -> None:
-    """All cameras, also those that are hidden: pictures are made through them nevertheless."""
+    """Add all cameras, also those that are hidden: pictures are made through them nevertheless."""
     scene = depsgraph.scene.original
     digest.text(scene.camera.name_full if scene.camera else None)
     for item in scene.objects:

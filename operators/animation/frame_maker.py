@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What makes the files of one frame, and what all frames of an animation have in common."""
+"""Makers of the files of one frame, and the values that all frames of an animation share."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Common:
-    """What frames share, so that their pictures do not flicker.
+    """Values that frames share, so that their pictures do not flicker.
 
     exposure: factor on luminance; None where the frame chooses it, for all others.
     daylight: whether sun and sky are added; None where the light is not baked.
@@ -43,7 +43,7 @@ class Common:
 
 
 class FrameMaker(ABC):
-    """Makes frames; the scene is at the frame in question whenever a method is called.
+    """Maker of frames; the scene is at the frame in question whenever a method is called.
 
     scope: which objects. exposure: as it was given, None if it is to be chosen. bakes: whether Cycles computes light.
     """
@@ -54,11 +54,11 @@ class FrameMaker(ABC):
 
     @abstractmethod
     def settings_text(self, common: Common) -> str:
-        """All settings that the files depend on."""
+        """Text of all settings that the files depend on."""
 
     @abstractmethod
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
-        """Kind of each file that may be made at any frame, by its path in the frame's folder. Raises SceneError."""
+        """Kind of each file that may be made at any frame, by its path in the frame's folder; raises SceneError."""
 
     def inputs(self) -> list[Path]:
         """Files that are read: they are never replaced."""
@@ -75,17 +75,17 @@ class FrameMaker(ABC):
 
 
 class JobMaker(FrameMaker):
-    """The whole job, with pictures: what `run` does."""
+    """Maker of frames by the whole job, with pictures: what `run` does."""
 
     def __init__(self, settings: JobSettings) -> None:
-        """Raises WeightsFileError."""
+        """Load the weights; raises WeightsFileError."""
         self._settings = replace(settings, out=None)
         self._weights: Weights = load_network(settings.weights)
         self._painted = importance_key(settings.importance)
         self.scope, self.exposure, self.bakes = settings.scope, settings.exposure, settings.light == CYCLES
 
     def settings_text(self, common: Common) -> str:
-        """The job's settings, with weights and importance by their contents."""
+        """Text of the job's settings, with weights and importance by their contents."""
         return f"{replace(self._of_frame(common), weights=None)!r} {self._weights.hash} {self._painted}"
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
@@ -94,7 +94,7 @@ class JobMaker(FrameMaker):
         return job_files(view_folders(context.scene, names).values(), self._settings.cycles)
 
     def inputs(self) -> list[Path]:
-        """With weights and a painted mask."""
+        """Files that are read, with weights and a painted mask."""
         return job_inputs(self._settings)
 
     def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
@@ -105,7 +105,7 @@ class JobMaker(FrameMaker):
         return _summary(result)
 
     def voxel_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
-        """By the cameras, where the depth is theirs to say."""
+        """Side of the voxels by the cameras, where the depth is theirs to say."""
         settings = self._settings
         if settings.depth is not None or settings.voxel_world is not None or settings.fit:
             return None
@@ -126,14 +126,14 @@ class JobMaker(FrameMaker):
 
 
 def _active_cameras(scene: bpy.types.Scene) -> list[str]:
-    """The active camera, and those that markers make it."""
+    """Active camera, and those that markers make it."""
     cameras = [scene.camera, *(marker.camera for marker in scene.timeline_markers)]
     known = scene_cameras(scene)
     return [camera.name for camera in cameras if camera is not None and camera.name in known]
 
 
 def _summary(result: JobResult) -> dict[str, Any]:
-    """The figures of a frame that the report of the animation repeats."""
+    """Figures of a frame that the report of the animation repeats."""
     report = result.report
     return {
         "exposure": result.coded.octree.exposure,

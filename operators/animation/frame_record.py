@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The note in a frame's folder that says that all of its files are there, and what they were made from."""
+"""Record in a frame's folder that all of its files are there, and of what they were made from."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RECORD_NAME = "frame.json"
 
 @dataclass(frozen=True)
 class FrameRecord:
-    """A finished frame.
+    """Record of a finished frame.
 
     content: `content_key`. file: `file_key`, or "" where no file is known to hold the scene.
     files: bytes of each file by its path in the folder. summary: figures for the report of the animation.
@@ -32,7 +32,7 @@ class FrameRecord:
 
 
 def frame_folder(out: Path, frame: int) -> Path:
-    """Where a frame's files are: frame-0001 and so on."""
+    """Folder of a frame's files: frame-0001 and so on."""
     return out / f"frame-{frame:04d}"
 
 
@@ -44,7 +44,7 @@ def files_in(folder: Path) -> dict[str, int]:
 
 
 def read_record(folder: Path) -> FrameRecord | None:
-    """What is known of the frame in `folder`, or None if it is not there as a whole."""
+    """Read the record of the frame in `folder`, or None if it is not there as a whole."""
     try:
         record = FrameRecord(**json.loads((folder / RECORD_NAME).read_text(encoding="utf-8")))
         there = all((folder / name).stat().st_size == size for name, size in record.files.items())
@@ -54,7 +54,7 @@ def read_record(folder: Path) -> FrameRecord | None:
 
 
 def write_record(folder: Path, record: FrameRecord) -> None:
-    """From now on the frame counts as finished; raises OutputError if it cannot be written."""
+    """Record that the frame is finished, from now on; raises OutputError if it cannot be written."""
     write_json(folder / RECORD_NAME, asdict(record), FRAME_RECORD)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles' own picture of what is baked: diffuse light and emission, seen by one of the tracer's cameras.
+"""Cycles reference render of what is baked: diffuse light and emission, seen by one of the tracer's cameras.
 
 Light passes are exact sums: direct and indirect diffuse light times diffuse colour, plus emission, is what a combined
 bake of these parts computes. They come out of a multi-layer EXR, so that neither compositor nor view settings matter.
@@ -41,7 +41,7 @@ _EMISSION = ("Emit", "Emission")
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A render, row 0 at the bottom, over black.
+    """Render, row 0 at the bottom, over black.
 
     luminance: (H, W) float32 of diffuse light and emission, unexposed. coverage, depth_world, albedo: (H, W).
     normal: (H, W, 3).
@@ -55,7 +55,7 @@ class Reference:
 
 
 def render_reference(context: bpy.types.Context, camera: Camera, samples: int, seed: int) -> Reference:
-    """Render the scene; it is as before afterwards. Raises SceneError if Cycles is not there or does not render."""
+    """Render the scene; it is as before afterwards; raises SceneError if Cycles is not there or does not render."""
     with tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
         path = Path(folder) / "reference.exr"
         with prepared(context, camera, samples, seed, path) as (scene, layer):

@@ -21,7 +21,7 @@ SKY_STRENGTH = 0.8
 
 
 def has_light(depsgraph: bpy.types.Depsgraph) -> bool:
-    """Whether anything in the evaluated scene can light it: a lamp, the world, or an emitting material."""
+    """Return whether anything in the evaluated scene can light it: a lamp, the world, or an emitting material."""
     if _world_shines(depsgraph.scene.world):
         return True
     materials: set[bpy.types.Material] = set()
@@ -57,7 +57,7 @@ def _emits(material: bpy.types.Material) -> bool:
 
 
 def _bright(socket: bpy.types.NodeSocket) -> bool:
-    """A colour or strength that is not black; a linked one is taken for bright."""
+    """Test for a colour or strength that is not black; a linked one is taken for bright."""
     value = socket.default_value
     return socket.is_linked or (value > 0 if isinstance(value, float) else max(value[:3]) > 0)
 

@@ -40,9 +40,9 @@ _INSIDE = 0.25  # of a pixel, so that borders, which Blender keeps as float32 sh
 
 
 class RegionRenders:
-    """Renders parts of a picture; made by `region_renders`.
+    """Renderer of parts of a picture; made by `region_renders`.
 
-    seconds: of Blender's renders up to now and of reading their files, without those of who waited for them.
+    seconds: of Blender's renders up to now and of reading their files, without those of the caller that waited.
     sync_seconds: of the first, which reads the scene.
     """
 
@@ -63,7 +63,7 @@ class RegionRenders:
         self.sync_seconds = self.seconds
 
     def picture(self, region: Region, at: Callable[[float], Progress]) -> Steps[np.ndarray]:
-        """(h, w, 3) float32, linear and unexposed, row 0 at the bottom. Raises SceneError, StoppedError.
+        """(h, w, 3) float32, linear and unexposed, row 0 at the bottom; raises SceneError, StoppedError.
 
         Reports are `at` of the share that is done.
         """
@@ -133,7 +133,7 @@ def region_renders(
 
 
 def _drop_kept(scene: bpy.types.Scene) -> None:
-    """Cycles drops what it kept of `scene`, before anything of that is removed."""
+    """Drop what Cycles kept of `scene`, before anything of that is removed."""
     scene.render.use_persistent_data = False
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's render of a scene copy into a file: as one call, or beside a window that stays alive.
+"""Render call of Blender, a scene copy into a file: as one call, or beside a window that stays alive.
 
 A call returns when the picture is there; nothing of Python's can stop it. From a window that an operator works in, the
 render is a job of Blender's own, as with F12: steps wait for it, and Esc stops it.
@@ -38,9 +38,9 @@ def render(scene: bpy.types.Scene, path: Path) -> float:
 
 
 def rendered(scene: bpy.types.Scene, path: Path, at: Callable[[float], Progress]) -> Steps[float]:
-    """As `render`; where a window waits, beside it. Reports are `at` of the share of samples that is done.
+    """Render as `render` does; where a window waits, beside it; reports are `at` of the share of samples that is done.
 
-    Raises StoppedError if a person stopped it in a window.
+    Raises StoppedError if the user stopped it in a window.
     """
     if not window_is_alive():
         return render(scene, path)
@@ -60,7 +60,7 @@ def rendered(scene: bpy.types.Scene, path: Path, at: Callable[[float], Progress]
 
 
 class _Status:
-    """What Cycles says of a picture, in the render's thread: how much of its samples is `done`, 0 to 1, and its end."""
+    """Status of Cycles' picture, in the render's thread: share of its samples that is `done`, 0 to 1, and its end."""
 
     def __init__(self) -> None:
         self.done = 0.0
@@ -68,12 +68,12 @@ class _Status:
         self._last = ""
 
     def check_finished(self) -> None:
-        """A render that failed, such as for want of a GPU's memory, leaves a picture too: raises SceneError."""
+        """Raise SceneError for a render that failed, such as for want of a GPU's memory: it leaves a picture too."""
         if self._last and not self._finished:
             raise SceneError(f"Cycles did not finish the picture ({self._last}): Blender's terminal may say more")
 
     def hear(self, text: object, *_: object) -> None:
-        """Blender calls this with each line of its status, whose last part is what Cycles says."""
+        """Hear each line of Blender's status, whose last part is what Cycles says; Blender calls this."""
         if not isinstance(text, str) or "|" not in text:
             return
         self._last = text.rsplit("|", 1)[1].strip()
@@ -94,7 +94,7 @@ def _invoked(scene: bpy.types.Scene) -> None:
 
 @contextmanager
 def _no_view() -> Iterator[None]:
-    """No editor or window comes up with the render: Blender looks for one while the job starts, not later."""
+    """Keep editors and windows from coming up with the render: Blender looks for one only while the job starts."""
     preferences = bpy.context.preferences
     was_dirty = preferences.is_dirty
     try:

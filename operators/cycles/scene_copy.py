@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A copy of the scene that Cycles renders through exactly one of the tracer's cameras, into a file of all passes."""
+"""Scene copy that Cycles renders through exactly one of the tracer's cameras, into a file of all passes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SENSOR = 36.0  # mm
 def prepared(
     context: bpy.types.Context, camera: Camera, samples: int, seed: int, path: Path
 ) -> Iterator[tuple[bpy.types.Scene, bpy.types.ViewLayer]]:
-    """A copy of the scene that looks through `camera`, and its view layer; all is as before after the block."""
+    """Copy the scene, to look through `camera`, with its view layer; all is as before after the block."""
     if not hasattr(context.scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on")
     with ExitStack() as stack:
@@ -43,7 +43,7 @@ def prepared(
 
 @contextmanager
 def _no_new_render_result() -> Iterator[None]:
-    """Blender keeps what it rendered; a render result that was not there before is removed, and never saved."""
+    """Remove and never save a render result that was not there before: Blender keeps what it rendered."""
     before = {image.name_full for image in bpy.data.images}
 
     def new() -> list[bpy.types.Image]:
@@ -128,7 +128,7 @@ def _lamps_unseen(scene: bpy.types.Scene) -> Iterator[None]:
 
 @contextmanager
 def _seen_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
-    """`scene` looks through exactly the view of `camera`, without depth of field, within the block."""
+    """Let `scene` look through exactly the view of `camera`, without depth of field, within the block."""
     with (
         temporary(bpy.data.cameras.new("PatchNet Check")) as data,
         temporary(bpy.data.objects.new("PatchNet Check", data)) as item,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Three cameras: far and middle keep the distances that look-ahead needs at 192 pixels, close is for the eye."""
+"""Cameras of the courtyard: far and middle at distances that look-ahead needs at 192 pixels, and a close-up."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ VIEWS = {
 
 
 def build_cameras(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
-    """Adds the views for square pictures; Middle becomes the scene's camera."""
+    """Add the views for square pictures; Middle becomes the scene's camera."""
     for name, (position, target) in VIEWS.items():
         data = bpy.data.cameras.new(name)
         data.sensor_fit, data.angle = "AUTO", FIELD_OF_VIEW

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Puts the courtyard together and saves it."""
+"""Build the courtyard scene and save it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .materials import make_materials
 
 
 def build_courtyard(scene: bpy.types.Scene, seed: int = 1) -> None:
-    """Builds the courtyard into a scene: about 12 m wide, every random choice from `seed`.
+    """Build the courtyard into a scene: about 12 m wide, every random choice from `seed`.
 
     Fence, gate and grilles are thinner than a distant pixel, a white cloth lies 7 mm above a dark table, leaves are cut
     by alpha: what a coarse view gets wrong. Sets the scene's world, camera and render settings.
@@ -47,7 +47,7 @@ def build_courtyard(scene: bpy.types.Scene, seed: int = 1) -> None:
 
 
 def save_demo_scene(path: Path, seed: int = 1) -> None:
-    """Builds the courtyard in an empty file and saves it with its images packed; replaces whatever is open."""
+    """Build the courtyard in an empty file and save it with its images packed; replaces whatever is open."""
     bpy.ops.wm.read_homefile(use_empty=True)
     build_courtyard(bpy.context.scene, seed)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Table and cloth, chairs, what stands on the table, fountain, door and sign."""
+"""Furniture of the courtyard: table and cloth, chairs, objects on the table, fountain, door and sign."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _GAP = 0.007  # the cloth lies this far above the table
 
 
 def build_table(collection: bpy.types.Collection, materials: Materials, rng: np.random.Generator) -> None:
-    """A dark table with a white cloth that hangs over three of its edges, chairs around it."""
+    """Dark table with a white cloth that hangs over three of its edges, chairs around it."""
     x, y = TABLE
     plank = place(
         collection, "Table top", box((-_HALF[0], 0, 0), (_HALF[0], 0.2, 0.04)), materials["table"], repeat=0.9
@@ -49,7 +49,7 @@ def build_table(collection: bpy.types.Collection, materials: Materials, rng: np.
 
 
 def _cloth(rng: np.random.Generator) -> Shape:
-    """A rectangle of linen laid over the table's edges: flat within, hanging in folds outside."""
+    """Rectangle of linen laid over the table's edges: flat within, hanging in folds outside."""
     hang = 0.34
     u = np.linspace(-_HALF[0] - hang, _HALF[0] - 0.3, 132)
     v = np.linspace(-_HALF[1] - hang, _HALF[1] + hang, 96)
@@ -116,7 +116,7 @@ def _set_table(collection: bpy.types.Collection, materials: Materials, x: float,
 
 
 def _chair(materials: Materials) -> bpy.types.Collection:
-    """A bistro chair of bent iron with a slatted seat, facing +y, as a collection to instance."""
+    """Bistro chair of bent iron with a slatted seat, facing +y, as a collection to instance."""
     chair = bpy.data.collections.new("Chair")
     t = np.linspace(0, np.pi, 24)
     back = np.stack([-0.2 * np.cos(t), -0.2 - 0.07 * np.sin(t), 0.62 + 0.3 * np.sin(t)], -1)
@@ -134,7 +134,7 @@ def _chair(materials: Materials) -> bpy.types.Collection:
 
 
 def build_fountain(collection: bpy.types.Collection, materials: Materials, x: float, y: float) -> None:
-    """An octagonal basin of glazed tiles with a stone bowl in its middle."""
+    """Octagonal basin of glazed tiles with a stone bowl in its middle."""
     angles = np.pi / 8 + np.arange(9) * np.pi / 4
     corners = np.stack([x + 0.86 * np.cos(angles), y + 0.86 * np.sin(angles), 0 * angles], -1)  # (9, 3)
     sides = [sheet(np.stack([corners[k : k + 2], corners[k : k + 2] + (0, 0, 0.42)])) for k in range(8)]
@@ -170,7 +170,7 @@ def build_fountain(collection: bpy.types.Collection, materials: Materials, x: fl
 
 
 def build_door(collection: bpy.types.Collection, materials: Materials) -> None:
-    """A blue plank door in the back wall's arched opening."""
+    """Blue plank door in the back wall's arched opening."""
     plank = place(collection, "Door planks", box((-0.75, 0, 0), (-0.6, 0.05, 2.42)), materials["door"], repeat=0.8)
     plank.location = (0, INSIDE + 0.14, PLINTH)
     bevel(plank, 0.01)
@@ -180,7 +180,7 @@ def build_door(collection: bpy.types.Collection, materials: Materials) -> None:
 
 
 def build_sign(collection: bpy.types.Collection, materials: Materials) -> None:
-    """The sign over the arches: a board, gilded letters (a text object), and scrolls at its ends."""
+    """Sign over the arches: a board, gilded letters (a text object), and scrolls at its ends."""
     y = ARCADE_Y - 0.07
     board = place(collection, "Sign board", box((-1.05, y, 3.72), (1.05, y + 0.05, 4.16)), materials["sign"])
     bevel(board, 0.02, 3)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain shapes as arrays, and their way into Blender objects. Lengths in metres, z up."""
+"""Polygon shapes as arrays, and their conversion to Blender objects; lengths in metres, z up."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ import numpy as np
 
 @dataclass
 class Shape:
-    """A polygon mesh: vertices (n, 3), faces as vertex numbers, optional UV (n, 2) per vertex."""
+    """Polygon mesh: vertices (n, 3), faces as vertex numbers, optional UV (n, 2) per vertex."""
 
     vertices: np.ndarray
     faces: list[tuple[int, ...]]
     uv: np.ndarray | None = None
 
     def moved(self, offset: Sequence[float]) -> Shape:
-        """The shape shifted by `offset` (3,)."""
+        """Shift the shape by `offset` (3,)."""
         return Shape(self.vertices + np.asarray(offset, float), self.faces, self.uv)
 
     def turned(self, angle: float, axis: int = 2) -> Shape:
-        """The shape turned about a main axis through the origin by `angle` radians."""
+        """Turn the shape about a main axis through the origin by `angle` radians."""
         i, j = [(1, 2), (2, 0), (0, 1)][axis]
         vertices = self.vertices.copy()
         vertices[:, i] = np.cos(angle) * self.vertices[:, i] - np.sin(angle) * self.vertices[:, j]
@@ -31,12 +31,12 @@ class Shape:
         return Shape(vertices, self.faces, self.uv)
 
     def repeated(self, u: float, v: float) -> Shape:
-        """The shape with its texture repeated `u` and `v` times."""
+        """Repeat the shape's texture `u` and `v` times."""
         return Shape(self.vertices, self.faces, None if self.uv is None else self.uv * (u, v))
 
 
 def join(shapes: Iterable[Shape]) -> Shape:
-    """All shapes in one; UVs survive if every shape has them."""
+    """Join all shapes in one; UVs survive if every shape has them."""
     parts = list(shapes)
     faces: list[tuple[int, ...]] = []
     start = 0
@@ -49,7 +49,7 @@ def join(shapes: Iterable[Shape]) -> Shape:
 
 
 def box(low: Sequence[float], high: Sequence[float], bottom: bool = True) -> Shape:
-    """An axis-parallel box between two corners; without its bottom face where nobody can see it."""
+    """Axis-parallel box between two corners; without its bottom face where that cannot be seen."""
     ends = np.array([low, high], float)
     corners = np.array([[ends[k >> 2 & 1, 0], ends[k >> 1 & 1, 1], ends[k & 1, 2]] for k in range(8)])  # (8, 3)
     faces: list[tuple[int, ...]] = [(1, 5, 7, 3), (0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6)]
@@ -68,7 +68,7 @@ def sheet(points: np.ndarray, closed: bool = False) -> Shape:
 
 
 def lathe(profile: Sequence[tuple[float, float]], segments: int = 24) -> Shape:
-    """A profile of (radius, height) turned about z; profiles from bottom to top have their outside outwards."""
+    """Profile of (radius, height) turned about z; profiles from bottom to top have their outside outwards."""
     angles = np.linspace(0, 2 * np.pi, segments, endpoint=False)
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(segments)], -1)  # (segments, 3)
     points = np.array([ring * radius + (0.0, 0.0, height) for radius, height in profile])
@@ -76,7 +76,7 @@ def lathe(profile: Sequence[tuple[float, float]], segments: int = 24) -> Shape:
 
 
 def tube(path: np.ndarray, radius: float | np.ndarray, sides: int = 6) -> Shape:
-    """A round bar with closed ends along a path (n, 3); the radius may change along it (n,)."""
+    """Round bar with closed ends along a path (n, 3); the radius may change along it (n,)."""
     path = np.asarray(path, float)
     along = np.gradient(path, axis=0)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -93,7 +93,7 @@ def tube(path: np.ndarray, radius: float | np.ndarray, sides: int = 6) -> Shape:
 
 
 def ball(radius: float, segments: int = 12) -> Shape:
-    """A sphere of latitude rings about the origin."""
+    """Sphere of latitude rings about the origin."""
     angles = np.linspace(-np.pi / 2 + 0.05, np.pi / 2 - 0.05, segments // 2 + 2)
     return lathe([(radius * np.cos(angle), radius * np.sin(angle)) for angle in angles], segments)
 
@@ -118,7 +118,7 @@ def place(
     smooth: bool = False,
     repeat: float = 1.0,
 ) -> bpy.types.Object:
-    """A mesh object of a shape in a collection; shapes without UV get box projection with `repeat` metres."""
+    """Mesh object of a shape in a collection; shapes without UV get box projection with `repeat` metres."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(shape.vertices.tolist(), [], shape.faces)
     corners = np.fromiter((corner for face in shape.faces for corner in face), np.int64)
@@ -131,14 +131,14 @@ def place(
 
 
 def add_object(collection: bpy.types.Collection, name: str, data: bpy.types.ID | None) -> bpy.types.Object:
-    """An object with the given data (None: an empty) in a collection."""
+    """Object with the given data (None: an empty) in a collection."""
     item = bpy.data.objects.new(name, data)
     collection.objects.link(item)
     return item
 
 
 def bevel(item: bpy.types.Object, width: float, segments: int = 2) -> None:
-    """Rounds the edges of an object."""
+    """Round the edges of an object."""
     modifier = item.modifiers.new("Bevel", "BEVEL")
     modifier.width, modifier.segments, modifier.limit_method = width, segments, "ANGLE"
 
@@ -151,7 +151,7 @@ def array(item: bpy.types.Object, count: int, step: Sequence[float]) -> None:
 
 
 def solidify(item: bpy.types.Object, thickness: float, rim_only: bool = False) -> None:
-    """Gives a sheet a thickness, to the inside; `rim_only` where nobody can see the other side."""
+    """Give a sheet a thickness, to the inside; `rim_only` where the other side cannot be seen."""
     modifier = item.modifiers.new("Solidify", "SOLIDIFY")
     modifier.thickness, modifier.offset = thickness, -1.0
     modifier.use_rim_only = rim_only
@@ -165,7 +165,7 @@ def curve(
     material: bpy.types.Material,
     resolution: int = 1,
 ) -> bpy.types.Object:
-    """A curve object of round bars along paths (n, 3)."""
+    """Curve object of round bars along paths (n, 3)."""
     data = bpy.data.curves.new(name, "CURVE")
     data.dimensions, data.bevel_depth, data.bevel_resolution = "3D", radius, resolution
     data.use_fill_caps = True

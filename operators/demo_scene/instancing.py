@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Real instances: geometry nodes that set an object on points, and empties that show a collection."""
+"""Instances: geometry nodes that set an object on points, and empties that show a collection."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def scatter(
     rotations: np.ndarray,
     scales: np.ndarray | None = None,
 ) -> bpy.types.Object:
-    """An object that shows `prototype` at points (n, 3) with Euler angles (n, 3) and scales (n, 3)."""
+    """Object that shows `prototype` at points (n, 3) with Euler angles (n, 3) and scales (n, 3)."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(np.asarray(points, float).tolist(), [], [])
     values = {"rotation": rotations, "scale": np.ones((len(points), 3)) if scales is None else scales}
@@ -58,7 +58,7 @@ def show_collection(
     angle: float = 0.0,
     scale: float = 1.0,
 ) -> bpy.types.Object:
-    """An empty that shows a collection turned about z, scaled, and set to a place."""
+    """Empty that shows a collection turned about z, scaled, and set to a place."""
     item = add_object(parent, shown.name, None)
     item.instance_type, item.instance_collection = "COLLECTION", shown
     item.location, item.rotation_euler, item.scale = location, (0.0, 0.0, angle), (scale, scale, scale)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Everything far thinner than a distant pixel: fence, gate, grilles, scrolls, lantern."""
+"""Ironwork far thinner than a distant pixel: fence, gate, grilles, scrolls, lantern."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _BASE = 0.32
 
 
 def scroll(size: float, turns: float = 1.35, points: int = 26) -> np.ndarray:
-    """An S of two spirals in the xz plane (2 points - 1, 3), `size` high, centre in the origin."""
+    """S of two spirals in the xz plane (2 points - 1, 3), `size` high, centre in the origin."""
     t = np.linspace(0, 1, points)
     angle = np.pi / 2 - 2 * np.pi * turns * (1 - t) ** 1.15
     radius = size / 4 * (0.22 + 0.78 * t)
@@ -52,7 +52,7 @@ def _section(collection: bpy.types.Collection, materials: Materials, name: str, 
 
 
 def _picket() -> Shape:
-    """A square bar with a collar and a spear head, 1.43 m high."""
+    """Square bar with a collar and a spear head, 1.43 m high."""
     head = lathe([(0.008, 1.27), (0.016, 1.285), (0.008, 1.30), (0.024, 1.335), (0.016, 1.37), (0.001, 1.43)], 8)
     collar = lathe([(0.008, 0.42), (0.017, 0.435), (0.008, 0.45)], 8)
     shapes = [box((-0.007, -0.007, 0), (0.007, 0.007, 1.28)), head, collar]
@@ -127,7 +127,7 @@ def _chain_link(width: float, height: float, mesh: float = 0.05) -> list[np.ndar
 
 
 def build_grilles(collection: bpy.types.Collection, materials: Materials) -> None:
-    """A grille in the brick wall's opening, bulging ones and shutters at the upper windows."""
+    """Grille in the brick wall's opening, bulging ones and shutters at the upper windows."""
     bars = [
         np.array([(-INSIDE - 0.15, -1.0 + dy, 0.98), (-INSIDE - 0.15, -1.0 + dy, 1.75 + (0.62**2 - dy**2) ** 0.5)])
         for dy in np.linspace(-0.54, 0.54, 10)
@@ -156,7 +156,7 @@ def _window_grille(collection: bpy.types.Collection, materials: Materials, x: fl
 
 
 def build_lantern(collection: bpy.types.Collection, materials: Materials) -> None:
-    """The emissive lamp: a glass body in an iron cage, hanging in the arcade's shade."""
+    """Emissive lamp: a glass body in an iron cage, hanging in the arcade's shade."""
     x, y, z = -BAY * 1.5, 4.1, PLINTH + 2.25
     glass = lathe([(0.02, 0), (0.085, 0.005), (0.12, 0.24), (0.1, 0.26), (0.02, 0.262)], 16).moved((x, y, z))
     place(collection, "Lamp", glass, materials["lamp"], smooth=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sun and sky. The lamp is a mesh and hangs in the arcade (ironwork)."""
+"""Sun and sky of the courtyard; the lamp is a mesh and hangs in the arcade (ironwork)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TO_SUN = (0.62, -0.66, 0.86)  # direction from the courtyard to the sun
 
 
 def build_light(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
-    """An afternoon sun from the front right, and a sky that is blue above and sandy below the horizon."""
+    """Afternoon sun from the front right, and a sky that is blue above and sandy below the horizon."""
     sun = bpy.data.lights.new("Sun", "SUN")
     sun.energy, sun.angle, sun.color = 3.6, 0.012, (1.0, 0.91, 0.78)
     item = add_object(collection, "Sun", sun)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Floor, steps, walls and arcade."""
+"""Masonry of the courtyard: floor, steps, walls and arcade."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def arch_wall(
     thickness: float,
     back: bool = True,
 ) -> Shape:
-    """A wall in the xz plane, from y = 0 back to `thickness`, with arched openings (centre, radius, sill, spring).
+    """Wall in the xz plane, from y = 0 back to `thickness`, with arched openings (centre, radius, sill, spring).
 
     Without its back it is a facade with reveals.
     """
@@ -62,7 +62,7 @@ def _rectangle(x0: float, x1: float, z0: float, z1: float) -> Shape:
 
 
 def _outline(centre: float, radius: float, sill: float, spring: float, floor: bool) -> np.ndarray:
-    """The edge of an opening (n, 3), from its right foot over the arch to the left one, and back along a sill."""
+    """Edge of an opening (n, 3), from its right foot over the arch to the left one, and back along a sill."""
     angles = np.linspace(0, np.pi, 25)
     arch = np.stack([centre + radius * np.cos(angles), 0 * angles, spring + radius * np.sin(angles)], -1)
     feet = np.array([[centre + radius, 0, sill], [centre - radius, 0, sill]])
@@ -71,7 +71,7 @@ def _outline(centre: float, radius: float, sill: float, spring: float, floor: bo
 
 
 def build_floor(collection: bpy.types.Collection, materials: Materials, rng: np.random.Generator) -> None:
-    """A kerb around, and within instanced tiles in a chequer of warm tones."""
+    """Kerb around, and within instanced tiles in a chequer of warm tones."""
     edges = [
         ((-6, FRONT - 0.22), (6, FRONT)),
         ((-6, FRONT), (-INSIDE - 0.25, 5.7)),
@@ -103,7 +103,7 @@ def build_floor(collection: bpy.types.Collection, materials: Materials, rng: np.
 
 
 def build_steps(collection: bpy.types.Collection, materials: Materials) -> None:
-    """The arcade's plinth and three steps in front of its middle, with glazed risers."""
+    """Arcade's plinth and three steps in front of its middle, with glazed risers."""
     low, front = PLINTH / 3, ARCADE_Y - 0.12
     solid = box((-INSIDE, front, 0), (INSIDE, INSIDE, PLINTH))
     seen = Shape(solid.vertices, solid.faces[:1] + solid.faces[3:4])  # top and front
@@ -148,7 +148,7 @@ def build_walls(collection: bpy.types.Collection, materials: Materials) -> None:
 
 
 def _cornice() -> Shape:
-    """A moulding along the top of the upper wall: three fillets."""
+    """Moulding along the top of the upper wall: three fillets."""
     side = INSIDE + WALL
     rows = [(0.05, 6.86, 6.93), (0.1, 6.93, 7.02), (0.16, 7.02, 7.1)]
     fillets = [box((-side - out, INSIDE - out, low), (side + out, INSIDE, high)) for out, low, high in rows]
@@ -156,7 +156,7 @@ def _cornice() -> Shape:
 
 
 def _gable(collection: bpy.types.Collection, name: str, x: float, material: bpy.types.Material) -> None:
-    """The wall that closes the arcade at one side, under the slope of its roof."""
+    """Wall that closes the arcade at one side, under the slope of its roof."""
     profile = np.array([(ARCADE_Y, 0.0), (5.7, 0.0), (5.7, 5.1), (INSIDE, 5.1), (ARCADE_Y, 4.24)])
     rings = [np.column_stack([np.full(5, x + side * WALL / 2), profile]) for side in (1, -1)]
     shape = sheet(np.stack(rings), closed=True)
@@ -209,7 +209,7 @@ def _arch_stones() -> Shape:
 
 
 def _column() -> Shape:
-    """A column of 2 m with base, swelling shaft and capital."""
+    """Column of 2 m with base, swelling shaft and capital."""
     base = [
         (0.24, 0.12),
         (0.245, 0.15),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The courtyard's materials: Principled BSDFs with a plain colour, an image, or an image times a colour."""
+"""Materials of the courtyard: Principled BSDFs with a plain colour, an image, or an image times a colour."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def principled(
     specular: float = 0.15,
     emission: float = 0.0,
 ) -> bpy.types.Material:
-    """A material of an sRGB colour, an image, or both multiplied; `alpha` cuts by the image."""
+    """Material of an sRGB colour, an image, or both multiplied; `alpha` cuts by the image."""
     material = bpy.data.materials.new(name)
     if material.node_tree is None:
         material.use_nodes = True

@@ -95,7 +95,7 @@ def _potted(
 
 
 def make_pots(materials: Materials, rng: np.random.Generator) -> dict[str, bpy.types.Collection]:
-    """The potted plants, as collections to instance; the pots stand in the origin."""
+    """Potted plants, as collections to instance; the pots stand in the origin."""
     box_ball = bush(rng, 340, (0.3, 0.3, 0.3), (0, 0, 0.72), 0.15)
     lavender = bush(rng, 100, (0.16, 0.16, 0.1), (0, 0, 0.32), 0.32, 0.45)
     lavender.vertices[:, 2] += 0.35 * (lavender.vertices[:, 2] - 0.32)
@@ -149,7 +149,7 @@ def build_pots(collection: bpy.types.Collection, materials: Materials, rng: np.r
 def build_tree(
     collection: bpy.types.Collection, materials: Materials, rng: np.random.Generator, x: float, y: float
 ) -> None:
-    """An orange tree in a round bed of stone."""
+    """Orange tree in a round bed of stone."""
     ring = [(0.62, 0.0), (0.62, 0.34), (0.66, 0.36), (0.66, 0.42), (0.5, 0.42), (0.5, 0.3)]
     place(collection, "Tree bed", lathe(ring, 40).moved((x, y, 0.0)), materials["brick"], repeat=0.8)
     soil = lathe([(0.52, 0.36), (0.2, 0.4), (0.01, 0.41)], 24).moved((x, y, 0))
@@ -172,7 +172,7 @@ def build_tree(
 
 
 def build_bougainvillea(collection: bpy.types.Collection, materials: Materials, rng: np.random.Generator) -> None:
-    """A climber that rises in the right corner and hangs over the arcade's eaves and the wall."""
+    """Climber that rises in the right corner and hangs over the arcade's eaves and the wall."""
     corner = (INSIDE - 0.15, ARCADE_Y - 0.22)
     up = np.array([(corner[0], corner[1], z) for z in (0.4, 1.2, 2.2, 3.2, 4.3)])
     eaves = np.array([(x, 2.25, z) for x, z in ((5.2, 4.35), (4.4, 4.5), (3.5, 4.48), (2.6, 4.4), (1.9, 4.3))])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tiled roofs on the arcade and on the house."""
+"""Roofs with tiles on the arcade and on the house."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def build_roofs(collection: bpy.types.Collection, materials: Materials, rng: np.
 
 
 def _roof_tile() -> Shape:
-    """A half round clay tile along y, tapered, 0.46 m long, lower end in the origin."""
+    """Half round clay tile along y, tapered, 0.46 m long, lower end in the origin."""
     angles = np.linspace(0, np.pi, 13)
     rows = []
     for t in np.linspace(0, 1, 4):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A closed room of 2 m after the Cornell box: coloured walls, two boxes, a lamp, a luminous panel, a screen, bricks.
+"""Closed room of 2 m after the Cornell box: coloured walls, two boxes, a lamp, a luminous panel, a screen, bricks.
 
 All surfaces are diffuse, so that Cycles and an octree can agree; what makes them differ is here on purpose: corners,
 contact shadows, colours that bounce, a sheet whose sides are lit unlike, a board thinner than a coarse voxel.
@@ -20,7 +20,7 @@ _RED, _GREEN, _WHITE = (0.80, 0.26, 0.22), (0.35, 0.66, 0.30), (0.88, 0.87, 0.85
 
 
 def build_room(scene: bpy.types.Scene, seed: int = 1) -> None:
-    """Builds the room with its camera into a scene; every random choice from `seed`."""
+    """Build the room with its camera into a scene; every random choice from `seed`."""
     collection = bpy.data.collections.new("Room")
     scene.collection.children.link(collection)
     white = _matt("White", _WHITE)
@@ -47,7 +47,7 @@ def _matt(name: str, color: textures.Colour | None = None, image: bpy.types.Imag
 
 
 def _sheet(corners: np.ndarray) -> Shape:
-    """One quad of corners (2, 2, 3), rows then columns, facing the way that columns turn to rows."""
+    """Build a quad of corners (2, 2, 3), rows then columns, facing the way that columns turn to rows."""
     return Shape(corners.reshape(-1, 3), [(0, 1, 3, 2)])
 
 
@@ -65,7 +65,7 @@ def _build_shell(collection: bpy.types.Collection, walls: list[bpy.types.Materia
 
 
 def _build_lamp(collection: bpy.types.Collection) -> None:
-    """A square area light under the ceiling; as Cycles' lamps do, it shines downwards only."""
+    """Square area light under the ceiling; as Cycles' lamps do, it shines downwards only."""
     data = bpy.data.lights.new("Lamp", "AREA")
     data.shape, data.size, data.energy = "SQUARE", 0.7, 30.0
     add_object(collection, "Lamp", data).location = (0.0, 0.0, SIDE - 0.02)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Images computed from a seed: bricks, plaster, wood, glazed tiles, linen, and leaves with alpha. Colours are sRGB."""
+"""Textures computed from a seed, in sRGB: bricks, plaster, wood, glazed tiles, linen, and leaves with alpha."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Colour = Sequence[float]
 
 
 def to_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
-    """A packed 8 bit image of pixels (height, width, 3 or 4) in [0, 1], first row at the bottom."""
+    """Packed 8 bit image of pixels (height, width, 3 or 4) in [0, 1], first row at the bottom."""
     height, width, channels = pixels.shape
     rgba = np.ones((height, width, 4), np.float32)
     rgba[..., :channels] = np.clip(pixels, 0, 1)
@@ -80,7 +80,7 @@ def glazed_tiles(size: int = 512) -> np.ndarray:
 
 
 def linen(rng: np.random.Generator, size: int = 1024) -> np.ndarray:
-    """A white table cloth (size, size, 3) with a double blue stripe near its hem."""
+    """White table cloth (size, size, 3) with a double blue stripe near its hem."""
     v, u = np.mgrid[0:size, 0:size] / size
     hem = np.minimum(np.minimum(u, 1 - u) * 1.6, np.minimum(v, 1 - v))
     cloth = np.tile(np.array([0.95, 0.945, 0.92]), (size, size, 1)) * (1 + 0.008 * noise(rng, size, 0.3))[..., None]
@@ -92,7 +92,7 @@ def linen(rng: np.random.Generator, size: int = 1024) -> np.ndarray:
 def sprig(
     rng: np.random.Generator, leaves: Sequence[Colour], pairs: int, width: float, length: float, size: int = 256
 ) -> np.ndarray:
-    """A twig along v with leaves on both sides, and nothing but alpha around (size, size, 4).
+    """Twig along v with leaves on both sides, and nothing but alpha around (size, size, 4).
 
     `leaves` are the colours to choose from, `width` a leaf's half width by its length, `length` its size in pictures.
     """
@@ -113,7 +113,7 @@ def sprig(
 def _leaf(
     picture: np.ndarray, u: np.ndarray, v: np.ndarray, angle: float, reach: float, width: float, colour: np.ndarray
 ) -> None:
-    """Draws one pointed leaf from the origin of (u, v), `angle` radians from upright, over the picture."""
+    """Draw one pointed leaf from the origin of (u, v), `angle` radians from upright, over the picture."""
     along = (u * np.sin(angle) + v * np.cos(angle)) / reach
     across = (u * np.cos(angle) - v * np.sin(angle)) / reach
     outline = width * np.sin(np.pi * np.clip(along, 0, 1) ** 0.8)

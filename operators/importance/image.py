@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Painted images as weights: white matters, black does not."""
+"""Importance weights from painted images: white matters, black does not."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _GRAY = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 def painted_image(name: str) -> np.ndarray:
-    """(h, w) float32 of an image of the open file, row 0 at the bottom. Raises SettingError."""
+    """(h, w) float32 of an image of the open file, row 0 at the bottom; raises SettingError."""
     image = bpy.data.images.get(name)
     if image is None:
         raise SettingError(f"There is no image '{name}' for the importance: choose one that is there")
@@ -22,7 +22,7 @@ def painted_image(name: str) -> np.ndarray:
 
 
 def painted_file(path: Path) -> np.ndarray:
-    """(h, w) float32 of an image file, row 0 at the bottom. Raises SettingError."""
+    """(h, w) float32 of an image file, row 0 at the bottom; raises SettingError."""
     if not path.is_file():
         raise SettingError(f"The importance mask {path} does not exist: give the file of a painted image")
     try:

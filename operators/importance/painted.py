@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where importance was painted, as one value, checked when it is made."""
+"""Source of painted importance as one value, checked when it is made."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..schema.table import IMAGE, NOTHING
 
 @dataclass(frozen=True)
 class Importance:
-    """One of three sources.
+    """Source of importance, one of three.
 
     image: name of an image of the open file, painted in an Image Editor and stretched over each view.
     file: the same as a file. vertex_group: name of a group that voxelized objects have; objects without it weigh 0.
@@ -28,7 +28,7 @@ class Importance:
 
     @classmethod
     def chosen(cls, kind: str, image: str, vertex_group: str) -> Importance | None:
-        """By the settings of a scene; None for none. Raises SettingError if the chosen source is not named."""
+        """Choose by the settings of a scene; None for none; raises SettingError if the chosen source is not named."""
         if kind == NOTHING:
             return None
         name = image if kind == IMAGE else vertex_group

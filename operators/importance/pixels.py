@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Strokes:
-    """What was painted, read once: from here on nothing asks Blender, so that any thread may look weights up.
+    """Strokes that were painted, read once: from here on nothing asks Blender, so any thread may look weights up.
 
     One of `picture`, (h, w) float32 with row 0 at the bottom, and `surface`.
     """
@@ -44,7 +44,7 @@ class Strokes:
 
 
 def read_strokes(importance: Importance, scope: str, depsgraph: bpy.types.Depsgraph) -> Strokes:
-    """What was painted in the open file.
+    """Read what was painted in the open file.
 
     scope: which objects were voxelized. depsgraph: gets geometry as renders have it for the moment, unless it is a
     render's own graph. Raises SettingError if what was painted is not there.
@@ -67,7 +67,7 @@ def pixel_importance(importance: Importance, scope: str, grid: Grid, frame: Fram
 
 
 def importance_key(importance: Importance | None) -> str:
-    """What was painted, as a short text: frames that were made with other strokes are not those that would be made."""
+    """Hash of what was painted, as a short text: frames made with other strokes are not those that would be made."""
     if importance is None:
         return ""
     digest = hashlib.blake2b(digest_size=16)

@@ -24,10 +24,10 @@ _HALF_DIAGONAL = 0.5 * 3.0**0.5 * 1.001  # in voxel sides, and what rounding add
 
 
 class PaintedSurface:
-    """The triangles of all objects that have a vertex group, in world units."""
+    """Triangles of all objects that have a vertex group, in world units."""
 
     def __init__(self, depsgraph: bpy.types.Depsgraph, scope: str, group: str) -> None:
-        """depsgraph: as renders see it. Raises SettingError if no object in scope has the group."""
+        """Read the group through `depsgraph`, as renders see it; raises SettingError if no object in scope has it."""
         points, triangles, weights, first = [], [], [], 0
         for instance in surface_instances(depsgraph, scope):
             if group not in instance.object.vertex_groups:

@@ -11,7 +11,7 @@ from ...patchnet_addon.runtime.remaining import Remaining
 
 
 class JobDisplay:
-    """Shows how far a job is. progress: its latest report; fraction: of its present step, or of all, for the panel."""
+    """Display of a job; progress: its latest report; fraction: of its present step, or of all, for the panel."""
 
     def __init__(self, title: str) -> None:
         self.progress = Progress(0, 1, title)
@@ -30,7 +30,7 @@ class JobDisplay:
         self.progress = progress
 
     def begin(self, context: bpy.types.Context) -> None:
-        """The job works in this window."""
+        """Begin a job in this window."""
         context.window_manager.progress_begin(0, 100)
 
     def show(self, context: bpy.types.Context) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which events of a window go on to Blender while a job works in it: menus, saving and looking around, no editing.
+"""Event filter of a window while a job works in it: menus, saving and navigation go on to Blender, editing does not.
 
 Menus can edit the scene nevertheless, and so can scripts: `job_watch.py` sees that.
 """
@@ -28,7 +28,7 @@ _LOOKING = (
 
 
 def passes(context: bpy.types.Context, event: bpy.types.Event) -> bool:
-    """Whether Blender may act on an event, since it changes nothing of what a job reads."""
+    """Return whether Blender may act on an event, since it changes nothing of what a job reads."""
     if event.type in _MOUSE:
         return True
     window = context.window
@@ -36,7 +36,7 @@ def passes(context: bpy.types.Context, event: bpy.types.Event) -> bool:
 
 
 def _over_scene(window: bpy.types.Window, event: bpy.types.Event) -> bool:
-    """Whether the mouse is over the main region of an editor of the scene, and not over menus, sidebars or borders."""
+    """Test whether the mouse is over the main region of an editor of the scene, not over menus, sidebars or borders."""
     for area in window.screen.areas:
         if area.type not in _HARMLESS_EDITORS and _inside(area, event):
             return not any(region.type != _EDITING_REGION and _inside(region, event) for region in area.regions)
@@ -49,7 +49,7 @@ def _inside(part: bpy.types.Area | bpy.types.Region, event: bpy.types.Event) -> 
 
 
 def _leaves_scene_alone(context: bpy.types.Context, event: bpy.types.Event) -> bool:
-    """Whether the user's keymap has something harmless for an event."""
+    """Return whether the user's keymap has something harmless for an event."""
     keymaps = context.window_manager.keyconfigs.user.keymaps
     found = (keymaps[name].keymap_items.match_event(event) for name in _KEYMAPS if name in keymaps)
     names = [item.idname for item in found if item is not None]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all operators share: one way to run steps, to show progress, to stop, and to report what went wrong."""
+"""Base of all job operators: run steps, show progress, stop, and report errors."""
 
 from __future__ import annotations
 
@@ -60,12 +60,12 @@ class JobOperator(_Operator):
     _file: Path | None = None  # what the steps write, for the log
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """The work; its result is a sentence about what was done. It leaves the scene as it was, also when closed."""
+        """Do the work; the result is a sentence about what was done; the scene is left as it was, also when closed."""
         raise RuntimeError(f"{type(self).__name__} has no steps")
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        """One job at a time; operators that need more call this first."""
+        """Require that no job runs; operators that need more call this first."""
         if JobOperator.running:
             cls.poll_message_set(f"{JobOperator.running} is running: wait for it, or press Esc over the window")
             return False
@@ -137,7 +137,7 @@ class JobOperator(_Operator):
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Blender calls this when the window closes."""
+        """Stop when the window closes; Blender calls this."""
         self.stop()
         self._end_modal(context)
 
@@ -178,14 +178,14 @@ class JobOperator(_Operator):
                 return
 
     def _in_scene(self, context: bpy.types.Context) -> Any:
-        """The context in which the steps began: the window may show another scene or view layer by now."""
+        """Context in which the steps began: the window may show another scene or view layer by now."""
         if context.scene == self._scene and context.view_layer == self._layer:
             return nullcontext()
         self._scene.name, self._layer.name  # noqa: B018  raises ReferenceError where they are gone
         return context.temp_override(scene=self._scene, view_layer=self._layer)
 
     def _pull(self, *, alive: bool) -> None:
-        """One step, which sets the outcome if it was the last. Domain errors become reports here and nowhere else.
+        """Pull a step, which sets the outcome if it was the last; domain errors become reports here and nowhere else.
 
         alive: the step returns soon, with work left to others, because a window waits.
         """

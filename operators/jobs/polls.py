@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What operators need before they can run, and what they say where it is not there."""
+"""Poll functions of operators: their requirements, and the message where one is not met."""
 
 from __future__ import annotations
 
@@ -13,36 +13,36 @@ from .job_operator import JobOperator
 
 
 class VoxelJob(JobOperator):
-    """A job on the voxels of the scene."""
+    """Job on the voxels of the scene."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be voxels."""
+        """Require voxels."""
         return has_voxels(cls, context) and super().poll(context)
 
 
 class CodesJob(JobOperator):
-    """A job on the codes of the scene."""
+    """Job on the codes of the scene."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be codes."""
+        """Require codes."""
         result = result_or_kept(context.scene)
         return _unless(cls, result is None or result.coded is None, results.NO_CODES) and super().poll(context)
 
 
 def has_voxels(operator: Any, context: bpy.types.Context) -> bool:
-    """Whether there are voxels; else the operator's class says so."""
+    """Return whether there are voxels; else the operator's class says so."""
     return _unless(operator, result_or_kept(context.scene) is None, results.NO_VOXELS)
 
 
 def in_object_mode(operator: Any, context: bpy.types.Context, what: str) -> bool:
-    """Whether objects can be added; else the operator's class says that `what` needs it."""
+    """Return whether objects can be added; else the operator's class says that `what` needs it."""
     return _unless(operator, context.mode != "OBJECT", f"{what} in Object Mode only: leave the present mode")
 
 
 def no_job_runs(operator: Any) -> bool:
-    """Whether nobody is at work in a window; else the operator's class says who is."""
+    """Test that no job runs in a window; else the operator's class says which one does."""
     running = JobOperator.running
     return _unless(operator, bool(running), f"{running} is running: wait for it, or press Esc over the window")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's own temporary folder of this process, which it removes only where it ends by itself."""
+"""Temporary folder of this Blender process, which Blender removes only where it ends by itself."""
 
 from __future__ import annotations
 

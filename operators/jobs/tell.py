@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One way for operators to say something: as Blender's report, and as an event of the log."""
+"""Messages of operators: as Blender's report, and as an event of the log."""
 
 from __future__ import annotations
 

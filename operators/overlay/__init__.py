@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures where people look: named images, an Image Editor that comes up, and the overlay over camera view and images.
+"""Overlay and named images of views: over camera view and images, and in an Image Editor that comes up.
 
 `show` is what operators call when a view is there. Blender's drawing callbacks live only while something is shown.
 """
@@ -24,7 +24,7 @@ _CLASSES = tuple(item for module in _MODULES for item in module.CLASSES)
 
 
 def show(context: bpy.types.Context, views: Sequence[View], job: JobSettings) -> None:
-    """Put the pictures of views into images, and where the person looks; the first one's heatmap comes up."""
+    """Put the pictures of views into images, and into an editor of the user's; the first one's heatmap comes up."""
     heatmaps = []
     for view in views:
         made = view_to_show(view, job, context.scene.patchnet.heatmap_maximum)
@@ -44,7 +44,7 @@ def forget(context: bpy.types.Context) -> None:
 
 @persistent
 def _on_load_pre(_path: str) -> None:
-    """What is shown belongs to the file that is being closed."""
+    """Forget what is shown, which belongs to the file that is being closed."""
     inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
     handlers.switch_off(bpy.context)
 
@@ -59,7 +59,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse, with all callbacks and textures."""
+    """Unregister all, with callbacks and textures."""
     bpy.app.handlers.load_pre.remove(_on_load_pre)
     handlers.unregister()
     open_pictures.unregister()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The line between two pictures follows the mouse."""
+"""Operator that drags the line of the wipe between two pictures with the mouse."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class PATCHNET_OT_drag_wipe(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be a picture, and a window."""
+        """Require a picture, and a window."""
         if bpy.app.background or context.window is None:
             cls.poll_message_set("The wipe is dragged with the mouse, in a window")
             return False
@@ -56,7 +56,7 @@ class PATCHNET_OT_drag_wipe(bpy.types.Operator):
         return {"PASS_THROUGH"} if values.use_wipe else {"CANCELLED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Blender calls this when the window closes, too."""
+        """Stop when the window closes, too; Blender calls this."""
         values = overlay_settings(context)
         values.use_wipe, values.wipe = self._before
         context.workspace.status_text_set(None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the overlay draws into a region: two sides of a wipe, titles, legends, marks, and what is under the mouse."""
+"""Drawing of the overlay in a region: two sides of a wipe, titles, legends, marks, and the pixel under the mouse."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _RAMP_STOPS = 52
 
 @dataclass(frozen=True)
 class _Look:
-    """How a view is drawn now."""
+    """Look of a view as it is drawn now."""
 
     view: ShownView
     maximum: float
@@ -36,7 +36,7 @@ class _Look:
 
 
 def draw_region(context: bpy.types.Context) -> None:
-    """Everything that belongs into the region that is being drawn."""
+    """Draw the overlay into the region that is being drawn."""
     area, region, values = context.area, context.region, overlay_settings(context)
     if area is None or area.type not in EDITORS:
         return
@@ -99,7 +99,7 @@ def _draw_side(look: _Look, name: str, seen: Rect, *, right_side: bool, shown: b
 
 
 def _draw_legend(look: _Look, legend: tuple[float, str], seen: Rect, right_side: bool) -> None:
-    """A bar of colours from 0 to the configured maximum, with ticks, numbers and the quantity."""
+    """Draw a bar of colours from 0 to the configured maximum, with ticks, numbers and the quantity."""
     scale, (maximum, quantity) = look.scale, legend
     gap, line = _GAP_PX * scale, paint.text_size("0", scale)[1]
     wanted = max(_LEGEND_PX * scale, paint.text_size(quantity, scale)[0] + 2 * gap)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which view lies in an editor's region, and where."""
+"""Lookup of the view that lies in an editor's region, and of its rectangle there."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ _BARS = frozenset({"HEADER", "TOOL_HEADER", "TOOLS", "UI", "ASSET_SHELF", "ASSET
 
 
 class Framed(NamedTuple):
-    """A view and the rectangles where its picture lies, in pixels of the region: two on the page of errors."""
+    """View and the rectangles where its picture lies, in pixels of the region: two on the page of errors."""
 
     view: ShownView
     rects: tuple[Rect, ...]
 
     @property
     def rect(self) -> Rect | None:
-        """Where the overlay is drawn: nowhere if the picture is there twice."""
+        """Rectangle where the overlay is drawn: none if the picture is there twice."""
         return self.rects[0] if len(self.rects) == 1 else None
 
 
 class Place(NamedTuple):
-    """A region under the mouse, and the mouse in its pixels."""
+    """Region under the mouse, and the mouse in its pixels."""
 
     area: bpy.types.Area
     region: bpy.types.Region
@@ -40,7 +40,7 @@ class Place(NamedTuple):
 
 
 def framed(scene: bpy.types.Scene, area: bpy.types.Area, region: bpy.types.Region) -> Framed | None:
-    """What lies in a WINDOW region of a 3D viewport or an Image Editor; None if no view of ours does."""
+    """Find the view in a WINDOW region of a 3D viewport or an Image Editor; None if no view of ours lies there."""
     if area.type == "VIEW_3D":
         return _in_viewport(scene, area.spaces.active, region)
     if area.type == "IMAGE_EDITOR":
@@ -84,7 +84,7 @@ def _in_image_editor(
 
 
 def _of_render(scene: bpy.types.Scene, image: bpy.types.Image) -> ShownView | None:
-    """The view of the scene's camera if a render shows the same part of the scene."""
+    """View of the scene's camera if a render shows the same part of the scene."""
     render = scene.render
     if image.type != "RENDER_RESULT" or scene.camera is None or (render.use_border and render.use_crop_to_border):
         return None
@@ -96,7 +96,7 @@ def _of_render(scene: bpy.types.Scene, image: bpy.types.Image) -> ShownView | No
 
 
 def place_under(window: bpy.types.Window, x: int, y: int) -> Place | None:
-    """The viewport or Image Editor under the mouse at x, y in the window; None over bars and other editors."""
+    """Viewport or Image Editor under the mouse at x, y in the window; None over bars and other editors."""
     for area in window.screen.areas:
         if area.type not in EDITORS or not _holds(area, x, y):
             continue
@@ -111,7 +111,7 @@ def _holds(item: bpy.types.Area | bpy.types.Region, x: int, y: int) -> bool:
 
 
 def free_rect(area: bpy.types.Area, region: bpy.types.Region) -> Rect:
-    """What headers and sidebars leave of a region, in its pixels."""
+    """Rectangle that headers and sidebars leave of a region, in its pixels."""
 
     def rect(item: bpy.types.Region) -> Rect:
         left, bottom = item.x - region.x, item.y - region.y

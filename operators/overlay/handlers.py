@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw handlers that are there while something is shown, and go with it; what goes wrong in them is said once."""
+"""Draw handlers, added while something is shown and removed with it; an error in them is reported once."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def redraw(context: bpy.types.Context) -> None:
 
 
 def is_drawing() -> bool:
-    """Whether handlers are there."""
+    """Return whether handlers are there."""
     return bool(_handles)
 
 
@@ -84,7 +84,7 @@ def _draw() -> None:
 
 
 def _fail(error: Exception) -> None:
-    """Say it once; handlers cannot be taken away while they run, so that is done right after."""
+    """Report an error once; handlers cannot be taken away while they run, so that is done right after."""
     global problem
     problem = f"The overlay cannot be drawn and went off: {error}"
     log.unexpected(error)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is known of the pixel under the mouse, beside it."""
+"""Operator that shows the values of the pixel under the mouse, beside it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be a picture, and a window."""
+        """Require a picture, and a window."""
         if bpy.app.background or context.window is None:
             cls.poll_message_set("Pixels are inspected with the mouse, in a window")
             return False
@@ -40,12 +40,12 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
 
     @classmethod
     def runs_in(cls, window: bpy.types.Window | None) -> bool:
-        """Whether pixels are inspected in a window."""
+        """Return whether pixels are inspected in a window."""
         return window is not None and window.as_pointer() in cls._running
 
     @classmethod
     def forget(cls) -> None:
-        """All windows have ended it, or are gone."""
+        """Forget the windows, which have all ended it, or are gone."""
         cls._running.clear()
         cls._ending.clear()
         for session in open_sessions():
@@ -76,7 +76,7 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
         return {"PASS_THROUGH"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Blender calls this when the window closes, too."""
+        """Stop when the window closes, too; Blender calls this."""
         self._running.discard(self._window)
         self._ending.discard(self._window)
         for session in open_sessions():
@@ -86,7 +86,7 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
         handlers.refresh(context)
 
     def _is_click_away(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
-        """A right click over an editor in which pixels are inspected; elsewhere it opens menus as ever."""
+        """Test for a right click over an editor in which pixels are inspected; elsewhere it opens menus as ever."""
         return event.type == "RIGHTMOUSE" and place_under(context.window, event.mouse_x, event.mouse_y) is not None
 
     def _look(self, context: bpy.types.Context, event: bpy.types.Event) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""New pictures come up where a person looks, without taking an editor from them that shows something of theirs."""
+"""Image Editors for new pictures; none is taken that shows something of the user's."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..ui.preferences import OPEN_NEVER, OPEN_WINDOW, preferences
 
 
 def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> bool:
-    """Show `image` in a free Image Editor, or as the preferences have it; whether it is or will be. Not in background.
+    """Show `image` in a free Image Editor, or as the preferences have it; whether it is or will be; not in background.
 
     A new window opens a moment later: an operator in whose event it opened would not be let go of by its own window.
     """
@@ -57,7 +57,7 @@ def _show(window: bpy.types.Window, area: bpy.types.Area, image: bpy.types.Image
 
 
 def is_free(image: bpy.types.Image | None) -> bool:
-    """Whether an Image Editor that shows this may show another picture: none, a render, or a result of ours."""
+    """Return whether an Image Editor that shows this may show another picture: none, a render, or a result of ours."""
     return image is None or image.type in {"RENDER_RESULT", "COMPOSITING"} or is_own(image)
 
 
@@ -73,7 +73,7 @@ def _images(manager: bpy.types.WindowManager) -> Iterator[bpy.types.Image | None
 
 
 def _free_editors(manager: bpy.types.WindowManager) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
-    """Those that a person does not use, the largest first: neither pinned nor in a mode that edits or masks."""
+    """Find Image Editors not in use, the largest first: neither pinned nor in a mode that edits or masks."""
     found = [
         (window, area)
         for window, area in _editors(manager)
@@ -85,7 +85,7 @@ def _free_editors(manager: bpy.types.WindowManager) -> Iterator[tuple[bpy.types.
 
 
 def _new_window(context: bpy.types.Context) -> tuple[bpy.types.Window, bpy.types.Area] | None:
-    """A window with an Image Editor alone, as renders open one."""
+    """Open a window with an Image Editor alone, as renders open one."""
     before = {window.as_pointer() for window in context.window_manager.windows}
     with context.temp_override(window=context.window or context.window_manager.windows[0]):
         bpy.ops.wm.window_new()
@@ -98,7 +98,7 @@ def _new_window(context: bpy.types.Context) -> tuple[bpy.types.Window, bpy.types
 
 
 def _fit(window: bpy.types.Window, area: bpy.types.Area) -> None:
-    """The whole picture at once."""
+    """Fit the whole picture into the editor."""
     region = next((item for item in area.regions if item.type == "WINDOW"), None)
     if region is None or min(region.width, region.height) < 2:
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rectangles, ramps, textures and text in the pixels of a region. Colours are sRGB, as Blender's own text is."""
+"""Rectangles, ramps, textures and text in the pixels of a region, in sRGB colours as Blender's own text."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ void main()
 
 
 def fill(rect: Rect, color: Color) -> None:
-    """A rectangle of one colour."""
+    """Draw a rectangle of one colour."""
     import gpu
     from gpu_extras.batch import batch_for_shader
 
@@ -46,7 +46,7 @@ def fill(rect: Rect, color: Color) -> None:
 
 
 def ramp(rect: Rect, colors: np.ndarray) -> None:
-    """A bar of colours (N, 3) from left to right."""
+    """Draw a bar of colours (N, 3) from left to right."""
     import gpu
     from gpu_extras.batch import batch_for_shader
 
@@ -62,7 +62,7 @@ def ramp(rect: Rect, colors: np.ndarray) -> None:
 
 
 def picture(texture: Any, whole: Rect, seen: Rect, opacity: float) -> None:
-    """The part `seen` of a texture that covers `whole`; where it is magnified, its pixels are squares."""
+    """Draw the part `seen` of a texture that covers `whole`; where it is magnified, its pixels are squares."""
     import gpu
     from gpu_extras.batch import batch_for_shader
 
@@ -85,7 +85,7 @@ def picture(texture: Any, whole: Rect, seen: Rect, opacity: float) -> None:
 
 @cache
 def _picture_shader() -> Any:
-    """Blender's own shader for images blurs them, and before Blender 5 a texture could not be told otherwise."""
+    """Shader for pictures: Blender's own one for images blurs them; before Blender 5 no texture could change that."""
     import gpu
 
     passed = gpu.types.GPUStageInterfaceInfo("patchnet_overlay")
@@ -110,7 +110,7 @@ def free_shader() -> None:
 
 
 def text_size(text: str, scale: float) -> tuple[float, float]:
-    """Width and line height of a text in pixels; scale: of the person's display."""
+    """Width and line height of a text in pixels; scale: of the user's display."""
     import blf
 
     blf.size(_FONT, _TEXT_PX * scale)
@@ -118,7 +118,7 @@ def text_size(text: str, scale: float) -> tuple[float, float]:
 
 
 def write(text: str, x: float, y: float, scale: float, color: Color = INK) -> None:
-    """A line of text with the foot of its letters at y."""
+    """Draw a line of text with the foot of its letters at y."""
     import blf
 
     blf.size(_FONT, _TEXT_PX * scale)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the overlay is switched on and set: in the sidebars of 3D viewport and Image Editor."""
+"""Panels of the overlay in the sidebars of 3D viewport and Image Editor."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class _OverlayPanel(_Panel):
     shown_by = ""  # the setting that switches the overlay of this editor
 
     def draw(self, context: bpy.types.Context) -> None:
-        """The switch, the pictures, the wipe, the inspection."""
+        """Draw the switch, the pictures, the wipe, the inspection."""
         layout, values = self.layout, overlay_settings(context)
         layout.use_property_split = True
         layout.use_property_decorate = False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where things lie in a region: pixels from its lower left corner, as floats. Pure arithmetic, no Blender."""
+"""Rectangles in a region, in pixels from its lower left corner, as floats; pure arithmetic, no Blender."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ...patchnet_addon.tracing.camera import Camera
 
 
 class Rect(NamedTuple):
-    """A rectangle with sides along the region's."""
+    """Rectangle with sides along the region's."""
 
     left: float
     bottom: float
@@ -21,21 +21,21 @@ class Rect(NamedTuple):
 
     @property
     def width(self) -> float:
-        """Negative for a rectangle that is empty."""
+        """Width; negative for a rectangle that is empty."""
         return self.right - self.left
 
     @property
     def height(self) -> float:
-        """Negative for a rectangle that is empty."""
+        """Height; negative for a rectangle that is empty."""
         return self.top - self.bottom
 
     @property
     def empty(self) -> bool:
-        """Whether there is nothing in it."""
+        """Return whether there is nothing in it."""
         return self.width <= 0 or self.height <= 0
 
     def meet(self, other: Rect) -> Rect:
-        """What both have in common; empty if that is nothing."""
+        """Intersection of both; empty if they have nothing in common."""
         return Rect(
             max(self.left, other.left),
             max(self.bottom, other.bottom),
@@ -44,7 +44,7 @@ class Rect(NamedTuple):
         )
 
     def part(self, inner: Rect) -> Rect:
-        """The rectangle that `inner`, in shares of this one, [0, 1] along each side, takes of it."""
+        """Rectangle that `inner`, in shares of this one, [0, 1] along each side, takes of it."""
         return Rect(
             self.left + inner.left * self.width,
             self.bottom + inner.bottom * self.height,
@@ -54,7 +54,7 @@ class Rect(NamedTuple):
 
 
 def frame_rect(camera: Camera, window_matrix: Sequence[Sequence[float]], width: int, height: int) -> Rect | None:
-    """Where the picture of `camera` lies in a 3D viewport of width x height pixels that looks through that camera.
+    """Rectangle of `camera`'s picture in a 3D viewport of width x height pixels that looks through that camera.
 
     window_matrix: 4 x 4, from camera space to the window, as a RegionView3D has it: zoom, offset and shift are in it.
     The picture has the camera's own aspect, whatever the scene's render size says now. None if it cannot be seen.
@@ -73,8 +73,11 @@ def frame_rect(camera: Camera, window_matrix: Sequence[Sequence[float]], width: 
 
 
 def image_rect(low: Sequence[float], high: Sequence[float], width: int, height: int) -> Rect | None:
-    """Where an image lies in an Image Editor of width x height pixels; `low` and `high` are the image coordinates,
-    [0, 1] inside the image, at the region's lower left and upper right corner."""
+    """Rectangle of an image in an Image Editor of width x height pixels.
+
+    `low` and `high` are the image coordinates, [0, 1] inside the image, at the region's lower left and upper right
+    corner.
+    """
     span_x, span_y = high[0] - low[0], high[1] - low[1]
     if span_x <= 0 or span_y <= 0:
         return None
@@ -102,13 +105,13 @@ def wipe_at(rect: Rect, x: float) -> float:
 
 
 def sides_of_wipe(rect: Rect, wipe: float) -> tuple[Rect, Rect]:
-    """What lies left and right of the wipe's line."""
+    """Rectangles to the left and right of the wipe's line."""
     middle = rect.left + min(max(wipe, 0.0), 1.0) * rect.width
     return rect._replace(right=middle), rect._replace(left=middle)
 
 
 def visible_rect(region: Rect, covers: Iterable[Rect]) -> Rect:
-    """What bars along the sides leave of a region, all in one system of coordinates: headers and sidebars overlap it.
+    """Rectangle of a region that bars along its sides leave free, all in one system of coordinates; bars overlap it.
 
     A bar that touches two sides covers the one along which it is longer.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How the overlay looks. Settings of the window and not of the scene: no undo step, and nothing of a file changes."""
+"""Settings of the overlay, of the window and not of the scene: no undo step, and nothing of a file changes."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ def _switch(name: str, description: str, default: bool = False) -> Any:
 
 
 def _picture(name: str, description: str, default: str, *more: tuple[str, str, str]) -> Any:
-    """One of the pictures of a view, or of what else there is."""
+    """Property that chooses one of the pictures of a view, or of what else there is."""
     return EnumProperty(name=name, description=description, items=[*_ITEMS, *more], default=default, update=_changed)
 
 
 class PatchNetOverlaySettings(bpy.types.PropertyGroup):
-    """What lies over cameras' views and images."""
+    """Settings of what lies over cameras' views and images."""
 
     show_viewport: _switch("In Viewport", "Lay the picture over the camera's view")
     show_editor: _switch("In Image Editor", "Lay the picture over PatchNet's images and over the Render Result")
@@ -66,7 +66,7 @@ class PatchNetOverlaySettings(bpy.types.PropertyGroup):
 
 
 def overlay_settings(context: bpy.types.Context) -> bpy.types.PropertyGroup:
-    """The settings."""
+    """Settings of the overlay in this window."""
     return context.window_manager.patchnet_overlay
 
 
@@ -77,6 +77,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Forget them."""
+    """Forget the settings."""
     del bpy.types.WindowManager.patchnet_overlay
     bpy.utils.unregister_class(PatchNetOverlaySettings)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures on the graphics card: those that were drawn last, and no more than a few."""
+"""Texture cache on the graphics card: the pictures that were drawn last, and no more than a few."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _textures: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
 
 
 def texture_of(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
-    """The gpu.types.GPUTexture of a view's picture, made when it is first drawn."""
+    """Texture (gpu.types.GPUTexture) of a view's picture, made when it is first drawn."""
     key = (view.number, name, *((maximum, ramp) if name not in view.looks else ()))
     if key not in _textures:
         _textures[key] = _upload(view.picture(name, maximum, ramp))
@@ -36,7 +36,7 @@ def held() -> int:
 
 
 def _upload(picture: np.ndarray) -> Any:
-    """A texture of sRGB colours (H, W, 3), one texel a pixel."""
+    """Upload sRGB colours (H, W, 3) as a texture, one texel a pixel."""
     import gpu
 
     height, width = picture.shape[:2]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The overlay, on and off."""
+"""Operator that switches the overlay on and off."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class PATCHNET_OT_toggle_overlay(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There must be a picture, except to switch off."""
+        """Require a picture, except to switch off."""
         values = overlay_settings(context)
         if not (views.has_views(context.scene) or values.show_viewport or values.show_editor):
             cls.poll_message_set(NO_VIEW)

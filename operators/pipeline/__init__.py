@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The whole job as steps: what the panel, `blender -b` and the command line run alike."""
+"""Pipeline of the whole job as steps, run alike by the panel, `blender -b` and the command line."""

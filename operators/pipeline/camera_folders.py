@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Names of folders for the pictures of cameras, which may be named alike for a file system."""
+"""Folder names for the pictures of cameras, which may be named alike for a file system."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)  # no fol
 
 
 def view_folders(scene: bpy.types.Scene, cameras: Sequence[str]) -> dict[str, str]:
-    """The folder of each camera that is looked through, by its name. Raises SceneError if there is no such camera."""
+    """Folder of each camera that is looked through, by its name; raises SceneError if there is no such camera."""
     chosen = camera_names(scene, cameras)
     folders = camera_folders(chosen if list(cameras) == [AUTO] else scene_cameras(scene))
     return {name: folders[name] for name in chosen}
 
 
 def camera_folders(names: Iterable[str]) -> dict[str, str]:
-    """A folder's name for each camera's name, all of them different for every file system.
+    """Folder name for each camera's name, all of them different for every file system.
 
     Letters and digits of the camera's name, other characters as "_". Where that is not the name of one camera alone, by
     whatever case of letters, a hash of the camera's own name follows; so names do not depend on the order of cameras,
@@ -59,7 +59,7 @@ def _plain(name: str) -> str:
 
 
 def _folded(folder: str) -> str:
-    """The same for names that some file system takes for one: of other case, or composed otherwise."""
+    """Folded name, the same for names that some file system takes for one: of other case, or composed otherwise."""
     return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", folder).casefold())
 
 

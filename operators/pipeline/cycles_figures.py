@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a refinement by Cycles cost and what it reached, as plain JSON values."""
+"""Figures of a refinement by Cycles, its cost and its errors, as plain JSON values."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a traced frame and its priority to a picture whose worst regions are Cycles'."""
+"""Refinement by Cycles: from a traced frame and its priority to a picture whose worst regions are Cycles'."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ NOT_CYCLES = "The voxels do not show Cycles' light: bake the light with Cycles f
 
 @dataclass(frozen=True, eq=False)
 class CyclesView:
-    """A view with Cycles' regions in it.
+    """View with Cycles' regions in it.
 
     priority: (H, W) float32 that chose them. mask: (H, W) bool, their pixels. preview, composited, full: (H, W), or
     (H, W, 3) in colour, linear, exposed, in [0, 1]; `full` is of Cycles alone, None without a comparison.
@@ -83,7 +83,7 @@ def cycles_view(
 def refine_view(
     context: bpy.types.Context, view: View, job: JobSettings, settings: CyclesSettings
 ) -> Steps[CyclesView]:
-    """As `cycles_view`, of a view that `job` has made; the refined octree picture is that of its budget."""
+    """Refine a view that `job` has made, as `cycles_view` does; the refined octree picture is that of its budget."""
     frame = view.frame
     refined = yield from computed(
         lambda: refined_picture(frame, view.ranking.mask),
@@ -96,7 +96,7 @@ def refine_view(
 
 
 def check_light(octree: Octree) -> None:
-    """Raises SettingError if what Cycles renders could not stand beside this octree."""
+    """Raise SettingError if what Cycles renders could not stand beside this octree."""
     if octree.provenance.get("light") != CYCLES:
         raise SettingError(NOT_CYCLES)
 
@@ -109,8 +109,11 @@ def _chosen(priority: np.ndarray, settings: CyclesSettings) -> Sequence[Region]:
 def _rendered(
     context: bpy.types.Context, camera: Camera, regions: Sequence[Region], settings: CyclesSettings, sun: bool
 ) -> Steps[Renders]:
-    """The regions; for a comparison then the whole picture in a scene copy of its own, so that it pays for all it
-    needs, and the reference, which finds the scene read."""
+    """Render the regions, for a comparison then the whole picture, and the reference.
+
+    The whole picture comes from a scene copy of its own, so that it pays for all it needs; the reference finds the
+    scene read.
+    """
     wanted = camera, settings.samples, settings.seed, settings.light
     black = np.zeros((camera.height_px, camera.width_px, 3), np.float32)
     result = Renders(black)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Who encodes: torch in this Python, torch in another one, or our own kernels, by the settings and what is there."""
+"""Choice of the encoder by settings and availability: torch in this Python or in another one, or our own kernels."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TORCH_DEVICES = {"CPU": "cpu", "GPU": "cuda", AUTO: "auto"}
 
 @dataclass(frozen=True, eq=False)
 class Encoding:
-    """An encoder, in a few words who it is, and sentences about what was asked for and is not there."""
+    """Encoder, its name in a few words, and sentences about what was asked for and is not there."""
 
     encoder: Encoder
     text: str
@@ -34,10 +34,10 @@ class Encoding:
 
 @contextmanager
 def chosen_encoder(weights: Weights, settings: JobSettings) -> Iterator[Encoding]:
-    """The encoder of the settings for these weights; a process of it ends with the block.
+    """Encoder of the settings for these weights; a process of it ends with the block.
 
     Torch on a GPU of this Python, else the other Python that is named, else our kernels with the same codes. Raises
-    SettingError if a GPU is asked for and nobody here has one.
+    SettingError if a GPU is asked for and there is none.
     """
     from ...patchnet_addon.codes.encode import make_encoder
     from ...patchnet_addon.network.other_python import OtherPythonEncoder
@@ -61,7 +61,7 @@ def chosen_encoder(weights: Weights, settings: JobSettings) -> Iterator[Encoding
 
 
 def encoder_text(settings: JobSettings) -> str:
-    """Who would encode, in a few words, without starting anything."""
+    """Name of the encoder that would run, in a few words, without starting anything."""
     if settings.torch_python is not None:
         return f"torch of {settings.torch_python.name}"
     if settings.encoder_device == GPU or (settings.encoder_device == AUTO and torch_has_gpu()):
@@ -70,7 +70,7 @@ def encoder_text(settings: JobSettings) -> str:
 
 
 def torch_has_gpu() -> bool:
-    """Whether this Python has torch, and torch an NVIDIA GPU. Torch is imported only where there may be one."""
+    """Return whether this Python has torch, and torch an NVIDIA GPU; torch is imported only where there may be one."""
     if importlib.util.find_spec("torch") is None:
         return False
     if sys.platform == "linux" and not Path("/dev/nvidiactl").exists():

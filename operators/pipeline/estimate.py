@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a job will take, before it runs: from a coarse octree, the cameras' pixels and the triangles' sizes."""
+"""Estimate of a job before it runs: from a coarse octree, the cameras' pixels and the triangles' sizes."""
 
 from __future__ import annotations
 
@@ -63,12 +63,12 @@ class Estimate:
 
     @property
     def too_large(self) -> bool:
-        """Whether building would not fit into memory."""
+        """Return whether building would not fit into memory."""
         return self.peak_bytes > self.free_bytes
 
 
 def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Estimate]:
-    """Look at the scene as the job would, and build nothing but a coarse octree. Raises PatchNetError."""
+    """Look at the scene as the job would, and build nothing but a coarse octree; raises PatchNetError."""
     yield Progress(0, 1, "Reading the scene")
     source, state = read_scene(context.evaluated_depsgraph_get(), settings.scope), read_state(context.scene)
     depsgraph = context.evaluated_depsgraph_get()
@@ -141,7 +141,7 @@ def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> tuple[str, str]:
 
 
 def estimate_lines(found: Estimate) -> list[str]:
-    """The estimate in words, for panel, log and report."""
+    """Estimate in words, for panel, log and report."""
     most = "Up to depth" if found.fitted else "Depth"
     lines = [f"{most} {found.depth}, voxel side {found.voxel_world:.4g}"]
     if found.fitted:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which files a job writes, and which it reads: the latter are never replaced."""
+"""Output files of a job, and its input files, which are never replaced."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ def job_inputs(settings: JobSettings) -> list[Path]:
 
 
 def scene_inputs() -> Iterator[Path]:
-    """The open file, and all files that it names, such as images, libraries and caches."""
+    """Files of the scene: the open file, and all that it names, such as images, libraries and caches."""
     if bpy.data.filepath:
         yield Path(bpy.data.filepath)
     yield from map(Path, bpy.utils.blend_paths(absolute=True))
 
 
 def check_job(settings: JobSettings, scene: Path | None, *, frames: bool) -> None:
-    """Raises OutputError for results that cannot be written, as far as that is known before a scene is opened.
+    """Raise OutputError for results that cannot be written, as far as that is known before a scene is opened.
 
     scene: the file that will be opened. frames: results are frames in folders of their own.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A folder of results that appears complete or not at all."""
+"""Output folder of results that appears complete or not at all."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .reports import REPORT_NAME, remove_omitted, reported
 
 @contextmanager
 def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[Path] = ()) -> Iterator[Path]:
-    """A temporary folder whose files move to `out` when the block ends without an error.
+    """Temporary folder whose files move to `out` when the block ends without an error.
 
     files: kind of each file that may be written, by its path in the folder. inputs: files that are read.
     Files of the same name are replaced, pictures that an earlier report names and the new one omits go, others stay. On
@@ -45,7 +45,7 @@ def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[P
 
 @contextmanager
 def _spoken_of_as(out: Path, temporary: Path | None = None) -> Iterator[None]:
-    """The system's errors become ours, and name files in `temporary`, which will be gone, as they would be in `out`.
+    """Translate the system's errors to ours, which name files in `temporary`, soon gone, as they would be in `out`.
 
     With `temporary`, errors about other files are left alone.
     """
@@ -67,7 +67,7 @@ def _spoken_of_as(out: Path, temporary: Path | None = None) -> Iterator[None]:
 
 
 def _parent(out: Path) -> Path:
-    """The nearest folder that is there above `out`; `out` itself where files can only be made in it, as in a mount."""
+    """Nearest folder that is there above `out`; `out` itself where files can only be made in it, as in a mount."""
     parent = out.absolute().parent
     while not parent.exists():
         parent = parent.parent
@@ -91,7 +91,7 @@ def _move(source: Path, out: Path) -> None:
 
 
 def _can_be_renamed(source: Path, folder: Path) -> bool:
-    """Whether files in `source` can go into `folder`, which is made, or it is on another disk or mount."""
+    """Return whether files in `source` can go into `folder`, which is made, or it is on another disk or mount."""
     folder.mkdir(parents=True, exist_ok=True)
     probe, there = temporary_path(source / "probe"), temporary_path(folder / "probe")
     probe.touch()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""report.json, which names all files that it speaks of, so that the next one leaves no pictures that it omits."""
+"""Report file report.json, which names all files of a job, so that the next job leaves no pictures that it omits."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ _PICTURES = {ending: kind for kind in (PNG, EXR) for ending in kind.endings}
 
 @dataclass(frozen=True)
 class Reported:
-    """What a report says it speaks of: the `job` that wrote it, and paths of its `files` in the folder."""
+    """Contents of a report: the `job` that wrote it, and paths of its `files` in the folder."""
 
     job: str = ""
     files: frozenset[str] = frozenset()
 
 
 def write_report(folder: Path, job: str, report: dict[str, Any]) -> None:
-    """Write the report of a `job` with the names of all files in `folder`. Raises OutputError."""
+    """Write the report of a `job` with the names of all files in `folder`; raises OutputError."""
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     values = {"job": job, **report, "files": sorted(names | {REPORT_NAME})}
     write_json(folder / REPORT_NAME, values, REPORT)
 
 
 def write_json(path: Path, values: dict[str, Any], kind: FileKind) -> None:
-    """Write plain values to `path`. Raises OutputError."""
+    """Write plain values to `path`; raises OutputError."""
     with replaced_file(path, kind) as file:
         file.write((json.dumps(values, indent=2, allow_nan=False) + "\n").encode())
 
 
 def reported(out: Path) -> Reported:
-    """What the report in `out` speaks of; nothing where there is no report of ours."""
+    """Read what the report in `out` speaks of; nothing where there is no report of ours."""
     path = out / REPORT_NAME
     try:
         report = json.loads(path.read_text(encoding="utf-8")) if REPORT.is_at(path) else {}
@@ -76,6 +76,6 @@ def remove_omitted(out: Path, before: Reported, inputs: Iterable[Path]) -> None:
 
 
 def is_inside(name: str) -> bool:
-    """Whether the path that a report or a record names cannot lead out of its folder."""
+    """Return whether the path that a report or a record names cannot lead out of its folder."""
     path = PurePosixPath(name)
     return not path.is_absolute() and ".." not in path.parts and "\\" not in name and ":" not in name

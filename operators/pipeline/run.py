@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The main job, from a scene to refined pictures and a report."""
+"""Main job, from a scene to refined pictures and a report."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
 
 @dataclass(frozen=True, eq=False)
 class JobResult:
-    """What a job made.
+    """Result of a job.
 
     warnings: sentences about what had to be assumed or left out. layout: levels of the leaves, if not all on one.
     cycles: of each view, where regions by Cycles were wanted. state: of the scene when it was read.
@@ -114,7 +114,7 @@ def job_report(
     timings_s: dict[str, float],
     warnings: Sequence[str],
 ) -> dict[str, Any]:
-    """Everything that was measured, as plain JSON values."""
+    """Report of everything that was measured, as plain JSON values."""
     octree = coded.octree
     return {
         "octree": {
@@ -140,12 +140,12 @@ def job_report(
 
 
 def _scalars(metadata: dict[str, Any]) -> dict[str, Any]:
-    """The metadata without curves and tables, which stand in the weights' model card."""
+    """Metadata without curves and tables, which stand in the weights' model card."""
     return {name: value for name, value in metadata.items() if isinstance(value, str | int | float)}
 
 
 def write_result(folder: Path, result: JobResult) -> None:
-    """All files of a job."""
+    """Write all files of a job."""
     save_octree(result.coded.octree, folder / OCTREE_NAME)
     save_codes(result.coded, folder / CODES_NAME)
     for item in result.views:

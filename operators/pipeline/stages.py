@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The stages of a job, each a function from the last one's result: surface, grid, lit octree, codes."""
+"""Stages of a job, each a function from the last one's result: surface, grid, lit octree, codes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 
 @dataclass(frozen=True, eq=False)
 class GridChoice:
-    """The grid of the octree, the levels of its leaves (None: all on the deepest), and what they lack in sentences."""
+    """Grid of the octree, the levels of its leaves (None: all on the deepest), and what they lack in sentences."""
 
     grid: Grid
     layout: LeafLevels | None = None
@@ -61,7 +61,7 @@ def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetti
 
 
 def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
-    """All leaves on one level."""
+    """Choose a grid with all leaves on one level."""
     from ...patchnet_addon.lod.depth import choose_depth, coarse_octree
 
     bounds_world = settings.bounds_world(source)
@@ -101,7 +101,7 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
 
 
 def unlit(source: MeshSource, settings: JobSettings) -> Steps[Shade]:
-    """The surface's own colour, before any light is baked."""
+    """Colour of the surface itself, before any light is baked."""
     return computed(lambda: _albedo(source, settings), Progress(0, 1, _TEXTURES))
 
 
@@ -115,7 +115,7 @@ def lit(
     *,
     rotation: int = 0,
 ) -> Steps[tuple[Shade, tuple[str, ...]]]:
-    """The surface in the light of the settings, and sentences about what had to be assumed.
+    """Surface in the light of the settings, and sentences about what had to be assumed.
 
     choice: the leaves that the light is for; texels follow them.
     kept: where a bake finds pages of one that was stopped, and leaves its own.
@@ -211,7 +211,7 @@ def build(
 
 
 def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[str, Any]:
-    """How an octree was made. The scene's file is named without its folder: results are passed on."""
+    """Provenance of an octree; the scene's file is named without its folder: results are passed on."""
     values = {
         "file": Path(bpy.data.filepath).name,
         "scene": bpy.context.scene.name,
@@ -233,7 +233,7 @@ def _is_black(material: Material) -> bool:
 
 
 def load_network(path: Path | None) -> Weights:
-    """The weights of the settings, or the shipped ones; raises WeightsFileError."""
+    """Load the weights of the settings, or the shipped ones; raises WeightsFileError."""
     from ...patchnet_addon.network.weights import load_weights
 
     return load_weights(path)
@@ -245,7 +245,7 @@ def encode(octree: Octree, weights: Weights) -> Steps[CodedOctree]:
 
 
 def encode_as_set(octree: Octree, weights: Weights, settings: JobSettings) -> Steps[tuple[CodedOctree, Encoding]]:
-    """Codes for all voxels with look-ahead, and who computed them by the settings' devices. Raises SettingError."""
+    """Codes for all voxels with look-ahead, and the encoder that the settings' devices chose; raises SettingError."""
     yield Progress(0, 1, _ENCODING)
     with chosen_encoder(weights, settings) as chosen:
         steps = beside(lambda: _encoded(octree, weights, chosen.encoder), Progress(0, 1, _ENCODING))

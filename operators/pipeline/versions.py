@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What ran: results that can be published name it."""
+"""Versions of the programs that computed a result, for results that are published."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def versions() -> dict[str, Any]:
 
 
 def machine() -> dict[str, Any]:
-    """The machine's kind, as far as timings depend on it."""
+    """Kind of machine, as far as timings depend on it."""
     return {"system": sys.platform, "processor": platform.machine(), "cores": os.cpu_count()}
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One camera's view of a lit and coded octree: its frame, its pictures, its figures."""
+"""View of a lit and coded octree by one camera: its frame, its pictures, its figures."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from ..settings.job_settings import JobSettings
 
 ERROR_MAXIMUM = 0.5  # luminance error at the end of the error picture's legend
 
-# Each picture that is a file and a Blender image, in the order in which a person would look at them.
+# Each picture that is a file and a Blender image, in the order in which a user would look at them.
 PICTURES = ("preview", "heatmap", "overlay", "refined", "reference", "error")
 PRIORITY_NAME = "priority.exr"
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera's result.
+    """Result of a camera.
 
     octree: what was looked at. ranking: of its pixels by the chosen strategy, within the budget.
     pictures: name -> (h, w, 3) encoded colours; those of PICTURES, and "priority" and "order", which are the heatmap
@@ -138,7 +138,7 @@ def _pictures(ranking: Ranking, settings: JobSettings, name: str) -> dict[str, n
 
 
 def overview(views: Sequence[View]) -> np.ndarray:
-    """All cameras in one picture: a row each, from the preview to the reference."""
+    """Overview of all cameras in one picture: a row each, from the preview to the reference."""
     columns = ("preview", "priority", "order", "refined", "reference")
     rows = [[item.pictures[name] for name in columns] for item in views]
     names = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The render engine "PatchNet": final renders with passes, and a shading mode for viewports."""
+"""Render engine "PatchNet": final renders with passes, and a shading mode for viewports."""
 
 from __future__ import annotations
 

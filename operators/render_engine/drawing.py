@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixels and text on the screen of a 3D viewport. `gpu` needs a window, so it is imported where it draws."""
+"""Drawing of pixels and text in a 3D viewport; `gpu` needs a window, so it is imported where it draws."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ _MARGIN_PX = 20
 
 
 class PictureTexture:
-    """A picture on the graphics card, freed with this object."""
+    """Picture on the graphics card, freed with this object."""
 
     def __init__(self, pixels: np.ndarray) -> None:
-        """pixels: (H, W, 4) float32, scene-linear, weighed by alpha."""
+        """Upload pixels (H, W, 4) float32, scene-linear, weighed by alpha."""
         import gpu
 
         self.height_px, self.width_px = pixels.shape[:2]
@@ -34,7 +34,7 @@ class PictureTexture:
 
 
 def draw_message(region: bpy.types.Region, text: str) -> None:
-    """A sentence in the middle of the region."""
+    """Draw a sentence in the middle of the region."""
     import blf
 
     font = 0

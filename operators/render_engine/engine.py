@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The render engine as Blender calls it."""
+"""Render engine class (`bpy.types.RenderEngine`) as Blender calls it."""
 
 from __future__ import annotations
 
@@ -29,26 +29,26 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
             self.register_pass(scene, renderlayer, item.name, len(item.channels), item.channels, item.kind)
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """A frame of a final render."""
+        """Render a frame of a final render."""
         from .render_frame import render_frame
 
         try:
             render_frame(self, depsgraph)
         except StoppedError:
-            pass  # whoever stopped it knows
+            pass  # the user stopped it and knows
         except PatchNetError as error:
             self._fail(str(error))
         except MemoryError:
             self._fail("The render ran out of memory: choose fewer pixels or a smaller depth")
 
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """The scene or its settings changed: `view_draw` finds out what that means, but for painted weights."""
+        """Note that scene or settings changed: `view_draw` finds out what that means, but for painted weights."""
         if self._viewport is not None and depsgraph.id_type_updated("MESH"):
             self._viewport.mask.meshes_changed()
         self.tag_redraw()
 
     def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """A viewport in this engine's shading mode."""
+        """Draw a viewport in this engine's shading mode."""
         from .viewport import Viewport
 
         if self._viewport is None:
@@ -56,7 +56,7 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
         self._viewport.draw(self, context)
 
     def _fail(self, sentence: str) -> None:
-        """The sentence in the status bar and in the render's window; for scripts it is an exception."""
+        """Report the sentence in the status bar and in the render's window; for scripts it is an exception."""
         self.report({"ERROR"}, sentence)
         self.error_set(sentence)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The octree that a frame is rendered from: the one that is there if it fits the frame, else a new one.
+"""Octree of a rendered frame: the one that is there if it fits the frame, else a new one.
 
 A bake calls Blender's own render from within ours. A scene has one render, so it bakes in a copy of the scene, and only
 in Blender's main thread, which is where renders run without a window and from scripts.
@@ -43,7 +43,7 @@ def octree_of_frame(
     *,
     animation: bool,
 ) -> Steps[CodedOctree]:
-    """The lit and coded octree of a render's graph at its frame; `camera` sees it if the depth is to be found.
+    """Lit and coded octree of a render's graph at its frame; `camera` sees it if the depth is to be found.
 
     warn: takes sentences about what had to be assumed or left out where one is made.
     animation: other frames follow. Raises PatchNetError.
@@ -117,7 +117,7 @@ def _compute(
 
 @contextmanager
 def _bake_context(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> Iterator[None]:
-    """The context shows a copy of the scene if Cycles bakes."""
+    """Let the context show a copy of the scene if Cycles bakes."""
     if settings.light != CYCLES:
         yield
         return

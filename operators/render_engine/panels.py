@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The properties editor with this engine: its own panels, and those of Blender's that fit it."""
+"""Panels of the properties editor with this engine: its own, and those of Blender's that fit it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class _RenderPanel(_Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Only with this engine."""
+        """Require this engine."""
         return context.engine in cls.COMPAT_ENGINES
 
 
@@ -87,7 +87,7 @@ class PATCHNET_PT_render_film(_RenderPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """One property."""
+        """Draw the only property."""
         layout = self.layout
         layout.use_property_split = True
         layout.prop(context.scene.render, "film_transparent", text="Transparent")

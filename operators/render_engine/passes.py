@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The passes of a render: which there are, and their pixels.
+"""Render passes by name, and their pixels.
 
 | pass | channels | what it is |
 |---|---|---|
@@ -26,7 +26,7 @@ NO_DEPTH = 1e10  # what Cycles writes
 
 
 class Pass(NamedTuple):
-    """A pass as Blender registers it: a name, a letter for each channel, and what the compositor takes it for."""
+    """Pass as Blender registers it: a name, a letter for each channel, and what the compositor takes it for."""
 
     name: str
     channels: str

@@ -19,10 +19,10 @@ from ..scene.cameras import tracing_camera
 def render_camera(
     scene: bpy.types.Scene, camera: bpy.types.Object | None, size_px: tuple[int, int]
 ) -> tuple[Camera, Place]:
-    """The view of an evaluated camera object at the render resolution, or what the render border leaves of it; and
-    where the whole picture lies on that.
+    """View of an evaluated camera object at the render resolution, and where the whole picture lies on it.
 
-    scene: evaluated. Raises SceneError without a camera and for panoramic ones, SettingError for an empty border.
+    The view is what the render border leaves of the picture. scene: evaluated. Raises SceneError without a camera and
+    for panoramic ones, SettingError for an empty border.
     """
     if camera is None:
         raise SceneError(f"Scene '{scene.name}' has no active camera: add one, or make one active with Ctrl Numpad 0")
@@ -41,7 +41,7 @@ def viewport_camera(
     size_px: tuple[int, int],
     bounds_world: np.ndarray,
 ) -> Camera:
-    """What a 3D viewport shows.
+    """Camera of what a 3D viewport shows.
 
     view, window: 4 x 4 matrices from world to view and from view to the window, as a RegionView3D has them.
     bounds_world: (2, 3), all that can be seen: an orthographic viewport also shows what is behind its eye.
@@ -70,7 +70,7 @@ def viewport_camera(
 
 
 def camera_place(context: bpy.types.Context) -> Place | None:
-    """Where a viewport that looks through a camera shows its picture; None for one that does not."""
+    """Place of the picture in a viewport that looks through a camera; None for one that does not."""
     view, region = context.region_data, context.region
     item = context.space_data.camera
     if view.view_perspective != "CAMERA" or item is None or item.type != "CAMERA":
@@ -83,7 +83,7 @@ def camera_place(context: bpy.types.Context) -> Place | None:
 
 
 def _before_all(camera: Camera, bounds_world: np.ndarray) -> Camera:
-    """The same orthographic view from before a box (2, 3)."""
+    """Move an orthographic camera back to see the same from before a box (2, 3)."""
     centre, radius = bounds_world.mean(axis=0), np.linalg.norm(np.ptp(bounds_world, axis=0)) / 2
     ahead = float((centre - camera.position_world) @ camera.forward) - radius
     return replace(camera, position_world=camera.position_world + min(ahead, 0.0) * camera.forward)

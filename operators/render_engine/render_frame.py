@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One frame of a final render: octree, picture, passes, between which the person may stop."""
+"""Final render of one frame: octree, picture, passes, between which the user may stop it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _SHOWN_S = 0.7  # between two looks at the unfinished picture
 def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
     """Render the graph's view layer into the engine's result.
 
-    Raises StoppedError when the person stops, and PatchNetError.
+    Raises StoppedError when the user stops, and PatchNetError.
     """
     apply_preferences(bpy.context)
     scene = depsgraph.scene
@@ -61,7 +61,7 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
 def pull(engine: bpy.types.RenderEngine, steps: Steps[Result], start: float, end: float) -> Result:
     """Run steps to their end; they are the share of the render from `start` to `end`.
 
-    Raises StoppedError, with the steps cleaned up, as soon as the person stops the render.
+    Raises StoppedError, with the steps cleaned up, as soon as the user stops the render.
     """
     said = ""
     try:
@@ -82,7 +82,7 @@ def pull(engine: bpy.types.RenderEngine, steps: Steps[Result], start: float, end
 
 
 class _Output:
-    """The render's result while it is written."""
+    """Render's result while it is written."""
 
     def __init__(
         self,
@@ -97,7 +97,7 @@ class _Output:
         self._shown = time.monotonic()
 
     def shown_meanwhile(self, steps: Steps[None]) -> Steps[None]:
-        """The same steps; now and then the picture that they work on is shown."""
+        """Pass on the steps; now and then the picture that they work on is shown."""
         for report in steps:
             if time.monotonic() - self._shown > _SHOWN_S:
                 self._write()
@@ -136,7 +136,7 @@ def _warn_of_unseen(engine: bpy.types.RenderEngine, picture: AdaptivePicture) ->
 
 
 def warn(engine: bpy.types.RenderEngine, text: str) -> None:
-    """A warning in the status bar or on the terminal, and in the log."""
+    """Report a warning in the status bar or on the terminal, and in the log."""
     engine.report({"WARNING"}, text)
     event("warning", text, logging.WARNING)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether two frames of an animation show the same surface in the same light, whatever their cameras do."""
+"""Key of a frame's surface and light, equal for frames of an animation that only differ by their cameras."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
 
 
 def may_change(scene: bpy.types.Scene) -> bool:
-    """Whether anything but a camera has keys or drivers, or moves without: else all frames have one surface."""
+    """Return whether anything but a camera has keys or drivers, or moves without: else all frames have one surface."""
     if any(image.source in _FILMS and image.users for image in bpy.data.images):
         return True
     if scene.rigidbody_world is not None or any(_moves(item) for item in scene.objects):

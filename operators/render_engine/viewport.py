@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The shading mode of 3D viewports: which preview belongs to the view, and what is said where there is none."""
+"""Viewport shading mode: choose the preview that belongs to the view, or the message where there is none."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _STALE = "the scene has changed: voxelize and bake again"
 
 
 class Viewport:
-    """What one viewport needs between two drawings. Dropping it frees all of its memory."""
+    """State of one viewport between two drawings; dropping it frees all of its memory."""
 
     def __init__(self) -> None:
         self._state: tuple[Any, ...] | None = None
@@ -99,7 +99,7 @@ class Viewport:
         return self._preview
 
     def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:
-        """Whether all kernels are there; they come once for each kind of work."""
+        """Return whether all kernels are there; they come once for each kind of work."""
         kind = picture.strategy.name, picture.octree.chroma is None, picture.coded is None
         if self._preparation is None or self._prepared_for != kind:
             apply_preferences(context)
@@ -117,7 +117,7 @@ class Viewport:
 
 
 def _view(camera: Camera) -> tuple[Any, ...]:
-    """All that makes two views different."""
+    """Identity of a view: all that makes two views different."""
     axes = (camera.position_world, camera.right, camera.up)
     lens = (camera.half_x, camera.half_y, camera.shift_x, camera.shift_y)
     return (*np.concatenate(axes).tolist(), *lens, camera.width_px, camera.height_px, camera.kind)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Painted importance as a viewport needs it: read once, and anew when other strokes are chosen or there.
+"""Importance mask of a viewport: read once, and anew when other strokes are chosen or there.
 
 Images are read while the viewport draws. Vertex groups need geometry as renders have it, and nothing may change while
 Blender draws: they are read by a timer, between two drawings.
@@ -22,7 +22,10 @@ _REST = 5.0  # between two looks at an image, in times that one takes
 
 
 class ViewportMask:
-    """strokes: what was painted; None where all pixels matter alike. version: another number for other strokes."""
+    """Mask by strokes.
+
+    strokes: what was painted; None where all pixels matter alike. version: another number for other strokes.
+    """
 
     def __init__(self) -> None:
         self.strokes: Strokes | None = None
@@ -36,7 +39,7 @@ class ViewportMask:
 
     @property
     def waiting(self) -> bool:
-        """Whether strokes are still to be read, after this drawing."""
+        """Return whether strokes are still to be read, after this drawing."""
         return self._touched and not self._problem
 
     def meshes_changed(self) -> None:
@@ -45,7 +48,7 @@ class ViewportMask:
             self._touched, self._problem = True, ""
 
     def ready(self, context: bpy.types.Context, *, idle: bool) -> bool:
-        """Whether `strokes` can be used; old ones can until the new ones are read.
+        """Return whether `strokes` can be used; old ones can until the new ones are read.
 
         idle: nothing else is to be done, so that an image may be looked at again. Raises SettingError if what was
         painted is not there.

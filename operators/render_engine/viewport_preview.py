@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The picture of one view of a 3D viewport, a little better with every slice of time. No drawing here."""
+"""Progressive preview of one view of a 3D viewport, a little better with every slice of time; no drawing here."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LARGEST_PACE = (1 << 16, 1 << 20)
 class ViewportPreview:
     """Coarse picture, one ray in each pixel, then refinement by priority until the budget is spent.
 
-    status: what is done now. done: nothing is left to do. steps: the work, for who pulls them without `work`.
+    status: what is done now. done: nothing is left to do. steps: the work, for callers that pull it without `work`.
     """
 
     def __init__(self, picture: AdaptivePicture, budget: float, world: np.ndarray | None) -> None:
@@ -38,7 +38,7 @@ class ViewportPreview:
         self.steps = self._all()
 
     def work(self, seconds: float) -> None:
-        """Do what fits into a slice of time; at least one step. Raises PatchNetError."""
+        """Do what fits into a slice of time; at least one step; raises PatchNetError."""
         seconds = min(max(seconds, SLICE_S), LONGEST_SLICE_S)
         end = time.perf_counter() + seconds
         while not self.done:
@@ -93,10 +93,10 @@ class ViewportPreview:
 
 
 class Preparation:
-    """Loads or compiles all kernels that a preview needs, beside the window, which lives meanwhile."""
+    """Preparation of a preview: loads or compiles all kernels beside the window, which lives meanwhile."""
 
     def __init__(self, picture: AdaptivePicture) -> None:
-        """`picture`: like the preview's, but tiny."""
+        """Prepare for `picture`: like the preview's, but tiny."""
         self.problem = ""
         self._picture = picture
         self._thread = threading.Thread(target=self._run, name="PatchNet kernels", daemon=True)
@@ -104,7 +104,7 @@ class Preparation:
 
     @property
     def ready(self) -> bool:
-        """Whether the thread has ended."""
+        """Return whether the thread has ended."""
         return not self._thread.is_alive()
 
     def _run(self) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is seen where nothing is: the world's colour."""
+"""World background: the colour that is seen beside all surfaces."""
 
 from __future__ import annotations
 

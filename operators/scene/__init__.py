@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a Blender scene to triangles with materials: files, objects in scope, meshes, materials, images."""
+"""Scene reader, from a Blender scene to triangles with materials: files, objects, meshes, materials, images."""
 
 from .files import open_scene
 from .read import read_scene

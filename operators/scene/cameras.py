@@ -33,7 +33,7 @@ def camera_size_px(scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> tu
 
 
 def tracing_camera(camera: bpy.types.Object, scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> Camera:
-    """The view that Blender renders through an evaluated camera object, at a size as in `camera_size_px`.
+    """View that Blender renders through an evaluated camera object, at a size as in `camera_size_px`.
 
     Sensor fit, shift, pixel aspect and clipping follow Blender; the object's scale does not matter, as in Blender.
     Raises SceneError for panoramic cameras and for objects that are no cameras.
@@ -111,7 +111,7 @@ def framing_cameras(bounds_world: np.ndarray, size: tuple[int, int]) -> list[Cam
 
 
 def camera_names(scene: bpy.types.Scene, names: Sequence[str]) -> list[str]:
-    """Names of the cameras that `choose_cameras` gives. Raises SceneError if there is no such camera."""
+    """Names of the cameras that `choose_cameras` gives; raises SceneError if there is no such camera."""
     if list(names) == [AUTO]:
         return list(_AUTO_DISTANCES)
     known = scene_cameras(scene)
@@ -131,7 +131,7 @@ def camera_names(scene: bpy.types.Scene, names: Sequence[str]) -> list[str]:
 
 
 def scene_cameras(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
-    """The scene's camera objects by name."""
+    """Scene's camera objects by name."""
     return {item.name: item for item in scene.objects if item.type == "CAMERA"}
 
 
@@ -156,7 +156,7 @@ def choose_cameras(
 def track_cameras(
     context: bpy.types.Context, names: Sequence[str], size: tuple[int, int], bounds_world: np.ndarray
 ) -> list[Camera]:
-    """The cameras of `choose_cameras` at every frame of the scene, by its first and last frame and its frame step.
+    """Cameras of `choose_cameras` at every frame of the scene, by its first and last frame and its frame step.
 
     The scene is at its own frame again afterwards. Raises SceneError as `choose_cameras` does.
     """
@@ -171,7 +171,7 @@ def track_cameras(
 
 
 def _without_repeats(cameras: list[Camera]) -> list[Camera]:
-    """Each view once: cameras that stand still, or that stood there before, see nothing new."""
+    """Drop repeated views: cameras that stand still, or that stood there before, see nothing new."""
     views: dict[tuple[object, ...], Camera] = {}
     for camera in cameras:
         axes = (camera.position_world, camera.right, camera.up, camera.forward)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Nodes that yield colours: what each of them amounts to."""
+"""Shader nodes that yield colours, each with the rule that evaluates it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def texture_use(values: NodeEvaluator, output: Output) -> TextureUse:
 def _uv_transform(
     values: NodeEvaluator, at: Input
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
-    """How texture coordinates come from the mesh's UV map; None for the map itself."""
+    """Transform from the mesh's UV map to texture coordinates; None for the map itself."""
     found = source(at)
     if isinstance(found, Input) or (found.node.type == "TEX_COORD" and found.socket.name == "UV"):
         return None

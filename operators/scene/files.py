@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Opening a scene from a file of any kind that Blender reads."""
+"""Open a scene from a file of any kind that Blender reads."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
 
 
 def check_scene_file(path: Path) -> None:
-    """Raises SceneError if there is no such file, or a folder in its place."""
+    """Raise SceneError if there is no such file, or a folder in its place."""
     if path.is_dir():
         raise SceneError(f"Scene file {path} is a folder: name a file in it")
     if not path.is_file():
@@ -64,7 +64,7 @@ def _has_surface(item: bpy.types.Object) -> bool:
 
 
 def _importer(path: Path, extension: str) -> Any:
-    """The import operator for an extension, its add-on enabled if need be."""
+    """Import operator for an extension, its add-on enabled if need be."""
     if extension not in _IMPORTERS:
         known = ", ".join([".blend", *_IMPORTERS])
         raise SceneError(f"Scene file {path} has the unknown extension '{extension}': choose one of {known}")

@@ -12,7 +12,7 @@ _RAW_SPACES = frozenset({"Non-Color", "Raw"})
 
 
 class ImageReader:
-    """Reads each image once; materials that share an image share its array."""
+    """Reader of images, each once; materials that share an image share its array."""
 
     def __init__(self) -> None:
         self._colors: dict[str, np.ndarray] = {}
@@ -57,7 +57,7 @@ class ImageReader:
 
 
 def usable(image: bpy.types.Image | None) -> bool:
-    """Whether the image has pixels that can be read as one rectangle."""
+    """Return whether the image has pixels that can be read as one rectangle."""
     return image is not None and image.source != "TILED" and min(image.size) > 0 and image.channels > 0
 
 
@@ -71,7 +71,7 @@ _BYTE_TO_LINEAR = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)
 
 
 def _linear(color: np.ndarray, image: bpy.types.Image) -> np.ndarray:
-    """Blender keeps float images scene linear, and 8 bit images as they are encoded in the file."""
+    """Convert to linear: Blender keeps float images scene linear, and 8 bit images as they are encoded in the file."""
     space = image.colorspace_settings.name
     if image.is_float or space in _RAW_SPACES or space.startswith("Linear"):
         return np.nan_to_num(color, posinf=0.0, neginf=0.0)

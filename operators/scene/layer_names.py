@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the nodes of a material ask of the mesh: UV maps and attributes by name, generated coordinates."""
+"""Mesh layers that the nodes of a material read: UV maps and attributes by name, generated coordinates."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ def layer_names(material: bpy.types.Material) -> frozenset[str]:
 
 
 def needs_generated(node: bpy.types.Node) -> bool:
-    """Whether a node yields or takes generated coordinates."""
+    """Return whether a node yields or takes generated coordinates."""
     if node.type == "TEX_COORD":
         return node.outputs["Generated"].is_linked
     return node.type in GENERATED_BY_DEFAULT and not node.inputs["Vector"].is_linked
 
 
 def shader_tree(material: bpy.types.Material) -> bpy.types.NodeTree | None:
-    """The material's nodes, or None if it uses none (from Blender 5.0 on all materials do)."""
+    """Material's nodes, or None if it uses none (from Blender 5.0 on all materials do)."""
     if bpy.app.version < (5, 0, 0) and not material.use_nodes:
         return None
     return material.node_tree

@@ -39,7 +39,7 @@ class LightLinks:
                 self._of.setdefault(item.name_full, set()).add((collection.name_full, state))
 
     def number(self, instance: bpy.types.DepsgraphObjectInstance) -> int:
-        """Of what an instance is a member: what instances it goes before the object itself, as in Cycles."""
+        """Number for an instance's memberships: what instances it goes before the object itself, as in Cycles."""
         links: Links = frozenset()
         if self._of:
             owners = (instance.parent, instance.object) if instance.is_instance else (instance.object,)

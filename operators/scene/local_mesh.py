@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One evaluated Blender mesh as compact arrays in its own space."""
+"""Evaluated Blender mesh as compact arrays in its own space."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class LocalMesh:
 
 
 def read_local_mesh(mesh: bpy.types.Mesh, name: str, layer_names: frozenset[str] = frozenset()) -> LocalMesh | None:
-    """Arrays of an evaluated mesh, or None if it has no faces. `name` is the object's, for messages.
+    """Arrays of an evaluated mesh, or None if it has no faces; `name` is the object's, for messages.
 
     layer_names: UV maps and colour attributes that materials ask for by name.
     Raises GeometryError if a coordinate is not finite.
@@ -103,7 +103,7 @@ def _normals(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
 
 
 def _layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
-    """A UV map (L, 2), colours (L, 4), vectors (L, 3) or numbers (L, 1), by name, at the corners."""
+    """UV map (L, 2), colours (L, 4), vectors (L, 3) or numbers (L, 1), by name, at the corners."""
     if name == GENERATED:
         return _generated(mesh)
     if name in mesh.uv_layers:

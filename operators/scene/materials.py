@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender materials -> what of them does not depend on the view: base colour, opacity, emission."""
+"""Material reader: the view-independent part of Blender materials, that is base colour, opacity and emission."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MAX_EMISSION = 1e6  # W/m2; more can only be a mistake
 
 @dataclass(frozen=True)
 class _Surface:
-    """What a shader socket shows; `transparent` surfaces show nothing of their own."""
+    """Surface that a shader socket shows; `transparent` surfaces show nothing of their own."""
 
     base: ColorTerm = ColorTerm(_BLACK)  # noqa: RUF009
     alpha: NumberTerm = NumberTerm(1.0)  # noqa: RUF009
@@ -34,7 +34,7 @@ class _Surface:
 
 
 def read_material(material: bpy.types.Material, images: ImageReader) -> tuple[Material, str | None]:
-    """The view-independent part of a material, and one sentence if something in it had to be simplified.
+    """Read the view-independent part of a material, and one sentence if something in it had to be simplified.
 
     What is not understood takes its default value: base colour 0.8, opaque, no emission.
     """
@@ -88,13 +88,13 @@ def _material(name: str, surface: _Surface, images: ImageReader) -> Material:
 
 
 class _Walk:
-    """Walks shaders from the material's output towards the BSDFs."""
+    """Walk along shaders from the material's output towards the BSDFs."""
 
     def __init__(self, values: NodeValues) -> None:
         self.values = values
 
     def surface(self, at: Input) -> _Surface:
-        """What a shader input shows; unlinked it is black."""
+        """Evaluate a shader input to what it shows; unlinked it is black."""
         found = source(at)
         if isinstance(found, Input):
             return _Surface()
@@ -177,7 +177,7 @@ class _Walk:
         return factor.affine(alpha.offset, 0.0) if factor.threshold is None else factor
 
     def _blend(self, first: _Surface, second: _Surface, weight: float) -> _Surface:
-        """Both show, with constant weights; of two textures the heavier one stays."""
+        """Blend two surfaces with constant weights; of two textures the heavier one stays."""
         r, g, b = (a + weight * (c - a) for a, c in zip(first.emission, second.emission, strict=True))
         if first.base.texture is None and second.base.texture is None:
             x, y, z = (a + weight * (c - a) for a, c in zip(first.base.factor, second.base.factor, strict=True))
@@ -192,7 +192,7 @@ class _Walk:
         return replace(first if weight < 0.5 else second, base=base, emission=(r, g, b))
 
     def _add(self, first: _Surface, second: _Surface) -> _Surface:
-        """Both show in full."""
+        """Add two surfaces in full."""
         r, g, b = (a + c for a, c in zip(first.emission, second.emission, strict=True))
         if first.transparent:
             return replace(second, emission=(r, g, b))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that the scene names and that are not there: linked libraries, images of its materials, caches of its meshes.
+"""Missing files that a scene names: linked libraries, images of its materials, caches of its meshes.
 
 Blender opens a scene without them and says so on the terminal at most: objects of a missing library are left out, and
 Cycles shows a missing image in pink.
@@ -59,7 +59,7 @@ def missing_files(materials: Iterable[bpy.types.Material], world: bpy.types.Worl
 def _trees(
     materials: Iterable[bpy.types.Material], world: bpy.types.World | None
 ) -> Iterator[tuple[str, bpy.types.NodeTree]]:
-    """Node trees, and whose they are in words."""
+    """List node trees, each with its owner in words."""
     for material in materials:
         if (tree := shader_tree(material)) is not None:
             yield f"material '{material.name}'", tree
@@ -79,7 +79,7 @@ def _missing_images(tree: bpy.types.NodeTree) -> Iterator[str]:
 
 
 def _files_of(node: bpy.types.Node, image: bpy.types.Image) -> list[str]:
-    """What an image is read from at the present frame."""
+    """Files that an image is read from at the present frame."""
     if image.source == "TILED":
         return [image.filepath.replace("<UDIM>", str(tile.number)) for tile in image.tiles]
     if image.source == "SEQUENCE":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Following links of a shader tree through reroutes, muted nodes and groups."""
+"""Follow the links of a shader tree through reroutes, muted nodes and groups."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ import bpy
 
 @dataclass(frozen=True)
 class Input:
-    """An input socket and the group nodes, outermost first, inside which it lies."""
+    """Input socket and the group nodes, outermost first, inside which it lies."""
 
     socket: bpy.types.NodeSocket
     groups: tuple[bpy.types.Node, ...] = ()
 
     @property
     def value(self) -> object:
-        """The socket's own value, which counts if nothing is linked."""
+        """Socket's own value, which counts if nothing is linked."""
         return getattr(self.socket, "default_value", None)
 
 
 @dataclass(frozen=True)
 class Output:
-    """An output socket that computes a value: its node is no reroute, no group and not muted."""
+    """Output socket that computes a value: its node is no reroute, no group and not muted."""
 
     node: bpy.types.Node
     socket: bpy.types.NodeSocket
     groups: tuple[bpy.types.Node, ...]
 
     def input(self, key: str | int) -> Input:
-        """One of the node's inputs."""
+        """Input of the node by its key."""
         return Input(self.node.inputs[key], self.groups)
 
 
 def source(start: Input) -> Output | Input:
-    """What feeds an input: the output that computes it, or the unlinked input whose value counts."""
+    """Follow the links behind an input to the output that computes it, or to the unlinked input whose value counts."""
     at = start
     while True:
         link = next((link for link in at.socket.links if not link.is_muted), None)
@@ -48,7 +48,7 @@ def source(start: Input) -> Output | Input:
 
 
 def _behind(output: Output) -> Input | None:
-    """The input that an output only passes on, or None if its node computes something."""
+    """Input that an output only passes on, or None if its node computes something."""
     node = output.node
     if node.type == "REROUTE":
         return output.input(0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a socket of a shader tree amounts to: a constant times, or affine in, one image."""
+"""Terms that sockets of a shader tree evaluate to: a constant times, or affine in, one image."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WHITE: Rgb = (1.0, 1.0, 1.0)
 
 @dataclass(frozen=True)
 class TextureUse:
-    """An image and how it lies on the surface: uv' = transform (2, 3) of (u, v, 1)."""
+    """Image and how it lies on the surface: uv' = transform (2, 3) of (u, v, 1)."""
 
     image: bpy.types.Image
     extension: str = "REPEAT"
@@ -28,20 +28,20 @@ class TextureUse:
 
 @dataclass(frozen=True)
 class ColorTerm:
-    """factor * texture, or factor alone."""
+    """Colour term: factor * texture, or factor alone."""
 
     factor: Rgb = WHITE
     texture: TextureUse | None = None
 
     def scaled(self, factor: Rgb) -> ColorTerm:
-        """This colour times a constant one."""
+        """Scale this colour by a constant one."""
         r, g, b = (one * other for one, other in zip(self.factor, factor, strict=True))
         return replace(self, factor=(r, g, b))
 
 
 @dataclass(frozen=True)
 class NumberTerm:
-    """scale * channel of a texture + offset; 1 or 0 by `threshold` if there is one. Without texture: offset."""
+    """Number term: scale * channel of a texture + offset, or offset alone; 1 or 0 by `threshold` if there is one."""
 
     offset: float = 1.0
     scale: float = 0.0
@@ -51,11 +51,11 @@ class NumberTerm:
 
     @property
     def constant(self) -> bool:
-        """Whether it is the same everywhere."""
+        """Return whether it is the same everywhere."""
         return self.texture is None
 
     def affine(self, scale: float, offset: float) -> NumberTerm:
-        """scale * this + offset; after a threshold only the complement is possible."""
+        """Affine map of this term: scale * this + offset; after a threshold only the complement is possible."""
         if self.threshold is not None:
             if (scale, offset) == (1.0, 0.0):
                 return self
@@ -67,11 +67,11 @@ class NumberTerm:
 
 
 class NotUnderstoodError(Exception):
-    """A part of a shader tree that has no view of its own here; its message is a noun phrase."""
+    """Part of a shader tree that has no view of its own here; its message is a noun phrase."""
 
 
 def rgb(value: object) -> Rgb:
-    """A socket's value as a colour."""
+    """Socket's value as a colour."""
     if isinstance(value, float | int):
         return (float(value),) * 3
     r, g, b = (float(each) for each in list(value)[:3])  # type: ignore[call-overload]
@@ -79,7 +79,7 @@ def rgb(value: object) -> Rgb:
 
 
 def number(value: object) -> float:
-    """A socket's value as a number; a colour counts by its luminance."""
+    """Socket's value as a number; a colour counts by its luminance."""
     if isinstance(value, float | int):
         return float(value)
     return float(np.dot(rgb(value), REC709))

@@ -16,13 +16,13 @@ from .number_rules import NUMBER_RULES
 
 @dataclass
 class NodeValues:
-    """Evaluates sockets. `notes` collects noun phrases for whatever was left out."""
+    """Evaluator of sockets; `notes` collects noun phrases for whatever was left out."""
 
     images: ImageReader
     notes: list[str] = field(default_factory=list)
 
     def color(self, at: Input) -> ColorTerm:
-        """A colour input; raises NotUnderstoodError."""
+        """Evaluate a colour input; raises NotUnderstoodError."""
         found = source(at)
         if isinstance(found, Input):
             return ColorTerm(rgb(found.value))
@@ -32,7 +32,7 @@ class NodeValues:
         return rule(self, found)
 
     def number(self, at: Input) -> NumberTerm:
-        """A float input; raises NotUnderstoodError."""
+        """Evaluate a float input; raises NotUnderstoodError."""
         found = source(at)
         if isinstance(found, Input):
             return NumberTerm(number(found.value))
@@ -46,14 +46,14 @@ class NodeValues:
         return NumberTerm(0.0, luminance, color.texture, "Y")
 
     def constant_number(self, at: Input) -> float:
-        """A float input that must not vary; raises NotUnderstoodError if it does."""
+        """Evaluate a float input that must not vary; raises NotUnderstoodError if it does."""
         term = self.number(at)
         if not term.constant:
             raise NotUnderstoodError("a texture that drives a factor")
         return term.offset
 
     def constant_color(self, term: ColorTerm) -> Rgb:
-        """The colour's mean over its texture."""
+        """Mean of the colour over its texture."""
         if term.texture is None:
             return term.factor
         mean = self.images.mean(term.texture.image)

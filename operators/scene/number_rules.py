@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Nodes that yield numbers: what each of them amounts to."""
+"""Shader nodes that yield numbers, each with the rule that evaluates it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The random number that Cycles gives each object (node Object Info)."""
+"""Random number that Cycles gives each object (node Object Info)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _MASK = 0xFFFFFFFF
 
 
 def object_random(instance: bpy.types.DepsgraphObjectInstance) -> float:
-    """In [0, 1]: of an instance by its id, of an object by its name."""
+    """Random number in [0, 1]: of an instance by its id, of an object by its name."""
     if instance.is_instance:
         number = instance.random_id & _MASK
     else:
@@ -26,7 +26,7 @@ def _hash_string(text: str) -> int:
 
 
 def _hash(x: int, y: int) -> int:
-    """Bob Jenkins' lookup3 hash of two words."""
+    """Hash two words by Bob Jenkins' lookup3."""
     a = b = c = (0xDEADBEEF + (2 << 2) + 13) & _MASK
     a, b = (a + x) & _MASK, (b + y) & _MASK
     c = ((c ^ b) - _rotated(b, 14)) & _MASK

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which placed objects of a scene are surfaces to voxelize."""
+"""Placed objects of a scene that are surfaces to voxelize."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def _rendered_objects(layer: bpy.types.ViewLayer) -> frozenset[str]:
 
 
 def _renders(item: bpy.types.Object) -> bool:
-    """Voxels that we show are no surface of the scene, also where a person has them rendered."""
+    """Test for rendered objects; voxels that we show are no surface, also where a user has them rendered."""
     if is_own(item):
         return False
     return not item.hide_render and item.visible_camera and not item.is_holdout and not item.is_shadow_catcher
 
 
 def _shows(instance: bpy.types.DepsgraphObjectInstance) -> bool:
-    """Whether the object itself is shown, and not only what it instances."""
+    """Return whether the object itself is shown, and not only what it instances."""
     if not instance.show_self:
         return False
     item = instance.object
@@ -61,5 +61,5 @@ def _shows(instance: bpy.types.DepsgraphObjectInstance) -> bool:
 
 
 def _hidden_instance(instance: bpy.types.DepsgraphObjectInstance) -> bool:
-    """Whether the instanced object is disabled for renders; geometry nodes instance it nevertheless, as renders do."""
+    """Test whether the instanced object is disabled for renders; geometry nodes instance it anyway, as renders do."""
     return instance.parent.instance_type != "NONE" and instance.instance_object.original.hide_render

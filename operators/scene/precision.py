@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether single precision, in which Blender keeps places and Cycles computes light, resolves a surface.
+"""Precision warnings where float32, in which Blender keeps places and Cycles computes light, resolves no surface.
 
 Voxels themselves are made in double precision, from the meshes' own coordinates and the objects' transforms.
 """
@@ -44,7 +44,7 @@ def place_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
 
 
 def light_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
-    """A sentence if Cycles' light is coarser than the grid's voxels. Raises GeometryError where it would be wrong."""
+    """Warning if Cycles' light is coarser than the grid's voxels; raises GeometryError where it would be wrong."""
     reach, name = _farthest(source)
     extent = float(np.ptp(source.bounds_world, axis=0).max())
     other = "or choose the two-lights shading"
@@ -68,13 +68,13 @@ def light_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
 
 
 def _farthest(source: SceneMesh) -> tuple[float, str]:
-    """The farthest coordinate of any axis, and the object that it belongs to."""
+    """Farthest coordinate of any axis, and the object that it belongs to."""
     names, boxes = _boxes(source)
     return float(np.abs(source.bounds_world).max()), names[int(np.abs(boxes).max(axis=(1, 2)).argmax())]
 
 
 def _lonely(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
-    """A sentence if one object is so far from all others that those are no larger than voxels."""
+    """Warning if one object is so far from all others that those are no larger than voxels."""
     names, boxes = _boxes(source)
     if len(names) < 2:
         return ()

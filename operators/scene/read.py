@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reading the evaluated scene: modifiers, instances, curves and text as Blender sees them."""
+"""Read the evaluated scene: modifiers, instances, curves and text as Blender sees them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NO_MATERIAL = ""
 
 
 def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMesh:
-    """The surface of the objects in scope ("SELECTED" or "VISIBLE") in world units, with their materials.
+    """Read the surface of the objects in scope ("SELECTED" or "VISIBLE") in world units, with their materials.
 
     Raises EmptySelectionError if nothing in scope has a surface, GeometryError if the surface has no area
     or coordinates that are not finite.
@@ -56,7 +56,7 @@ def _nothing(scope: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """One row of `Placements`."""
+    """Row of `Placements`."""
 
     name: str
     matrix_world: np.ndarray
@@ -67,12 +67,12 @@ class _Placed:
     links: int
 
     def padded_slots(self, width: int) -> tuple[int, ...]:
-        """`width` slots, the last one repeated, as Blender does for faces beyond the slots."""
+        """Pad to `width` slots, the last one repeated, as Blender does for faces beyond the slots."""
         return (*self.slots, *(self.slots[-1:] * (width - len(self.slots))))
 
 
 class _Reader:
-    """Collects placements; each mesh and each material once."""
+    """Collector of placements; each mesh and each material once."""
 
     def __init__(self) -> None:
         self.material_names: dict[str, int] = {}
@@ -122,7 +122,7 @@ class _Reader:
         return self.material_names.setdefault(name, len(self.material_names))
 
     def parts(self) -> tuple[Placements, ...]:
-        """All placements, mesh by mesh in the order of their first appearance."""
+        """Placements, all of them, mesh by mesh in the order of their first appearance."""
         parts = []
         for key, placed in self._placed.items():
             mesh = self._meshes[key]
@@ -143,7 +143,7 @@ class _Reader:
         return tuple(parts)
 
     def materials(self) -> tuple[tuple[Material, ...], list[str]]:
-        """The materials in the order of their indices, and sentences about what was simplified."""
+        """Materials in the order of their indices, and sentences about what was simplified."""
         images, warnings, result = ImageReader(), [], []
         library = {material.name_full: material for material in bpy.data.materials}
         for name in self.material_names:
@@ -156,7 +156,7 @@ class _Reader:
 
 @contextmanager
 def _evaluated_mesh(instance: bpy.types.DepsgraphObjectInstance) -> Iterator[bpy.types.Mesh | None]:
-    """The mesh of an instance."""
+    """Mesh of an instance."""
     item = instance.object
     if instance.is_instance and isinstance(item.data, bpy.types.Mesh):
         yield item.data  # it may belong to no object: geometry nodes instance meshes, curves evaluate to them

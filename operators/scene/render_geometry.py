@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Geometry as renders have it: subdivision, modifiers and curves with their render settings."""
+"""Render geometry: subdivision, modifiers and curves with their render settings."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The surface of a scene: each mesh once, placed many times, streamed batch by batch."""
+"""Surface of a scene: each mesh once, placed many times, streamed batch by batch."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BATCH_TRIANGLES = 250_000
 
 @dataclass(frozen=True, eq=False)
 class Placements:
-    """One mesh and where it stands.
+    """Mesh and its places.
 
     mesh: the triangles in their own space. objects: (P,) names of the placed objects.
     matrices_world: (P, 4, 4) float64. materials: (P, S) int32, index into the scene's materials for each slot.
@@ -115,7 +115,7 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """`MeshSource` of a Blender scene. Meshes are kept once; placed triangles exist only batch by batch.
+    """`MeshSource` of a Blender scene; meshes are kept once; placed triangles exist only batch by batch.
 
     material_names: Blender's (full) name for each of `materials`, "" where a surface has none.
     warnings: sentences about what is missing or was simplified.
@@ -148,7 +148,7 @@ class SceneMesh:
         return frozenset(self.material_names[index] for index in used)
 
     def batches(self) -> Iterator[TriangleBatch]:
-        """All triangles, in a fixed order: mesh by mesh, placement by placement."""
+        """Triangles in batches, all in a fixed order: mesh by mesh, placement by placement."""
         first = 0
         for runs in self.runs():
             batch = _batch(runs, first)
@@ -156,7 +156,7 @@ class SceneMesh:
             first += len(batch)
 
     def runs(self) -> Iterator[tuple[Run, ...]]:
-        """What each of the `batches` is made of: large meshes divided, small ones grouped."""
+        """Runs that each of the `batches` is made of: large meshes divided, small ones grouped."""
         group: list[Run] = []
         count = 0
         for part in self.parts:

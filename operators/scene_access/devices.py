@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Cycles computes on, and who encodes."""
+"""Devices, CPU or GPU, that Cycles bakes on and that the encoder may ask for."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ENABLE = "enable one in the preferences under System > Cycles Render Devices, o
 
 
 def gpu_is_enabled(context: bpy.types.Context) -> bool:
-    """Whether a GPU is enabled in the preferences of Cycles; it then bakes, whatever the scene's file says."""
+    """Return whether a GPU is enabled in the preferences of Cycles; it then bakes, whatever the scene's file says."""
     addon = context.preferences.addons.get("cycles")
     return addon is not None and bool(addon.preferences.has_active_device())
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Going through frames of a scene, which is at its own frame again afterwards.
+"""Frame iteration over a scene, which is at its own frame again afterwards.
 
-Going to another frame sets whatever is animated, and so drops what a person changed there without a key. That comes
+Going to another frame sets whatever is animated, and so drops what the user changed there without a key. That comes
 back, too.
 """
 
@@ -23,7 +23,7 @@ _UNREADABLE = (AttributeError, IndexError, KeyError, TypeError, ValueError)
 
 @contextmanager
 def kept_frame(scene: bpy.types.Scene) -> Iterator[None]:
-    """Within the block the scene may go to any frame; afterwards, and in files saved meanwhile, it is as before."""
+    """Keep the scene's frame: within the block any may be gone to; afterwards, and in saved files, it is as before."""
     frame, subframe = scene.frame_current, scene.frame_subframe
     gone_to = frame
     before = list(_animated_values())
@@ -84,7 +84,7 @@ def fcurves(animation: bpy.types.AnimData) -> Iterator[bpy.types.FCurve]:
 
 
 def _get(owner: bpy.types.ID, path: str, index: int) -> Any:
-    """A plain value."""
+    """Return a plain value."""
     value = owner.path_resolve(path)
     return value[index] if hasattr(value, "__len__") and not isinstance(value, str) else value
 

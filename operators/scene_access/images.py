@@ -18,7 +18,7 @@ from .own import OWNER
 
 
 def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.types.Image:
-    """Create or update the result image `name`. `raw`: float values (Non-Color) instead of encoded colours.
+    """Create or update the result image `name`; `raw`: float values (Non-Color) instead of encoded colours.
 
     An image of the user's that happens to have this name is left alone. The pixels are packed, so that they are saved
     with the file and closing Blender does not ask about them.
@@ -46,7 +46,7 @@ def drop_image(name: str) -> None:
 
 
 def is_shown() -> bool:
-    """Whether a picture of ours is among Blender's images."""
+    """Return whether a picture of ours is among Blender's images."""
     return any(OWNER in image for image in bpy.data.images)
 
 

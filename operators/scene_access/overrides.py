@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings and modes that a job changes for a while: as before afterwards, and in files that are saved meanwhile.
+"""Temporary changes of settings and modes by a job: undone afterwards, and in files that are saved meanwhile.
 
 Data-blocks that a job adds need none of this: they are `temporary`, which Blender never writes.
 """
@@ -21,7 +21,7 @@ _changes: list[tuple[Act, Act]] = []  # how to put a change back, and how to mak
 
 @contextmanager
 def put_back_when_saved(put_back: Act, make_again: Act) -> Iterator[None]:
-    """Within the block something of the user's is changed: a file that is saved meanwhile does not have the change."""
+    """Put back what the block changes of the user's in a file that is saved meanwhile, which has no such change."""
     change = put_back, make_again
     _changes.append(change)
     try:
@@ -60,7 +60,7 @@ def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
 
 
 def _place(owner: bpy.types.bpy_struct) -> Callable[[], Any]:
-    """Where `owner` is found again: Blender notices that a data-block is gone, and not that settings in it are."""
+    """Function that finds `owner` again: Blender notices a data-block that is gone, but not settings in it that are."""
     block = owner.id_data
     if block is None or block == owner:
         return lambda: owner

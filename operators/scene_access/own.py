@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What operators leave in a file on purpose: pictures, and the object that shows voxels. They are no part of the scene
-that is read, lit and watched for changes."""
+"""Data-blocks that operators leave in a file on purpose: pictures, and the object that shows voxels.
+
+They are no part of the scene that is read, lit and watched for changes."""
 
 from __future__ import annotations
 
@@ -10,5 +11,5 @@ OWNER = "patchnet_result"  # custom property that marks a data-block as ours to 
 
 
 def is_own(item: bpy.types.ID) -> bool:
-    """Whether an operator of ours made this data-block, original or evaluated, as a result."""
+    """Return whether an operator of ours made this data-block, original or evaluated, as a result."""
     return OWNER in item

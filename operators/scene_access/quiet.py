@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Changes of the extension's own, which make no result stale."""
+"""Changes by the extension itself, which make no result stale."""
 
 from __future__ import annotations
 
@@ -24,5 +24,5 @@ def quiet() -> Iterator[None]:
 
 
 def is_quiet() -> bool:
-    """Whether changes are our own now."""
+    """Return whether changes are our own now."""
     return _blocks > 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Data-blocks that exist only while a job runs: Blender never writes them into a file that is saved meanwhile."""
+"""Temporary data-blocks, only there while a job runs: Blender never writes them into a file that is saved meanwhile."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _COLLECTIONS = {
 
 @contextmanager
 def temporary(block: Block) -> Iterator[Block]:
-    """A new data-block that is removed after the block of code, unless opening another file has done so."""
+    """Create a data-block that is removed after the block of code, unless opening another file has done so."""
     block.is_runtime_data = True
     collection = getattr(bpy.data, _COLLECTIONS[type(block).__name__])
     try:
@@ -31,7 +31,7 @@ def temporary(block: Block) -> Iterator[Block]:
 
 @contextmanager
 def scene_copy(scene: bpy.types.Scene) -> Iterator[bpy.types.Scene]:
-    """A scene of the same objects with settings of its own: some, once changed, cannot be unset again.
+    """Copy a scene, with the same objects and settings of its own: some, once changed, cannot be unset again.
 
     What is set in it and linked to it is the job's alone. Afterwards the view layers of all scenes are up to date.
     """

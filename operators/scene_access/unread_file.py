@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The file that Blender was to open and could not: a batch job would else work on what is open instead of it.
+"""Failed file load: a batch job would else work on what is open instead of the file that Blender could not open.
 
 `blender -b damaged.blend` says one line on the terminal and goes on with an untitled scene.
 """
@@ -15,7 +15,7 @@ _unread: list[str] = []  # its path, while nothing was opened since
 
 
 def check_opened() -> None:
-    """Raises SceneError in a Blender without a window that has no file open because the one it was given is damaged."""
+    """Raise SceneError in a Blender without a window that has no file open because the one it was given is damaged."""
     if bpy.app.background and _unread and not bpy.data.filepath:
         raise SceneError(
             f"Scene file {_unread[-1]} could not be opened, it may be damaged: nothing of it is there to work on; "

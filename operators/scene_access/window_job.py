@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work beside a window that stays alive, and Blender's own jobs, which are the part of it that is not ours."""
+"""Window jobs: work beside a window that stays alive, and waiting for Blender's own bake and render jobs."""
 
 from __future__ import annotations
 
@@ -36,24 +36,24 @@ def in_window(alive: bool) -> Iterator[None]:
 
 
 def window_is_alive() -> bool:
-    """Whether a window waits for these steps."""
+    """Return whether a window waits for these steps."""
     return _in_window.get()
 
 
 def job_is_running(*kinds: str) -> bool:
-    """Whether Blender bakes or renders beside its window, or does what is in `kinds`."""
+    """Return whether Blender bakes or renders beside its window, or does what is in `kinds`."""
     return any(bpy.app.is_job_running(kind) for kind in kinds or (BAKE, RENDER))
 
 
 def check_no_job() -> None:
-    """Raises SceneError while Blender bakes or renders beside its window: a render of ours would end that."""
+    """Raise SceneError while Blender bakes or renders beside its window: a render of ours would end that."""
     if job_is_running():
         raise SceneError("Blender is rendering or baking: wait for it, or press Esc over the window, then start again")
 
 
 @dataclass(frozen=True)
 class JobEnd:
-    """How a job ended, as far as Blender says, and the seconds until then, without those of who waited for it."""
+    """End of a job, as far as Blender says, and the seconds until then, without those of the caller that waited."""
 
     completed: bool
     cancelled: bool
@@ -78,7 +78,7 @@ def as_job(kind: str, start: Callable[[], object], at: Callable[[], Progress]) -
 
 @contextmanager
 def _told(kind: str, ended: list[tuple[str, float]]) -> Iterator[None]:
-    """Blender's word for the end of a job, and when it came, go into `ended`; Blender says it in the job's thread."""
+    """Collect in `ended` Blender's word for the end of a job, and its time; Blender says it in the job's thread."""
 
     def note(word: str) -> Callable[..., None]:
         return lambda *_: ended.append((word, time.perf_counter()))

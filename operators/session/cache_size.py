@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What PatchNet put into its cache folder: compiled kernels, pages of stopped bakes, and finished octrees.
+"""Size of the disk cache: compiled kernels, pages of stopped bakes, and finished octrees.
 
-Only files that look like those are counted and deleted. A person may have chosen a folder that holds other things.
+Only files that look like those are counted and deleted. A user may have chosen a folder that holds other things.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ class CacheSize:
         return self.kernels + self.bakes + self.octrees
 
     def text(self) -> str:
-        """In words."""
+        """Sizes in words."""
         parts = ", ".join(f"{name} {value / 2**20:.1f}" for name, value in asdict(self).items())
         return f"{self.total / 2**20:.1f} MiB: {parts}"
 
 
 def cache_size(root: Path) -> CacheSize:
-    """How much of `root` is ours."""
+    """Size of what is ours in `root`."""
     return CacheSize(*(sum(_size(path) for path in files(root)) for files in _ALL))
 
 

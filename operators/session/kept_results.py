@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Finished octrees and codes of scenes, kept in the cache folder: there again when the file is opened.
+"""Disk cache of finished octrees and codes of scenes: there again when the file is opened.
 
 An entry is found by the state of the scene that it was made of, so it fits whatever file that scene stands in, saved or
-recovered, and fits nothing else. Without a window it is looked for when somebody asks for voxels; beside a window a
+recovered, and fits nothing else. Without a window it is looked for when voxels are asked for; beside a window a
 moment after a file was opened.
 """
 
@@ -66,7 +66,7 @@ def result_or_kept(scene: bpy.types.Scene) -> SceneResult | None:
     result = results.result_of(scene)
     if result is None and bpy.app.background and scene.session_uid not in _looked:
         _looked.add(scene.session_uid)
-        with suppress(PatchNetError):  # no weights, say: whoever needs them says so
+        with suppress(PatchNetError):  # no weights, say: code that needs them says so
             restore(scene)
         result = results.result_of(scene)
     return result
@@ -88,14 +88,14 @@ def _cache() -> OctreeCache:
 
 
 def _key(state: SceneState) -> str:
-    """What an octree depends on beside the settings, which stand in the entry: the last ones that it was made with."""
+    """Key of what an octree depends on beside the settings it was last made with, which stand in the entry."""
     from ..animation.frame_key import code_hash
 
     return state.identity(code_hash(), bpy.app.version_string)
 
 
 def _fingerprint(scene: bpy.types.Scene) -> list[Any]:
-    """What tells most scenes apart at once."""
+    """Fingerprint that tells most scenes apart at once."""
     return [scene.name, len(scene.objects), len(bpy.data.meshes), len(bpy.data.materials)]
 
 

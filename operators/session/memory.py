@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Memory: what the extension holds in Blender, and back to the system what it needs no more."""
+"""Memory of the extension in Blender: what it holds, and the release of what it needs no more to the system."""
 
 from __future__ import annotations
 
@@ -17,8 +17,11 @@ from .scene_session import open_sessions
 
 
 class Held(NamedTuple):
-    """Bytes. results: octrees, codes and views of all scenes, and those of frames that are rendered. images: pictures
-    in the file. process: all that Blender takes, the extension included; None where the system does not say."""
+    """Bytes that the extension holds.
+
+    results: octrees, codes and views of all scenes, and those of frames that are rendered. images: pictures in the
+    file. process: all that Blender takes, the extension included; None where the system does not say.
+    """
 
     results: int
     images: int
@@ -26,7 +29,7 @@ class Held(NamedTuple):
 
 
 def give_back() -> None:
-    """Collect what nobody uses, and return what is free to the system, which allocators else keep for themselves."""
+    """Collect what is not used, and return what is free to the system, which allocators else keep for themselves."""
     gc.collect()
     trim()
 

@@ -25,7 +25,7 @@ def image_name(camera: str, name: str) -> str:
 
 
 def show_images(view: View, shown: ShownView) -> dict[str, bpy.types.Image]:
-    """Create or update all images of a view. Raw ones are float, Non-Color; a quantity that is unknown has none."""
+    """Create or update all images of a view; raw ones are float, Non-Color; a quantity that is unknown has none."""
     camera = view.camera.name
     images = {name: show_image(image_name(camera, name), view.pictures[name]) for name in PICTURES}
     for name in RAW:

@@ -32,7 +32,7 @@ def result_of(scene: bpy.types.Scene) -> SceneResult | None:
 
 
 def voxels_of(scene: bpy.types.Scene) -> SceneResult:
-    """The result of `scene`; raises SettingError with what to do if there is none."""
+    """Result of `scene`; raises SettingError with what to do if there is none."""
     result = result_of(scene)
     if result is None:
         raise SettingError(NO_VOXELS)
@@ -40,7 +40,7 @@ def voxels_of(scene: bpy.types.Scene) -> SceneResult:
 
 
 def codes_of(scene: bpy.types.Scene) -> CodedOctree:
-    """The codes of `scene`; raises SettingError with what to do if there are none."""
+    """Codes of `scene`; raises SettingError with what to do if there are none."""
     coded = voxels_of(scene).coded
     if coded is None:
         raise SettingError(NO_CODES)
@@ -63,7 +63,7 @@ def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str) -> None:
 
 
 def without_view(result: SceneResult) -> SceneResult:
-    """The same without what was found out about a view."""
+    """Copy a result without what was found out about a view."""
     made = replace(result, lookahead_share=None, pictures=False, comparison=None, errors=None)
     made.unmark("view")
     return made
@@ -76,7 +76,7 @@ def forget(scene: bpy.types.Scene) -> None:
 
 
 def _redraw_viewports() -> None:
-    """Viewports may show results: the render engine's shading mode does. A render beside a window leaves them alone."""
+    """Redraw viewports, as the engine's shading mode shows results; a render beside a window leaves them alone."""
     if not in_main_thread():
         return
     for window in bpy.context.window_manager.windows:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a view has shown, as part of the scene's result."""
+"""View figures as part of the scene's result."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .scene_result import Comparison, Row, SceneResult
 
 
 def seen(result: SceneResult, view: View, *, compared: bool = False) -> SceneResult:
-    """The result with a view's figures; a comparison of all strategies if there was one, else none any more."""
+    """Add a view's figures to a result; a comparison of all strategies if there was one, else none any more."""
     report = view.report
     made = replace(
         result,
@@ -25,7 +25,7 @@ def seen(result: SceneResult, view: View, *, compared: bool = False) -> SceneRes
 
 
 def comparison_of(view: View) -> Comparison:
-    """The table of a view on which all strategies were measured."""
+    """Table of a view on which all strategies were measured."""
     report = view.report
     width, height = report["size"]
     rows = [Row(name, STRATEGIES[name].title, error) for name, error in report["mse"].items()]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A camera's result as overlay and pixel inspection need it: arrays, no drawing, nothing of the octree."""
+"""Arrays of a camera's result for overlay and pixel inspection: no drawing, nothing of the octree."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _numbers = count(1)
 
 @dataclass(frozen=True, eq=False)
 class ShownView:
-    """What is known of each pixel of a view.
+    """Values of each pixel of a view.
 
     camera: what it looked through. values: quantity -> (H, W) float32, raw; level is -1 where nothing was met.
     looks: PREVIEW, REFINED, REFERENCE -> (H, W, 3) uint8, as a screen shows them. strategy: name.
@@ -63,7 +63,7 @@ class ShownView:
         return self.maximum if chosen == self.chosen_maximum else chosen or strategy(self.strategy).maximum
 
     def picture(self, name: str, maximum: float, ramp: str) -> np.ndarray:
-        """(H, W, 3) float32, sRGB in [0, 1]: one of TITLES. maximum: of the heatmap. ramp: a colour map."""
+        """(H, W, 3) float32, sRGB in [0, 1]: one of TITLES; maximum: of the heatmap; ramp: a colour map."""
         if name in self.looks:
             return self.looks[name].astype(np.float32) / np.float32(255)
         values, end = self.mapped(name, maximum)
@@ -102,7 +102,7 @@ class ShownView:
 
 
 def view_to_show(view: View, settings: JobSettings, chosen_maximum: float) -> ShownView:
-    """What overlay and inspection need of a view that was made with `settings`."""
+    """Select what overlay and inspection need of a view that was made with `settings`."""
     from ...patchnet_addon.tracing.supersample import MAX_SAMPLES
 
     frame, mask = view.frame, view.ranking.mask

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether results still fit the scene, and what changed if not.
+"""Staleness of results: tests if they still fit the scene, and finds what changed if not.
 
 Blender reports what its dependency graph evaluated again, which is far more than what changed. So each report is
 compared with the state of the scene that the result was made of. That is bounded: after an undo, or a change of very
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..state.scene_state import SceneState
 
 _MOST_UPDATES = 1000  # compared one by one after one change
-_QUICK_S = 0.5  # a comparison of everything may take so long while somebody works
+_QUICK_S = 0.5  # a comparison of everything may take so long while the user works
 _MEMBERS = bpy.types.Scene | bpy.types.Collection
 MANY = "many objects"
 UNDO = "undo or redo"
@@ -72,7 +72,7 @@ def changes(
 
 
 def _words(update: bpy.types.DepsgraphUpdate) -> str:
-    """What a report says of a data-block."""
+    """Describe the change of a data-block that Blender reports."""
     from ..state.scene_state import changed_text, key_of
 
     block = update.id.original
@@ -81,7 +81,7 @@ def _words(update: bpy.types.DepsgraphUpdate) -> str:
 
 
 def look_again(result: SceneResult, scene: bpy.types.Scene) -> None:
-    """Before a result is used: disprove what marks it as stale, and see what Blender reports to nobody."""
+    """Recheck a result before it is used: disprove what marks it as stale, and see what Blender does not report."""
     from ..state.scene_state import MEMBERS, changed_text
 
     if result.stale:
@@ -104,7 +104,7 @@ def recheck(result: SceneResult, scene: bpy.types.Scene) -> None:
 
 
 def _recheck_if_quick(result: SceneResult, scene: bpy.types.Scene, reason: str) -> None:
-    """As `recheck`; of a large scene all counts as changed, for that `reason`, until somebody needs to know."""
+    """Recheck a result, or of a large scene mark all as changed, for that `reason`, until the state is needed."""
     from ..state.scene_state import LIGHT, SURFACE
 
     if result.state is not None and result.state.seconds < _QUICK_S:
@@ -116,7 +116,7 @@ def _recheck_if_quick(result: SceneResult, scene: bpy.types.Scene, reason: str) 
 
 @persistent
 def _on_undo_post(scene: bpy.types.Scene, _depsgraph: object = None) -> None:
-    """After undo or redo, what is as it was fits again. Pictures that an undo has taken away are not shown as there."""
+    """Recheck after undo or redo: what is as it was fits again; pictures that an undo removed do not count as shown."""
     result = results.result_of(scene)
     estimate = results.estimate_of(scene)
     if estimate is not None:

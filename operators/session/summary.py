@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a scene's result is, in a few lines."""
+"""Summary of a scene's result, in a few lines."""
 
 from __future__ import annotations
 

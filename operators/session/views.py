@@ -34,7 +34,7 @@ def view_of_camera(scene: bpy.types.Scene, name: str) -> ShownView | None:
 
 
 def view_of_image(scene: bpy.types.Scene, image: bpy.types.Image) -> tuple[ShownView, str] | None:
-    """The view that an image of ours belongs to, and which of its pictures it is."""
+    """View that an image of ours belongs to, and which of its pictures it is."""
     owner = image.get(OWNER)
     for camera, view in session_of(scene).views.items():
         for name in (*PICTURES, *RAW):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of a picture Cycles renders, and how well."""
+"""Settings of a refinement by Cycles: its share of the picture, and its quality."""
 
 from __future__ import annotations
 

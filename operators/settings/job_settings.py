@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All settings of a job as one value, checked when it is made."""
+"""Settings of a job as one value, checked when it is made."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 @dataclass(frozen=True)
 class JobSettings:
-    """What to do with a scene.
+    """Settings of a job on a scene.
 
     scope: SELECTED objects or all VISIBLE renderable ones.
     depth: of the octree; None chooses it by the cameras (methods 4.1b). voxel_world: leaf side instead of a depth.
@@ -42,7 +42,7 @@ class JobSettings:
     bounds: lower and upper corner, in world units, that the octree's cube is put around; None takes the surface's own.
     importance: what was painted to matter; None where all pixels matter alike.
     device: of the bake; encoder_device: of the network where torch is there. torch_python: another Python that has
-    torch. They decide who computes, and not what: they count for no frame's key.
+    torch. They decide which device computes, and not what: they count for no frame's key.
     daylight: whether sun and sky are added for the bake; None adds them to a scene without light.
     cycles: how Cycles renders the worst regions over the preview; None renders none.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which settings matter to which step with their present values, and which were changed since a step was done."""
+"""Settings that matter to each step with their present values, and the changed ones since a step was done."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def step_settings(values: bpy.types.PropertyGroup, step: str) -> tuple[str, ...]
 
 
 def recorded(values: bpy.types.PropertyGroup, *steps: str) -> dict[str, Any]:
-    """The values of the steps' settings, to compare with later ones."""
+    """Record the values of the steps' settings, to compare with later ones."""
     found = {}
     for step in steps:
         for name in step_settings(values, step):

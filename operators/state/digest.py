@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A hash over Blender's data: properties as RNA enumerates them, node trees, images, arrays of geometry.
+"""Hash over Blender's data: properties as RNA enumerates them, node trees, images, arrays of geometry.
 
 It is the same in every process that opened the same file, and differs with anything that a render could show. What only
 the interface shows is left out where it is known; the rest rather counts too much than too little.
@@ -16,7 +16,7 @@ import numpy as np
 
 
 def names(text: str) -> frozenset[str]:
-    """The words of a text."""
+    """Split a text into its words."""
     return frozenset(text.split())
 
 
@@ -50,7 +50,7 @@ _MOST_TEXTS = 4096
 
 
 class Digest:
-    """A growing hash; the contents of a data-block count when it is first met, later its name."""
+    """Hash that grows; the contents of a data-block count when it is first met, later its name."""
 
     def __init__(self) -> None:
         self.is_empty = True
@@ -75,7 +75,7 @@ class Digest:
         self._texts.clear()
 
     def array(self, name: str, values: np.ndarray | None) -> None:
-        """An array with its type and shape."""
+        """Hash an array with its type and shape."""
         if values is None:
             self.text(name, None)
             return
@@ -84,7 +84,7 @@ class Digest:
         self._hash.update(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
 
     def block(self, block: bpy.types.ID | None) -> None:
-        """A data-block: its name, and its contents if it is new here."""
+        """Hash a data-block: its name, and its contents if it is new here."""
         if block is None:
             self.text(None)
             return
@@ -95,7 +95,7 @@ class Digest:
         self.contents(block)
 
     def contents(self, block: bpy.types.ID) -> None:
-        """What is in a data-block."""
+        """Hash the contents of a data-block."""
         if isinstance(block, bpy.types.Image):
             self._image(block)
         elif isinstance(block, bpy.types.NodeTree):
@@ -118,7 +118,7 @@ class Digest:
             self.block(getattr(block, "node_tree", None))
 
     def struct(self, owner: bpy.types.bpy_struct, skipped: frozenset[str] = frozenset(), depth: int = _DEPTH) -> None:
-        """All properties, those of nested settings too."""
+        """Hash all properties, those of nested settings too."""
         self.text(owner.bl_rna.identifier)
         for key, kind, is_array in _properties_of(owner):
             if key in skipped:
@@ -192,7 +192,7 @@ class Digest:
             self.block(material)
 
     def file(self, path: str) -> None:
-        """A file outside, by its size and time; a file that is not there counts too."""
+        """Hash a file outside, by its size and time; a file that is not there counts too."""
         try:
             state = os.stat(path)
         except OSError:
@@ -216,7 +216,7 @@ class Digest:
         self.array(f"{attribute.name} {attribute.domain}", values_of(attribute.data, key, width, dtype))
 
     def faces(self, data: Any) -> None:
-        """Which vertices the faces of a mesh have; nothing of what has none."""
+        """Hash the vertex indices of a mesh's faces; nothing of what has none."""
         if not isinstance(data, bpy.types.Mesh):
             return
         corners = data.attributes.get(_CORNERS)  # the same as of `loops`, many times faster
@@ -244,7 +244,7 @@ def _properties_of(owner: bpy.types.bpy_struct) -> list[tuple[str, str, bool]]:
 
 
 def values_of(items: Any, key: str, width: int, dtype: type) -> np.ndarray:
-    """One property of all items of a collection: (len(items) * width,)."""
+    """Values of one property of all items of a collection: (len(items) * width,)."""
     values: np.ndarray = np.empty(len(items) * width, dtype)
     if len(items):
         items.foreach_get(key, values)

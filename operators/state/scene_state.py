@@ -58,7 +58,7 @@ _KEYFRAME_VALUES = ("co", "handle_left", "handle_right")
 
 
 class _Hashes(NamedTuple):
-    """Of one data-block: what makes the surface, what lights it and how it looks, and what cameras see."""
+    """Hashes of one data-block: what makes the surface, what lights it and how it looks, and what cameras see."""
 
     surface: str = ""
     light: str = ""
@@ -67,7 +67,7 @@ class _Hashes(NamedTuple):
 
 @dataclass(frozen=True)
 class SceneState:
-    """What a scene was at some moment.
+    """State of a scene at some moment.
 
     entries: hashes by data-block. layer: name of the view layer. frame: the present one if something is animated.
     seconds: what it took to find out.
@@ -86,7 +86,7 @@ class SceneState:
         return digest.hexdigest()
 
     def differences(self, now: SceneState) -> dict[str, list[str]]:
-        """What is not as it was, in words, for the surface and for the light."""
+        """List what changed, in words, for the surface and for the light."""
         found: dict[str, list[str]] = {SURFACE: [], LIGHT: []}
         for key in dict.fromkeys((*self.entries, *now.entries)):
             before, after = (state.entries.get(key, _Hashes()) for state in (self, now))
@@ -96,7 +96,7 @@ class SceneState:
         return found
 
     def changes_of(self, block: bpy.types.ID) -> list[str]:
-        """The steps for which an original data-block is not what it was; none if they do not depend on it."""
+        """Steps for which an original data-block is not what it was; none if they do not depend on it."""
         before = self.entries.get(key_of(block))
         if before is None or _passed_over(block):
             return []
@@ -104,13 +104,13 @@ class SceneState:
         return [step for step in _Hashes._fields if getattr(before, step) != getattr(now, step)]
 
     def changes_of_members(self, scene: bpy.types.Scene) -> list[str]:
-        """The steps for which the scene is not what it was by its objects and settings."""
+        """Steps for which the scene is not what it was by its objects and settings."""
         before, now = self.entries[MEMBERS], _members(scene, _layer(scene, self.layer))
         return [step for step in _Hashes._fields if getattr(before, step) != getattr(now, step)]
 
 
 def scene_state(scene: bpy.types.Scene, layer: str = "") -> SceneState:
-    """The state of a scene without objects that show results, and of all that it refers to.
+    """Take the state of a scene without objects that show results, and of all that it refers to.
 
     layer: name of the view layer that is looked at, by default the context's.
     """
@@ -130,7 +130,7 @@ def scene_state(scene: bpy.types.Scene, layer: str = "") -> SceneState:
 
 
 def key_of(block: bpy.types.ID) -> Key:
-    """What a data-block is found by."""
+    """Key that a data-block is found by."""
     kind = type(block).__name__
     if isinstance(block, bpy.types.Object):
         kind = _KINDS_OF_OBJECTS.get(block.type, kind)
@@ -156,7 +156,7 @@ def _layer(scene: bpy.types.Scene, name: str) -> bpy.types.ViewLayer:
 
 
 def _members(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Hashes:
-    """Which objects a view layer shows and what its collections leave out; how Cycles renders the scene."""
+    """Hash which objects a view layer shows and what its collections leave out, and how Cycles renders the scene."""
     shown: set[tuple[str, tuple[bool, ...]]] = set()
     stack = [(layer.layer_collection, (False,) * 6)]
     while stack:
@@ -185,12 +185,12 @@ def _counts(item: bpy.types.Object) -> bool:
 
 
 def _passed_over(block: bpy.types.ID) -> bool:
-    """Whether a data-block shows results, or is there only while a job runs."""
+    """Return whether a data-block shows results, or is there only while a job runs."""
     return is_own(block) or block.is_runtime_data
 
 
 def is_camera(block: bpy.types.ID) -> bool:
-    """Whether a data-block is a camera, as object or as its data."""
+    """Return whether a data-block is a camera, as object or as its data."""
     return isinstance(block, bpy.types.Camera) or (isinstance(block, bpy.types.Object) and block.type == "CAMERA")
 
 
@@ -202,7 +202,7 @@ class _OwnDigest(Digest):
         self.references: list[bpy.types.ID] = []
 
     def block(self, block: bpy.types.ID | None) -> None:
-        """The name of a data-block; nothing of one that shows results."""
+        """Hash the name of a data-block; nothing of one that shows results."""
         if block is not None and _passed_over(block):
             return
         self.text(None if block is None else key_of(block))
@@ -211,7 +211,7 @@ class _OwnDigest(Digest):
 
 
 class _Reader:
-    """Hashes data-blocks; `animated` is whether one of them changes by itself from frame to frame."""
+    """Reader that hashes data-blocks; `animated` is whether one of them changes by itself from frame to frame."""
 
     def __init__(self) -> None:
         self.animated = False
@@ -223,7 +223,7 @@ class _Reader:
         return taken
 
     def hashes(self, block: bpy.types.ID) -> _Hashes:
-        """Of one data-block."""
+        """Hash one data-block."""
         surface, light, view = digests = _OwnDigest(), _OwnDigest(), _OwnDigest()
         main = view if is_camera(block) else light if _lights(block) else surface
         if isinstance(block, bpy.types.Object):
@@ -237,8 +237,8 @@ class _Reader:
         return _Hashes(*("" if digest.is_empty else digest.hexdigest() for digest in digests))
 
     def _object(self, item: bpy.types.Object, surface: _OwnDigest, light: _OwnDigest) -> None:
-        # What Blender computes from this, the world's matrix, is not known right after an undo. Nobody compares cameras
-        # then, and what moves them need not be part of the surface.
+        # What Blender computes from this, the world's matrix, is not known right after an undo. Cameras are not
+        # compared then, and what moves them need not be part of the surface.
         moved_by = (item.matrix_world,) if is_camera(item) else (item.matrix_basis, item.matrix_parent_inverse)
         for matrix in moved_by:
             surface.text(tuple(tuple(row) for row in matrix))
@@ -274,7 +274,7 @@ class _Reader:
 
 
 def _lights(block: bpy.types.ID) -> bool:
-    """Whether a data-block, neither an object nor a mesh, makes light or shows it."""
+    """Return whether a data-block, neither an object nor a mesh, makes light or shows it."""
     if isinstance(block, bpy.types.NodeTree):
         return block.type != "GEOMETRY"
     return isinstance(block, _LIGHT_TYPES) or (isinstance(block, bpy.types.Object) and block.type in _LAMPS)

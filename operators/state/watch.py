@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a user changes of a scene after a job has read it and before the job has ended.
+"""Watch for changes by the user to a scene between a job's reading of it and the job's end.
 
 Blender stays usable while a job works, as it does while it renders. What the job has read fits the scene no more then,
 and light that is baked later is that of another scene.
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class JobWatch:
-    """The state that a job has read its scene in, None before that; steps that do not fit any more, and why."""
+    """State that a job has read its scene in, None before that; steps that do not fit any more, and why."""
 
     scene: int  # its session_uid
     state: SceneState | None = None
@@ -52,18 +52,18 @@ def begin(scene: bpy.types.Scene) -> JobWatch:
 
 
 def end(watch: JobWatch) -> None:
-    """The job has ended."""
+    """End the watch with its job."""
     if watch in _watches:
         _watches.remove(watch)
 
 
 def watches_of(scene: bpy.types.Scene) -> list[JobWatch]:
-    """Those of jobs that have read this scene."""
+    """Watches of jobs that have read this scene."""
     return [watch for watch in _watches if watch.scene == scene.session_uid and watch.state is not None]
 
 
 def read_state(scene: bpy.types.Scene, layer: str = "") -> SceneState:
-    """The scene's state, which is what the present job reads now."""
+    """Read the scene's state, which is what the present job reads now."""
     from .scene_state import scene_state
 
     state = scene_state(scene, layer)
@@ -80,7 +80,7 @@ def changes_meanwhile() -> list[tuple[str, str]]:
 
 
 def check_unchanged() -> None:
-    """Raises SceneError if what the present job has read was changed."""
+    """Raise SceneError if what the present job has read was changed."""
     for step, what in changes_meanwhile():
         if step in ("surface", "light"):
             raise SceneError(

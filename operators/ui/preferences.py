@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What belongs to a person or a machine rather than to a scene."""
+"""Preferences of the extension, which belong to a user or a computer rather than to a scene."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
 
 @dataclass
 class _Kept:
-    """What operators found out for the preferences to show: the size of the cache, what the other Python has."""
+    """Findings of operators that the preferences show: the size of the cache, what the other Python has."""
 
     cache: str = ""
     python: str = ""
@@ -123,7 +123,7 @@ class Preferences:
 
 
 def preferences(context: bpy.types.Context) -> Preferences:
-    """The person's preferences."""
+    """Preferences of the user."""
     addon = context.preferences.addons.get(ROOT_PACKAGE)
     if addon is None or addon.preferences is None:
         return Preferences()
@@ -151,5 +151,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Forget them."""
+    """Forget the preferences."""
     bpy.utils.unregister_class(PatchNetPreferences)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Presets of the settings, in Blender's own preset menu: those that are shipped, and a person's own."""
+"""Presets of the settings, in Blender's own preset menu: those that are shipped, and the user's own."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bake, build, look at both, compare: the steps of `patchnet verify-light`."""
+"""Steps of `patchnet verify-light`: bake, build, look at both, compare."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _COVERAGE_RAYS = 8
 
 @dataclass(frozen=True, eq=False)
 class CameraCheck:
-    """One camera's pictures (H, W) float32, exposed and clamped to [0, 1], row 0 at the bottom, and figures."""
+    """Pictures of one camera (H, W) float32, exposed and clamped to [0, 1], row 0 at the bottom, and figures."""
 
     camera: Camera
     cycles: np.ndarray
@@ -49,7 +49,7 @@ class LightCheck:
 
 
 def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[LightCheck]:
-    """Compare the octree of the open scene with Cycles; the scene is as before afterwards. Raises PatchNetError.
+    """Compare the octree of the open scene with Cycles; the scene is as before afterwards; raises PatchNetError.
 
     A comparison that is stopped finds the pages of light that it has baked when it is started again.
     """
@@ -116,7 +116,7 @@ def check_camera(
 
 @contextmanager
 def _light(context: bpy.types.Context) -> Iterator[None]:
-    """The light that was baked: the scene's own, or daylight if it has none."""
+    """Light that was baked: the scene's own, or daylight if it has none."""
     if has_light(context.evaluated_depsgraph_get()):
         yield
         return
@@ -129,7 +129,7 @@ def _mean(halves: list[Reference]) -> np.ndarray:
 
 
 def _figures(mine: np.ndarray, coverage: np.ndarray, halves: list[Reference], exposure: float) -> dict[str, Any]:
-    """Figures of a view. The noise of the mean of two independent halves is half their difference."""
+    """Figures of a view; the noise of the mean of two independent halves is half their difference."""
     first, second = (half.luminance * np.float32(exposure) for half in halves)
     cycles = (first + second) / 2
     guides = Guides(halves[0].coverage, coverage, halves[0].depth_world, halves[0].albedo, halves[0].normal)

@@ -24,7 +24,7 @@ _LEAST_PX, _MOST_PX = 64, 2048
 
 @dataclass(frozen=True)
 class Turn:
-    """A page that was baked, or a picture: paths, and processor and wall seconds of the whole call."""
+    """Page that was baked, or a picture: paths, and processor and wall seconds of the whole call."""
 
     paths: int
     processor_s: float
@@ -33,7 +33,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class Rates:
-    """What pages took, and the render after each of them, reading the scene included."""
+    """Cost of pages, and of the render after each of them, reading the scene included."""
 
     pages: tuple[Turn, ...]
     renders: tuple[Turn, ...]
@@ -69,7 +69,7 @@ def measure_rates(
 
 
 class _Clock:
-    """Measures from now on."""
+    """Clock that measures from now on."""
 
     def __init__(self) -> None:
         self._wall, self._processor = time.perf_counter(), time.process_time()
@@ -79,7 +79,7 @@ class _Clock:
 
 
 def _with_pixels(camera: Camera, pixels: float) -> Camera:
-    """The camera with a square picture of about so many pixels."""
+    """Camera with a square picture of about so many pixels."""
     side = int(np.clip(round(float(np.sqrt(pixels))), _LEAST_PX, _MOST_PX))
     target = camera.position_world + camera.forward
     return Camera.look_at(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is compared with what."""
+"""Settings of `patchnet verify-light`: what is compared with what."""
 
 from __future__ import annotations
 

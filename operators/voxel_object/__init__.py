@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The object that shows the voxels of one level in the scene: its points, their shape, their colour."""
+"""Voxel object, which shows the voxels of one level in the scene: its points, their shape, their colour."""
 
 from .voxel_object import CUBES, NAME, POINTS, show
 

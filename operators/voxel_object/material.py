@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The material of shown voxels: their colour as it is, without any light of the scene."""
+"""Material of shown voxels: their colour as it is, without any light of the scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ COLOR = "voxel_color"  # "color" would be the object's own, white, where it is n
 
 
 def voxel_material() -> bpy.types.Material:
-    """The material, made once a file; what a person changes in it stays."""
+    """Material of shown voxels, made once a file; what a user changes in it stays."""
     material = next((item for item in bpy.data.materials if item.get(OWNER) == _NAME), None)
     return material or _new_material()
 

@@ -22,7 +22,7 @@ def cubes_group(material: bpy.types.Material) -> bpy.types.NodeTree:
 
 
 def points_group(material: bpy.types.Material) -> bpy.types.NodeTree:
-    """A point cloud of spheres that fit into the voxels; made once a file."""
+    """Point cloud of spheres that fit into the voxels; made once a file."""
     return _own_group(_POINTS) or _new_points(material)
 
 
@@ -56,7 +56,7 @@ def _new_cubes(material: bpy.types.Material) -> bpy.types.NodeTree:
 def _with_active_colour(
     tree: bpy.types.NodeTree, given: bpy.types.Node, realized: bpy.types.Node
 ) -> bpy.types.NodeSocket:
-    """The cubes as a mesh that knows which attribute is its colour: solid mode shows nothing else.
+    """Cubes as a mesh that knows which attribute is its colour: solid mode shows nothing else.
 
     A joined mesh takes that from the first one, here a single vertex of the original, inside its own cube.
     """
@@ -81,7 +81,7 @@ def _new_points(material: bpy.types.Material) -> bpy.types.NodeTree:
 
 
 def _new_group(name: str) -> bpy.types.NodeTree:
-    """A group from geometry to geometry with the input Size, a factor on all sides."""
+    """Create a group from geometry to geometry with the input Size, a factor on all sides."""
     tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
     tree[OWNER] = name
     tree.is_modifier = True
@@ -94,7 +94,7 @@ def _new_group(name: str) -> bpy.types.NodeTree:
 
 
 def _finished(tree: bpy.types.NodeTree, geometry: bpy.types.NodeSocket) -> bpy.types.NodeTree:
-    """The group with its output, and its nodes in columns by what they depend on."""
+    """Group with its output, and its nodes in columns by what they depend on."""
     tree.links.new(geometry, tree.nodes.new("NodeGroupOutput").inputs["Geometry"])
     for index, node in enumerate(tree.nodes):
         node.location = (220 * (index // 2), -220 * (index % 2))
@@ -102,7 +102,7 @@ def _finished(tree: bpy.types.NodeTree, geometry: bpy.types.NodeSocket) -> bpy.t
 
 
 def _side(tree: bpy.types.NodeTree, given: bpy.types.Node) -> bpy.types.NodeSocket:
-    """The voxel's side times Size."""
+    """Voxel's side times Size."""
     attribute = _node(tree, "GeometryNodeInputNamedAttribute", Name=SIDE)  # of floats, as new nodes are
     product = tree.nodes.new("ShaderNodeMath")
     product.operation = "MULTIPLY"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The object "PatchNet Voxels": one vertex a voxel, and a modifier that gives it its shape."""
+"""Object "PatchNet Voxels": one vertex a voxel, and a modifier that gives it its shape."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _LIGHT_RAYS = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
 def show(scene: bpy.types.Scene, cloud: VoxelCloud, display: str) -> bpy.types.Object:
-    """The object that shows `cloud` in `scene`, as CUBES or POINTS.
+    """Show `cloud` in `scene` by an object, as CUBES or POINTS.
 
     The one of an earlier call is filled anew and stays in its collection, with its visibility; a renamed one is kept as
     it is. A new one is hidden from renders. Selection and active object stay. Raises SceneError if it is being edited.
@@ -47,12 +47,12 @@ def show(scene: bpy.types.Scene, cloud: VoxelCloud, display: str) -> bpy.types.O
 
 
 def _is_ours(item: bpy.types.Object) -> bool:
-    """Our object under its own name; Blender appends a number where another scene has one of the same name."""
+    """Test for our object under its own name; Blender appends a number where another scene has the same one."""
     return item.get(OWNER) == NAME and re.fullmatch(rf"{NAME}(\.\d+)?", item.name) is not None
 
 
 def _new_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> bpy.types.Object:
-    """In the scene's own collection. Where a person enables it for renders, it is seen and changes no light."""
+    """Create the object in the scene's own collection; where a user enables it for renders, it changes no light."""
     item = bpy.data.objects.new(NAME, mesh)
     item[OWNER] = NAME
     item.hide_render = True
@@ -78,6 +78,6 @@ def _mesh(cloud: VoxelCloud) -> bpy.types.Mesh:
 
 
 def _modifier(item: bpy.types.Object) -> bpy.types.Modifier:
-    """The geometry nodes modifier that is ours; others stay."""
+    """Geometry nodes modifier that is ours; others stay."""
     found = next((each for each in item.modifiers if each.type == "NODES" and each.name == NAME), None)
     return found or item.modifiers.new(NAME, "NODES")

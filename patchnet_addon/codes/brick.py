@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The 12x12x12 fine cells around a voxel, as 27 blocks of 4x4x4 (methods 7.7, 7.9).
+"""Brick of 12x12x12 fine cells around a voxel, as 27 blocks of 4x4x4 (methods 7.7, 7.9).
 
 A brick is an array (27, 64) int32 of the nodes that fill its cells, -1 where a cell is empty. Blocks and the cells in
 them run in the order z, y, x. Outside of the root cube everything is empty; a leaf coarser than the fine level fills

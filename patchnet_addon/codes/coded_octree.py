@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An octree with a code at every corner of every voxel that has look-ahead."""
+"""Coded octree: an octree with a code at every corner of every voxel that has look-ahead."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..octree.octree import Octree
 
 @dataclass(frozen=True, eq=False)
 class CodedOctree:
-    """Codes belong to (level, corner); neighbouring voxels of a level share them (methods 7.10).
+    """Octree with codes by (level, corner); neighbouring voxels of a level share them (methods 7.10).
 
     weights: the network that made the codes and decodes them.
     codes: (C, 10) float16, level by level, within a level in Morton order of the corners.

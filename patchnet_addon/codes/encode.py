@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Precomputes the codes of an octree: all corners of all voxels with look-ahead, on all levels (methods 7.10)."""
+"""Precompute the codes of an octree: all corners of all voxels with look-ahead, on all levels (methods 7.10)."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def encode_octree(
 
 
 def make_encoder(weights: Weights, backend: str = "auto", device: str = "cpu") -> Encoder:
-    """The encoder that `encode_octree` uses for these settings."""
+    """Encoder that `encode_octree` uses for these settings."""
     if backend not in BACKENDS:
         raise SettingError(f"Backend '{backend}' is unknown: choose one of {', '.join(BACKENDS)}")
     if backend == "auto":

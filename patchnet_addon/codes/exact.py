@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The exact oracle: coverage and luminance rendered from each pixel's patch instead of decoded (methods 9).
+"""Exact oracle: coverage and luminance rendered from each pixel's patch instead of decoded (methods 9).
 
 It is the limit of any network with this look-ahead.
 """

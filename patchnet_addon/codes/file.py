@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The codes file, which stands beside the octree's and names the octree and the weights it belongs to."""
+"""Codes file, which stands beside the octree's and names the octree and the weights it belongs to."""
 
 from __future__ import annotations
 

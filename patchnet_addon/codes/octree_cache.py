@@ -36,7 +36,7 @@ _LOG = logging.getLogger("patchnet")
 
 @dataclass(frozen=True, eq=False)
 class CachedOctree:
-    """An octree, its codes and the levels of its leaves where there are any, and plain JSON values about it."""
+    """Octree, its codes and the levels of its leaves where there are any, and plain JSON values about it."""
 
     octree: Octree
     coded: CodedOctree | None = None
@@ -57,11 +57,11 @@ class OctreeCache:
         self._root, self._max_bytes = root, max_bytes
 
     def notes(self) -> dict[str, dict[str, Any]]:
-        """What the entries say of themselves, by key."""
+        """Notes of all entries by key."""
         return {path.name: notes for path in self._entries() if (notes := _read_notes(path)) is not None}
 
     def load(self, key: str, weights: Weights | None) -> CachedOctree | None:
-        """The entry of a key, its arrays mapped into memory, or None if it is not there or damaged.
+        """Load the entry of a key, its arrays mapped into memory, or None if it is not there or damaged.
 
         Codes are those of `weights`; without them, or where others made the codes, there are none.
         """

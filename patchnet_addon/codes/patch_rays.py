@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a pixel would see of a patch: coverage and luminance by 64x64 parallel rays (methods 7.16, 7.17).
+"""Ray-traced patches: coverage and luminance of a patch by 64x64 parallel rays (methods 7.16, 7.17).
 
 All rays of a viewport are parallel, so every fine cube has the same hexagonal outline. Cubes are drawn front to back
 into 64 rows of 64 bits: a cube's outline meets a row of pixel centres in one interval, and what of it is still free is

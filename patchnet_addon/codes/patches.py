@@ -62,7 +62,7 @@ def covering_nodes(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
 
 
 def covering_nodes_reference(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
-    """`covering_nodes` by one search of the sorted keys per level, from the finest up."""
+    """Reference of `covering_nodes` by one search of the sorted keys per level, from the finest up."""
     nodes = np.full(len(cells), -1, np.int64)
     for coarser in range(min(level, octree.depth), -1, -1):
         found = octree.find(coarser, np.asarray(cells) >> (level - coarser))
@@ -73,8 +73,10 @@ def covering_nodes_reference(octree: Octree, level: int, cells: np.ndarray) -> n
 
 
 def corner_table(octree: Octree, level: int, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """All different corners (C, 3) int32 of `nodes` (K,) of a level, in Morton order, and the rows (K, 8) uint32 in
-    that list of each node's corners, in the order of `OCTANTS`."""
+    """Distinct corners (C, 3) int32 of `nodes` (K,) of a level, in Morton order, and rows (K, 8) uint32 in that list.
+
+    The rows are those of each node's corners, in the order of `OCTANTS`.
+    """
     cells = morton_decode(octree.keys(level)[np.asarray(nodes) - octree.level_start[level]])
     keys = np.unique(np.concatenate([morton_encode(cells + offset) for offset in OCTANTS]))
     rows = np.empty((len(cells), 8), np.uint32)
@@ -84,8 +86,10 @@ def corner_table(octree: Octree, level: int, nodes: np.ndarray) -> tuple[np.ndar
 
 
 def corner_neighbours(octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
-    """Nodes (C, 8) int64 of the eight voxels around each corner (C, 3) of a level, in the order of `OCTANTS`; a coarser
-    leaf where it covers the voxel, -1 where the voxel is empty or outside the cube."""
+    """Nodes (C, 8) int64 of the eight voxels around each corner (C, 3) of a level, in the order of `OCTANTS`.
+
+    A coarser leaf where it covers the voxel, -1 where the voxel is empty or outside the cube.
+    """
     cells = np.asarray(corners)[:, None, :] - 1 + OCTANTS  # (C, 8, 3)
     return covering_nodes(octree, level, cells.reshape(-1, 3)).reshape(-1, 8)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the network expects behind each pixel: coverage and luminance at its first hit (methods 7.11 to 7.15)."""
+"""Predict coverage and luminance behind each pixel's first hit with the network (methods 7.11 to 7.15)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _HALF_FLOATS = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.fl
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Of each of P pixels.
+    """Prediction for each of P pixels.
 
     coverage: (P,) float32, sigma, share of the pixel that the patch covers; 1 where nothing is known.
     luminance: (P,) float32, L_N, mean luminance of that share; that of the preview where nothing is known.
@@ -36,8 +36,10 @@ class Prediction:
 
 
 def predict(coded: CodedOctree, hits: Hits) -> Prediction:
-    """Decoded coverage and luminance of all pixels; those without look-ahead keep what they show, so that their
-    priority is 0 (methods 4.1b)."""
+    """Decode coverage and luminance of all pixels.
+
+    Those without look-ahead keep what they show, so that their priority is 0 (methods 4.1b).
+    """
     rows = np.where(hits.node >= 0, coded.coded_index[hits.node], -1)
     pixels = np.flatnonzero(rows >= 0)
     codes = interpolate_codes(coded, rows[pixels], hits.entry_voxel[pixels])
@@ -50,8 +52,10 @@ def predict(coded: CodedOctree, hits: Hits) -> Prediction:
 
 
 def interpolate_codes(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndarray) -> np.ndarray:
-    """Trilinear means (M, 10) float32 of the codes of coded nodes, given as rows (M,) of `node_corners`, at points
-    (M, 3) in the voxels, [0, 1]^3."""
+    """Trilinear means (M, 10) float32 of the codes of coded nodes at points (M, 3) in the voxels, [0, 1]^3.
+
+    The nodes are given as rows (M,) of `node_corners`.
+    """
     result = np.empty((len(rows), coded.codes.shape[1]), np.float32)
     halves = coded.codes.view(np.uint16)
     entry = np.ascontiguousarray(entry_voxel, np.float32)
@@ -60,7 +64,7 @@ def interpolate_codes(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndar
 
 
 def interpolate_codes_reference(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndarray) -> np.ndarray:
-    """`interpolate_codes` in NumPy, float64."""
+    """Reference of `interpolate_codes` in NumPy, float64."""
     entry = np.asarray(entry_voxel, np.float64)[:, None, :]
     shares = np.where(OCTANTS == 1, entry, 1 - entry).prod(axis=-1)  # (M, 8)
     codes = coded.codes[coded.node_corners[rows]].astype(np.float64)  # (M, 8, 10)

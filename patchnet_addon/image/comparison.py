@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How far one picture's luminance is from another's, and in what kind of region.
+"""Image metrics: how far one picture's luminance is from another's, by kind of region.
 
 All pictures are (H, W) float32 of linear luminance in one exposure; the metrics clamp it to [0, 1] (methods 7.1).
 """
@@ -25,7 +25,7 @@ _CREASE_REACH_PX = 2
 
 @dataclass(frozen=True, eq=False)
 class Guides:
-    """What the reference knows beside luminance, each (H, W) float32, `normal` (H, W, 3).
+    """Guide layers of the reference beside luminance, each (H, W) float32, `normal` (H, W, 3).
 
     coverage: of the reference. other_coverage: of the picture that is judged. depth: inf or huge where nothing is.
     albedo: luminance of the diffuse colour.
@@ -135,7 +135,7 @@ def widened(mask: np.ndarray, reach: int) -> np.ndarray:
 
 
 def compare(picture: np.ndarray, reference: np.ndarray, guides: Guides) -> dict[str, Any]:
-    """All figures of a picture against its reference, as plain JSON values.
+    """Compare a picture with its reference: all figures, as plain JSON values.
 
     regions: share of pixels, share of the squared error, and the mean luminance ratio, by name of region.
     """

@@ -22,7 +22,7 @@ def difference_picture(difference: np.ndarray, maximum: float, title: str, quant
 def side_by_side(
     reference: np.ndarray, picture: np.ndarray, maximum: float, titles: tuple[str, str, str]
 ) -> np.ndarray:
-    """The reference, the picture, and how much brighter the picture is, with the legend of the difference."""
+    """Reference, the picture, and how much brighter the picture is, with the legend of the difference."""
     views = [magnify(gray(reference)), magnify(gray(picture)), _signed(picture - reference, maximum)]
     return with_legend(views, list(titles), _ramp, _ticks(maximum), "luminance, octree less Cycles")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reading uncompressed OpenEXR files of many layers, which Blender writes but does not let scripts read.
+"""Read uncompressed OpenEXR files of many layers, which Blender writes but does not let scripts read.
 
 Format: openexr.com, "OpenEXR File Layout". Blender 4.5 writes all passes in one part, 5.x each in a part of its own.
 """
@@ -21,7 +21,7 @@ _DTYPES: dict[int, np.dtype] = {0: np.dtype("<u4"), 1: np.dtype("<f2"), 2: np.dt
 
 @dataclass
 class _Part:
-    """One part's header: channels by name in the order of the file, size in pixels, first row."""
+    """Header of a part: channels by name in the order of the file, size in pixels, first row."""
 
     channels: dict[str, np.dtype] = field(default_factory=dict)
     width: int = 0
@@ -31,7 +31,7 @@ class _Part:
 
 
 class _Reader:
-    """A cursor over the bytes of a file."""
+    """Cursor over the bytes of a file."""
 
     def __init__(self, data: bytes) -> None:
         self.data = data

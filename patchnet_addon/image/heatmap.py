@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures for people: priority in colours with a legend, the red overlay, errors before and after refinement.
+"""Heatmaps of priority in colours with a legend, the red overlay, errors before and after refinement.
 
 All arrays are (H, W) or (H, W, 3), row 0 at the bottom, colours sRGB-encoded float32 in [0, 1].
 """
@@ -22,7 +22,7 @@ _GAP_PX = 8
 
 
 def magnify(picture: np.ndarray) -> np.ndarray:
-    """`picture` with every pixel repeated a whole number of times, to about 540 rows; larger ones stay."""
+    """Magnify `picture`, every pixel a whole number of times, to about 540 rows; larger ones stay."""
     factor = _magnification(picture.shape[0])
     return picture.repeat(factor, axis=0).repeat(factor, axis=1)
 
@@ -46,7 +46,7 @@ def heatmap(
 
 
 def overlay(luminance: np.ndarray, urgency: np.ndarray, budget: float, *, title: str = "") -> np.ndarray:
-    """The picture (H, W) with the pixels that a budget refines in red, redder is refined first (methods 3).
+    """Picture (H, W) with the pixels that a budget refines in red, redder is refined first (methods 3).
 
     `urgency`: (H, W), 1 for the first pixel, falling to 0 at the budget's end and beyond.
     """
@@ -56,7 +56,7 @@ def overlay(luminance: np.ndarray, urgency: np.ndarray, budget: float, *, title:
 
 
 def tint(luminance: np.ndarray, urgency: np.ndarray) -> np.ndarray:
-    """The overlay alone, (H, W, 3), one pixel a pixel."""
+    """Overlay alone, (H, W, 3), one pixel a pixel."""
     weight = np.where(urgency > 0, 0.35 + 0.6 * urgency, 0.0).astype(np.float32)[..., None]
     return gray(luminance) * (1 - weight) + red_ramp(urgency) * weight
 
@@ -97,8 +97,10 @@ def with_legend(
 def places_on_page(
     page_px: tuple[int, int], size_px: tuple[int, int], count: int
 ) -> tuple[tuple[float, float, float, float], ...]:
-    """Where `count` pictures of size_px (width, height) lie on a page of `with_legend`, in shares of the page's sides:
-    left, bottom, right, top. Nothing if the page is not one of theirs."""
+    """Rectangles of `count` pictures of size_px (width, height) on a page of `with_legend`.
+
+    In shares of the page's sides: left, bottom, right, top. Nothing if the page is not one of theirs.
+    """
     factor = _magnification(size_px[1])
     width, height = size_px[0] * factor, size_px[1] * factor
     if page_px[0] != count * width + (count - 1) * _GAP_PX:
@@ -126,7 +128,7 @@ def _draw_bar(
     thickness: int,
     scale: int,
 ) -> None:
-    """A horizontal bar of colours at row `bottom`, with evenly spaced ticks and their labels under it."""
+    """Draw a horizontal bar of colours at row `bottom`, with evenly spaced ticks and their labels under it."""
     width = page.shape[1] - 2 * margin
     page[bottom + scale * 2 : bottom + scale * 2 + thickness, margin : margin + width] = ramp(np.linspace(0, 1, width))
     for place, label in enumerate(ticks):

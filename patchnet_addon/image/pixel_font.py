@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Capital letters, digits and a few signs in 3 x 5 pixels, so that legends need no font file."""
+"""Font of capital letters, digits and a few signs in 3 x 5 pixels, so that legends need no font file."""
 
 import numpy as np
 
@@ -25,7 +25,7 @@ def text_width(text: str) -> int:
 
 
 def text_mask(text: str, scale: int = 1) -> np.ndarray:
-    """(5 scale, width scale) bool, row 0 at the bottom: where the letters are. Unknown characters show as a box."""
+    """(5 scale, width scale) bool, row 0 at the bottom: where the letters are; unknown characters show as a box."""
     mask = np.zeros((GLYPH_HEIGHT, text_width(text)), bool)
     for place, character in enumerate(text.upper()):
         for row, digit in enumerate(_GLYPHS.get(character, "75557")):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Linear light to what a screen shows."""
+"""Tone mapping: linear light to sRGB, as a screen shows it."""
 
 import numpy as np
 

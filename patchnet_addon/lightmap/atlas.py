@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Baked luminance on the charts of a surface, and shading with it."""
+"""Atlas of baked luminance on the charts of a surface, and shading with it."""
 
 from __future__ import annotations
 

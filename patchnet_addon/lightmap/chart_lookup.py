@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kernels over charts: which texels are whose, and values between texels that never mix two triangles."""
+"""Chart lookup kernels: owners of texels, and values between texels that never mix two triangles."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _leg(log_side, square, kind):  # type: ignore[no-untyped-def]
 
 @device
 def _owns(i, j, leg_x, leg_y):  # type: ignore[no-untyped-def]
-    """Whether the texel (i, j), counted from the right angle, has its centre in the triangle."""
+    """Return whether the texel (i, j), counted from the right angle, has its centre in the triangle."""
     return i >= 0 and j >= 0 and (i + 0.5) / leg_x + (j + 0.5) / leg_y < 1.0
 
 
@@ -42,7 +42,7 @@ def _place(i, j, kind, page, x, y, log_width, log_height, page_side):  # type: i
 
 @device
 def _nearest(u, v, leg_x, leg_y):  # type: ignore[no-untyped-def]
-    """The own texel nearest to a point (u, v) texels from the right angle, along rows."""
+    """Own texel nearest to a point (u, v) texels from the right angle, along rows."""
     last_row = math.ceil(leg_y * (1.0 - 0.5 / leg_x) - 0.5) - 1
     j = min(max(math.floor(v), 0), last_row)
     last_column = math.ceil(leg_x * (1.0 - (j + 0.5) / leg_y) - 0.5) - 1
@@ -162,7 +162,7 @@ def triangle_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, pa
 
 
 def group_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, page: int | None = None) -> np.ndarray:
-    """As `triangle_means`, but triangles that share paths (`crowding`) have the mean over those of them given."""
+    """Average as `triangle_means`, but triangles that share paths (`crowding`) get the mean of those of them given."""
     means = triangle_means(charts, texels, triangles, page)
     if charts.group is None or not len(triangles):
         return means

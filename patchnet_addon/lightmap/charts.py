@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A texture chart for every triangle.
+"""Texture charts, one for every triangle.
 
 Each triangle becomes a right triangle, its longest edge the hypotenuse, in a rectangle of 2^a x 2^b texels about as
 large as its legs are in texels; `packing` says where. Triangles of about one texel get one texel of their own. Where
 they crowd, they get fewer paths (`crowding`).
 
 Every texel whose centre lies in a triangle's half belongs to that triangle alone, and the lines between the halves stay
-clear of texel centres, so that no rounding can change who owns a texel.
+clear of texel centres, so that no rounding can change which triangle owns a texel.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ _SINGLE_CORNERS = np.array([[0.1, 0.25], [0.9, 0.25], [0.5, 1.0]])
 
 @dataclass(frozen=True, eq=False)
 class Charts:
-    """Where each of T triangles lies on P square pages of `page_side` texels, and how many paths pages get.
+    """Charts of T triangles on P square pages of `page_side` texels, and the number of paths that pages get.
 
     page, x, y: (T,) int32, lower left texel of the triangle's rectangle. log_width, log_height: (T,) int8.
     kind: (T,) int8, FIRST has its right angle at the rectangle's lower left, SECOND at its upper right, SINGLE is one
     texel.
     origin: (T,) int8, the corner at the right angle. along: (T,) int8, the corner at the end of the leg along x.
     page_samples: (P,) int32, paths a texel. page_size: (P, 2) int32, width and height of what is in use of each page.
-    group: (T,) int32, the same for triangles that share paths, None where nobody does.
+    group: (T,) int32, the same for triangles that share paths, None where none do.
     texel_world: side of the smallest texels. growth: how many times larger texels are than was asked for.
     """
 
@@ -136,7 +136,7 @@ def layout_charts(
 
 
 def texels_wanted(source: MeshSource, texel_world: float | np.ndarray, max_texels: int = 1 << 25) -> Steps[int]:
-    """How many texels `layout_charts` would give all triangles together, without laying them out."""
+    """Count the texels that `layout_charts` would give all triangles together, without laying them out."""
     _, _, _, sides, _ = yield from _rectangles(source, texel_world, max_texels)
     return int(_own_texels(sides).sum())
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light that falls on each material, summed so that the order of its triangles does not matter."""
+"""Irradiance of each material, summed so that the order of its triangles does not matter."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class ExactSums:
         np.add.at(self._parts, (groups, exponent.astype(np.int64) - _LOWEST_EXPONENT), whole)
 
     def ratio(self, other: ExactSums) -> np.ndarray:
-        """This sum over the other's (groups,) float64, rounded once; 0 where the other is 0."""
+        """Ratio of this sum to the other's (groups,) float64, rounded once; 0 where the other is 0."""
         pairs = zip(self._integers(), other._integers(), strict=True)
         return np.array([mine / its if its else 0.0 for mine, its in pairs])
 
@@ -60,7 +60,7 @@ def irradiance_of_materials(
 
 
 def _whole(batch: TriangleBatch, areas: np.ndarray) -> Fragments:
-    """Each triangle as one fragment."""
+    """Whole triangles, each as one fragment."""
     count = len(batch)
     centre = np.full((count, 2), 1.0 / 3.0, np.float32)
     return Fragments(np.zeros(count, np.uint64), np.arange(count, dtype=np.int32), centre, areas)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Charts onto pages, without a search.
+"""Pack charts onto pages, without a search.
 
 Two triangles share a rectangle of 2^a x 2^b texels, b <= a. Rectangles of one width, the highest first, pile up in
 squares of 2^a x 2^a, and squares, the largest first, follow each other along a Morton curve: a square's place is the
@@ -18,7 +18,7 @@ FIRST, SECOND, SINGLE = range(3)
 
 @dataclass(frozen=True, eq=False)
 class Packing:
-    """Where T charts lie on P pages of `page_side` texels.
+    """Places of T charts on P pages of `page_side` texels.
 
     page, x, y: (T,) int32, lower left texel of the rectangle. kind: (T,) int8, which half of it.
     share: (P,) int32, the class of the triangles on each page. size: (P, 2) int32, its width and height in texels.

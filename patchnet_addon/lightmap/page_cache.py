@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Finished pages of a bake on disk, so that a bake that was stopped or killed goes on where it was.
+"""Disk cache of a bake's finished pages, so that a bake that was stopped or killed goes on where it was.
 
 ROOT / KEY / page-00007.safetensors: the key says everything that determines the pages, see the baker. A page is written
-when it is done, complete or not at all. What nobody came back for goes when the next bake begins.
+when it is done, complete or not at all. Pages of a bake that was not resumed go when the next bake begins.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ _LOG = logging.getLogger("patchnet")
 class KeptPages:
     """Context manager around a bake and what is made of it.
 
-    If the block ends well, the pages are deleted, since nobody needs them any more; after an error, a stop or a kill
+    If the block ends well, the pages are deleted, since they are not needed any more; after an error, a stop or a kill
     they stay for the next bake with the same key. A disk that is full or read-only costs only the resuming.
     """
 
     def __init__(self, root: Path | None = None) -> None:
-        """`root`: folder of all bakes, by default in the user's cache folder."""
+        """Keep pages below `root`: folder of all bakes, by default in the user's cache folder."""
         self._root = root or user_cache_folder() / BAKES
         self._folders: list[Path] = []
         self._writes = True
@@ -53,7 +53,7 @@ class KeptPages:
                 folder.rmdir()
 
     def open(self, key: str) -> None:
-        """From now on `load` and `save` are about the bake `key`; pages of others are tidied."""
+        """Open the bake `key`, which `load` and `save` are about from now on; pages of others are tidied."""
         self._folders.append(self._root / key)
         try:
             self._folders[-1].mkdir(parents=True, exist_ok=True)

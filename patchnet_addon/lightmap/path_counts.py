@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How many paths of a bake a voxel's light rests on."""
+"""Path counts: how many paths of a bake a voxel's light rests on."""
 
 from __future__ import annotations
 

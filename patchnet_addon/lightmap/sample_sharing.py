@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where more texels meet in a voxel than its surface asks for, each of them needs fewer paths.
+"""Share paths between texels: where more meet in a voxel than its surface asks for, each needs fewer of them.
 
 A triangle has at least one texel, however small it is. In a bush, a voxel as large as a texel holds hundreds of them;
-with all paths in each, most of the bake would go where nobody sees a difference. So triangles share: those of one
+with all paths in each, most of the bake would go where no difference is seen. So triangles share: those of one
 material in one cell of a texel's side get together what the texels that fit their area would get, and no less than one
 texel would. Every triangle keeps a texel of its own, so that the mean over them stays unbiased.
 """
@@ -22,7 +22,7 @@ _LARGE = 2.0  # texels along the longest edge: such triangles lie in many cells,
 
 @dataclass(frozen=True, eq=False)
 class Crowding:
-    """Who shares paths with whom.
+    """Crowding: the triangles that share paths.
 
     excess: (T,) float32, at least 1: texels in the triangle's cell over those that its surface asks for.
     group: (T,) int32, the same for triangles that share a cell.
@@ -63,7 +63,7 @@ _PRIMES = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9],
 def _keys(
     corners_world: np.ndarray, side: np.ndarray, origin: np.ndarray, least: float, materials: np.ndarray
 ) -> np.ndarray:
-    """(N,) uint64 below 2^63: a hash of cell, its size and material. Cells are 2^k times the least texel wide."""
+    """(N,) uint64 below 2^63: a hash of cell, its size and material; cells are 2^k times the least texel wide."""
     size = np.floor(np.log2(side / least) + 1e-6)
     cell = np.floor((corners_world.mean(axis=1) - origin) / (least * np.exp2(size))[:, None]).astype(np.int64)
     mixed = (materials.astype(np.uint64) << np.uint64(8)) + size.astype(np.uint64) + np.uint64(1)

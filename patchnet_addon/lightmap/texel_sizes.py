@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texels as large as the leaves of an octree ask for, triangle by triangle."""
+"""Texel sizes as large as the leaves of an octree ask for, triangle by triangle."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Textures finer than the texels of a bake, put back onto baked light.
+"""Texture detail finer than the texels of a bake, put back onto baked light.
 
 Light that falls on a surface changes slowly, its texture does not. A bake holds their product, blurred to its texels.
 So a fragment gets the baked value times its own base colour over the base colour that the texel held: irradiance at
@@ -53,7 +53,7 @@ def hue_detail(
     base: np.ndarray,
     opacity: np.ndarray,
 ) -> np.ndarray:
-    """The same for the hue of baked light: factors (F, 3) float32 on red, green and blue; brightness does not count.
+    """Hue detail of baked light: factors (F, 3) float32 on red, green and blue; brightness does not count.
 
     base: (F, 3) base colours of luminance 1, by `color_of_fragments`. opacity: (F,).
     """
@@ -75,7 +75,7 @@ def _textured(table: TextureTable, batch: TriangleBatch, fragments: Fragments, o
 
 
 def _at_texels(charts: Charts, batch: TriangleBatch, fragments: Fragments, chosen: np.ndarray) -> Fragments:
-    """The chosen fragments (n,), each as large as a texel of the bake."""
+    """Chosen fragments (n,), each as large as a texel of the bake."""
     triangles = fragments.triangle[chosen]
     areas = _texel_areas(charts, batch, triangles)
     return Fragments(fragments.keys[chosen], triangles, fragments.barycentric[chosen], areas)

@@ -39,7 +39,7 @@ _NODES_PER_LEAF = 1.36
 
 @dataclass(frozen=True)
 class DepthChoice:
-    """A depth and why: `wanted` is what the cameras need, `depth` what memory allows; bytes are estimates."""
+    """Depth and why: `wanted` is what the cameras need, `depth` what memory allows; bytes are estimates."""
 
     depth: int
     wanted: int
@@ -49,14 +49,14 @@ class DepthChoice:
 
     @property
     def bounded_by_memory(self) -> bool:
-        """Whether the cameras would need more than fits."""
+        """Return whether the cameras would need more than fits."""
         return self.depth < self.wanted
 
 
 def coarse_octree(
     source: MeshSource, depth: int = COARSE_DEPTH, bounds_world: np.ndarray | None = None
 ) -> Steps[Octree]:
-    """A quick octree without light, to see where the surface is; around `bounds_world` (2, 3), or else its own."""
+    """Build a quick octree without light, to see the surface's place; around `bounds_world` (2, 3), or else its own."""
     bounds_world = source.bounds_world if bounds_world is None else bounds_world
     return (yield from build_octree(source, Grid.around(bounds_world, depth), _no_shade, exposure=1.0))
 
@@ -110,7 +110,7 @@ def estimate(coarse: Octree, depth: int, *, color: bool = False) -> tuple[int, i
 
 
 def _bytes_per_leaf(color: bool) -> tuple[int, int]:
-    """What is kept of a leaf, and what it takes beside that in its pass."""
+    """Bytes that are kept of a leaf, and those that it takes beside that in its pass."""
     if not color:
         return _KEPT_BYTES_PER_LEAF, _PASS_BYTES_PER_LEAF
     return _KEPT_BYTES_PER_LEAF + _COLOR_KEPT_BYTES_PER_LEAF, _PASS_BYTES_PER_LEAF + _COLOR_PASS_BYTES_PER_LEAF
@@ -123,7 +123,7 @@ def peak_bytes(leaves: float, *, color: bool = False) -> int:
 
 
 def most_leaves(memory_bytes: float, *, color: bool = False) -> int:
-    """How many leaves an octree may have to be built within `memory_bytes`; inverse of `peak_bytes`."""
+    """Number of leaves that an octree built within `memory_bytes` may have at most; inverse of `peak_bytes`."""
     kept, in_pass = _bytes_per_leaf(color)
     in_one_pass = memory_bytes / (kept + in_pass)
     if in_one_pass <= _PASS_LEAVES:
@@ -146,7 +146,7 @@ def available_memory() -> int:
 
 
 def _bound(memory_bytes: int | None) -> str:
-    """What bounds the memory, in words."""
+    """Bound on the memory, in words."""
     if memory_bytes is None:
         return f"{bytes_text(available_memory())} are free"
     return f"the memory limit is {bytes_text(memory_bytes)}"
@@ -160,7 +160,7 @@ def choose_depth(
     *,
     color: bool = False,
 ) -> DepthChoice:
-    """The given depth, or for None the smallest that gives the cameras look-ahead, bounded by memory.
+    """Choose the given depth, or for None the smallest that gives the cameras look-ahead, bounded by memory.
 
     color: whether the octree is to hold it. Raises MemoryEstimateError if a given depth would not fit.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a picture needs how much detail, so that all that it shows has look-ahead (methods 4.1b)."""
+"""Level of detail that a picture needs, block by block, so that all that it shows has look-ahead (methods 4.1b)."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ def _hits(
     offset: tuple[float, float],
     finer: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Cells (R, 3) int32, their levels (R,) uint8, the levels (R,) uint8 of leaves that look-ahead takes there (0 for a
-    miss), and whether there is look-ahead (R,) bool.
+    """Cells (R, 3) int32 that rays hit, their levels and the levels of leaves needed there, and their look-ahead.
 
+    Levels (R,) uint8; those of leaves are what look-ahead takes there, 0 for a miss. (R,) bool: is there look-ahead?
     offset: from the pixels' centres, in pixels. finer: levels that the rays' footprint is finer than the pixel.
     """
     count = (rows[1] - rows[0]) * unit.width_px
@@ -74,7 +74,7 @@ def _hits(
 
 @device
 def fitting_level(limit):  # type: ignore[no-untyped-def]
-    """The first level whose voxels have a side below `limit`, in cube sides."""
+    """First level whose voxels have a side below `limit`, in cube sides."""
     level = 0
     size = 1.0
     while not size < limit and level < MAX_LEVELS:
@@ -85,7 +85,7 @@ def fitting_level(limit):  # type: ignore[no-untyped-def]
 
 @device
 def _has_look_ahead(child_mask, first_child, node):  # type: ignore[no-untyped-def]
-    """Whether any child of `node` has children: LOOK_AHEAD is two levels."""
+    """Return whether any child of `node` has children: LOOK_AHEAD is two levels."""
     child = np.int64(first_child[node])
     mask = child_mask[node]
     while mask:

@@ -33,7 +33,7 @@ LABEL = "Fitting to the cameras"
 
 @dataclass(frozen=True, eq=False)
 class FittedLevels:
-    """The leaves' levels, and what bounded them.
+    """Levels of the leaves, and what bounded them.
 
     wanted: the deepest level that the cameras ask for. leaves: how many there are.
     lookahead_share: share of hit pixels with look-ahead in the camera that has least of it.
@@ -90,7 +90,7 @@ def fit_leaf_levels(
 
 
 def _caps(block_level: int, deepest: int) -> Iterator[int]:
-    """The deepest leaves of each round; the last cap is for the last look, too."""
+    """Deepest leaves of each round; the last cap is for the last look, too."""
     yield from range(block_level + LEVELS_PER_ROUND, deepest, LEVELS_PER_ROUND)
     yield deepest
     yield deepest
@@ -114,8 +114,10 @@ def _changed(
 def _look(
     leaves: dict[int, np.ndarray], grid: Grid, cameras: Sequence[Camera], layout: LeafLevels
 ) -> Steps[tuple[np.ndarray, np.ndarray]]:
-    """Levels (blocks,) uint8 that all cameras ask for where they see the leaves so far, and how many pixels (blocks,)
-    uint32 show each block."""
+    """Levels (blocks,) uint8 that all cameras ask for where they see the leaves so far.
+
+    With them: how many pixels (blocks,) uint32 show each block.
+    """
     needed, pixels = np.zeros(len(layout.levels), np.uint8), np.zeros(len(layout.levels), np.uint32)
     child_mask, first_child = hierarchy(leaves, max(leaves))
     for camera in cameras:
@@ -125,7 +127,7 @@ def _look(
 
 
 def _within(layout: LeafLevels, pixels: np.ndarray, leaves: dict[int, np.ndarray], most_leaves: float) -> LeafLevels:
-    """The layout, or one with at most about `most_leaves`: a level less in the blocks with the fewest pixels per leaf.
+    """Layout, or one with at most about `most_leaves`: a level less in the blocks with the fewest pixels per leaf.
 
     A block has four times as many leaves a level deeper, as far as that can be known from its present `leaves`.
     """

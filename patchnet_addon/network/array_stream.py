@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Arrays through a pipe: a line of JSON with type and shape, then the bytes. Only NumPy, see `octants.py`."""
+"""Array stream through a pipe: a line of JSON with type and shape, then the bytes; only NumPy, see `octants.py`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def write_array(stream: BinaryIO, array: np.ndarray) -> None:
 
 
 def read_array(stream: BinaryIO) -> np.ndarray:
-    """The next array. Raises EOFError where the stream ends before it does, ValueError for anything else in it."""
+    """Read the next array; raises EOFError where the stream ends before it does, ValueError for anything else in it."""
     line = stream.readline()
     if not line:
         raise EOFError("the stream has ended")

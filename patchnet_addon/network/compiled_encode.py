@@ -20,7 +20,7 @@ _CHANNELS = 5  # of a cell, occupancy first
 
 
 class CompiledEncoder:
-    """`Encoder` on the kernels of `product.py`. It keeps its buffers."""
+    """`Encoder` on the kernels of `product.py`; it keeps its buffers."""
 
     chunk = 4096
 
@@ -31,7 +31,7 @@ class CompiledEncoder:
         self._buffers = Buffers()
 
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """See `Encoder`."""
+        """Encode as `Encoder` says."""
         products = self._buffers("products", len(blocks), self._octants.width)  # (U, 8 * 256)
         multiply(blocks, self._octants, products, order=similar_order(blocks))
         values = self._buffers("layer 0", len(rows), len(self._bias))

@@ -19,7 +19,7 @@ from .weights import Weights
 
 
 class Encoder(Protocol):
-    """What encodes the corners of a chunk; `chunk` is the number of corners that it likes at once."""
+    """Encoder of the corners of a chunk; `chunk` is the number of corners that it likes at once."""
 
     chunk: int
 
@@ -37,7 +37,7 @@ class Buffers:
         self._arrays: dict[str, np.ndarray] = {}
 
     def __call__(self, name: str, rows: int, columns: int) -> np.ndarray:
-        """The array (rows, columns) float32 of that name; what it holds is left from before."""
+        """Array (rows, columns) float32 of that name; what it holds is left from before."""
         if name not in self._arrays or len(self._arrays[name]) < rows:
             self._arrays[name] = np.empty((rows, columns), np.float32)
         return self._arrays[name][:rows]
@@ -55,7 +55,7 @@ class NumpyEncoder:
         self._buffers = Buffers()
 
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """See `Encoder`."""
+        """Encode as `Encoder` says."""
         products = self._buffers("products", len(blocks), self._octants.shape[1])  # (U, 8 * 256)
         np.matmul(blocks, self._octants, out=products)
         values = self._buffers("layer 0", len(rows), len(self._bias))
@@ -79,7 +79,7 @@ def _sum_octants(products, rows, bias, values):
 
 @device
 def sum_corner(products, eight, bias, values, corner):
-    """One corner's first layer: values[c] = max(0, bias + sum over octants o of products[eight[o], slice o])."""
+    """First layer of one corner: values[c] = max(0, bias + sum over octants o of products[eight[o], slice o])."""
     width = len(bias)
     for column in range(0, width, LANES):
         total = load(bias, column)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Real spherical harmonics up to degree 4 (methods 6): orthonormal on the sphere, index l^2 + l + m, without the
-Condon-Shortley sign; the axes are those of the octree."""
+"""Real spherical harmonics up to degree 4 (methods 6).
+
+Orthonormal on the sphere, index l^2 + l + m, without the Condon-Shortley sign; the axes are those of the octree.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ MAX_DEGREE = 4
 
 
 def harmonic_terms(x: Any, y: Any, z: Any, degree: int = MAX_DEGREE) -> list[Any]:
-    """The (degree + 1)^2 harmonics at unit vectors (x, y, z), one array each, in the type of the arguments.
+    """Harmonics at unit vectors (x, y, z), (degree + 1)^2 of them, one array each, in the type of the arguments.
 
     Only arithmetic is used, so arrays of NumPy and of torch both work.
     """

@@ -60,7 +60,7 @@ def load(_typing: Any, array: Any, _index: Any) -> Any:
 
 @intrinsic
 def store(_typing: Any, array: Any, _index: Any, _vector: Any) -> Any:
-    """Nothing returned; writes a vector from an index on: store(array, index, vector)."""
+    """Store a vector from an index on: store(array, index, vector); nothing is returned."""
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         place = _address(context, builder, signature, *arguments[:2])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The encoder's first layer, octant by octant. Only NumPy: another Python that encodes may have nothing else."""
+"""First layer of the encoder, octant by octant; only NumPy, as another Python that encodes may have nothing else."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 
 
 def octant_matrices(matrix: np.ndarray) -> np.ndarray:
-    """The first layer's matrix (256, 2560) as (320, 8 * 256): eight products of one block, octants x fastest."""
+    """First layer's matrix (256, 2560) as (320, 8 * 256): eight products of one block, octants x fastest."""
     outputs = len(matrix)
     parts = matrix.reshape(outputs, 2, 4, 2, 4, 2, 4, 5)  # output; octant and cell of z, y, x; channel
     parts = parts.transpose(2, 4, 6, 7, 1, 3, 5, 0)  # cell z, y, x, channel; octant z, y, x; output

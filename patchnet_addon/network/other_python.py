@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Encoding in another Python that has torch, as a process that is fed chunk by chunk."""
+"""Encode in another Python that has torch, as a process that is fed chunk by chunk."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _BLENDERS_OWN = ("PYTHONHOME", "PYTHONPATH", "PYTHONSTARTUP")
 
 
 def ask_python(python: Path, seconds: float = 60.0) -> str:
-    """What a Python with torch has, in a few words. Raises SettingError that says what is wrong with it."""
+    """Ask a Python for its torch, in a few words; raises SettingError that says what is wrong with it."""
     try:
         done = subprocess.run(
             [str(python), "-c", _ASK], capture_output=True, text=True, timeout=seconds, env=environment(), check=False
@@ -52,9 +52,9 @@ class OtherPythonEncoder:
     """`Encoder` whose work another process does, and a context manager around that process."""
 
     def __init__(self, python: Path, weights: Weights, device: str = "auto") -> None:
-        """device: auto, cpu or cuda. Raises SettingError if the Python cannot be run or has no torch."""
+        """Start on `device`, auto, cpu or cuda; raises SettingError if the Python cannot be run or has no torch."""
         self._python = python
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - a pipe that nobody reads would fill up
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - a pipe without a reader would fill up
         try:
             self._process = subprocess.Popen(
                 [str(python), str(_WORKER), device],
@@ -72,7 +72,7 @@ class OtherPythonEncoder:
         self.chunk = int(self.said["chunk"])
 
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Codes (C, 10) float32, see `Encoder`. Raises SettingError if the process has ended."""
+        """Codes (C, 10) float32, see `Encoder`; raises SettingError if the process has ended."""
         try:
             self._send(blocks, rows)
             return read_array(self._answers)
@@ -109,7 +109,7 @@ class OtherPythonEncoder:
         stream.flush()
 
     def _failed(self) -> SettingError:
-        """The error to raise when the process does not answer; it is ended."""
+        """Error to raise when the process does not answer; it is ended."""
         if self._process.poll() is None:
             try:
                 self._process.wait(1.0)

@@ -26,7 +26,7 @@ _TILES = 8  # in a block
 
 @dataclass(frozen=True, eq=False)
 class Panels:
-    """A layer as `multiply` reads it.
+    """Layer as `multiply` reads it.
 
     matrix: (P, depth, WIDTH) float32, panels of columns, the last one filled up with zeros. bias: (P * WIDTH,) float32.
     columns: of the matrix that was packed.
@@ -85,7 +85,7 @@ def multiply_reference(
 
 
 def _check(array: np.ndarray, shape: tuple[int, int]) -> None:
-    """Raises ValueError for what the kernel, which checks no index, would misread."""
+    """Raise ValueError for what the kernel, which checks no index, would misread."""
     if array.shape != shape or array.dtype != np.float32 or not array.flags.c_contiguous:
         raise ValueError(f"{array.dtype} of shape {array.shape} where float32 of shape {shape} in C order is needed")
 
@@ -101,7 +101,7 @@ def _multiply(values, bits, tiles, panels, bias, least, result, parts):
 
 @device
 def _multiply_block(values, bits, tiles, first, last, panels, bias, least, result):
-    """Rows tiles[first:last] (T, 4) of the values. bits: the values as integers, which are compared faster."""
+    """Rows tiles[first:last] (T, 4) of the values; bits: the values as integers, which are compared faster."""
     steps = np.empty((_TILES, values.shape[1] + 1), np.int64)
     counts = np.empty(_TILES, np.int64)
     for tile in range(first, last):
@@ -128,7 +128,7 @@ def _find_steps(bits, rows, steps):
 
 @device
 def _multiply_tile(values, rows, steps, count, panels, panel, bias, least, result):
-    """Four rows times one panel, with the bias and the least value."""
+    """Multiply four rows by one panel, with the bias and the least value."""
     depth = values.shape[1]
     row0, row1, row2, row3 = rows[0] * depth, rows[1] * depth, rows[2] * depth, rows[3] * depth
     left0 = left1 = left2 = left3 = load(bias, panel * WIDTH)

@@ -18,7 +18,7 @@ class PatchNet(nn.Module):
     """Encoder of patches, trilinear interpolation of the eight corners' codes, decoder (methods 7.9 to 7.15)."""
 
     def __init__(self, seed: int = 0) -> None:
-        """A network with He initialisation that depends on `seed` alone."""
+        """Initialise a network by He's method, which depends on `seed` alone."""
         super().__init__()
         self.encoder = nn.ModuleList(_linear_layers(ENCODER_SIZES))
         self.decoder = nn.ModuleList(_linear_layers(DECODER_SIZES))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The encoder on torch in a Python of its own, for programs whose own Python has no torch.
+"""Encoder process on torch in a Python of its own, for programs whose own Python has no torch.
 
     python torch_worker.py DEVICE
 
@@ -38,7 +38,7 @@ def main(device: str) -> None:
 
 
 def _part(name: str) -> ModuleType:
-    """A module beside this one, in a package of its own: what the whole package needs need not be there."""
+    """Import a module beside this one, in a package of its own: what the whole package needs need not be there."""
     if _PACKAGE not in sys.modules:
         package = ModuleType(_PACKAGE)
         package.__path__ = [str(Path(__file__).parent)]

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles to voxels to the sparse voxel octree, and its file."""
+"""Octree builder: triangles to voxels to the sparse voxel octree, and its file."""

@@ -71,7 +71,7 @@ class LeafAccumulator:
                 self._grow()
 
     def _grow(self) -> None:
-        """Half as much room again; the arrays grow in place, so that the old ones do not stand beside the new."""
+        """Grow the room by half; the arrays grow in place, so that the old ones do not stand beside the new."""
         bricks, leaves = (int(value) for value in self._count)
         if bricks == len(self._brick_key):
             more = bricks + bricks // 2
@@ -100,7 +100,7 @@ def _table_of(brick_key: np.ndarray, bricks: int) -> np.ndarray:
 
 @device
 def _slot(table, key):  # type: ignore[no-untyped-def]
-    """Where the search for a brick begins: Fibonacci hashing."""
+    """Slot where the search for a brick begins: Fibonacci hashing."""
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
     return np.int64((mixed >> np.uint64(32)) & np.uint64(len(table) - 1))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Dividing the voxelizer's work: passes over blocks of space, so that memory stays bounded, and tasks for cores.
+"""Blocks of the voxelizer's work: passes over blocks of space, so that memory stays bounded, and tasks for cores.
 
 A convex piece K of surface meets 1 + widths along the axes + areas of its shadows on the coordinate planes cells of a
 grid of unit cells, on average over the grid's position: the volume of K thickened by a cell (Steiner's formula).
@@ -36,7 +36,7 @@ class CellSet:
 
     @classmethod
     def of_blocks(cls, wanted: np.ndarray, level: int) -> CellSet:
-        """The cells of `level` in the wanted ones (8^b,) bool of all blocks."""
+        """Cells of `level` in the wanted ones (8^b,) bool of all blocks."""
         block_level = (len(wanted).bit_length() - 1) // 3
         brick_level = max(level - BRICK_LEVELS, 0)
         near, coarser = wanted, brick_level - block_level
@@ -46,7 +46,7 @@ class CellSet:
 
 
 def all_cells(level: int) -> CellSet:
-    """The whole cube."""
+    """Cells of the whole cube."""
     return CellSet.of_blocks(np.ones(1, np.bool_), level)
 
 
@@ -59,7 +59,7 @@ class BlockRange:
     end: int
 
     def cells(self) -> dict[int, CellSet]:
-        """The cells that become leaves, level by level, coarse first."""
+        """Cells that become leaves, level by level, coarse first."""
         levels = self.layout.levels
         sets = {}
         for level in LeafLevels(levels[self.first : self.end]).used:
@@ -72,8 +72,10 @@ class BlockRange:
 def plan_passes(
     source: MeshSource, grid: Grid, layout: LeafLevels, most_fragments: int, cores: int = 1
 ) -> list[list[BlockRange]]:
-    """Passes over the triangles, each over blocks with about `most_fragments`, in Morton order, and each divided into
-    as many ranges of similar load as there are cores; reads the triangles once."""
+    """Plan passes over the triangles, each over blocks with about `most_fragments`, in Morton order.
+
+    Each is divided into as many ranges of similar load as there are cores; reads the triangles once.
+    """
     blocks = layout.divided(BLOCK_LEVEL)
     load = expected_fragments(source, grid, blocks)
     total = float(load.sum())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles -> Octree: leaves pass by pass, then exact means of all levels, bottom-up (methods 7.2)."""
+"""Octree builder, from triangles: leaves pass by pass, then exact means of all levels, bottom-up (methods 7.2)."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _joined(parts: list[Subtrees], grid: Grid, exposure: float | None, provenanc
 
 
 def _above(parts: Sequence[Subtrees]) -> Subtrees:
-    """The levels above the blocks of all parts, which are of one level."""
+    """Levels above the blocks of all parts, which are of one level."""
     level = parts[0].root_level
     keys = np.concatenate([part.root_keys for part in parts])
     sums = np.concatenate([part.root_sums for part in parts])
@@ -110,7 +110,7 @@ def _above(parts: Sequence[Subtrees]) -> Subtrees:
 def _of_level(
     parts: Sequence[Subtrees], level: int, column: Callable[[Subtrees], Sequence[np.ndarray]], dtype: type
 ) -> np.ndarray:
-    """One column of one level of all parts, in order."""
+    """Concatenate one column of one level of all parts, in order."""
     arrays = [
         column(part)[level - part.root_level] for part in parts if 0 <= level - part.root_level < len(part.child_mask)
     ]
@@ -144,7 +144,7 @@ def _luminance(
 
 
 def _emptied(arrays: list[np.ndarray]) -> np.ndarray:
-    """All arrays in one; the list is emptied, each array let go as soon as it is copied."""
+    """Concatenate all arrays; the list is emptied, each array let go as soon as it is copied."""
     joined = np.empty((sum(len(array) for array in arrays), *arrays[0].shape[1:]), arrays[0].dtype)
     start = 0
     while arrays:

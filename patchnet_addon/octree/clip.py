@@ -4,7 +4,7 @@
 A triangle is peeled into slabs along x, each slab into columns along y, each column into cells along z. Pieces share
 their cut vertices and the cut coordinate is set to the plane exactly, so the pieces partition the triangle and the work
 is linear in their number. A triangle that reaches over several bricks of cells is first peeled into bricks in the same
-way, always at the same planes, so that bricks that nobody wants cost next to nothing and the others come out the same.
+way, always at the same planes, so that unwanted bricks cost next to nothing and the others come out the same.
 """
 
 from __future__ import annotations

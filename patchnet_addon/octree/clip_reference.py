@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain twin of `clip`: every cell of a triangle's bounding box is clipped on its own, in the open."""
+"""Reference of `clip`: every cell of a triangle's bounding box is clipped on its own, in the open."""
 
 from __future__ import annotations
 

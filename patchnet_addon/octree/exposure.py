@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Exposure: what luminance becomes 1 (methods 7.1)."""
+"""Exposure: the luminance that becomes 1 (methods 7.1)."""
 
 from __future__ import annotations
 

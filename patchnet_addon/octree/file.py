@@ -29,7 +29,7 @@ _OPTIONAL_DTYPES = {"chroma": np.uint8}  # files without colour do not have it, 
 
 
 def octree_arrays(octree: Octree) -> dict[str, np.ndarray]:
-    """The arrays that a file holds."""
+    """Arrays that a file holds."""
     arrays = {name: getattr(octree, name) for name in (*_DTYPES, *_OPTIONAL_DTYPES)}
     return {name: array for name, array in arrays.items() if array is not None}
 
@@ -81,7 +81,7 @@ def load_octree(path: str | Path) -> Octree:
 
 
 def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
-    """What contradicts the structure of an octree, or an empty text.
+    """Find what contradicts the structure of an octree; an empty text if nothing does.
 
     Children must stand behind their parents, in order and without gaps, so that no walk can leave the arrays or turn
     in a circle.
@@ -104,7 +104,7 @@ def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
 
 
 def _children_problem(start: list[int], mask: np.ndarray, first: np.ndarray) -> str:
-    """What contradicts that the children of all nodes follow each other, level by level, or an empty text.
+    """Find what contradicts that the children of all nodes follow each other, level by level; else an empty text.
 
     In pieces that fit the cores' caches, because opening a large file should not wait for this.
     """

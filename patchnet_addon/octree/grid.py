@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The cube that an octree divides, and Morton keys of its cells."""
+"""Grid of the cube that an octree divides, and Morton keys of its cells."""
 
 from __future__ import annotations
 

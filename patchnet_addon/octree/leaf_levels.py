@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How deep the leaves of an octree are, block by block of space."""
+"""Leaf levels of an octree, block by block of space."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..runtime.bounds import MAX_DEPTH
 
 @dataclass(frozen=True, eq=False)
 class LeafLevels:
-    """The level of the leaves in each block; a block is a cell of level `block_level`.
+    """Level of the leaves in each block; a block is a cell of level `block_level`.
 
     levels: (8^block_level,) uint8 over the Morton keys of blocks, at least `block_level`; 0: no leaves are made there.
     """
@@ -32,7 +32,7 @@ class LeafLevels:
 
     @cached_property
     def used(self) -> tuple[int, ...]:
-        """The different levels of leaves, ascending."""
+        """Different levels of leaves, ascending."""
         counts = np.bincount(self.levels, minlength=MAX_DEPTH + 1)
         return tuple(int(level) for level in np.flatnonzero(counts) if level > 0)
 
@@ -42,10 +42,10 @@ class LeafLevels:
         return max(self.used, default=0)
 
     def divided(self, block_level: int) -> LeafLevels:
-        """The same leaves over blocks of a finer level, as far as the leaves are not coarser than these."""
+        """Divide the blocks to those of a finer level, as far as the leaves are not coarser than these."""
         more = min(block_level, *self.used) - self.block_level if self.used else 0
         return self if more <= 0 else LeafLevels(np.repeat(self.levels, 8**more))
 
     def at_most(self, level: int) -> LeafLevels:
-        """The same with no leaf deeper than `level`, which is at least the blocks' level."""
+        """Limit the leaves' depth to `level`, which is at least the blocks' level."""
         return replace(self, levels=np.minimum(self.levels, np.uint8(level)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From one level of an octree to the next coarser one: which nodes there are, and what they hold.
+"""Build one level of an octree from the next finer one: which nodes there are, and what they hold.
 
 Leaves may lie on several levels, as long as no leaf lies in another one.
 """
@@ -16,8 +16,10 @@ from .octree import LUMINANCE_SCALE, NORMAL_SCALE
 
 
 def hierarchy(leaf_keys: Mapping[int, np.ndarray], depth: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes over leaves with ascending keys (n,) uint64 on each level up to `depth`: child_mask (nodes,) uint8 and
-    first_child (nodes,) uint32, as `Octree` holds them."""
+    """Nodes over leaves with ascending keys (n,) uint64 on each level up to `depth`.
+
+    child_mask (nodes,) uint8 and first_child (nodes,) uint32, as `Octree` holds them.
+    """
     masks: list[np.ndarray] = []
     none = np.empty(0, np.uint64)
     keys = none
@@ -87,8 +89,11 @@ def red_blue_of_level(
     leaf_luminance: np.ndarray,
     leaf_chroma: np.ndarray,
 ) -> np.ndarray:
-    """Red and blue (n, 2) float32 of a level's nodes in order: the area-weighted means of their children's (c, 2), or
-    for leaves those of their luminance (l,) and chroma (l, 2) uint8."""
+    """Red and blue (n, 2) float32 of a level's nodes in order.
+
+    The area-weighted means of their children's (c, 2), or for leaves those of their luminance (l,) and chroma (l, 2)
+    uint8.
+    """
     red_blue = np.empty((len(child_mask), 2), np.float32)
     _mean_red_blue(child_mask, child_area, child_red_blue, leaf_luminance, leaf_chroma, red_blue)
     return red_blue

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sparse voxel octree: 14 bytes a node, 16 in colour, level by level, children of a node side by side."""
+"""Sparse voxel octree: 14 bytes a node, 16 in colour, level by level, children of a node side by side."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LOOK_AHEAD = 2  # levels of detail that a patch sees ahead (the paper's delta le
 
 @dataclass(frozen=True, eq=False)
 class Octree:
-    """All nodes of all levels, root first; within a level in Morton order.
+    """Octree of all nodes of all levels, root first; within a level in Morton order.
 
     level_start: (depth + 2,) int64, nodes of level l are level_start[l] to level_start[l + 1].
     child_mask: (n,) uint8, bit x + 2y + 4z set if that child exists; 0 for leaves.
@@ -126,7 +126,7 @@ class Octree:
         return self.luminance[nodes].astype(np.float32) / np.float32(LUMINANCE_SCALE)
 
     def color_float(self, nodes: np.ndarray | slice) -> np.ndarray:
-        """Linear colours (N, 3) float32 whose luminance is the node's; channels may be above 1. Gray without colour."""
+        """Linear colours (N, 3) float32 whose luminance is the node's; channels may be above 1; gray without colour."""
         luminance = self.luminance_float(nodes)
         if self.chroma is None:
             return np.repeat(luminance[:, None], 3, axis=1)

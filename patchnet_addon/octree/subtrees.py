@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Leaves of some blocks of space -> their nodes from the blocks down, as compact as the octree will hold them.
+"""Subtrees over leaves of some blocks of space, from the blocks down, as compact as the octree will hold them.
 
-So that of a large scene only the leaves of one pass are ever held as sums; luminance waits for the exposure, which
+So of a large scene only the leaves of one pass are ever held as sums; luminance waits for the exposure, which
 takes all leaves to choose.
 """
 

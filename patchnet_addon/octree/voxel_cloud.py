@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The voxels that an octree shows at one level: its nodes there, and the leaves above it, which are coarser.
+"""Voxel cloud of an octree at one level: its nodes there, and the leaves above it, which are coarser.
 
 `voxel_runs` walks them in pieces of bounded size, for files; `voxel_cloud` has them all at once, for the screen.
 """
@@ -20,7 +20,7 @@ _PIECE = 1 << 17  # nodes of a level that are expanded at a time
 
 @dataclass(frozen=True, eq=False)
 class VoxelRun:
-    """Some voxels of one level. Columns are computed when they are asked for.
+    """Run of voxels of one level; columns are computed when they are asked for.
 
     nodes: (n,) int64 node indices. keys: (n,) uint64 Morton keys of their cells.
     """
@@ -34,7 +34,7 @@ class VoxelRun:
         return len(self.nodes)
 
     def only(self, chosen: np.ndarray | slice) -> VoxelRun:
-        """Those voxels that `chosen` picks."""
+        """Select the voxels that `chosen` picks."""
         return VoxelRun(self.octree, self.level, self.nodes[chosen], self.keys[chosen])
 
     @property
@@ -75,7 +75,7 @@ class VoxelRun:
 
 @dataclass(frozen=True, eq=False)
 class VoxelCloud:
-    """All voxels of one level as arrays; those of coarser leaves have a larger side.
+    """Voxels of one level, all as arrays; those of coarser leaves have a larger side.
 
     centres_world: (n, 3) float64. side_world: (n,) float32. luminance: (n,) float32 in [0, 1].
     color: (n, 3) float32, linear, of that luminance; gray without colour.
@@ -103,7 +103,7 @@ def voxel_counts(octree: Octree) -> np.ndarray:
 
 
 def check_level(octree: Octree, level: int) -> int:
-    """`level`; raises SettingError if the octree does not have it."""
+    """Check `level` and return it; raises SettingError if the octree does not have it."""
     if not 0 <= level <= octree.depth:
         raise SettingError(
             f"Level {level} is outside 0 to {octree.depth}, the levels of the octree: choose one of them"
@@ -112,7 +112,7 @@ def check_level(octree: Octree, level: int) -> int:
 
 
 def level_within(octree: Octree, limit: int, finest: int | None = None) -> int:
-    """The finest level, up to `finest`, that shows at most `limit` voxels.
+    """Finest level, up to `finest`, that shows at most `limit` voxels.
 
     Raises SettingError if `limit` is below 1 or the octree does not have the level `finest`.
     """
@@ -124,7 +124,7 @@ def level_within(octree: Octree, limit: int, finest: int | None = None) -> int:
 
 
 def voxel_runs(octree: Octree, level: int, top: VoxelRun | None = None, piece: int = _PIECE) -> Iterator[VoxelRun]:
-    """The voxels that `level` shows, below the nodes of `top` or all of them, in a fixed order.
+    """Voxels that `level` shows, below the nodes of `top` or all of them, in a fixed order.
 
     Memory is bounded by `piece` nodes a level: the octree is walked depth first, many neighbouring nodes at a time.
     """
@@ -152,7 +152,7 @@ def _children(run: VoxelRun) -> VoxelRun:
 
 
 def voxel_cloud(octree: Octree, level: int) -> VoxelCloud:
-    """All voxels that `level` shows; raises SettingError if the octree does not have it."""
+    """Collect all voxels that `level` shows; raises SettingError if the octree does not have it."""
     runs = list(voxel_runs(octree, check_level(octree, level)))
     return VoxelCloud(
         level=level,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles -> surface sums per leaf cell: clip, shade, add up, batch by batch and block by block."""
+"""Voxelizer, from triangles to surface sums per leaf cell: clip, shade, add up, batch by batch, block by block."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def all_leaves(leaves: list[LeafSums], _block_level: int) -> list[LeafSums]:
 
 
 class _Share:
-    """What one core does in a pass: the leaves of some blocks."""
+    """Share of a pass that one core computes: the leaves of some blocks."""
 
     def __init__(self, blocks: BlockRange, grid: Grid, shade: Shade) -> None:
         self.block_level = blocks.layout.block_level
@@ -103,14 +103,14 @@ class _Share:
                 self._leaves[level].add(fragments, luminance, opacity, normals, *color)
 
     def take(self) -> list[LeafSums]:
-        """The leaves, level by level; they are let go here."""
+        """Take the leaves, level by level; they are let go here."""
         return [LeafSums(level, *self._leaves.pop(level).take()) for level in self._cells if len(self._leaves[level])]
 
 
 def _on_all_cores(shares: Sequence[_Share], source: MeshSource) -> Iterator[int]:
     """Give all triangles to all shares, each in a thread of its own; yields how many triangles were handed out.
 
-    Kernels run without the interpreter lock. A few batches may wait for a slow share, so that nobody waits for each.
+    Kernels run without the interpreter lock. A few batches may wait for a slow share, so that the others need not.
     """
     pools = [ThreadPoolExecutor(1) for _ in shares]
     waiting: deque[list[Future[None]]] = deque()
@@ -138,7 +138,7 @@ def _finish(tasks: Sequence[Future[None]]) -> None:
 
 
 def _kept(shares: list[_Share], keep: Callable[[list[LeafSums], int], Kept]) -> list[Kept]:
-    """What is kept of each share, in order, made on all cores; the shares are let go."""
+    """Take what is kept of each share, in order, made on all cores; the shares are let go."""
     with ThreadPoolExecutor(len(shares)) as pool:
         return list(pool.map(lambda share: keep(share.take(), share.block_level), shares))
 

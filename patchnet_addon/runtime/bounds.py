@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What numbers may be: one table for arguments of commands, properties of Blender, and settings made by scripts.
+"""Bounds of numbers: one table for arguments of commands, properties of Blender, and settings made by scripts.
 
 No row has room for what is not finite. A property whose 0 stands for "automatic" begins at 0 and not at the row's
 lowest number; settings then look at the row again.
@@ -19,7 +19,7 @@ from .frames import LAST_FRAME
 class Bounds:
     """Numbers from `low` to `high`, both of them included.
 
-    what: the number's name in sentences. whole: without a fraction. advice: what a person may do instead.
+    what: the number's name in sentences. whole: without a fraction. advice: what a user may do instead.
     """
 
     what: str
@@ -29,7 +29,7 @@ class Bounds:
     advice: str = "choose a number in this range"
 
     def check(self, value: float, what: str = "") -> None:
-        """Raises SettingError that names the number (as `what`, if that is given) unless it is within the bounds."""
+        """Raise SettingError that names the number (as `what`, if that is given) unless it is within the bounds."""
         # Blender keeps its properties in single precision, their bounds too: 1e-12 comes back a little smaller.
         if not min(self.low, _single(self.low)) <= value <= max(self.high, _single(self.high)):
             raise SettingError(f"{what or self.what} {value} is outside {self._range()}: {self.advice}")
@@ -37,7 +37,7 @@ class Bounds:
             raise SettingError(f"{what or self.what} {value} is not a whole number: choose one of {self._range()}")
 
     def read(self, text: str, what: str = "") -> float:
-        """The number that a text is; an int where it is whole. Raises SettingError as `check`."""
+        """Read the number that a text is; an int where it is whole; raises SettingError as `check`."""
         try:
             value = int(text) if self.whole else float(text)
         except ValueError as cause:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where kernels, pages of bakes and finished octrees are kept: the user's cache folder, or one that takes its place.
+"""Cache folder of kernels, pages of bakes and finished octrees: the user's, or one that takes its place.
 
 A cache folder may be on a disk that can only be read, as in a container, or may have been made by an administrator.
 Compiled kernels are executed when they are read: what takes its place is the user's alone.
@@ -95,7 +95,7 @@ def _usable(wanted: Path) -> Path:
 
 
 def _private_folder() -> Path:
-    """The user's own folder among the temporary files, the same at each start; a new one if somebody is in the way."""
+    """Private folder of the user among the temporary files, the same at each start; a new one if it is not private."""
     user = os.geteuid() if hasattr(os, "geteuid") else getpass.getuser()
     folder = Path(tempfile.gettempdir()) / f"patchnet-{user}"
     with suppress(OSError):
@@ -109,7 +109,7 @@ def _private_folder() -> Path:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether `folder` is one, is ours, and nobody else can put files there."""
+    """Test whether `folder` is one, is ours, and no other user can put files there."""
     try:
         found = folder.lstat()
         if not stat.S_ISDIR(found.st_mode):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether kernels are being compiled now, for those who tell a person why it takes long. Imports nothing heavy."""
+"""Compilation state of kernels, so that users can be told why it takes long; imports nothing heavy."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ _count = 0
 
 
 def is_compiling() -> bool:
-    """Whether a kernel is compiled in some thread; one that is loaded from the cache is not."""
+    """Return whether a kernel is compiled in some thread; one that is loaded from the cache is not."""
     return _count > 0
 
 
 def compilation_begins() -> None:
-    """`kernels.py` says so."""
+    """Note that a compilation begins; `kernels.py` calls this."""
     _change(1)
 
 
 def compilation_ends() -> None:
-    """`kernels.py` says so."""
+    """Note that a compilation has ended; `kernels.py` calls this."""
     _change(-1)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Errors a person can act on. Operators report them, the command line prints them and exits with 2."""
+"""Errors that a user can act on: operators report them, the command line prints them and exits with 2."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ class SceneError(PatchNetError):
 
 
 class StoppedError(SceneError):
-    """A person stopped what Blender was doing for us."""
+    """The user stopped what Blender was doing for us."""
 
 
 class EmptySelectionError(SceneError):
-    """Nothing that has a surface is selected or visible."""
+    """Empty selection: nothing that has a surface is selected or visible."""
 
 
 class GeometryError(SceneError):
@@ -35,7 +35,7 @@ class SettingError(PatchNetError):
 
 
 class OutputError(PatchNetError):
-    """What would be written cannot be, or would replace something that is to stay."""
+    """Output cannot be written, or would replace something that is to stay."""
 
 
 class FileAccessError(PatchNetError):
@@ -43,7 +43,7 @@ class FileAccessError(PatchNetError):
 
     @classmethod
     def of(cls, cause: OSError) -> FileAccessError | None:
-        """The sentence for an error of the system that names its file, else None."""
+        """Sentence for an error of the system that names its file, else None."""
         names = [os.fsdecode(name) for name in (cause.filename, cause.filename2) if isinstance(name, str | bytes)]
         if not names or cause.strerror is None:
             return None

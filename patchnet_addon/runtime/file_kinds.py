@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a file is, by what stands in it: something else is never replaced by what is written.
+"""File kinds, told by content: something else is never replaced by what is written.
 
-An ending says little: people mistype paths, and `.json`, `.png` or `.safetensors` may be anybody's.
+An ending says little: users mistype paths, and `.json`, `.png` or `.safetensors` may be of any program.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _COMPRESSED = (b"\x28\xb5\x2f\xfd", b"\x1f\x8b")  # zstd and gzip, as Blender co
 
 @dataclass(frozen=True)
 class FileKind:
-    """A kind of files.
+    """Kind of files.
 
     title: in words, with its article. endings: of such files' names. holds: whether the file at a path is one, by what
     stands in it; raises OSError, and ValueError, TypeError or KeyError where it is something else.
@@ -33,7 +33,7 @@ class FileKind:
     holds: Callable[[Path], bool]
 
     def is_at(self, path: Path) -> bool:
-        """Whether the file at `path` is of this kind; an empty one is, if it has the ending. Raises OSError."""
+        """Return whether the file at `path` is of this kind; an empty one is, if it has the ending; raises OSError."""
         if path.stat().st_size == 0:
             return path.suffix.lower() in self.endings
         try:
@@ -50,7 +50,7 @@ def arrays_kind(kind: str) -> FileKind:
 
 
 def arrays_in(path: Path) -> str:
-    """Kind of a file of ours with arrays, "" for one of another program. Raises as `FileKind.holds`."""
+    """Kind of a file of ours with arrays, "" for one of another program; raises as `FileKind.holds`."""
     with path.open("rb") as file:
         length = int.from_bytes(file.read(8), "little")
         own = json.loads(file.read(length))["__metadata__"] if length <= _MAX_HEADER_BYTES else {}
@@ -75,7 +75,7 @@ def _is_report(path: Path) -> bool:
 
 
 def _is_frame_record(path: Path) -> bool:
-    """Also one that is not whole: it does not count as a frame, and should not keep it from being made."""
+    """Test for a frame's record, also one that is not whole: such a one counts as no frame, and should not block it."""
     head = _head(path, len(_RECORD_BEGINS))
     return _RECORD_BEGINS.startswith(head) or {"frame", "content", "file", "files", "summary"} <= _json(path).keys()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Our files: safetensors with a kind, a schema version, JSON metadata and checksums in the header.
+"""File format of ours: safetensors with a kind, a schema version, JSON metadata and checksums in the header.
 
 Files appear complete or not at all (`replace.py`). Reading maps the file into memory; every failure is one sentence
 that names file and cause.
@@ -37,7 +37,7 @@ _DTYPE_NAMES = {np.dtype(code): name for name, code in _DTYPES.items()}
 
 @dataclass(frozen=True)
 class FileHeader:
-    """What a file says about itself.
+    """Header of a file: what it says about itself.
 
     kind: "octree", "codes" or "weights". metadata: plain JSON values.
     arrays: dtype and shape of each array. data_start: byte where the arrays begin.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which frames of an animation: "1-24", "1-24x2", "1,5,9", "all"."""
+"""Frame lists of an animation: "1-24", "1-24x2", "1,5,9", "all"."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PART = re.compile(r"(-?\d+)(?:-(-?\d+)(?:[x:](\d+))?)?")
 
 
 def parse_frames(text: str, of_scene: range | None = None) -> tuple[int, ...]:
-    """The frames that a text names, each once, the earliest first.
+    """Parse the frames that a text names, each once, the earliest first.
 
     of_scene: what "all" stands for; None where it is not known yet, for which "all" is empty.
     Raises SettingError with what is wrong.
@@ -42,7 +42,7 @@ def frame_range(first: int, last: int, step: int = 1) -> range:
 
 @contextmanager
 def errors_of_frame(frame: int) -> Iterator[None]:
-    """Errors that a person can act on name the frame that the block is about."""
+    """Let errors that a user can act on name the frame that the block is about."""
     try:
         yield
     except PatchNetError as error:

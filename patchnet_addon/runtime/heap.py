@@ -61,7 +61,7 @@ def page_out(library: str) -> None:
 
 @functools.cache
 def _loaded(name: str | None) -> Any:
-    """A library that this process has, or the program itself; None where that cannot be had."""
+    """Load a library that this process has, or the program itself; None where that cannot be had."""
     try:
         return ctypes.CDLL(name)
     except (OSError, TypeError):  # Windows has no handle of the program itself
@@ -74,12 +74,12 @@ def resident_bytes() -> int | None:
 
 
 def peak_bytes() -> int | None:
-    """The most of them so far, or since the kernel was told to count anew."""
+    """Peak of resident bytes so far, or since the kernel was told to count anew."""
     return _status_bytes("VmHWM")
 
 
 def _status_bytes(name: str) -> int | None:
-    """A line of /proc/self/status, or None."""
+    """Bytes by a line of /proc/self/status, or None."""
     try:
         with open("/proc/self/status", encoding="ascii", errors="replace") as file:
             for line in file:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ctrl-C, and SIGTERM as render farms send it, end a command within seconds, also while Blender computes.
+"""Interrupt a command within seconds by Ctrl-C, or SIGTERM as render farms send it, also while Blender computes.
 
 Python acts on a signal only between two of its own instructions, and a call into Blender, such as the bake of a page,
 is one of them for minutes. A thread of ours hears of the signal at once (Blender lets threads run while it bakes); if
@@ -30,7 +30,7 @@ from .unfinished import remove_unfinished
 DEADLINE_S = 2.5
 INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM  # exit codes, as shells name a signal's end
 STOPPED = "interrupted; a bake goes on where it was when it is started again"
-# What Python does with these signals where nobody said otherwise.
+# What Python does with these signals where no handler was set.
 _DEFAULTS: dict[signal.Signals, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 
 
@@ -43,12 +43,12 @@ class Interrupted(KeyboardInterrupt):
 
 
 def exit_code_of(error: KeyboardInterrupt) -> int:
-    """The exit code of a process that this ended."""
+    """Exit code of a process that this ended."""
     return error.exit_code if isinstance(error, Interrupted) else INTERRUPTED
 
 
 class _Waiting:
-    """How many blocks of `interrupts_wait` there are, and the signal that came meanwhile, or 0."""
+    """Counter of blocks of `interrupts_wait`, and the signal that came meanwhile, or 0."""
 
     depth = 0
     heard = 0
@@ -56,7 +56,7 @@ class _Waiting:
 
 @contextmanager
 def interrupts_wait() -> Iterator[None]:
-    """Within the block, which calls Blender, Ctrl-C and SIGTERM wait for its end, or for the deadline.
+    """Let Ctrl-C and SIGTERM wait for the end of the block, which calls Blender, or for the deadline.
 
     Blender calls Python in turn, such as Cycles' own and handlers of scenes: raised there, an interruption would be
     printed as an error of theirs, and lost, and what was half done would be taken for done.
@@ -76,10 +76,11 @@ def interrupts_wait() -> Iterator[None]:
 
 @contextmanager
 def prompt_interrupt(end: Callable[[], None] | None = None) -> Iterator[None]:
-    """Within the block, Ctrl-C and SIGTERM raise `Interrupted`, and `end` is called if that has not ended the block
-    DEADLINE_S after it; by default the process ends.
+    """Raise `Interrupted` within the block at Ctrl-C and SIGTERM.
 
-    Leaves a signal alone where a handler of somebody else's in Python listens, or where it is ignored; does nothing
+    If that has not ended the block DEADLINE_S after it, `end` is called; by default the process ends.
+
+    Leaves a signal alone where another handler in Python listens, or where it is ignored; does nothing
     outside the main thread.
     """
     if threading.current_thread() is not threading.main_thread():
@@ -94,7 +95,7 @@ def prompt_interrupt(end: Callable[[], None] | None = None) -> Iterator[None]:
 
 
 def _hear(number: int, _frame: FrameType | None) -> None:
-    """The handler: Python calls it in the main thread."""
+    """Handle a signal: Python calls this in the main thread."""
     if _Waiting.depth:
         _Waiting.heard = number
         return
@@ -103,7 +104,7 @@ def _hear(number: int, _frame: FrameType | None) -> None:
 
 @contextmanager
 def _listening(number: signal.Signals) -> Iterator[bool]:
-    """Whether we hear a signal within the block, in place of Python or of the program that it is a part of."""
+    """Return whether we hear a signal within the block, in place of Python or of the program that it is a part of."""
     before = signal.getsignal(number)
     if before not in (None, _DEFAULTS[number]) or (os.name == "nt" and (before is None or number != signal.SIGINT)):
         yield False
@@ -130,7 +131,7 @@ def _listening(number: signal.Signals) -> Iterator[bool]:
 
 @contextmanager
 def _watched(numbers: set[signal.Signals], end: Callable[[], None] | None) -> Iterator[None]:
-    """A thread hears of the signals within the block."""
+    """Watch for the signals within the block, in a thread."""
     listener, speaker = socket.socketpair()
     speaker.setblocking(False)
     ended = threading.Event()
@@ -162,7 +163,7 @@ def _watch(
 
 
 def end_process(exit_code: int, said: str) -> None:
-    """End the process at once; what it has not finished is removed, and people or programs are told why."""
+    """End the process at once; what it has not finished is removed, and users or programs are told why."""
     try:
         remove_unfinished()
         # Not through the log: the thread that computes may be in the middle of a line.

@@ -73,7 +73,7 @@ def _say_uncached(cause: Exception) -> None:
 
 
 class _Compilations(event.Listener):  # type: ignore[misc]
-    """Hears of each kernel that is compiled because the cache does not have it."""
+    """Listener to each kernel that is compiled because the cache does not have it."""
 
     def on_start(self, _event: event.Event) -> None:
         compilation_begins()
@@ -86,17 +86,17 @@ event.register("numba:compile", _Compilations())
 
 
 def device(function: Function) -> Function:
-    """A function that kernels call; inlined by the compiler, never launched by itself."""
+    """Decorate a function that kernels call; inlined by the compiler, never launched by itself."""
     return _compiled(function)
 
 
 def kernel(function: Function) -> Function:
-    """A function over arrays, compiled for all cores at its first call; launches are serialised."""
+    """Compile a function over arrays for all cores at its first call; launches are serialised."""
     return _serialised(function, _compiled(function, parallel=True))
 
 
 def serial_kernel(function: Function) -> Function:
-    """Like `kernel`, for work that one core does in order; may be launched from several threads at once."""
+    """Compile like `kernel`, for work that one core does in order; may be launched from several threads at once."""
     return _compiled(function)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is said on stderr while something runs: lines for people, or one JSON object a line for programs.
+"""Log on stderr while something runs: lines for users, or one JSON object a line for programs.
 
 An object has `time` (UTC), `level`, `event`, `message`, `seconds` since the start, and the fields of its event:
 
@@ -30,7 +30,7 @@ TEXT, JSON = "text", "json"
 FORMATS = (TEXT, JSON)
 VARIABLE = "PATCHNET_LOG"
 
-_SAID_OTHERWISE = ("start", "progress", "warning", "result", "error")  # to people: by bars, prints and reports
+_SAID_OTHERWISE = ("start", "progress", "warning", "result", "error")  # to users: by bars, prints and reports
 _began = time.monotonic()
 
 
@@ -56,30 +56,30 @@ def set_up(log_format: str | None = None, level: str = "WARNING") -> None:
 
 
 def is_json() -> bool:
-    """Whether programs read what is said."""
+    """Return whether programs read what is said."""
     return any(isinstance(handler, _Lines) and handler.as_json for handler in LOG.handlers)
 
 
 def event(name: str, message: str, level: int = logging.INFO, /, **fields: Any) -> None:
-    """Say that something happened. Fields that are None are left out."""
+    """Log that something happened; fields that are None are left out."""
     LOG.log(level, message, extra={"event": name, "fields": fields})
 
 
 def start(command: str, **fields: Any) -> None:
-    """Say that a command or an operator begins; seconds count from here."""
+    """Log that a command or an operator begins; seconds count from here."""
     global _began
     _began = time.monotonic()
     event("start", command, command=command, **fields)
 
 
 def unexpected(error: BaseException, **fields: Any) -> None:
-    """Say what should not have happened, with its traceback."""
+    """Log what should not have happened, with its traceback."""
     text = "".join(traceback.format_exception(error))
     event("error", f"{type(error).__name__}: {error}", logging.ERROR, traceback=text, **fields)
 
 
 def json_line(name: str, message: str, level: int = logging.INFO, /, **fields: Any) -> str:
-    """One event as a line of JSON, without the end of the line."""
+    """Format an event as a line of JSON, without the end of the line."""
     values = {
         "time": datetime.now(UTC).isoformat(timespec="milliseconds"),
         "level": logging.getLevelName(level).lower(),
@@ -93,7 +93,7 @@ def json_line(name: str, message: str, level: int = logging.INFO, /, **fields: A
 
 
 class _Lines(logging.StreamHandler):  # type: ignore[type-arg]
-    """Writes to what stderr is at the moment."""
+    """Writer of lines to what stderr is at the moment."""
 
     def __init__(self, as_json: bool) -> None:
         super().__init__()

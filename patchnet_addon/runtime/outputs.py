@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether what a job will write can be written, asked before its first second of work.
+"""Output checks, before a job's first second of work, that all of its files can be written.
 
 Each command and operator says which files it will write, of which kind, and which files it reads. None of those that it
 reads is replaced, whatever name or link leads to it, and none that is of another kind than what is written.
@@ -24,7 +24,7 @@ def check_outputs(
     folder: Path | None = None,
     makes_folders: bool = True,
 ) -> None:
-    """Raises OutputError if one of `files` cannot be written, would replace one of `inputs`, or something foreign.
+    """Raise OutputError if one of `files` cannot be written, would replace one of `inputs`, or something foreign.
 
     folder: that of all results, if there is one. makes_folders: whether folders that are not there will be made.
     """
@@ -48,7 +48,7 @@ def check_outputs(
 
 
 def _check_lengths(paths: Iterable[Path], folder: Path) -> None:
-    """Raises OSError if a name is too long for the file system of `folder`, with what makes it a temporary one."""
+    """Raise OSError if a name is too long for the file system of `folder`, with what makes it a temporary one."""
     longest = max((os.path.basename(path) for path in paths), key=lambda name: len(os.fsencode(name)))
     temporary_path(folder / longest).exists()
 
@@ -62,7 +62,7 @@ def _check_not_read(path: Path, read: Mapping[tuple[int, int], Path]) -> None:
 
 
 def check_writable(folder: Path) -> None:
-    """Raises OutputError if no file can be made in `folder`, which is there, or its disk is full."""
+    """Raise OutputError if no file can be made in `folder`, which is there, or its disk is full."""
     try:
         descriptor, name = tempfile.mkstemp(prefix=".patchnet-", suffix=".tmp", dir=folder)
         try:
@@ -78,7 +78,7 @@ def check_writable(folder: Path) -> None:
 
 
 def _nearest_folder(folder: Path, makes_folders: bool) -> Path:
-    """The folder itself, or the nearest one above it that is there. Raises OutputError if something is in the way."""
+    """Folder itself, or the nearest one above it that is there; raises OutputError if something is in the way."""
     for place in (folder, *folder.parents):
         if place.is_dir():
             return place
@@ -90,7 +90,7 @@ def _nearest_folder(folder: Path, makes_folders: bool) -> Path:
 
 
 def identities(paths: Iterable[Path]) -> dict[tuple[int, int], Path]:
-    """The files that are there by what makes them the same file."""
+    """Files that are there by what makes them the same file."""
     return {found: path for path in paths if (found := identity(path)) is not None}
 
 

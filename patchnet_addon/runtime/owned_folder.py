@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Temporary folders that say whether anybody is at work in them, so that what a dead process left can go.
+"""Temporary folders locked by the process at work in them, so that what a dead process left can go.
 
 Such a folder holds a file `owner`, which its process keeps locked: the system frees the lock when the process ends,
 however it ends. Machines that share a disk do not always see each other's locks, so the file also names the machine,
 and its process touches it every minute. A folder is left over if its file is not locked, and if either this machine
-made it or nobody has touched it for an hour, by the disk's own clock.
+made it or no process has touched it for an hour, by the disk's own clock.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def remove_left_over(folder: Path, name: str) -> None:
 
 @cache
 def machine() -> str:
-    """What tells this machine from others; containers of one machine are one, as they are for locks."""
+    """Identity of this machine; containers of one machine are one, as they are for locks."""
     try:
         return _BOOT.read_text(encoding="ascii").strip()
     except OSError:
@@ -71,7 +71,7 @@ def machine() -> str:
 
 
 def _is_left_over(folder: Path) -> bool:
-    """Whether nobody is at work in `folder`. Raises OSError."""
+    """Test whether no process is at work in `folder`; raises OSError."""
     try:
         with (folder / _OWNER).open("rb+") as owner:
             locked = _lock(owner)
@@ -95,7 +95,7 @@ def _silent_s(path: Path, folder: Path) -> float:
 
 
 def _lock(file: BinaryIO, *, wait: bool = False) -> bool | None:
-    """Whether `file` is locked now by us: not while another process holds it; None where there are no locks."""
+    """Return whether `file` is locked now by us: not while another process holds it; None where there are no locks."""
     try:
         if os.name == "nt":
             file.seek(0)
@@ -109,7 +109,7 @@ def _lock(file: BinaryIO, *, wait: bool = False) -> bool | None:
 
 @contextlib.contextmanager
 def _beating(owner: Path) -> Iterator[None]:
-    """A thread touches the file `owner` now and then within the block."""
+    """Touch the file `owner` now and then within the block, in a thread."""
     ended = threading.Event()
 
     def beat() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Long steps are generators of `Progress` whose return value is the result.
+"""Progress of long steps, which are generators of `Progress` whose return value is the result.
 
 The command line and `execute()` drain them, a modal operator pulls them a time slice per timer tick,
 and closing one runs its `finally` blocks: one implementation for all three.
@@ -16,10 +16,10 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Progress:
-    """`done` of `total` units of the step called `label` are finished.
+    """Progress of the step called `label`: `done` of `total` units are finished.
 
     waiting: a thread, or a job of Blender's, is at work for the step, on what the step has put there: ask again later.
-    whole: share of all steps that is done, 0 to 1, where somebody counts them.
+    whole: share of all steps that is done, 0 to 1, where a caller counts them.
     frame: of the animation that the step belongs to; `step` is then the label without it.
     note: why it takes longer than usual, or "".
     """
@@ -56,7 +56,7 @@ def drain(steps: Steps[Result], on_progress: Callable[[Progress], None] | None =
 
 
 def labelled(steps: Steps[Result], text: str) -> Steps[Result]:
-    """The same steps under another label; `{}` in `text` stands for their own."""
+    """Relabel steps; `{}` in `text` stands for their own label."""
     try:
         while True:
             report = next(steps)

@@ -14,9 +14,9 @@ _PAUSE_S = 1.0
 
 
 class ProgressLog:
-    """Says which step begins, and at most once a second how far it is.
+    """Log of progress: the step that begins, and at most once a second how far it is.
 
-    title: of all steps, for people.
+    title: of all steps, for users.
     """
 
     def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 
 def bytes_text(number: float) -> str:
-    """Such as 1.5 GiB, 1.0 MiB, 12.0 KiB, 5 B."""
+    """Bytes in words, such as 1.5 GiB, 1.0 MiB, 12.0 KiB, 5 B."""
     for limit, unit in ((2**30, "GiB"), (2**20, "MiB"), (2**10, "KiB")):
         if number >= limit:
             return f"{number / limit:.1f} {unit}"
@@ -13,7 +13,7 @@ def bytes_text(number: float) -> str:
 
 
 def count_text(number: float) -> str:
-    """Such as 2.5 G, 1.3 M, 12,345."""
+    """Count in words, such as 2.5 G, 1.3 M, 12,345."""
     for limit, unit in ((1e9, " G"), (1e6, " M")):
         if number >= limit:
             return f"{number / limit:.1f}{unit}"

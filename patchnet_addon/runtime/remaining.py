@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How long a step still takes, by what it has done so far."""
+"""Remaining time of a step, by what it has done so far."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from collections.abc import Callable
 
 from .progress import Progress
 
-_LEAST_SHARE = 0.02  # of the step, before which nobody can say
+_LEAST_SHARE = 0.02  # of the step, before which no estimate is made
 _LEAST_S = 2.0
 
 
 class Remaining:
-    """Watches the progress of steps, one after the other.
+    """Remaining time by the progress of steps, one after the other.
 
     A step that begins in its middle, such as a bake that is resumed, is measured from there.
     """
@@ -44,7 +44,7 @@ class Remaining:
         return max(spent / share * (1.0 - self._last) - since, 0.0)
 
     def text(self) -> str:
-        """The same in words: "about 40 s left", or ""."""
+        """Remaining time in words: "about 40 s left", or ""."""
         seconds = self.seconds()
         if seconds is None or seconds < 1.0:
             return ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that appear complete or not at all, and never in place of something else.
+"""Atomic replacement of files: they appear complete or not at all, and never in place of something else.
 
 A file is written beside its destination and renamed when it is complete and on disk, so a half-written file never
 replaces a good one.
@@ -23,7 +23,7 @@ _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
 def check_replaceable(path: Path, kind: FileKind) -> None:
-    """Raises OutputError if something is at `path` that a file of `kind` must not take the place of."""
+    """Raise OutputError if something is at `path` that a file of `kind` must not take the place of."""
     try:
         found = path.stat()
     except FileNotFoundError:
@@ -47,7 +47,7 @@ def check_replaceable(path: Path, kind: FileKind) -> None:
 
 
 def _is_someone_elses(path: Path, found: os.stat_result) -> bool:
-    """Whether a sticky folder, such as /tmp, keeps us from replacing the file."""
+    """Return whether a sticky folder, such as /tmp, keeps us from replacing the file."""
     if not hasattr(os, "geteuid") or os.geteuid() == 0:
         return False
     folder = path.parent.stat()
@@ -55,7 +55,7 @@ def _is_someone_elses(path: Path, found: os.stat_result) -> bool:
 
 
 def temporary_path(path: Path) -> Path:
-    """A new name beside `path` for what is not finished yet, in the form that is looked for to tidy up."""
+    """New name beside `path` for what is not finished yet, in the form that is looked for to tidy up."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
 
 
@@ -72,7 +72,7 @@ def replaced_file(path: Path, kind: FileKind) -> Iterator[BinaryIO]:
 
 @contextlib.contextmanager
 def replaced_path(path: Path, kind: FileKind) -> Iterator[Path]:
-    """As `replaced_file`, for writers that open the file on their own: the path that they shall write."""
+    """Replace as `replaced_file`, for writers that open the file on their own: yields the path they are to write."""
     check_replaceable(path, kind)
     temporary = temporary_path(path)
     try:

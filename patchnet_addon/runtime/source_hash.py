@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Source hashes: which version of the code made a result, found by following imports.
+"""Source hashes, which tell the version of the code that made a result, found by following imports.
 
 What is cached or resumed must not meet results of other code. A list of folders would have to be kept true by hand; the
 modules themselves say what they depend on.

@@ -14,7 +14,7 @@ from .heap import peak_bytes, resident_bytes
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage: wall seconds, resident memory of the process when it began, and the most of it until it ended.
+    """Stage of a command: wall seconds, resident memory when it began, and the most of it until it ended.
 
     Bytes are None where they were not asked for, or the system does not say (only Linux does).
     """
@@ -53,7 +53,7 @@ class StageClock:
         return {name: stage.seconds for name, stage in self.stages.items()}
 
     def as_json(self) -> dict[str, Any]:
-        """stages: by name; peak_bytes: the most resident memory of the process so far."""
+        """Plain values: stages by name; peak_bytes: the most resident memory of the process so far."""
         self._notice_peak()
         return {"stages": {name: asdict(stage) for name, stage in self.stages.items()}, "peak_bytes": self._peak}
 

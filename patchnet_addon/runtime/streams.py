@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Standard streams that nobody reads any more, as with `>&-` or `| head -1`: the work goes on, and ends as it would.
+"""Standard streams whose reader is gone, as with `>&-` or `| head -1`: the work goes on, and ends as it would.
 
 Without this, the first file that is opened would take the place of a stream that is closed, and get what Blender
-prints; and a line that nobody reads would end the work, although its results are files.
+prints; and a line without a reader would end the work, although its results are files.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _NAMES = ("stdin", "stdout", "stderr")  # by their file descriptors
 def keep_streams() -> None:
     """Open those of stdin, stdout and stderr that are closed on nothing, and let a pipe without a reader be no error.
 
-    Does nothing to streams that somebody has replaced.
+    Does nothing to streams that were replaced.
     """
     for number, name in enumerate(_NAMES):
         _open_if_closed(number)
@@ -42,7 +42,7 @@ def _open_if_closed(number: int) -> None:
 
 
 def _patient(stream: TextIO | None, number: int) -> TextIO:
-    """A stream like `stream` that drops what nobody reads."""
+    """Stream like `stream` that drops what is not read."""
     raw = _Pipe(number, "w", closefd=False)
     if stream is None:
         return io.TextIOWrapper(io.BufferedWriter(raw), encoding="utf-8", errors="backslashreplace")
@@ -82,7 +82,7 @@ def _drop(number: int) -> None:
 
 
 def is_written(number: int) -> bool:
-    """Whether a file descriptor can be written: that of a closed stream may be somebody's by now, such as Blender's."""
+    """Test whether a file descriptor can be written: that of a closed stream may be another file's by now."""
     if os.name == "nt":
         return True
     import fcntl
@@ -94,7 +94,7 @@ def is_written(number: int) -> bool:
 
 
 class _Pipe(io.FileIO):
-    """Writes to stdout or stderr, and to nothing once nobody reads there; other errors name the stream."""
+    """Pipe to stdout or stderr, and to nothing once its reader is gone; other errors name the stream."""
 
     def write(self, data: Any) -> int | None:  # type: ignore[override]
         try:
@@ -103,6 +103,6 @@ class _Pipe(io.FileIO):
             _drop(self.fileno())
             return memoryview(data).nbytes
         except OSError as error:
-            if error.errno == errno.EBADF:  # it was closed, and is somebody's who only reads there
+            if error.errno == errno.EBADF:  # it was closed, and now belongs to a file that is only read
                 return memoryview(data).nbytes
             raise OSError(error.errno, error.strerror, _NAMES[self.fileno()]) from error

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files and folders that are not finished yet, or only for this process: what has to go when it ends at once."""
+"""Unfinished files and folders, or such only for this process: they have to go when it ends at once."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _paths: set[Path] = set()
 
 @contextlib.contextmanager
 def unfinished(path: Path) -> Iterator[None]:
-    """`path` is not finished within the block; whoever made it removes it when the block ends otherwise."""
+    """Mark `path` as not finished within the block; its maker removes it when the block ends otherwise."""
     _paths.add(path)
     try:
         yield
@@ -22,7 +22,7 @@ def unfinished(path: Path) -> Iterator[None]:
 
 
 def goes_with_process(path: Path) -> None:
-    """`path` is of no use any more when this process ends."""
+    """Mark `path` as of no use any more when this process ends."""
     _paths.add(path)
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Engine steps in a thread beside whoever waits for them and may stop them: a window, or Ctrl-C.
+"""Worker thread for engine steps, beside the caller that waits for them and may stop them: a window, or Ctrl-C.
 
 A single step can take long: kernels are compiled when they are called for the first time, for up to half a minute in
 all, and one of a large octree computes for seconds. Nothing of Python's acts meanwhile in the thread that it keeps
-busy. So where somebody waits, that is another thread; the one who waits is told how far it is.
+busy. So where a caller waits, that is another thread; the caller is told how far it is.
 
 Work that was stopped is let go of: it ends with the step that it is in, and its result is dropped. So only what
 touches neither Blender nor files of its own may be beside.
@@ -33,7 +33,7 @@ _let_go: list[threading.Thread] = []
 
 @contextmanager
 def attended() -> Iterator[None]:
-    """Somebody waits for the steps that are pulled within the block, and wants to be asked often whether to go on."""
+    """Mark that a caller waits for the steps pulled within the block, and wants to be asked often whether to go on."""
     token = _attended.set(True)
     try:
         yield
@@ -42,7 +42,7 @@ def attended() -> Iterator[None]:
 
 
 def beside(make: Callable[[], Steps[Result]], at: Progress) -> Steps[Result]:
-    """The steps that `make` gives, with the same reports, result and errors; beside those who wait, if somebody does.
+    """Run the steps that `make` gives, with the same reports, result and errors; beside a caller, if one waits.
 
     make: is called where the steps are. at: the first report, when they have not said anything yet.
     """
@@ -58,7 +58,7 @@ def beside(make: Callable[[], Steps[Result]], at: Progress) -> Steps[Result]:
 
 
 def computed(function: Callable[[], Result], at: Progress) -> Steps[Result]:
-    """The result of `function`, computed beside those who wait; every report is `at`."""
+    """Compute `function` and return its result, beside a caller that waits; every report is `at`."""
 
     def steps() -> Steps[Result]:
         yield at
@@ -86,13 +86,13 @@ class _Work(Generic[Result]):
             threading.stack_size(before)
 
     def let_go(self) -> None:
-        """Take no more steps. What the present one still does is nobody's."""
+        """Take no more steps; what the present one still does is dropped."""
         self._stop = True
         if not self.ended.is_set():
             _let_go[:] = [thread for thread in _let_go if thread.is_alive()] + [self._thread]
 
     def result(self) -> Result:
-        """What the steps gave, or the error that ended them; once, so that no memory is held for longer."""
+        """Return what the steps gave, or raise the error that ended them; once, so that no memory is held on."""
         if self._error is not None:
             raise self._error
         return self._results.pop()
@@ -109,7 +109,7 @@ class _Work(Generic[Result]):
                 self._results.append(stop.value)
             finally:
                 steps.close()
-        except BaseException as error:  # noqa: BLE001 - whoever waits raises it
+        except BaseException as error:  # noqa: BLE001 - the caller that waits raises it
             self._error = error
         finally:
             self.ended.set()
@@ -117,7 +117,7 @@ class _Work(Generic[Result]):
 
 @atexit.register
 def _wait_for_kernels() -> None:
-    """A process that ends under a running kernel may crash."""
+    """Wait for running kernels: a process that ends under one may crash."""
     deadline = time.monotonic() + _PATIENCE_S
     for thread in _let_go:
         thread.join(max(0.0, deadline - time.monotonic()))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixels that can be wrong: those that hit something, and their neighbours (methods 7.23)."""
+"""Active pixels, which can be wrong: those that hit something, and their neighbours (methods 7.23)."""
 
 import numpy as np
 

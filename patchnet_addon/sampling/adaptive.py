@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A picture that is refined where it is wrong: one ray a pixel first, then 32x32 where the budget goes (methods 3).
+"""Adaptive super-sampling of a picture: one ray a pixel first, then 32x32 where the budget goes (methods 3).
 
 The picture is there at any time between two steps, as good as it is by then: a render engine shows it meanwhile.
 """
@@ -36,9 +36,9 @@ Importance = Callable[[Frame], Steps[np.ndarray]]  # weights (P,) in [0, 1] of a
 
 @dataclass
 class Pace:
-    """How much is done in one step: pixels that are traced, and rays of pixels that are refined.
+    """Amount of work in one step: pixels that are traced, and rays of pixels that are refined.
 
-    It may be changed between two steps, by those who find out on the way how long one takes.
+    It may be changed between two steps, by a caller that finds out on the way how long one takes.
     """
 
     band_pixels: int = BAND_PIXELS
@@ -46,7 +46,7 @@ class Pace:
 
 
 class AdaptivePicture:
-    """A picture of P pixels, row 0 at the bottom, and what is known of them so far.
+    """Picture of P pixels, row 0 at the bottom, and what is known of them so far.
 
     colors: (P, 3) float32, linear as the octree's, weighed by alpha over black. alpha: (P,) float32, share of the rays
     that met something. samples: (P,) int32, rays per pixel; 0 where nothing is traced yet.
@@ -61,7 +61,7 @@ class AdaptivePicture:
         coded: CodedOctree | None = None,
         importance: Importance | None = None,
     ) -> None:
-        """importance: what makes of the traced frame the weights that multiply scores; None where all matter alike."""
+        """Prepare a picture; importance makes the weights that multiply scores of a traced frame, None for 1."""
         self.octree, self.camera, self.strategy, self.coded = octree, camera, strategy, coded
         self._importance = importance
         self.colors = np.zeros((camera.pixel_count, 3), np.float32)
@@ -77,7 +77,7 @@ class AdaptivePicture:
         return None if self.frame is None or self.score is None else priority(self.frame, self.score)
 
     def trace(self, pace: Pace | None = None) -> Steps[None]:
-        """One ray per pixel, band of rows by band of rows, then importance and score of all pixels.
+        """Trace one ray per pixel, band of rows by band of rows, then find importance and score of all pixels.
 
         Raises SettingError if the strategy needs codes and there are none, and what finding importance raises.
         """
@@ -92,12 +92,12 @@ class AdaptivePicture:
             bands.append(band)
             self._show(row * camera.width_px, band)
             row += rows
-        # Of all pixels at once, so as long as that takes: beside who waits.
+        # Of all pixels at once, so as long as that takes: beside the caller that waits.
         ranked = yield from beside(lambda: self._ranked(bands), Progress(0, 1, "Ranking pixels"))
         self.frame, self.score, self._order = ranked
 
     def refine(self, budget: float, side: int = REFINED_SIDE, pace: Pace | None = None) -> Steps[None]:
-        """side x side rays in the share `budget` of the active pixels, those of highest priority first.
+        """Refine the share `budget` of the active pixels with side x side rays, those of highest priority first.
 
         Pixels of importance 0 keep their one ray, also where the budget would reach them.
         """
@@ -112,7 +112,7 @@ class AdaptivePicture:
             done += len(batch)
 
     def _ranked(self, bands: list[Frame]) -> Steps[tuple[Frame, np.ndarray, np.ndarray]]:
-        """The whole frame of its bands, the score of its pixels, and their order."""
+        """Whole frame of its bands, the score of its pixels, and their order."""
         yield Progress(0, 1, "Ranking pixels")
         frame = joined_frames(bands)
         if self._importance is not None:
@@ -136,7 +136,7 @@ class AdaptivePicture:
 
 
 def joined_frames(bands: list[Frame]) -> Frame:
-    """One frame of frames that lie on top of each other, the lowest first."""
+    """Join frames that lie on top of each other, the lowest first, into one."""
     if len(bands) == 1:
         return bands[0]
     return Frame(

@@ -12,7 +12,7 @@ from .refine import refined_count, refinement_order
 
 
 def squared_error(frame: Frame) -> np.ndarray:
-    """(P,) float64: (L1 - L32)^2. The frame needs its reference."""
+    """(P,) float64: (L1 - L32)^2; the frame needs its reference."""
     assert frame.reference is not None
     return (frame.preview.astype(np.float64) - frame.reference) ** 2
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One view of a scene with everything that strategies may look at. Pure data."""
+"""Frame: one view of a scene with everything that strategies may look at, pure data."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A picture of P = height x width pixels, row-major, row 0 at the bottom. Luminances are linear, in [0, 1].
+    """Picture of P = height x width pixels, row-major, row 0 at the bottom; luminances are linear, in [0, 1].
 
     hits: first hits of the pixel-centre rays; their luminance is the preview L1.
     behind: (P,) float32, L_B, luminance behind the patch (methods 3.12).
     prediction: coverage and luminance that the network decodes (methods 4.1b).
     exact: the same two, rendered from the patch itself (methods 9).
     reference: (P,) float32, L32, 32x32 samples (methods 7.5).
-    preview_color, reference_color: (P, 3) float32, linear, of those luminances, for people; None without colour.
+    preview_color, reference_color: (P, 3) float32, linear, of those luminances, for display; None without colour.
     Everything that is scored and measured is luminance.
     importance: (P,) float32 in [0, 1], multiplies priorities; 0 is never refined. None: every pixel matters alike.
     """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What matters to a person: a weight in [0, 1] for every pixel, which multiplies its priority.
+"""Importance to the user: a weight in [0, 1] for every pixel, which multiplies its priority.
 
-A pixel of weight 0 is never refined. Errors still count all active pixels: what nobody cares for stays wrong, and
+A pixel of weight 0 is never refined. Errors still count all active pixels: what is left out stays wrong, and
 figures say so.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 
 class Place(NamedTuple):
-    """Where a picture lies on a frame, in pixels of the frame from its lower left; it may reach beyond the frame."""
+    """Place of a picture on a frame, in pixels of the frame from its lower left; it may reach beyond the frame."""
 
     left: int
     bottom: int

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The true error first: the limit of every strategy (methods 3.1). It needs the reference picture."""
+"""Optimal strategy, by the true error: the limit of all others (methods 3.1); it needs the reference picture."""
 
 import numpy as np
 

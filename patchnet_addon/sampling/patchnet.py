@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The paper's score: missing coverage plus weighted luminance error of the patch (methods 3.12)."""
+"""PatchNet strategy, the paper's score: missing coverage plus weighted luminance error of the patch (methods 3.12)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pixel's error, estimated with the luminance that shows behind the patch (PN+, methods 3.12)."""
+"""PN+ strategy: the pixel's error, estimated with the luminance that shows behind the patch (methods 3.12)."""
 
 from __future__ import annotations
 

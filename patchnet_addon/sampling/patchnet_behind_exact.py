@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The expected pixel error with coverage and luminance rendered from the patch (methods 3.12, 9)."""
+"""PN+ strategy with coverage and luminance rendered from the patch: the expected pixel error (methods 3.12, 9)."""
 
 import numpy as np
 

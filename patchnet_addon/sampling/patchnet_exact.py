@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The paper's score with coverage and luminance rendered from the patch: the limit of any network (methods 9)."""
+"""PatchNet strategy with coverage and luminance rendered from the patch: the limit of any network (methods 9)."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A fixed hash of the pixel's index: breaks ties and stands for chance, the same in every run (methods 3)."""
+"""Hash of the pixel's index: breaks ties and stands for chance, the same in every run (methods 3)."""
 
 import numpy as np
 

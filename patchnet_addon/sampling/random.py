@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixels in an order without meaning: checks every other measurement (methods 3.2)."""
+"""Random strategy: pixels in an order without meaning, to check every other measurement (methods 3.2)."""
 
 import numpy as np
 

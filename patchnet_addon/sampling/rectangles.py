@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The rectangle of a table with the greatest sum, among those that avoid what is taken.
+"""Maximum-sum rectangle of a table, among those that avoid what is taken.
 
 Kadane's algorithm along the columns, for all pairs of rows at once (Bentley, Programming Pearls, CACM 27(9), 1984):
 O(R^2 C) additions for R rows and C columns.
@@ -42,7 +42,7 @@ def _strips(values: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarr
 
 
 def best_rectangle_reference(values: np.ndarray, taken: np.ndarray) -> tuple[float, Box | None]:
-    """As `best_rectangle`, by trying all."""
+    """Find the same rectangle as `best_rectangle`, by trying all."""
     rows, columns = values.shape
     best: tuple[float, Box | None] = (-np.inf, None)
     for bottom in range(rows):

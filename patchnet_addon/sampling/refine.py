@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spending a budget: the active pixels with the highest scores take the reference (methods 3, 7.25)."""
+"""Refine by a budget: the active pixels with the highest scores take the reference (methods 3, 7.25)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .pixel_hash import pixel_hash
 
 
 def priority(frame: Frame, score: np.ndarray) -> np.ndarray:
-    """(P,): scores times what matters to the person."""
+    """(P,): scores times importance to the user."""
     return score if frame.importance is None else score * frame.importance
 
 
@@ -29,21 +29,21 @@ def refinement_order(frame: Frame, score: np.ndarray) -> np.ndarray:
 
 
 def refinable(frame: Frame) -> int:
-    """How many of the active pixels may be refined at all."""
+    """Count the active pixels that may be refined at all."""
     if frame.importance is None:
         return int(np.count_nonzero(frame.active))
     return int(np.count_nonzero(frame.active & (frame.importance > 0)))
 
 
 def budget_count(budget: float, active: int) -> int:
-    """Pixels that a budget X in [0, 1] pays for: round(X |A|). Raises SettingError outside that range."""
+    """Pixels that a budget X in [0, 1] pays for: round(X |A|); raises SettingError outside that range."""
     if not 0.0 <= budget <= 1.0:
         raise SettingError(f"Budget {budget} is outside 0 to 1: give the share of active pixels to refine")
     return round(budget * active)
 
 
 def refined_count(frame: Frame, budget: float, active: int) -> int:
-    """How many of the `active` pixels, in their order, a budget refines: those that it pays for and that matter."""
+    """Count the `active` pixels, in their order, that a budget refines: those that it pays for and that matter."""
     return min(budget_count(budget, active), refinable(frame))
 
 
@@ -56,13 +56,13 @@ def refine(frame: Frame, score: np.ndarray, budget: float) -> np.ndarray:
 
 
 def refined_picture(frame: Frame, mask: np.ndarray) -> np.ndarray:
-    """(P,) float32: the reference where `mask` (P,) is set, the preview elsewhere. The frame needs its reference."""
+    """(P,) float32: the reference where `mask` (P,) is set, the preview elsewhere; the frame needs its reference."""
     assert frame.reference is not None
     return np.where(mask, frame.reference, frame.preview)
 
 
 def refined_colors(frame: Frame, mask: np.ndarray) -> np.ndarray:
-    """(P, 3) float32: as `refined_picture`, in colour. The frame needs its colours and its reference."""
+    """(P, 3) float32: as `refined_picture`, in colour; the frame needs its colours and its reference."""
     assert frame.preview_color is not None and frame.reference_color is not None
     return np.where(mask[:, None], frame.reference_color, frame.preview_color)
 

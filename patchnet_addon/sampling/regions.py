@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Few rectangles that hold most of a priority map within a budget: what a renderer that takes only rectangles refines.
+"""Regions for renderers that take only rectangles: few that hold most of a priority map within a budget.
 
 Objective: the greatest sum of priority inside disjoint rectangles of whole tiles, with at most `most` rectangles and at
 most `budget` of the picture's pixels. It is solved greedily under a price per pixel, as in Lagrangian relaxation: the
@@ -25,7 +25,7 @@ _PRICES = 24
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangle of pixels; row 0 is the bottom."""
+    """Rectangle of pixels; row 0 is the bottom."""
 
     left: int
     bottom: int
@@ -34,7 +34,7 @@ class Region:
 
     @property
     def pixels(self) -> int:
-        """Its area."""
+        """Area of the rectangle."""
         return self.width * self.height
 
     @property
@@ -43,7 +43,7 @@ class Region:
         return slice(self.bottom, self.bottom + self.height), slice(self.left, self.left + self.width)
 
     def split(self, most_px: int) -> tuple[Region, Region | None]:
-        """Its lower rows, at most `most_px` pixels but one row at least, and the rest, if there is one."""
+        """Split off the lower rows, at most `most_px` pixels but one row at least, and the rest, if there is one."""
         rows = min(max(1, most_px // self.width), self.height)
         rest = Region(self.left, self.bottom + rows, self.width, self.height - rows) if rows < self.height else None
         return Region(self.left, self.bottom, self.width, rows), rest
@@ -70,7 +70,7 @@ def choose_regions(
     most: int = DEFAULT_MOST,
     overhead_px: float = 0.0,
 ) -> list[Region]:
-    """Disjoint regions for `priority` (H, W); negative or missing values count as 0. The densest region is first.
+    """Disjoint regions for `priority` (H, W); negative or missing values count as 0; the densest region is first.
 
     budget: share of the picture's pixels, 0 to 1. tile: side of the tiles in pixels. most: regions at most.
     A map without priority has no regions, whatever the budget. Raises SettingError for values outside their range.
@@ -96,7 +96,7 @@ def region_mask(regions: list[Region], height: int, width: int) -> np.ndarray:
 
 
 def _worth(tiles: _Tiles, boxes: list[Box], overhead_px: float) -> tuple[float, float]:
-    """The priority held, as a share that sums in any order agree on; of equal ones, what costs less is worth more."""
+    """Priority held, as a share that sums in any order agree on; of equal ones, what costs less is worth more."""
     sums = [tiles.sums(box) for box in boxes]
     share = sum(priority for priority, _ in sums) / max(float(tiles.priority.sum()), 1e-300)
     return round(share, 12), -sum(pixels + overhead_px for _, pixels in sums)
@@ -122,8 +122,10 @@ def _tiles(priority: np.ndarray, tile: int) -> _Tiles:
 
 
 def _prices(tiles: _Tiles) -> np.ndarray:
-    """Prices per pixel to try: quantiles of the tiles' own density; half the least, which buys all that has priority,
-    but no ground between; and none, which buys the ground too."""
+    """Prices per pixel to try: quantiles of the tiles' own density, half the least, and none.
+
+    Half the least buys all that has priority, but no ground between; none buys the ground too.
+    """
     density = (tiles.priority / tiles.pixels)[tiles.priority > 0]
     if not density.size:
         return np.zeros(0)

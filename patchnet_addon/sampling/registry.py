@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All strategies by name, best first. A new one is one file and one line."""
+"""Strategies by name, best first; a new one is one file and one line."""
 
 from ..runtime.errors import SettingError
 from . import optimal, patchnet, patchnet_behind, patchnet_behind_exact, patchnet_exact, random, ss_variance
@@ -22,7 +22,7 @@ STRATEGIES: dict[str, Strategy] = {
 
 
 def strategy(name: str) -> Strategy:
-    """The strategy called `name`. Raises SettingError that lists the names if there is none."""
+    """Strategy called `name`; raises SettingError that lists the names if there is none."""
     if name not in STRATEGIES:
         raise SettingError(f"There is no strategy {name!r}: choose one of {', '.join(STRATEGIES)}")
     return STRATEGIES[name]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a frame's figures are, as plain JSON values."""
+"""Report of a frame's figures, as plain JSON values."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a refinement strategy is: a name, what it needs to know, and a score per pixel."""
+"""Strategy interface of a refinement: a name, what it needs to know, and a score per pixel."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ REFERENCE = "reference"
 
 @dataclass(frozen=True)
 class Strategy:
-    """A way to decide which pixels are refined first.
+    """Strategy to decide which pixels are refined first.
 
     name: as on the command line. title: as in a menu. description: one sentence for a tooltip.
     needs: the parts of a `Frame` that must be filled in, of PREDICTION, BEHIND, EXACT, REFERENCE.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octree and camera -> Frame: everything that the chosen strategies look at."""
+"""Trace a Frame from octree and camera: everything that the chosen strategies look at."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def trace_frame(
     coded: CodedOctree | None = None,
     reference: bool = True,
 ) -> Steps[Frame]:
-    """The picture at 1 sample per pixel, what `strategies` need of the rest, and the 32x32 reference if wanted.
+    """Picture at 1 sample per pixel, what `strategies` need of the rest, and the 32x32 reference if wanted.
 
     Pictures are in colour too if the octree is. Raises SettingError if a strategy needs codes and `coded` is None.
     """

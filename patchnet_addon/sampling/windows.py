@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The 3x3 window W(x) around every pixel, as the screen-space strategies read it (methods 2)."""
+"""Windows W(x) of 3x3 around every pixel, as the screen-space strategies read them (methods 2)."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shading without light: the surface's own colour."""
+"""Albedo shading, without light: the surface's own colour."""
 
 from __future__ import annotations
 

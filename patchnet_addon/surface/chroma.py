@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Colour beside luminance, two bytes a node: how much of red + green + blue is red, and how much is blue.
+"""Chroma beside luminance, two bytes a node: how much of red + green + blue is red, and how much is blue.
 
 Luminance stays what it is: a colour is decoded so that it has exactly the luminance beside it. 255 is all; gray, a
 third of each, is 85 and so exact. Near gray, rounding to bytes changes a channel by at most 1.3 %, about one of the

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which triangles belong to which closed surface, whose inner side nobody sees."""
+"""Closed surfaces: the triangles of each, whose inner side is never seen."""
 
 from __future__ import annotations
 

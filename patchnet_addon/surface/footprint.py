@@ -51,7 +51,7 @@ def _bounds(rows, polygon, count, axis):  # type: ignore[no-untyped-def]
 
 @device
 def _piece_in_cell(rows, key):  # type: ignore[no-untyped-def]
-    """Cut the triangle at row 0 by its cell. Returns the piece's first row and number of vertices."""
+    """Cut the triangle at row 0 by its cell; returns the piece's first row and number of vertices."""
     piece = _TRIANGLE
     count = 3
     for axis in range(3):
@@ -79,7 +79,7 @@ def _piece_in_cell(rows, key):  # type: ignore[no-untyped-def]
 
 @device
 def piece_on_texture(rows, corners_voxel, key, triangle, uvs, m):  # type: ignore[no-untyped-def]
-    """Outline of a fragment on the texture, at _PIECE, columns 3 and 4. Returns its number of vertices, 0 for none."""
+    """Outline of a fragment on the texture, at _PIECE, columns 3 and 4; returns its number of vertices, 0 for none."""
     load_triangle(corners_voxel, triangle, rows)
     piece, count = _piece_in_cell(rows, key)
     for i in range(count):
@@ -94,8 +94,10 @@ def piece_on_texture(rows, corners_voxel, key, triangle, uvs, m):  # type: ignor
 
 @device
 def _span(low, high, size, margin, extension):  # type: ignore[no-untyped-def]
-    """First and last square that [low, high] (in squares) reaches; beyond a border that does not repeat, one stands
-    for all."""
+    """First and last square that [low, high] (in squares) reaches.
+
+    Beyond a border that does not repeat, one stands for all.
+    """
     first = math.floor(low)
     last = math.floor(high)
     if extension in (REPEAT, MIRROR):
@@ -105,8 +107,10 @@ def _span(low, high, size, margin, extension):  # type: ignore[no-untyped-def]
 
 @device
 def _scale(rows, count, columns, lines):  # type: ignore[no-untyped-def]
-    """Write the outline in units of squares, counter-clockwise, to columns 1 and 2, and 3 and 4 (those are never
-    set onto a line, so that areas add up)."""
+    """Write the outline in units of squares, counter-clockwise, to columns 1 and 2, and 3 and 4.
+
+    Those of 3 and 4 are never set onto a line, so that areas add up.
+    """
     turn = 0.0
     for i in range(count):
         j = (i + 1) % count
@@ -154,7 +158,7 @@ def _square(x, y, columns, lines, texels, offset, height, width, parts, extensio
 def _integrate(  # type: ignore[no-untyped-def]
     rows, count, x, x_last, y_low, y_high, columns, lines, texels, offset, height, width, parts, extension, threshold
 ):
-    """Cut the outline at _REST into the raster's squares and add them up. Returns means over the outline, or -1."""
+    """Cut the outline at _REST into the raster's squares and add them up; returns means over the outline, or -1."""
     area = 0.0
     shine = 0.0
     opacity = 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles as the voxelizer reads them: batches with material ids, never all at once."""
+"""Mesh source, triangles as the voxelizer reads them: batches with material ids, never all at once."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..runtime.errors import GeometryError
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """An image in linear Rec. 709 (colour) or raw values (alpha).
+    """Image in linear Rec. 709 (colour) or raw values (alpha).
 
     pixels: (H, W, C) float32, row 0 at v = 0, C = 1 (alpha) or 3 (colour).
     extension: "REPEAT", "EXTEND", "MIRROR" or "CLIP" (nothing outside the image), as Blender names them.
@@ -29,7 +29,7 @@ class Texture:
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """View-independent part of a material. base_color and emission are linear Rec. 709."""
+    """View-independent part of a material; base_color and emission are linear Rec. 709."""
 
     name: str
     base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)
@@ -61,7 +61,7 @@ class TriangleBatch:
 
 
 class MeshSource(Protocol):
-    """A surface that can be read batch by batch, any number of times, always in the same order."""
+    """Surface that can be read batch by batch, any number of times, always in the same order."""
 
     @property
     def materials(self) -> tuple[Material, ...]:
@@ -76,7 +76,7 @@ class MeshSource(Protocol):
         """Triangles of all batches."""
 
     def batches(self) -> Iterator[TriangleBatch]:
-        """All triangles."""
+        """Batches of all triangles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ colour also their linear colour (F, 3) float32, of which only the hue counts: it
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """A `MeshSource` that is held in memory: one batch, or several that were read before."""
+    """Mesh as a `MeshSource` that is held in memory: one batch, or several that were read before."""
 
     parts: tuple[TriangleBatch, ...]
     materials: tuple[Material, ...] = (Material("default"),)
@@ -133,5 +133,5 @@ class TriangleMesh:
         return cls((batch,), materials or (Material("default"),))
 
     def batches(self) -> Iterator[TriangleBatch]:
-        """The parts, in order."""
+        """Parts, in order."""
         return iter(self.parts)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shading that only says where there is surface: to find out what cameras see, before any light is known."""
+"""Opacity shading, only where there is surface: to find out what cameras see, before any light is known."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def opacity_shade(source: MeshSource) -> Shade:
 
 
 def _only(fragments: Fragments, chosen: np.ndarray) -> Fragments:
-    """The fragments at indices (n,)."""
+    """Fragments at indices (n,)."""
     return Fragments(
         fragments.keys[chosen],
         fragments.triangle[chosen],

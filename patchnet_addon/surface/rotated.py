@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A surface turned in space, so that octrees of it show the same shapes at other angles to the voxels."""
+"""Rotated surface, so that octrees of it show the same shapes at other angles to the voxels."""
 
 from __future__ import annotations
 
@@ -34,6 +34,6 @@ class RotatedSource:
         self.bounds_world: np.ndarray = np.stack([low, high])
 
     def batches(self) -> Iterator[TriangleBatch]:
-        """The source's batches, rotated."""
+        """Source's batches, rotated."""
         for batch in self._source.batches():
             yield replace(batch, corners_world=batch.corners_world @ self._rotation.T)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Values of a texture pyramid at points and squares; functions that kernels call."""
+"""Texel lookup in a texture pyramid at points and squares; functions that kernels call."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def bilinear(texels, offset, height, width, extension, u, v):  # type: ignore[no
 
 @device
 def cut(shine, opacity, threshold):  # type: ignore[no-untyped-def]
-    """The finest level keeps uncut opacity: cut it here; NaN for no threshold."""
+    """Cut the opacity of the finest level, which keeps it uncut; NaN for no threshold."""
     if math.isnan(threshold):
         return shine, opacity
     if opacity >= threshold and opacity > 0.0:

@@ -64,7 +64,7 @@ def _bilinear(colors, offset, height, width, extension, u, v):  # type: ignore[n
 
 @device
 def _trilinear(colors, level_offset, level_height, level_width, first, level, extension, u, v):  # type: ignore[no-untyped-def]
-    """The same between the two nearest levels."""
+    """Trilinear colour between the two nearest levels."""
     fine = int(level)
     weight = level - fine
     at = first + fine

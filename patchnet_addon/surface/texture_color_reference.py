@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain twin of `texture_color`: one fragment after the other."""
+"""Reference of `texture_color`: one fragment after the other."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def colors_reference(
 
 
 def _hue(table: TextureTable, batch: TriangleBatch, fragments: Fragments, index: int) -> np.ndarray:
-    """A colour (3,) of any brightness."""
+    """Colour (3,) of any brightness."""
     triangle = int(fragments.triangle[index])
     material = batch.materials[triangle]
     pyramid = max(int(table.material_color[material]), -1)

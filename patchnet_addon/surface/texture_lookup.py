@@ -101,7 +101,7 @@ def uv_at(uvs, barycentric):  # type: ignore[no-untyped-def]
 
 @device
 def on_texture(m, s, r):  # type: ignore[no-untyped-def]
-    """Where the UV coordinates (s, r) lie on a texture with the transform m (2, 3)."""
+    """Transform UV coordinates (s, r) onto a texture with m (2, 3)."""
     return m[0, 0] * s + m[0, 1] * r + m[0, 2], m[1, 0] * s + m[1, 1] * r + m[1, 2]
 
 

@@ -29,7 +29,7 @@ def luminance(rgb: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class TextureTable:
-    """All materials as flat arrays for the kernels; M materials, K pyramids, V levels altogether.
+    """Table of all materials as flat arrays for the kernels; M materials, K pyramids, V levels altogether.
 
     texels: (N, 2) float32, opacity times luminance, and opacity. On level 0 opacity is not cut yet.
     level_offset, level_height, level_width: (V,) int64.
@@ -119,7 +119,7 @@ class TextureTable:
 
 
 def _joined(levels: list[np.ndarray], channels: slice) -> np.ndarray:
-    """Some channels of all levels (h, w, C), one texel after the other; a black one where there are none."""
+    """Concatenate some channels of all levels (h, w, C), one texel after the other; black where there are none."""
     parts = [level[..., channels].reshape(-1, channels.stop - channels.start) for level in levels]
     return np.concatenate(parts) if parts else np.zeros((1, channels.stop - channels.start), np.float32)
 
@@ -129,7 +129,7 @@ def _style(texture: Texture) -> tuple[object, ...]:
 
 
 def _parts(material: Material) -> tuple[Material, Material | None]:
-    """What gives opacity, and what gives base colour if its texture lies otherwise on the surface."""
+    """Split a material into its opacity, and its base colour if that texture lies otherwise on the surface."""
     base, alpha = material.base_texture, material.alpha_texture
     if base is None or alpha is None or _style(base) == _style(alpha):
         return material, None

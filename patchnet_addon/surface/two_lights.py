@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The paper's light: two antipodal directional lights without shadows (methods 7.3)."""
+"""Two Lights, the paper's light: two antipodal directional lights without shadows (methods 7.3)."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ ORTHOGRAPHIC = "ORTHO"
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera in world units.
+    """Camera in world units.
 
     right, up, forward: (3,) float64, orthonormal; forward points into the picture.
     half_x, half_y: PERSP: tangents of the half angles; ORTHO: half extents in world units.
@@ -81,7 +81,7 @@ class Camera:
         return self.width_px * self.height_px
 
     def with_size(self, width_px: int, height_px: int) -> Camera:
-        """The same view in another resolution of the same aspect ratio."""
+        """Resize the view to another resolution of the same aspect ratio."""
         return replace(self, width_px=width_px, height_px=height_px)
 
     def pixel_side(self, z_world: np.ndarray) -> np.ndarray:
@@ -91,7 +91,7 @@ class Camera:
 
 
 class CameraUnit(NamedTuple):
-    """A camera in the octree's unit cube, as plain arrays for kernels.
+    """Camera in the octree's unit cube, as plain arrays for kernels.
 
     frame: (4, 3) float64 position, right * half_x, up * half_y, forward.
     lens: (6,) float64 shift_x, shift_y, pixel side at z = 0, its growth per unit of z, and the z where sight begins and
@@ -106,7 +106,7 @@ class CameraUnit(NamedTuple):
 
 
 def camera_in_unit_cube(camera: Camera, grid: Grid) -> CameraUnit:
-    """`camera` as seen from the octree's cube [0, 1]^3."""
+    """Transform `camera` into the octree's cube [0, 1]^3."""
     perspective = camera.kind == PERSPECTIVE
     scale = 1.0 if perspective else 1.0 / grid.side_world
     frame = np.stack(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A rectangle of a camera's picture as a camera of its own: border renders, and pictures that are made bit by bit."""
+"""Part of a camera's picture as a camera of its own: border renders, and pictures that are made bit by bit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .camera import Camera
 
 
 def camera_part(camera: Camera, left_px: int, bottom_px: int, width_px: int, height_px: int) -> Camera:
-    """The camera whose pixels are those of `camera` from (left, bottom) on, with the same rays and the same sides.
+    """Camera whose pixels are those of `camera` from (left, bottom) on, with the same rays and the same sides.
 
     Raises SettingError if the rectangle is empty or reaches beyond the picture.
     """

@@ -30,7 +30,7 @@ class Samples:
 
 
 def supersample_pixels(octree: Octree, camera: Camera, pixels: np.ndarray, samples: int = MAX_SAMPLES) -> Samples:
-    """The pixels (N,) of `camera`, by their indices row * width + column, with samples x samples rays each.
+    """Pixels (N,) of `camera`, by their indices row * width + column, with samples x samples rays each.
 
     Each ray has the footprint pixel / samples. Raises SettingError for sample counts outside 1 to 32.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain NumPy twin of the traversal: all rays against all children, level by level, no clever order.
+"""Reference of the traversal in plain NumPy: all rays against all children, level by level, no clever order.
 
 A (ray, node) pair whose box the ray meets is kept if the node stops the ray, divided otherwise; of all kept pairs of
 a ray the nearest is its hit. Slow and readable; the tests hold the compiled walk against it.

@@ -19,7 +19,7 @@ from .traverse import MAX_LEVELS, first_hit, first_seen, pixel_ray
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """What the centre ray of each pixel met; P = height * width.
+    """Hits of the centre ray of each pixel; P = height * width.
 
     node: (P,) int64, -1 for a miss. level: (P,) int32. cell: (P, 3) int32 of the voxel at its level.
     t_world, z_world: (P,) float32 ray length and axial distance of the entry point, inf for a miss.
@@ -49,7 +49,7 @@ class Hits:
 
 
 def first_hits(octree: Octree, camera: Camera, background: float = 0.0) -> Hits:
-    """One ray through every pixel centre, stopped by the level-of-detail contract."""
+    """Trace a ray through every pixel centre, stopped by the level-of-detail contract."""
     unit = camera_in_unit_cube(camera, octree.grid)
     pixels = camera.pixel_count
     node = np.empty(pixels, np.int64)
@@ -80,7 +80,7 @@ def hit_colors(octree: Octree, hits: Hits, background: float = 0.0) -> np.ndarra
 
 
 def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """The camera's up (3,) made orthogonal to each ray (P, 3): normalise(u - (u.w) w) (methods 7.14)."""
+    """Camera's up (3,) made orthogonal to each ray (P, 3): normalise(u - (u.w) w) (methods 7.14)."""
     up = np.asarray(up, np.float64)
     along = direction.astype(np.float64) @ up
     across = up - along[:, None] * direction

@@ -20,7 +20,7 @@ _ROWS_PER_STEP = 8
 
 
 def finer_rays(octree: Octree, camera: Camera, samples: int) -> tuple[CameraUnit, np.ndarray]:
-    """The camera in the octree's cube, and the lens of rays that have the footprint pixel / samples.
+    """Camera in the octree's cube, and the lens of rays that have the footprint pixel / samples.
 
     Raises SettingError for sample counts outside 1 to MAX_SAMPLES.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""First hit of a ray in the octree under the level-of-detail contract (methods 4.1, 4.1b).
+"""Traverse the octree to the first hit of a ray under the level-of-detail contract (methods 4.1, 4.1b).
 
 The ray is mirrored so that it runs upwards on every axis. The walk keeps the integer cell it is in and its level;
 all plane distances are computed from integers, so nothing drifts. A cell that exists and need not be divided is the
@@ -43,7 +43,7 @@ def _child(child_mask, first_child, node, octant):  # type: ignore[no-untyped-de
 
 @device
 def _upwards(origin, direction):  # type: ignore[no-untyped-def]
-    """One axis of a ray, mirrored so that it does not run downwards: origin, 1 / direction, whether it was mirrored."""
+    """Mirror one axis of a ray so that it does not run downwards: origin, 1 / direction, whether it was mirrored."""
     if direction < 0.0:
         return 1.0 - origin, 1.0 / max(-direction, _TINY), 1
     return origin, 1.0 / max(direction, _TINY), 0
@@ -122,7 +122,7 @@ def first_hit(child_mask, first_child, origin, direction, t_start, z0, dz, side0
 
 @device
 def first_seen(child_mask, first_child, origin, direction, speed, lens, footprint, stack, cell):  # type: ignore[no-untyped-def]
-    """`first_hit` of a ray of `pixel_ray` between the lens's planes of sight; footprint scales the pixel side."""
+    """Find `first_hit` of a ray of `pixel_ray` between the lens's planes of sight; footprint scales the pixel side."""
     node, level, t = first_hit(
         child_mask, first_child, origin, direction, lens[4] / speed, 0.0, speed, footprint * lens[2],
         footprint * lens[3], stack, cell,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Why a picture is empty or black, in a sentence: nobody should have to guess from a black rectangle."""
+"""Explanations, in a sentence, of a picture that is empty or black, so that users need not guess."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BLACK_SURFACE = "black_surface"  # in an octree's provenance: all materials are 
 
 
 def why_unseen(octree: Octree, camera: Camera, hits: Hits, brightest: float) -> str | None:
-    """A sentence about a picture that shows nothing or is black; None for any other.
+    """Sentence about a picture that shows nothing or is black; None for any other.
 
     hits: of the camera's pixels. brightest: the largest luminance in the picture.
     """
@@ -68,7 +68,7 @@ def _why_nothing(octree: Octree, camera: Camera) -> str:
 
 
 def _stands_in_voxels(hits: Hits, camera: Camera) -> bool:
-    """Whether all rays of a perspective picture end where they begin."""
+    """Return whether all rays of a perspective picture end where they begin."""
     if camera.kind != PERSPECTIVE or not hits.hit.all():
         return False
     return bool((hits.z_world <= camera.clip_start * (1.0 + 1e-6)).all())
@@ -89,7 +89,7 @@ def _why_black(octree: Octree, camera: Camera) -> str:
 
 
 def _enclosed(octree: Octree, camera: Camera) -> bool:
-    """Whether rays into all directions from the camera end on the surface."""
+    """Return whether rays into all directions from the camera end on the surface."""
     from .render import first_hits
 
     ways = [np.eye(3)[axis] * sign for axis in range(3) for sign in (1.0, -1.0)]

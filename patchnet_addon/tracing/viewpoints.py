@@ -23,7 +23,7 @@ MAX_VIEWPOINTS = 64
 _LEVEL = 6  # of the cells that a camera may stand in, and of those that are counted as seen
 _MAX_POSITIONS = 192
 _HEADINGS = 8
-_PITCH = float(np.radians(-6.0))  # a little down, as people look
+_PITCH = float(np.radians(-6.0))  # a little down, as at eye height
 _TRIAL_PX = (32, 24)
 _NEAR = 0.06  # of the surface's extent: nearer than that, voxels are larger than pixels
 _MIDDLE = 0.15
@@ -35,7 +35,7 @@ _LEAST_QUALITY = 0.25  # of the best view's
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A camera that was tried: how good and how bright its view is, and which cells it shows (n,) int64, distinct."""
+    """Camera that was tried: how good and how bright its view is, and which cells it shows (n,) int64, distinct."""
 
     camera: Camera
     quality: float
@@ -44,7 +44,7 @@ class _Trial:
 
 
 def viewpoints(octree: Octree, count: int, size_px: tuple[int, int]) -> Steps[list[Camera]]:
-    """`count` upright perspective cameras View 1, View 2, ... in free space; none stands in a voxel or beside one.
+    """Choose `count` upright perspective cameras View 1, View 2, ... in free space; none in a voxel or beside one.
 
     Fewer if no more shows anything new. Raises SettingError for a count outside 1 to 64, SceneError if no place is
     free or shows anything.

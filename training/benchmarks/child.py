@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A command in a process of its own: how long it took, what it printed, the most memory it held."""
+"""Child process of a command: how long it took, what it printed, the most memory it held."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...patchnet_addon.runtime.errors import PatchNetError
 
 @dataclass(frozen=True)
 class Finished:
-    """code: exit code. seconds: wall time. peak_bytes: most resident memory, by wait4(2). stdout: what it printed."""
+    """Exit code, wall seconds, most resident memory by wait4(2), and stdout of a command that has ended."""
 
     code: int
     seconds: float

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an octree costs as its depth grows: seconds per fragment, per leaf and per triangle, beside Open3D.
+"""Cost of an octree as its depth grows: seconds per fragment, per leaf and per triangle, beside Open3D.
 
 Fragments are the pieces that the leaf grid cuts triangles into; the voxelizer's own clip makes them, and the shade
 that it calls counts them. The work is linear in their number where the time per fragment is the same at every depth.
@@ -25,7 +25,7 @@ from .voxelize import WARM_DEPTH, OurVoxels
 
 @dataclass(frozen=True)
 class DepthCost:
-    """One depth: median seconds of `runs` runs of clipping, averaging and building all levels.
+    """Cost of one depth: median seconds of `runs` runs of clipping, averaging and building all levels.
 
     peer_seconds and peer_voxels are None where Open3D did not run, and peer_skipped then says why.
     """
@@ -51,7 +51,7 @@ class DepthCost:
 
 
 def check_depths(first: int, last: int) -> None:
-    """Raises SettingError unless 1 <= first <= last <= MAX_DEPTH."""
+    """Raise SettingError unless 1 <= first <= last <= MAX_DEPTH."""
     if not 1 <= first <= last <= MAX_DEPTH:
         raise SettingError(
             f"Depths {first} to {last} cannot be measured: give --depths FIRST LAST with "
@@ -92,7 +92,7 @@ def _measure_depth(
     most_seconds: float,
     peer_depth: int,
 ) -> DepthCost:
-    """The first run of ours tells how much memory Open3D will need."""
+    """Measure one depth; the first run of ours tells how much memory Open3D will need."""
     settings: dict[str, Any] = {"all_cores": all_cores, "prepare": theirs.clear}
     functions = {"ours": lambda: ours.voxelize(grid)}
     seconds = take_turns(functions, 1, **settings) | {"peer": []}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The cost of depth as a picture: time over fragments, and time per fragment, leaf and triangle over depth."""
+"""Figure of the cost of depth: time over fragments, and time per fragment, leaf and triangle over depth."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _BLUE, _ORANGE, _GREEN, _PURPLE, _GRAY = "#0072b2", "#d55e00", "#009e73", "#aa44
 
 
 def check_figure(path: Path, inputs: Iterable[Path]) -> None:
-    """Raises PatchNetError if a figure could not be drawn to `path`, before anything long is measured.
+    """Raise PatchNetError if a figure could not be drawn to `path`, before anything long is measured.
 
     inputs: files that are read, and never replaced.
     """

@@ -31,7 +31,7 @@ Chunk = tuple[np.ndarray, np.ndarray]
 
 
 class _Recorder:
-    """An `Encoder` that keeps the last chunks, which are those of the finest level, and encodes nothing."""
+    """Recorder: an `Encoder` that keeps the last chunks, which are those of the finest level, and encodes nothing."""
 
     chunk = CompiledEncoder.chunk
 
@@ -44,7 +44,7 @@ class _Recorder:
 
 
 def record_chunks(octree: Octree, weights: Weights, corners: int) -> list[Chunk]:
-    """The last chunks of an octree, together up to about `corners`; raises SettingError if there are none."""
+    """Last chunks of an octree, together up to about `corners`; raises SettingError if there are none."""
     recorder = _Recorder(-(-corners // _Recorder.chunk))
     drain(encode_octree(octree, weights, encoder=recorder))
     if not recorder.chunks:
@@ -85,7 +85,7 @@ def benchmark_encoding(
 
 
 def _input_details(chunks: list[Chunk]) -> dict[str, Any]:
-    """How much there is to encode."""
+    """Count what there is to encode."""
     blocks = [blocks for blocks, _ in chunks]
     occupied = sum(np.count_nonzero(part[:, ::CHANNELS]) for part in blocks)
     cells = sum(part.size // CHANNELS for part in blocks)
@@ -97,7 +97,7 @@ def _input_details(chunks: list[Chunk]) -> dict[str, Any]:
 
 
 def _code_details(codes: dict[str, np.ndarray]) -> dict[str, Any]:
-    """How far the encoders agree."""
+    """Measure how far the encoders agree."""
     ours = codes["compiled"]
     difference = max(float(np.abs(other - ours).max()) for other in codes.values())
     return {"largest_difference": difference, "largest_code": float(np.abs(ours).max())}
@@ -120,7 +120,7 @@ def _encoders(weights: Weights, all_cores: bool) -> dict[str, Encoder]:
 
 
 def has_torch() -> bool:
-    """Whether torch can be measured, too."""
+    """Return whether torch can be measured, too."""
     return importlib.util.find_spec("torch") is not None
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bytes per node and per voxel (leaf) of an octree, field by field, in memory and on disk, beside published ones.
 
-What is compared: L&K's sparse voxel octree (methods 4.2) takes about 5 bytes a voxel, where every node but the root
+Compared is: L&K's sparse voxel octree (methods 4.2) takes about 5 bytes a voxel, where every node but the root
 is a voxel: about 1 for the hierarchy, 1 for the contour, 1 for colour and the rest for the normal. These are the same
 things that ours stores, except that we keep the exact area instead of a contour, so bytes per node of all fields are
 compared. The Bistro figures (methods 4.4) are geometry alone, per leaf, and stand beside our hierarchy per leaf.

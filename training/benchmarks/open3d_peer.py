@@ -32,7 +32,7 @@ class Open3DVoxels:
     """Triangles (T, 3, 3) in Open3D's memory, and the last voxel grid made of them."""
 
     def __init__(self, corners_world: np.ndarray, warm_world: float) -> None:
-        """Runs once with the large voxel side `warm_world`, as ours does."""
+        """Run once with the large voxel side `warm_world`, as ours does."""
         self._open3d = import_open3d()
         utility = self._open3d.utility
         vertices = utility.Vector3dVector(np.ascontiguousarray(corners_world, np.float64).reshape(-1, 3))
@@ -52,7 +52,7 @@ class Open3DVoxels:
 
     @property
     def voxel_count(self) -> int:
-        """Voxels of the last grid. Its text says how many; `get_voxels` would make a Python object of each."""
+        """Voxels of the last grid; its text says how many; `get_voxels` would make a Python object of each."""
         return int(str(self._voxels).split()[2])
 
     def clear(self) -> None:

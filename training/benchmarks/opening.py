@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Opening an octree file beside reading the same arrays with `numpy.load` from an uncompressed .npz.
+"""Time of opening an octree file beside reading the same arrays with `numpy.load` from an uncompressed .npz.
 
 Ours maps the file into memory, compares the header and every array with their checksums, and checks that all levels
 and child indices are consistent. NumPy copies the arrays into memory; its zip reader compares them with checksums too.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """GFLOP/s of the encoder's products alone, of each shape that it multiplies, with bias and ReLU where it has them.
 
-Everybody is counted as if nothing were zero: two operations for each element of the values and column of the matrix.
+All are counted as if nothing were zero: two operations for each element of the values and column of the matrix.
 Ours leaves zeros out; so it is measured twice, on random values without a zero and on those that the encoder meets.
 """
 
@@ -22,7 +22,7 @@ from .timing import take_turns
 
 
 class Product:
-    """One product of the encoder: values (N, depth), matrix (depth, columns), bias (columns,) or None."""
+    """Product of the encoder: values (N, depth), matrix (depth, columns), bias (columns,) or None."""
 
     def __init__(self, values: np.ndarray, matrix: np.ndarray, bias: np.ndarray | None, *, relu: bool) -> None:
         self.values, self.matrix, self.bias, self.relu = values, np.ascontiguousarray(matrix), bias, relu
@@ -31,11 +31,11 @@ class Product:
         self.dense = 1 - random.random(values.shape, np.float32)  # in (0, 1], no zeros
 
     def reference(self) -> np.ndarray:
-        """The result by NumPy."""
+        """Result by NumPy."""
         return multiply_reference(self.values, self.matrix, self.bias, relu=self.relu)
 
     def runs(self) -> dict[str, Callable[[], Any]]:
-        """What is measured, by name: ours, ours_on_its_values, numpy, torch where it is there."""
+        """Functions to measure, by name: ours, ours_on_its_values, numpy, torch where it is there."""
         panels = Panels.pack(self.matrix, self.bias)
         result = np.empty((len(self.values), panels.width), np.float32)
         runs: dict[str, Callable[[], Any]] = {
@@ -49,7 +49,7 @@ class Product:
 
 
 def encoder_products(chunk: tuple[np.ndarray, np.ndarray], weights: Weights) -> list[Product]:
-    """The products of one chunk, blocks (U, 320) and rows (C, 8), in their order."""
+    """Products of one chunk, blocks (U, 320) and rows (C, 8), in their order."""
     blocks, rows = chunk
     matrix, bias = weights.encoder[0]
     products = [Product(blocks, octant_matrices(matrix), None, relu=False)]
@@ -80,7 +80,7 @@ def measure_products(
 
 
 def _numpy_run(product: Product) -> Callable[[], Any]:
-    """Into an array that is there, as the encoder does it: fresh pages would cost as much as small products."""
+    """Multiply into an array that is there, as the encoder does: fresh pages would cost as much as small products."""
     result = np.empty((len(product.values), product.matrix.shape[1]), np.float32)
 
     def run() -> None:

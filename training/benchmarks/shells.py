@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An octree of a wanted size without a scene: bumpy spheres inside each other, voxelized like any other surface."""
+"""Octree of a wanted size without a scene: bumpy spheres inside each other, voxelized like any other surface."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def octree_of_shells(nodes: int) -> Octree:
 
 
 def sphere_nodes(depth: int) -> float:
-    """About the nodes of a sphere that fills the cube: 1.5 leaves per leaf face of its area, a third as many above."""
+    """Estimate nodes of a sphere that fills the cube: 1.5 leaves per leaf face of its area, a third as many above."""
     return math.pi * 4.0**depth * 1.5 * 4 / 3
 
 

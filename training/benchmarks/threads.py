@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One thread for every library. BLAS reads how many it may start when it is loaded: it takes a process of its own."""
+"""Single-threaded environment for every library: BLAS reads it when it is loaded, so it takes a process of its own."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ def one_thread_environment() -> dict[str, str]:
 
 
 def has_one_thread() -> bool:
-    """Whether this process was started in such an environment."""
+    """Return whether this process was started in such an environment."""
     return all(os.environ.get(name) == "1" for name in _VARIABLES)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Comparing two functions, on one core or on all."""
+"""Timing of two functions in comparison, on one core or on all."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ...patchnet_addon.octree.voxelize import usable_cores
 
 @dataclass(frozen=True)
 class Comparison:
-    """What was measured of ours and of a peer, in `unit`.
+    """Comparison of ours with a peer, in `unit`.
 
     ratio: peer / ours, above 1 where ours is better. peer and ratio are None where the peer could not run.
     details: what else was measured, plain JSON values.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Our voxelizer beside Open3D's voxel grid.
+"""Voxelizer benchmark: ours beside Open3D's voxel grid.
 
 Open3D marks the voxels that a triangle meets. Ours also clips the triangles, weighs and averages light and normals, and
 builds the octree of all levels. Both get the triangles in memory and the same voxel size; light is constant, so that
@@ -38,7 +38,7 @@ class OurVoxels:
     """Triangles (T, 3, 3) in memory, and the last octree made of them."""
 
     def __init__(self, corners_world: np.ndarray) -> None:
-        """Runs once at a small depth, which compiles all kernels."""
+        """Run once at a small depth, which compiles all kernels."""
         self.mesh = TriangleMesh.from_arrays(corners_world)
         self.octree: Octree | None = None
         self.fragments = 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The whole job from a scene file to an octree file, `patchnet octree`, in a process of its own.
+"""Benchmark of `patchnet octree`, from a scene file to an octree file, in a process of its own.
 
 Compared is the peak of resident memory of the whole process, Blender included, with what could be predicted before the
 octree was built: the largest of the peaks until then, and what was resident then plus the estimate of
@@ -43,7 +43,7 @@ def benchmark_scene(scene: Path, depth: int, light: str) -> Comparison:
 
 @dataclass(frozen=True)
 class Built:
-    """What `patchnet octree` took: wall seconds, the whole process's peak of memory, and the same of each stage."""
+    """Cost of `patchnet octree`: wall seconds, the whole process's peak of memory, and the same of each stage."""
 
     seconds: float
     peak_bytes: int
@@ -101,7 +101,7 @@ def _compared(built: Built, octree: Octree, file_bytes: int, light: str) -> Comp
 
 
 def cut(octree: Octree, depth: int) -> Octree:
-    """The octree without what lies below level `depth`, as if it had been voxelized at that depth."""
+    """Octree without what lies below level `depth`, as if it had been voxelized at that depth."""
     depth = min(depth, octree.depth)
     count = int(octree.level_start[depth + 1])
     mask = octree.child_mask[:count].copy()

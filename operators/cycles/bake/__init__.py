@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""View-independent light from Cycles on the triangle charts of a surface."""
+"""Cycles bake of view-independent light on the triangle charts of a surface."""
 
 from .bake import bake_luminance
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Baking the light of a surface, page of charts by page.
+"""Bake the light of a surface, page of charts by page.
 
 The scene stays as it is: nothing in it is hidden. For each page a mesh of its triangles is added, lifted off the
 surface by far less than a voxel and invisible to all rays, so that it neither shadows nor reflects anything; Cycles
@@ -7,8 +7,9 @@ computes the light that arrives on it. So instances stay instances, and memory i
 pages the scene is exactly as before, and so is a file that is saved meanwhile.
 
 Opaque surfaces are baked on the side that their normals show, on the other where that is next to dark. Both sides count
-of cut-outs and of what is translucent, and of all sheets if asked for; not of closed surfaces, whose inner side nobody
-sees. A side that gets next to no light beside the other does not count: it is enclosed, although the surface has a gap.
+of cut-outs and of what is translucent, and of all sheets if asked for; not of closed surfaces, whose inner side is
+never seen. A side that gets next to no light beside the other does not count: it is enclosed, although the surface
+has a gap.
 """
 
 from __future__ import annotations

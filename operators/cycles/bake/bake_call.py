@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's bake of one object: as one call, or beside a window that stays alive.
+"""Bake call of Blender for one object: as one call, or beside a window that stays alive.
 
 A call returns when the bake has ended; nothing of Python's can stop it. From a window that an operator works in, the
 bake runs as a job of Blender's own: steps wait for it, and Esc stops it within a moment, while Cycles reads the scene
@@ -36,7 +36,7 @@ _ARGUMENTS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class BakeTarget:
-    """An object to bake into the active images of its materials, and the scene and view layer that light it."""
+    """Object to bake into the active images of its materials, and the scene and view layer that light it."""
 
     scene: bpy.types.Scene
     layer: bpy.types.ViewLayer
@@ -45,13 +45,13 @@ class BakeTarget:
 
 
 def run(context: bpy.types.Context, target: BakeTarget) -> None:
-    """Bake. Raises SceneError."""
+    """Bake; raises SceneError."""
     if "FINISHED" not in _called(context, target, "EXEC_DEFAULT"):
         raise StoppedError(_STOPPED)
 
 
 def run_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) -> Steps[None]:
-    """As `run`, in a window: reports `at` as waiting until the job has ended. Raises StoppedError after Esc.
+    """Bake as `run` does, in a window: reports `at` as waiting until the job has ended; raises StoppedError after Esc.
 
     Closing these steps does not stop the job: what it works on must stay until `when_job_ended`.
     """

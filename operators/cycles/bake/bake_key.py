@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The key of a bake: a hash of everything that determines its pages. Equal keys, equal bits."""
+"""Key of a bake: a hash of everything that determines its pages, so that equal keys mean equal bits."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _code_hash() -> str:
 
 
 def _devices() -> tuple[str, ...]:
-    """What Cycles could compute on: processors differ in their last bits."""
+    """Devices that Cycles could compute on: processors differ in their last bits."""
     try:
         import _cycles  # type: ignore[import-not-found]
     except ImportError:
@@ -64,7 +64,7 @@ def _devices() -> tuple[str, ...]:
 
 
 def add_surface(digest: Digest, source: SceneMesh) -> None:
-    """What is baked, as renders evaluate it."""
+    """Add the surface that is baked, as renders evaluate it."""
     digest.text(source.material_names, [sorted(links) for links in source.light_links])
     for part in source.parts:
         mesh = part.mesh
@@ -78,7 +78,7 @@ def add_surface(digest: Digest, source: SceneMesh) -> None:
 
 
 def add_scene(digest: Digest, depsgraph: bpy.types.Depsgraph) -> None:
-    """What shines, shadows and reflects, whether it is baked or not, and how Cycles renders it."""
+    """Add all that shines, shadows and reflects, whether it is baked or not, and how Cycles renders it."""
     scene, layer = depsgraph.scene, depsgraph.view_layer
     digest.text(scene.frame_current_final)
     digest.block(scene.world)
@@ -125,7 +125,7 @@ _PLACE = names(
 
 
 def _add_object(digest: Digest, item: bpy.types.Object, data: bpy.types.ID | None) -> None:
-    """An object without its place and its materials; `data` is what is shown for it."""
+    """Add an object without its place and its materials; `data` is what is shown for it."""
     digest.struct(item, _OBJECT_SKIPPED | _PLACE)
     for system in item.particle_systems:
         digest.text(system.name, system.seed, len(system.particles))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Copies of materials that write their bake into an image; the user's materials are never touched."""
+"""Material copies that write their bake into an image; the user's materials are never touched."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .translucency import is_translucent, keep_sides
 def bake_materials(
     names: Sequence[str], image: bpy.types.Image, back: bool, through: bool = False
 ) -> Iterator[list[bpy.types.Material]]:
-    """A copy of each named material, in this order, whose active node is `image`; removed after the block.
+    """Copy each named material, in this order, with `image` as the active node; removed after the block.
 
     The copies take from attributes what they would ask the object. back: the mesh shows back sides. through: they show
     only what shines through from behind, else all but that.
@@ -63,7 +63,7 @@ class _Copies:
 
 
 def _aim(material: bpy.types.Material, image: bpy.types.Image, plain: bool) -> None:
-    """Make an image node of `image` the active node. `plain`: diffuse, as Cycles shows a surface without material."""
+    """Make an image node of `image` the active node; `plain`: diffuse, as Cycles shows a surface without material."""
     if plain or shader_tree(material) is None:
         _make_diffuse(material)
     nodes = material.node_tree.nodes

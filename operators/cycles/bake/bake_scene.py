@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a bake of a page adds to the scene and sets in it: settings, image, mesh and object, all of them gone after it.
+"""Scene setup of a page's bake: the settings, image, mesh and object that it adds, all removed after it.
 
 It is the user's own scene, not a copy: Blender's bake job beside a window belongs to the scene that the window shows,
 and a copy of a large scene would be evaluated once more for each page. A file that is saved meanwhile has nothing of
@@ -40,7 +40,7 @@ _SETTINGS = {
 
 @contextmanager
 def cycles_settings(scene: bpy.types.Scene, samples: int, seed: int, on_gpu: bool) -> Iterator[None]:
-    """Settings of Cycles for a bake within the block. Raises SceneError if Cycles is not there."""
+    """Settings of Cycles for a bake within the block; raises SceneError if Cycles is not there."""
     if not hasattr(scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose the two-lights shading")
     values: dict[str, Any] = _SETTINGS | {"samples": samples, "seed": seed, "device": "GPU" if on_gpu else "CPU"}
@@ -57,7 +57,7 @@ def tile_side() -> int:
 
 @contextmanager
 def page_image(size: np.ndarray, pages: int) -> Iterator[bpy.types.Image]:
-    """An image for `pages` pages of width and height (2,), one above the other."""
+    """Image for `pages` pages of width and height (2,), one above the other."""
     width, height = int(size[0]), int(size[1]) * pages
     image = bpy.data.images.new(_NAME, width, height, alpha=True, float_buffer=True, is_data=True)
     with temporary(image):
@@ -66,14 +66,14 @@ def page_image(size: np.ndarray, pages: int) -> Iterator[bpy.types.Image]:
 
 @contextmanager
 def page_mesh() -> Iterator[bpy.types.Mesh]:
-    """A mesh without anything, to be filled."""
+    """Mesh without anything, to be filled."""
     with temporary(bpy.data.meshes.new(_NAME)) as mesh:
         yield mesh
 
 
 @contextmanager
 def page_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
-    """An object of `mesh` in `scene` that no ray meets, and that nobody sees in a window."""
+    """Object of `mesh` in `scene` that no ray meets, and that is not seen in a window."""
     with temporary(bpy.data.objects.new(_NAME, mesh)) as item:
         scene.collection.objects.link(item)
         # Cycles drops objects that no ray at all can meet: scattering in volumes is what remains.

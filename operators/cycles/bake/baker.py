@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles bakes one page of charts: what is set up around the call, and how the two sides of a surface become one."""
+"""Cycles bake of one page of charts: the setup around the call, and the merge of a surface's two sides."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 class Baker:
-    """Bakes sides of pages; holds nothing of Blender's between two calls but the context.
+    """Baker of pages' sides; holds nothing of Blender's between two calls but the context.
 
     channels: of its texels, 2 or 4, see `Atlas`. both_sides: backs of opaque sheets count like fronts; else, and always
     with materials that cull backfaces, only where fronts get no light. warnings: sentences about what cannot be baked.
@@ -55,7 +55,7 @@ class Baker:
         device: str = AUTO,
         with_daylight: bool = False,
     ) -> None:
-        """`device` is one of `DEVICES`. Raises SettingError for a GPU that is not there."""
+        """Prepare for `device`, one of `DEVICES`; raises SettingError for a GPU that is not there."""
         self._context = context
         self._source = source
         self._charts = charts
@@ -84,7 +84,7 @@ class Baker:
         self._offset_world = max(1e-3 * charts.texel_world, LIFT_SHARE * reach)
 
     def page(self, page: int) -> Steps[np.ndarray]:
-        """The texels (side * side, C) of a page."""
+        """Texels (side * side, C) of a page."""
         count, self.paths_traced = self._charts.page_count, 0
         at = Progress(page, count, "Baking light")
         part = yield from computed(lambda: self.triangles(page), at)
@@ -103,11 +103,11 @@ class Baker:
         return texels
 
     def triangles(self, page: int) -> PageTriangles:
-        """What lies on a page."""
+        """Triangles on a page."""
         return page_triangles(self._source, self._charts, page, self._closed, self._attributes)
 
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
-        """(N,) bool: triangles whose back was left out and may be what people see.
+        """(N,) bool: triangles whose back was left out and may be what is seen.
 
         Fronts of closed pieces that get no light: a lamp may be inside. Fronts of sheets that get next to none: their
         normals may point into a building. Where another triangle of a closed piece gets light from outside, the dark
@@ -124,7 +124,7 @@ class Baker:
     def merged(
         self, page: int, triangles: np.ndarray, front: np.ndarray, back: np.ndarray, share: float = 0.5
     ) -> np.ndarray:
-        """The page (side * side, C) with both sides of `triangles`, or the lit one where the other is dark.
+        """Page (side * side, C) with both sides of `triangles`, or the lit one where the other is dark.
 
         share: of the back, where both are lit.
         """
@@ -140,7 +140,7 @@ class Baker:
         return front * (1.0 - of_texel) + back * of_texel
 
     def bake(self, page: int, fronts: PageTriangles, backs: PageTriangles, at: Progress) -> Steps[list[np.ndarray]]:
-        """Both sides of a page, each (side * side, C) float32: luminance weighed by opacity, and opacity; else zero.
+        """Bake both sides of a page, (side * side, C) float32 each: luminance weighed by opacity, and opacity; else 0.
 
         With colour, red and blue weighed by opacity are there too.
 
@@ -162,7 +162,7 @@ class Baker:
     def _bake(
         self, page: int, fronts: PageTriangles, backs: PageTriangles, links: Links, through: bool, at: Progress
     ) -> Steps[list[np.ndarray]]:
-        """As `bake`, of objects that are the same receivers of light: what shines through them, or all but that.
+        """Bake as `bake` does, of objects that are the same receivers of light: what shines through, or all but that.
 
         In a window, what is baked stays in the scene while steps wait; reports are `at`.
         """
@@ -204,7 +204,7 @@ class Baker:
             when_job_ended(stack.close)
 
     def _texels(self, page: int, part: PageTriangles) -> int:
-        """How many texels are part's on its page."""
+        """Count the texels of `part` on its page."""
         from ....patchnet_addon.lightmap.chart_lookup import texel_owners
 
         mine = np.zeros(len(self._charts.page) + 1, bool)  # the last one: texels without a triangle
@@ -227,7 +227,7 @@ def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> lis
 
 
 def is_opaque(material: Material) -> bool:
-    """Whether a surface has no gaps: leaves and grilles have, and are meant to be seen from both sides."""
+    """Return whether a surface has no gaps: leaves and grilles have, and are meant to be seen from both sides."""
     return material.alpha >= 1.0 and material.alpha_texture is None
 
 

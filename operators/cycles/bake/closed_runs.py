@@ -10,7 +10,7 @@ from ...scene.scene_mesh import Placements, Run
 
 
 class ClosedPieces:
-    """Remembers for each mesh which of its triangles belong to which closed piece, and numbers them in all places."""
+    """Closed pieces: remembers for each mesh which triangles belong to which, and numbers them in all places."""
 
     def __init__(self) -> None:
         self._known: dict[int, tuple[LocalMesh, np.ndarray]] = {}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is baked is lit by the lamps that shine on the objects it stands for."""
+"""Light linking of a bake: its mesh is lit by the lamps that shine on the objects it stands for."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...scene_access.temporary import temporary
 
 @contextmanager
 def lit_as(target: bpy.types.Object, links: Links) -> Iterator[None]:
-    """`target` is a member of receiver collections within the block.
+    """Make `target` a member of receiver collections within the block.
 
     The collections stay as they are, they may be linked from another file: their lamps get copies with one more member.
     """

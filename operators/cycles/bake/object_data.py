@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What materials ask of the object they are on, kept as mesh attributes when triangles of many objects are joined.
+"""Object data that materials read, kept as mesh attributes when triangles of many objects are joined.
 
 In copies of the materials, links from Object Info and from generated and object coordinates are led to Attribute nodes.
 """
@@ -66,7 +66,7 @@ def lost_inputs(material: bpy.types.Material, turned: bool = True, divided: bool
 
 
 def _asks_whole_object(node: bpy.types.Node, turned: bool, divided: bool) -> bool:
-    """Whether a node's settings make it depend on its object, its instancer or the surface around."""
+    """Return whether a node's settings make it depend on its object, its instancer or the surface around."""
     match node.type:
         case "ATTRIBUTE":
             return node.attribute_type in ("OBJECT", "INSTANCER")
@@ -108,7 +108,7 @@ def attribute_values(run: Run, name: str) -> np.ndarray:
 
 
 def needs_redirect(material: bpy.types.Material) -> bool:
-    """Whether `redirect` changes anything in a material."""
+    """Return whether `redirect` changes anything in a material."""
     return any(
         node.type in ("OBJECT_INFO", "NEW_GEOMETRY") or _own_coordinates(node) or needs_generated(node)
         for node in _nodes([material])

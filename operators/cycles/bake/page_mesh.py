@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The triangles of one page of charts, as arrays and as a Blender mesh."""
+"""Page mesh: the triangles of one page of charts, as arrays and as a Blender mesh."""
 
 from __future__ import annotations
 
@@ -48,20 +48,20 @@ class PageTriangles:
         return self.pieces >= 0
 
     def only(self, chosen: np.ndarray) -> PageTriangles:
-        """The triangles where `chosen` (N,) is true."""
+        """Select the triangles where `chosen` (N,) is true."""
         return PageTriangles(
             **{name: getattr(self, name)[chosen] for name in _COLUMNS},
             layers={name: values[chosen] for name, values in self.layers.items()},
         )
 
     def on_image(self, pages: int, *, upper: bool) -> PageTriangles:
-        """The same on an image of so many pages above each other: on the upper or the lower one."""
+        """Move the charts onto an image of so many pages above each other: on the upper or the lower one."""
         bottom = (pages - 1) / pages if upper else 0.0
         uvs = (self.chart_uvs * np.array([1.0, 1.0 / pages]) + np.array([0.0, bottom])).astype(np.float32)
         return replace(self, chart_uvs=uvs)
 
     def turned(self, material_shift: int) -> PageTriangles:
-        """The same triangles facing the other way, their material indices raised by `material_shift`."""
+        """Turn the triangles to face the other way, their material indices raised by `material_shift`."""
         wind = [0, 2, 1]
         return replace(
             self,
@@ -92,7 +92,7 @@ def joined(parts: Sequence[PageTriangles]) -> PageTriangles:
 def page_triangles(
     source: SceneMesh, charts: Charts, page: int, closed: ClosedPieces, attributes: frozenset[str]
 ) -> PageTriangles:
-    """The triangles with an area whose charts lie on a page, with `attributes` of their objects among the layers."""
+    """Triangles with an area whose charts lie on a page, with `attributes` of their objects among the layers."""
     parts: list[PageTriangles] = []
     first = 0
     for runs in source.runs():
@@ -176,7 +176,7 @@ def _add_uvs(mesh: bpy.types.Mesh, name: str, uvs: np.ndarray) -> None:
 
 
 def _add_layer(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
-    """A UV map or attribute of values (N, 3, C)."""
+    """Add a UV map or attribute of values (N, 3, C)."""
     width = values.shape[-1]
     if width == 2:
         if len(mesh.uv_layers) < _MAX_UV_LAYERS:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light that shines through a surface from behind (shader Translucent).
+"""Translucent light, which shines through a surface from behind (shader Translucent).
 
 What is baked lies above the surface, which would keep this light off. So it is baked apart, from below the surface.
 """
@@ -14,7 +14,7 @@ _TRANSLUCENT = "BSDF_TRANSLUCENT"
 
 
 def is_translucent(material: bpy.types.Material) -> bool:
-    """Whether light shines through a material diffusely."""
+    """Return whether light shines through a material diffusely."""
     tree = shader_tree(material)
     return tree is not None and any(node.type == _TRANSLUCENT for node in all_nodes(tree))
 
@@ -29,5 +29,5 @@ def keep_sides(tree: bpy.types.NodeTree, through: bool) -> None:
 
 
 def _is_surface(node: bpy.types.Node) -> bool:
-    """Whether a node is a shader of its own, neither a mix of shaders nor a group."""
+    """Return whether a node is a shader of its own, neither a mix of shaders nor a group."""
     return node.type.startswith(("BSDF_", "EMISSION", "SUBSURFACE_SCATTERING", "HOLDOUT", "BACKGROUND"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compile kernels in a second Blender without a window, and wait for it; once on a machine.
+"""Compile kernels in a second Blender without a window, and wait for it; once on each computer.
 
 What compiles in this process stays in its memory: LLVM leaves 600 MB in pieces that no allocator gives back, and holds
 Python's lock while it works, so that the window stutters. What is loaded from the cache takes a tenth of that.
@@ -37,11 +37,11 @@ _tried: set[Path] = set()  # marks that could not be made in this process
 
 
 class _OtherBlenderError(Exception):
-    """It did not come to its end."""
+    """Error of the other Blender, which did not come to its end."""
 
 
 def compiled_ahead() -> Steps[None]:
-    """Wait until all kernels are in the cache. What goes wrong is logged: they are then compiled when they are called.
+    """Wait until all kernels are in the cache; what goes wrong is logged: they are then compiled when they are called.
 
     Closing these steps stops the other Blender; what it has compiled by then stays in the cache.
     """
@@ -78,7 +78,7 @@ def _compiled(folder: Path) -> Steps[None]:
 
 
 def small_jobs_path() -> Path:
-    """The script that the other Blender runs."""
+    """Script that the other Blender runs."""
     return Path(__file__).with_name("small_jobs.py")
 
 
@@ -102,10 +102,10 @@ def _kernels() -> tuple[Path, str]:
 
 
 def _start(said: IO[bytes]) -> subprocess.Popen[bytes]:
-    """A Blender with factory settings, in which small jobs compile what is missing."""
+    """Start a Blender with factory settings, in which small jobs compile what is missing."""
     words = [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1"]
     words += ["--python", str(small_jobs_path()), "--", ROOT_PACKAGE, str(Path(__file__).parents[2]), *sys.path]
-    # The kernels' folder lies in the cache folder that this process uses, whoever named it.
+    # The kernels' folder lies in the cache folder that this process uses, however it was named.
     environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder()), "PATCHNET_KEEP": "0"}
     flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal comes up on Windows
     return subprocess.Popen(

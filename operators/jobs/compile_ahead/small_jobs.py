@@ -19,7 +19,7 @@ SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 5, "samples": 1, "s
 
 
 def import_package(name: str, folder: str, search_path: list[str]) -> ModuleType:
-    """The extension, under its name, though its repository is not among these preferences."""
+    """Import the extension under its name, though its repository is not among these preferences."""
     sys.path += [entry for entry in search_path if entry not in sys.path]
     *parents, _ = name.split(".")
     for count in range(1, len(parents) + 1):
@@ -32,7 +32,7 @@ def import_package(name: str, folder: str, search_path: list[str]) -> ModuleType
 
 
 def add_foliage() -> None:
-    """A textured plane with gaps beside the cube of Blender's start-up file."""
+    """Add a textured plane with gaps beside the cube of Blender's start-up file."""
     bpy.ops.mesh.primitive_plane_add(size=3.0, location=(0, 0, -1))
     image = bpy.data.images.new("Leaves", 8, 8, alpha=True)
     pixels = [0.5] * (8 * 8 * 4)
@@ -50,7 +50,7 @@ def add_foliage() -> None:
 
 
 def render() -> None:
-    """A picture of the render engine, with voxels that are there."""
+    """Render a picture with the render engine, from voxels that are there."""
     render = bpy.context.scene.render
     render.engine = "PATCHNET"
     render.resolution_x, render.resolution_y, render.resolution_percentage = 24, 16, 100

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sidebar tab PatchNet, a file for each of its panels."""
+"""Sidebar tab PatchNet, a file for each of its panels."""
 
 from . import compare, cycles_refine, export, light, main, network, octree, preview, statistics
 

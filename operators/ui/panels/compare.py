@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strategies against each other and against the reference, as numbers."""
+"""Panel of the comparison: strategies against each other and against the reference, as numbers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """The button, and the table of the last comparison."""
+        """Draw the button, and the table of the last comparison."""
         layout = split(self.layout)
         layout.operator("patchnet.compare", icon="SORTSIZE")
         result = results.result_of(context.scene)

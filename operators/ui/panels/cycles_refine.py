@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The worst regions by Cycles."""
+"""Panel of the refinement by Cycles: the worst regions."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The voxels as an object, and as files."""
+"""Panel of the export: the voxels as an object, and as files."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light and samples, and the frames of an animation."""
+"""Panels of light and samples, and of the frames of an animation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class PATCHNET_PT_animation(Tab, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """The scene's frames, the settings, and the button."""
+        """Draw the scene's frames, the settings, and the button."""
         layout = split(self.layout)
         column = layout.column(align=True)
         for name, text in (("frame_start", "Frame Start"), ("frame_end", "End"), ("frame_step", "Step")):

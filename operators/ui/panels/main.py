@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The first panel: one button that does everything, what it will take, and where files go."""
+"""Main panel: one button that does everything, the estimate, and the output folder."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class PATCHNET_PT_main(Tab, bpy.types.Panel):
     bl_label = "PatchNet"
 
     def draw_header_preset(self, _context: bpy.types.Context) -> None:
-        """The menu of presets."""
+        """Draw the menu of presets."""
         PATCHNET_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """The button, or progress in its place, so that the buttons below stay where they are."""
+        """Draw the button, or progress in its place, so that the buttons below stay where they are."""
         layout = split(self.layout)
         if JobOperator.running:
             layout.progress(factor=JobOperator.fraction, text=f"{JobOperator.running}: Esc stops")
@@ -37,7 +37,7 @@ class PATCHNET_PT_main(Tab, bpy.types.Panel):
 
 
 def _draw_estimate(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """What the last estimate said, and for what."""
+    """Draw the last estimate, and what it was made for."""
     found = results.estimate_of(scene)
     if found is None:
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Weights, and what encodes."""
+"""Panel of the network: weights and encoder."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class PATCHNET_PT_network(SubPanel, bpy.types.Panel):
     bl_label = "Network"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Settings, the button, who made the codes."""
+        """Draw settings, the button, and the name of the encoder that made the codes."""
         layout = split(self.layout)
         draw_settings(layout, context.scene.patchnet, "codes")
         layout.operator("patchnet.precompute_codes", icon="NODETREE")

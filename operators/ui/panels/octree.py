@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects and resolution."""
+"""Panel of the octree: objects and resolution."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cameras, strategy, budget, and what matters to the person."""
+"""Panels of the preview: cameras, strategy, budget, and painted importance."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class PATCHNET_PT_importance(Tab, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """The source, and its name."""
+        """Draw the source, and its name."""
         layout = split(self.layout)
         draw_settings(layout, context.scene.patchnet, "importance")
         if context.scene.patchnet.importance != "NONE":

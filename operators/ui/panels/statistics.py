@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is there, in figures."""
+"""Panel of statistics: size, time and errors of the result."""
 
 from __future__ import annotations
 

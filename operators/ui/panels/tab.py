@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all panels share. Drawing reads settings and what was kept, and computes nothing."""
+"""Base classes of all panels; drawing reads settings and what was kept, and computes nothing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _ADVICE = {
 
 
 class Tab(_Panel):
-    """A panel of the sidebar tab."""
+    """Panel of the sidebar tab."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -34,26 +34,26 @@ class Tab(_Panel):
 
 
 class SubPanel(Tab):
-    """A panel below the first one."""
+    """Panel below the first one."""
 
     bl_parent_id = "PATCHNET_PT_main"
 
 
 def split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
-    """The layout with names left and values right, as Blender's own panels have it."""
+    """Layout with names left and values right, as Blender's own panels have it."""
     layout.use_property_split = True
     layout.use_property_decorate = False
     return layout
 
 
 def draw_settings(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, step: str) -> None:
-    """The settings of a step that count now."""
+    """Draw the settings of a step that count now."""
     for name in step_settings(values, step):
         draw_setting(layout, values, name)
 
 
 def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, name: str) -> None:
-    """One setting, with its list of images where it names one."""
+    """Draw a setting, with its list of images where it names one."""
     if name == "importance_image":
         layout.prop_search(values, name, bpy.data, "images")
     else:
@@ -61,7 +61,7 @@ def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, na
 
 
 def draw_stale(layout: bpy.types.UILayout, scene: bpy.types.Scene, *steps: str) -> None:
-    """Why results do not fit any more, and what to do, for steps of "surface", "light", "view"."""
+    """Draw why results do not fit any more, and what to do, for steps of "surface", "light", "view"."""
     result = results.result_of(scene)
     if result is None:
         return
@@ -71,7 +71,7 @@ def draw_stale(layout: bpy.types.UILayout, scene: bpy.types.Scene, *steps: str) 
 
 
 def stale_text(result: SceneResult, scene: bpy.types.Scene, step: str) -> str:
-    """Why a step does not fit any more and what to do, or ""."""
+    """Reason for a step not fitting any more, and what to do, or ""."""
     advice, settings = _ADVICE[step]
     why = result.why(step)
     if not why and settings in result.made_with:

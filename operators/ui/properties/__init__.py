@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Every setting once: as the scene's settings, and as properties of the operators that use it.
+"""Properties of every setting, declared once: for the scene's settings and for the operators that use them.
 
-A class for each room of settings, to be mixed into operators and into the group of the scene.
+A class for each group of settings, to be mixed into operators and into the group of the scene.
 """
 
 from .cycles_refine import CyclesRefineProperties, cycles_settings

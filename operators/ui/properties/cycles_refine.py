@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Cycles renders of a preview."""
+"""Properties of a refinement by Cycles."""
 
 from __future__ import annotations
 

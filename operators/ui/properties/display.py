@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which voxels are shown or exported."""
+"""Properties of shown and exported voxels."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The value of a setting: what an operator's caller gave, else the scene's."""
+"""Value of a setting: what an operator's caller gave, else the scene's."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ...scene_access.unread_file import check_opened
 
 
 def setting(context: bpy.types.Context, operator: bpy.types.Operator, name: str) -> Any:
-    """One setting: the operator's property if its caller set it, else the scene's."""
+    """Value of a setting: the operator's property if its caller set it, else the scene's."""
     return getattr(operator if is_given(operator, name) else context.scene.patchnet, name)
 
 
 def is_given(operator: bpy.types.Operator, name: str) -> bool:
-    """Whether the operator has this property and its caller set it."""
+    """Return whether the operator has this property and its caller set it."""
     values = operator.properties
     return name in values.bl_rna.properties and values.is_property_set(name)
 

@@ -76,14 +76,14 @@ def _plain(row: Setting, value: Any) -> Any:
 
 
 def _bytes(gib: float) -> int | None:
-    """Bytes of a memory limit; None for 0. Raises SettingError, since Blender lets a script set NaN."""
+    """Bytes of a memory limit; None for 0; raises SettingError, since Blender lets a script set NaN."""
     if gib:
         MEMORY_GIB.check(gib)
     return round(gib * 2**30) or None
 
 
 def _resolution(operator: bpy.types.Operator, resolution: str) -> str:
-    """A depth or voxel size that is given to an operator counts, without naming the resolution too."""
+    """Resolution of a job: a depth or voxel size given to an operator counts, without naming the resolution too."""
     given = [name for name in ("resolution", "depth", "voxel_size") if is_given(operator, name)]
     if "resolution" in given or not given:
         return resolution

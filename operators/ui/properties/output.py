@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where files go, and which frames are made."""
+"""Properties of the output: folder and files, and the frames that are made."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class AnimationProperties:
 
 
 def _frame(name: str, description: str, default: int, bounds: Bounds = FRAME) -> Any:
-    """A frame, or a number of frames. The scene has them already, as its frame range."""
+    """Property for a frame, or a number of frames; the scene has them already, as its frame range."""
     return number(name, f"{description}; the scene's if it is not given", default, bounds, options=OF_ONE_CALL)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All settings as a scene remembers them."""
+"""Properties of the scene: all settings as it remembers them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What several settings have in common: bounds, units, choices. Name, description and default are each one's own."""
+"""Property factories: bounds, units and choices of several settings, each with its name, description and default."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ OF_ONE_CALL = {"SKIP_SAVE"}  # an operator forgets the value, so that the scene'
 
 
 def number(name: str, description: str, default: float, bounds: Bounds, **others: Any) -> Any:
-    """A number of the table."""
+    """Property for a number of the table."""
     kind = IntProperty if bounds.whole else FloatProperty
     low, high = (int(bounds.low), int(bounds.high)) if bounds.whole else _inside(bounds)
     return kind(name=name, description=description, default=default, min=low, max=high, **others)
 
 
 def _inside(bounds: Bounds) -> tuple[float, float]:
-    """The lowest and the highest number of single precision, as Blender keeps them, that is within the bounds."""
+    """Lowest and highest number of single precision, as Blender keeps them, that is within the bounds."""
     low, high = np.float32(bounds.low), np.float32(bounds.high)
     low = low if low >= bounds.low else np.nextafter(low, np.float32(np.inf))
     high = high if high <= bounds.high else np.nextafter(high, np.float32(-np.inf))
@@ -34,17 +34,17 @@ def _inside(bounds: Bounds) -> tuple[float, float]:
 def share(
     name: str, description: str, default: float, bounds: Bounds = SHARE, update: Callable[..., None] | None = None
 ) -> Any:
-    """A part of a whole."""
+    """Property for a part of a whole."""
     return number(name, description, default, bounds, subtype="FACTOR", update=update)
 
 
 def automatic_at_zero(name: str, description: str, bounds: Bounds, **others: Any) -> Any:
-    """A number of the table that is found where it is 0, as it is from the start."""
+    """Property for a number of the table that is found where it is 0, as it is from the start."""
     return FloatProperty(name=name, description=description, default=0.0, min=0.0, max=_inside(bounds)[1], **others)
 
 
 def relative_path(name: str, description: str, subtype: str) -> Any:
-    """A file ("FILE_PATH") or a folder ("DIR_PATH"); // stands for the folder of the .blend file."""
+    """Property for a file ("FILE_PATH") or a folder ("DIR_PATH"); // stands for the folder of the .blend file."""
     return StringProperty(name=name, description=description, subtype=subtype, options={"PATH_SUPPORTS_BLEND_RELATIVE"})
 
 

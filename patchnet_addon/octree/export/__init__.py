@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voxels of one level as files of other programs: one format a file, and the list of them in `formats`."""
+"""Export of one level's voxels as files of other programs: one format a file, and their list in `formats`."""

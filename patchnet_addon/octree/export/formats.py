@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The formats that voxels are exported to, by the ending of the file."""
+"""Formats that voxels are exported to, by the ending of the file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .vdb import write_vdb
 
 @dataclass(frozen=True)
 class Format:
-    """A format: the kind of its files, and what writes the voxels of a level and returns how many they are."""
+    """Format: the kind of its files, and what writes the voxels of a level and returns how many they are."""
 
     kind: FileKind
     write: Callable[[Octree, int, Path], Steps[int]]
@@ -35,7 +35,7 @@ FORMATS: dict[str, Format] = {
 
 
 def format_of(path: Path) -> Format:
-    """The format that the ending of `path` names. Raises SettingError if it names none."""
+    """Format that the ending of `path` names; raises SettingError if it names none."""
     found = FORMATS.get(path.suffix.lower())
     if found is None:
         raise SettingError(f"{path} has no ending that names a format: choose one of {', '.join(FORMATS)}")

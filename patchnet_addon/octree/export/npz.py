@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voxels as arrays for NumPy: `numpy.load(path)` needs no pickle.
+"""NumPy export: voxels as arrays, for which `numpy.load(path)` needs no pickle.
 
 cells         (n, 3) int32    integer cell of each voxel at its own level
 level         (n,) uint8      its level; lower than the exported one for leaves that are coarser
@@ -46,7 +46,7 @@ _COLOR_COLUMN: dict[str, tuple[str, int, Callable[[VoxelRun], np.ndarray]]] = {
 
 
 def write_npz(octree: Octree, level: int, path: Path) -> Steps[int]:
-    """Write the voxels of `level` to `path`; returns their number. Raises PatchNetError if it cannot be written.
+    """Write the voxels of `level` to `path`; returns their number; raises PatchNetError if it cannot be written.
 
     The columns stand one after the other in the file, so the octree is walked once for each of them.
     """
@@ -70,7 +70,7 @@ def write_npz(octree: Octree, level: int, path: Path) -> Steps[int]:
 
 
 def _whole(octree: Octree, level: int) -> dict[str, np.ndarray]:
-    """What is said once."""
+    """Arrays of the whole octree, written once."""
     return {
         "grid_origin_world": np.array(octree.grid.origin_world, "<f8"),
         "grid_side_world": np.array(octree.grid.side_world, "<f8"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The octree down to one level, as an octree file of ours."""
+"""Octree export down to one level, as an octree file of ours."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..voxel_cloud import voxel_counts
 
 
 def truncated(octree: Octree, level: int) -> Octree:
-    """The octree without what lies below `level`, whose nodes become leaves; values of nodes stay as they are.
+    """Octree without what lies below `level`, whose nodes become leaves; values of nodes stay as they are.
 
     Raises SettingError for level 0: a single node is no octree.
     """
@@ -40,7 +40,7 @@ def truncated(octree: Octree, level: int) -> Octree:
 
 
 def write_octree(octree: Octree, level: int, path: Path) -> Steps[int]:
-    """Write the octree down to `level`; returns the voxels of that level. Raises PatchNetError."""
+    """Write the octree down to `level`; returns the voxels of that level; raises PatchNetError."""
     coarse = truncated(octree, level)
     yield Progress(0, 1, "Writing the octree")
     save_octree(coarse, path)

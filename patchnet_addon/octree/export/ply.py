@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voxels as a point cloud in a binary PLY file, which Blender, MeshLab, CloudCompare and Open3D read.
+"""PLY export: voxels as a binary point cloud, which Blender, MeshLab, CloudCompare and Open3D read.
 
 x, y, z          centre in world units
 nx, ny, nz       mean normal; shorter than 1 where the surface in the voxel is curved or has two sides
@@ -29,7 +29,7 @@ _ROW = np.dtype([(n, "<f4") for n in _FLOATS] + [(n, "u1") for n in _COLOURS] + 
 
 
 def write_ply(octree: Octree, level: int, path: Path) -> Steps[int]:
-    """Write the voxels of `level` to `path`; returns their number. Raises PatchNetError if it cannot be written."""
+    """Write the voxels of `level` to `path`; returns their number; raises PatchNetError if it cannot be written."""
     total, done = int(voxel_counts(octree)[level]), 0
     with replaced_file(path, PLY) as file:
         file.write(_header(level, total))

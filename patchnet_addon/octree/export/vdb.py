@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voxels as OpenVDB grids, through the `openvdb` module that Blender's own Python has.
+"""OpenVDB export: voxels as grids, through the `openvdb` module that Blender's own Python has.
 
 luminance  linear, 0 to 1
 density    surface / (2 * volume) of the voxel, in 1 / world unit: the extinction of a medium that hides, averaged over
@@ -92,7 +92,7 @@ def _values(run: VoxelRun, name: str) -> np.ndarray:
 
 
 def _fill(grids: dict[str, Any], leaf: VoxelRun, level: int) -> int:
-    """One coarse leaf as tiles; 1, the number of voxels."""
+    """Fill a coarse leaf as tiles; returns 1, the number of voxels."""
     width = 1 << (level - leaf.level)
     low = leaf.cells[0] * width
     corners = tuple(low.tolist()), tuple((low + width - 1).tolist())
@@ -103,7 +103,7 @@ def _fill(grids: dict[str, Any], leaf: VoxelRun, level: int) -> int:
 
 
 def _copy_block(grids: dict[str, Any], node: VoxelRun, level: int) -> int:
-    """All voxels below one node, through dense arrays; their number."""
+    """Copy all voxels below one node, through dense arrays; returns their number."""
     side, count = 1 << (level - node.level), 0
     low = node.cells[0] * side
     dense = {name: np.zeros((side, side, side, _CHANNELS[name]), np.float32) for name in grids}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A first look within seconds: small pictures, coarse voxels, few paths."""
+"""Preset for a first look within seconds: small pictures, coarse voxels, few paths."""
 
 import bpy
 

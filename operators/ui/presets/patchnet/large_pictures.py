@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures at the render's resolution: voxels are fine only where the cameras look."""
+"""Preset for pictures at the render's resolution: voxels are fine only where the cameras look."""
 
 import bpy
 

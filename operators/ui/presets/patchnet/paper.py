@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""As in the paper: depth 10, two lights without shadows, 130 x 130 pixels, its own score."""
+"""Preset of the paper's settings: depth 10, two lights without shadows, 130 x 130 pixels, its own score."""
 
 import bpy
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The settings of a new scene."""
+"""Preset of the settings of a new scene."""
 
 import bpy
 
