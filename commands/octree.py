@@ -110,7 +110,7 @@ def _settings(args: argparse.Namespace) -> JobSettings:
 
 
 def _recipe(args: argparse.Namespace) -> Recipe:
-    """What settings do not say: the views that the octree is fitted to, a rotation, objects that are left out."""
+    """Recipe beside the settings: the views that the octree is fitted to, a rotation, objects that are left out."""
     from ..operators.pipeline.lit_octree import Recipe
 
     notes = {"file": scene_path(args.scene).name, "rotation": args.rotate, "without": args.without}
@@ -148,5 +148,5 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _without(args: argparse.Namespace) -> list[str]:
-    """The texts of --without, in lower case."""
+    """Texts of --without, in lower case."""
     return [text.strip().lower() for text in args.without.split(",") if text.strip()]

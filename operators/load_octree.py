@@ -93,7 +93,7 @@ def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, s
 
 
 def _result(octree: Octree, coded: CodedOctree | None, state: Any) -> SceneResult:
-    """What an octree's file says of itself. It is taken to fit a scene that it says nothing of."""
+    """Result of an octree's file, by its own words. It is taken to fit a scene that it says nothing of."""
     from .schema.table import VISIBLE
 
     provenance = octree.provenance

@@ -13,7 +13,7 @@ from .forest import Forest
 
 @dataclass(frozen=True, eq=False)
 class Corpus:
-    """The voxels of all data sets to train on: tree (G,) int32, voxel (G, 4), views (G, R, 12)."""
+    """Voxels of all data sets to train on: tree (G,) int32, voxel (G, 4), views (G, R, 12)."""
 
     forest: Forest
     tree: np.ndarray

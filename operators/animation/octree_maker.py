@@ -27,15 +27,15 @@ class OctreeMaker(FrameMaker):
         self.scope, self.exposure, self.bakes = settings.scope, settings.exposure, settings.light == CYCLES
 
     def settings_text(self, common: Common) -> str:
-        """The settings that the octree depends on."""
+        """Settings that the octree depends on."""
         return f"{self._of_frame(common)!r} {self._wanted}"
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
-        """One file."""
+        """Kind of the only file."""
         return {OCTREE_NAME: OCTREE}
 
     def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
-        """One file."""
+        """Write the octree of a frame."""
         from ...patchnet_addon.lightmap.page_cache import KeptPages
         from ...patchnet_addon.octree.file import save_octree
 

@@ -36,7 +36,7 @@ FitCameras = Callable[[SceneMesh], Sequence[Camera]]  # the cameras that the oct
 
 @dataclass(frozen=True, eq=False)
 class Recipe:
-    """How an octree is made where that is not what the settings and the context's present scene say.
+    """Recipe of an octree where it is not what the settings and the context's present scene say.
 
     unlit: the surface's own colour, with no light baked. grid: given cube and levels, around which the surface must
     still be; None chooses them. cameras: those that the depth is chosen for; None takes those of the settings.
@@ -55,7 +55,7 @@ class Recipe:
 
 @dataclass(frozen=True, eq=False)
 class LitOctree:
-    """An octree and what it was made of.
+    """Lit octree, and what it was made of.
 
     layout: levels of its leaves, None where all are on the deepest. light: "none", "cycles" or "two-lights".
     bounds_world: (2, 3) of the surface. state: of the scene when it was read.

@@ -175,7 +175,7 @@ def _baked(atlas: Atlas, source: MeshSource) -> Shade:
 
 
 def turned(source: SceneMesh, grid: Grid, rotation: int) -> tuple[MeshSource, Grid]:
-    """The surface in the random rotation of a seed, and a grid of the same depth around it; 0 turns nothing."""
+    """Turn the surface by the random rotation of a seed, and give a grid of the same depth around it; 0 turns nothing."""
     if not rotation:
         return source, grid
     from ...patchnet_addon.surface.rotated import RotatedSource, random_rotation
@@ -192,7 +192,7 @@ def build(
     light: str,
     provenance: dict[str, Any],
 ) -> Steps[Octree]:
-    """The octree of a surface; `light` says in its file what `shade` is.
+    """Build the octree of a surface; `light` says in its file what `shade` is.
 
     provenance: entries of the file beside those that say how it was made, and in the place of such.
     """

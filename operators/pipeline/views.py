@@ -61,7 +61,7 @@ class View:
 
     @property
     def frame(self) -> Frame:
-        """What was traced."""
+        """Traced pixels, and all that strategies read of them."""
         return self.ranking.frame
 
     @property
@@ -110,7 +110,7 @@ def _measured(
 
 
 def _pictures(ranking: Ranking, settings: JobSettings, name: str) -> dict[str, np.ndarray]:
-    """What a person looks at; those with a legend are magnified, the others are as many pixels as the camera has.
+    """Pictures of a view; those with a legend are magnified, the others are as many pixels as the camera has.
 
     Preview, refined and reference are in colour if the octree is. The overlay stays gray, so that red means one thing.
     """

@@ -38,7 +38,7 @@ def _ends_of_renders() -> tuple[list[Any], ...]:
 
 @bpy.app.handlers.persistent
 def _forget_frames(*_: object) -> None:
-    """What was made for frames of an animation is not needed after it, nor what the allocator kept of their arrays."""
+    """Free what was made for frames of an animation, and what the allocator kept of their arrays."""
     from ...patchnet_addon.runtime.heap import trim
 
     sessions = [session for session in open_sessions() if session.kept_frame or session.made_frame]

@@ -77,7 +77,7 @@ def octree_of_frame(
 
 
 def _coded(scene: bpy.types.Scene, result: SceneResult, settings: JobSettings) -> Steps[CodedOctree]:
-    """The codes of a result, which are kept with it where it is kept."""
+    """Codes of a result, which are kept with it where it is kept."""
     if result.coded is None:
         coded = yield from encode(result.octree, load_network(settings.weights))
         if results.result_of(scene) is result:

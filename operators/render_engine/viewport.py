@@ -85,7 +85,7 @@ class Viewport:
             engine.tag_redraw()
 
     def _preview_of(self, context: bpy.types.Context, result: SceneResult, camera: Camera) -> ViewportPreview:
-        """The preview that is there if it fits all that it depends on, else a new one."""
+        """Return the preview that is there if it fits all that it depends on, else a new one."""
         values, strokes = context.scene.patchnet, self.mask.strokes
         world = None if context.scene.render.film_transparent else world_color(context.scene.world)
         background = None if world is None else world.tobytes()

@@ -35,7 +35,7 @@ def _separated(values: NodeEvaluator, output: Output) -> NumberTerm:
 
 
 def _light_path(values: NodeEvaluator, output: Output) -> NumberTerm:
-    """What the camera sees counts."""
+    """Evaluate a light path node as the camera sees it."""
     return NumberTerm(1.0 if output.socket.name == "Is Camera Ray" else 0.0)
 
 

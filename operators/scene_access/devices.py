@@ -19,7 +19,7 @@ def gpu_is_enabled(context: bpy.types.Context) -> bool:
 
 
 def bakes_on_gpu(context: bpy.types.Context, device: str = AUTO) -> bool:
-    """Whether a bake with a setting of `DEVICES` runs on a GPU.
+    """Return whether a bake with a setting of `DEVICES` runs on a GPU.
 
     Raises SettingError if a GPU is asked for and none is enabled.
     """
@@ -32,7 +32,7 @@ def bakes_on_gpu(context: bpy.types.Context, device: str = AUTO) -> bool:
 
 
 def device_text(context: bpy.types.Context, device: str = AUTO) -> str:
-    """What a bake would run on, in a few words; raises as `bakes_on_gpu`."""
+    """Name of what a bake would run on, in a few words; raises as `bakes_on_gpu`."""
     if not bakes_on_gpu(context, device):
         return "CPU"
     values = context.preferences.addons["cycles"].preferences

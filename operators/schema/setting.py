@@ -39,7 +39,7 @@ class Effect(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """One row of the table.
+    """Row of the table of settings.
 
     name: of the property of scenes and operators. label, description: as the panel shows them. stage: of the job.
     bounds: of a number. choices: (value, label, description) of a CHOICE. field_name: in `JobSettings`, if it is

@@ -62,7 +62,7 @@ def restore(scene: bpy.types.Scene) -> bool:
 
 
 def result_or_kept(scene: bpy.types.Scene) -> SceneResult | None:
-    """What is there for `scene`, in background from the cache folder too."""
+    """Return the result of `scene`, in background from the cache folder too."""
     result = results.result_of(scene)
     if result is None and bpy.app.background and scene.session_uid not in _looked:
         _looked.add(scene.session_uid)

@@ -35,7 +35,7 @@ def give_back() -> None:
 
 
 def held() -> Held:
-    """What the extension holds now."""
+    """Measure what the extension holds now."""
     images = sum(_image_bytes(image) for image in bpy.data.images if is_own(image))
     return Held(array_bytes(open_sessions()), images, resident_bytes())
 

@@ -27,7 +27,7 @@ listeners: list[Callable[[bpy.types.Scene, SceneResult], None]] = []
 
 
 def result_of(scene: bpy.types.Scene) -> SceneResult | None:
-    """What is there for `scene`."""
+    """Result of `scene`, or None."""
     return session_of(scene).result
 
 
@@ -86,7 +86,7 @@ def _redraw_viewports() -> None:
 
 
 def estimate_of(scene: bpy.types.Scene) -> Estimate | None:
-    """What the last estimate for `scene` said."""
+    """Last estimate for `scene`, or None."""
     return session_of(scene).estimate
 
 

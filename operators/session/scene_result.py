@@ -18,7 +18,7 @@ _MOST_NAMES = 3  # of what made a step stale, in one line
 
 @dataclass(frozen=True)
 class Row:
-    """A strategy's error in a comparison: mean squared over active pixels, after the budget."""
+    """Error of a strategy in a comparison: mean squared over active pixels, after the budget."""
 
     name: str
     title: str
@@ -27,7 +27,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All strategies on one view, best first.
+    """Comparison of all strategies on one view, best first.
 
     view: camera and size, in words. unrefined: the error without a budget.
     """
@@ -40,7 +40,7 @@ class Comparison:
 
 @dataclass
 class SceneResult:
-    """The steps that are done for a scene; codes are None until they were computed.
+    """Result of the steps that are done for a scene; codes are None until they were computed.
 
     scope: which objects were voxelized, "SELECTED" or "VISIBLE".
     layout: levels of the leaves, None where all are on the deepest.
@@ -72,7 +72,7 @@ class SceneResult:
     summary: list[str] = field(default_factory=list)
 
     def mark(self, step: str, what: str) -> None:
-        """A step, or the "view", does not fit the scene any more, because of `what`; a few names are kept."""
+        """Mark a step, or the "view", as stale because of `what`; a few names are kept."""
         if step != VIEW:
             self.stale.add(step)
         names = self.reasons.setdefault(step, [])
@@ -80,16 +80,16 @@ class SceneResult:
             names.append(what)
 
     def known_changes(self) -> set[str]:
-        """What is marked already, so that nobody looks at it again."""
+        """Names of what is marked already, which need no second look."""
         return {what for names in self.reasons.values() for what in names}
 
     def unmark(self, step: str) -> None:
-        """A step fits the scene again."""
+        """Take back that a step is stale."""
         self.stale.discard(step)
         self.reasons.pop(step, None)
 
     def why(self, step: str) -> str:
-        """What made a step stale, in a few words."""
+        """Reason why a step is stale, in a few words."""
         names = self.reasons.get(step, [])
         return ", ".join(names[:_MOST_NAMES]) + (" and more" if len(names) > _MOST_NAMES else "")
 

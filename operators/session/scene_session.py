@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class KeyedResult:
-    """A result that frames are rendered from, and the key of the surface that it shows."""
+    """Result that frames are rendered from, and the key of the surface that it shows."""
 
     result: SceneResult
     key: str
@@ -29,7 +29,7 @@ class KeyedResult:
 
 @dataclass
 class InspectedPixel:
-    """A pixel that the mouse points at: in which region (its address), where there, and lines about it."""
+    """Pixel that the mouse points at: in which region (its address), where there, and lines about it."""
 
     region: int
     x: float
@@ -39,7 +39,7 @@ class InspectedPixel:
 
 @dataclass(eq=False)
 class SceneSession:
-    """What there is of one scene.
+    """State that is kept of one scene.
 
     result: octree, light and codes. estimate: the last one. views: by name of their camera, for overlay and inspection.
     kept_frame: `result`, once a render has asked for its key; made_frame: what was made for the last frame that needed
@@ -68,7 +68,7 @@ _sessions: dict[int, SceneSession] = {}  # by session_uid of the scene
 
 
 def session_of(scene: bpy.types.Scene) -> SceneSession:
-    """The session of a scene, a new one where there was none."""
+    """Session of a scene, a new one where there was none."""
     found = _sessions.get(scene.session_uid)
     if found is None:
         _close_deleted()
@@ -77,7 +77,7 @@ def session_of(scene: bpy.types.Scene) -> SceneSession:
 
 
 def open_sessions() -> list[SceneSession]:
-    """Those of all scenes of the file."""
+    """Sessions of all scenes of the file."""
     _close_deleted()
     return list(_sessions.values())
 
@@ -88,7 +88,7 @@ def in_main_thread() -> bool:
 
 
 def _close_deleted() -> None:
-    """A thread of Blender's may not look at the file; what it would close is closed by the next caller."""
+    """Close sessions of scenes that are gone, in the main thread: others may not look at the file."""
     if in_main_thread():
         there = {scene.session_uid for scene in bpy.data.scenes}
         for number in [number for number in _sessions if number not in there]:

@@ -19,17 +19,17 @@ _SAME = 1e-5  # of lengths and angles that single precision keeps
 
 
 def keep_view(scene: bpy.types.Scene, view: ShownView) -> None:
-    """From now on this is the result of the view's camera."""
+    """Keep a view in place of the last one of its camera."""
     session_of(scene).views[view.camera.name] = view
 
 
 def has_views(scene: bpy.types.Scene) -> bool:
-    """Whether there is something to lay over this scene."""
+    """Return whether there is something to lay over this scene."""
     return bool(session_of(scene).views)
 
 
 def view_of_camera(scene: bpy.types.Scene, name: str) -> ShownView | None:
-    """The result of the camera called `name`."""
+    """View of the camera called `name`."""
     return session_of(scene).views.get(name)
 
 
@@ -44,7 +44,7 @@ def view_of_image(scene: bpy.types.Scene, image: bpy.types.Image) -> tuple[Shown
 
 
 def why_stale(scene: bpy.types.Scene, view: ShownView) -> str:
-    """What makes a view out of date, in a few words; empty if it fits the scene."""
+    """Reason why a view is out of date, in a few words; empty if it fits the scene."""
     result = session_of(scene).result
     if result is None or view.octree() is not result.octree:
         return "voxels were made anew"

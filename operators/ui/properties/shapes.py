@@ -49,7 +49,7 @@ def relative_path(name: str, description: str, subtype: str) -> Any:
 
 
 def property_of(row: Setting) -> Any:
-    """The Blender property of a setting."""
+    """Make the Blender property of a setting."""
     words, more = {"name": row.label, "description": row.description}, dict(row.widget)
     if row.kind is Kind.SWITCH:
         return BoolProperty(**words, default=row.default, **more)
