@@ -175,7 +175,7 @@ def _baked(atlas: Atlas, source: MeshSource) -> Shade:
 
 
 def turned(source: SceneMesh, grid: Grid, rotation: int) -> tuple[MeshSource, Grid]:
-    """Turn the surface by the random rotation of a seed, and give a grid of the same depth around it; 0 turns nothing."""
+    """Turn the surface by the random rotation of a seed; the grid has the same depth around it. 0 turns nothing."""
     if not rotation:
         return source, grid
     from ...patchnet_addon.surface.rotated import RotatedSource, random_rotation
