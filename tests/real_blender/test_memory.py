@@ -16,7 +16,7 @@ KEPT_BYTES = 300 * MB  # of kernels, their loader, meshes and pictures
 def memory(installed: Blender, courtyard: Path, out: Path) -> dict:
     """What memory_window.py saw."""
     script = Path(__file__).with_name("memory_window.py")
-    done = installed.run_window(courtyard, "-P", script, "--", out, screen=SMALL_SCREEN, seconds=800.0)
+    done = installed.run_window(courtyard, "-P", script, "--", out, screen=SMALL_SCREEN, seconds=1800.0)
     (out / "memory.log").write_text(done.stdout + done.stderr)
     assert (out / "memory.json").exists(), f"see {out / 'memory.log'}"
     seen: dict = json.loads((out / "memory.json").read_text())
