@@ -34,7 +34,7 @@ class ViewportPreview:
         self.status = ""
         self.done = False
         self._world, self._budget = world, budget
-        self._pace = Pace(*_FIRST_PACE)
+        self.pace = Pace(*_FIRST_PACE)
         self.steps = self._all()
 
     def work(self, seconds: float) -> None:
@@ -65,9 +65,9 @@ class ViewportPreview:
         yield Progress(0, 1, "Tracing")
         self._trace_coarsely()
         yield Progress(0, 1, "Tracing the preview")
-        yield from self.picture.trace(self._pace)
+        yield from self.picture.trace(self.pace)
         for side in (_QUICK_SIDE, _FINE_SIDE):
-            yield from self.picture.refine(self._budget, side, self._pace)
+            yield from self.picture.refine(self._budget, side, self.pace)
 
     def _trace_coarsely(self) -> None:
         """Fill the picture with large squares of single rays; what `samples` says stays 0 there."""
@@ -85,7 +85,7 @@ class ViewportPreview:
     def _keep_pace(self, took: float, slice_s: float) -> None:
         """Double or halve what one step does; that of the other kind of work is not known by this one's time."""
         factor = 0.5 if took > slice_s else 2.0 if took < slice_s / 4 else 1.0
-        pace = self._pace
+        pace = self.pace
         if self.picture.frame is None:
             pace.band_pixels = int(np.clip(pace.band_pixels * factor, _SMALLEST_PACE[0], _LARGEST_PACE[0]))
         else:

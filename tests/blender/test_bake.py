@@ -320,7 +320,7 @@ def test_scene_is_unchanged_after_cancel_and_error(monkeypatch: pytest.MonkeyPat
         assert target.item.name in target.scene.objects
         raise RuntimeError("the device is gone")
 
-    monkeypatch.setattr(baker, "_run", fail)
+    monkeypatch.setattr(baker, "bake_now", fail)
     with pytest.raises(RuntimeError, match="device"):
         drain(bake_luminance(bpy.context, source, 0.2, 2))
     assert_unchanged(before)
@@ -342,13 +342,13 @@ def test_gpus_bake_where_they_are_enabled(enabled: bool, monkeypatch: pytest.Mon
     """Which device Cycles is asked for; without a GPU it takes the processor all the same."""
     before = user_scene()
     devices = []
-    run = baker._run
+    run = baker.bake_now
 
     def look(context: bpy.types.Context, target: BakeTarget) -> None:
         devices.append(target.scene.cycles.device)
         run(context, target)
 
-    monkeypatch.setattr(baker, "_run", look)
+    monkeypatch.setattr(baker, "bake_now", look)
     monkeypatch.setattr(baker, "bakes_on_gpu", lambda context, device: enabled or gpu_is_enabled(context))
     source = read_scene(bpy.context.evaluated_depsgraph_get())
     drain(bake_luminance(bpy.context, source, 0.5, 1))
@@ -372,4 +372,4 @@ def test_a_failing_bake_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None
     item.hide_render = True
     scene, layer = bpy.context.scene, bpy.context.view_layer
     with pytest.raises(SceneError, match="Cycles cannot bake"):
-        baker._run(bpy.context, BakeTarget(scene, layer, item, bpy.data.images.new("Any", 4, 4)))
+        baker.bake_now(bpy.context, BakeTarget(scene, layer, item, bpy.data.images.new("Any", 4, 4)))

@@ -48,7 +48,7 @@ def test_result_is_there_when_the_file_is_opened_again(file: Path, monkeypatch: 
     np.testing.assert_array_equal(after.coded.codes, before.coded.codes)
     assert (after.light, after.scope, after.encoder) == (before.light, before.scope, before.encoder)
     assert after.made_with == before.made_with
-    monkeypatch.setattr(baker, "_run", refuse)
+    monkeypatch.setattr(baker, "bake_now", refuse)
     assert bpy.ops.patchnet.render_preview(size=(24, 16)) == {"FINISHED"}
     assert len([image for image in bpy.data.images if "patchnet_result" in image]) == 12
     scene = bpy.context.scene
@@ -127,7 +127,7 @@ bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
 from patchnet.operators.cycles.bake import baker
 def refuse(*_):
     raise AssertionError("baked again")
-baker._run = refuse
+baker.bake_now = refuse
 scene = bpy.context.scene
 scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
 scene.render.filepath = sys.argv[2]

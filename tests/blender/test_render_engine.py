@@ -155,13 +155,13 @@ def test_a_moving_camera_reuses_the_octree_and_a_moving_lath_does_not(
     scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[int] = []
-    compute = frame_octree._compute
+    build_octree = frame_octree.build_lit_octree
 
-    def counted(depsgraph: bpy.types.Depsgraph, *rest: object, **more: object) -> object:
-        made.append(depsgraph.scene.frame_current)
-        return compute(depsgraph, *rest, **more)
+    def counted(context: bpy.types.Context, *rest: object) -> object:
+        made.append(context.scene.frame_current)
+        return build_octree(context, *rest)
 
-    monkeypatch.setattr(frame_octree, "_compute", counted)
+    monkeypatch.setattr(frame_octree, "build_lit_octree", counted)
     scene.frame_start, scene.frame_end = 1, 3
     folder = Path(scene.render.filepath).parent
     _keys(scene.camera, [(1, 0.3), (3, 0.8)])

@@ -40,13 +40,13 @@ def small_pages(monkeypatch: pytest.MonkeyPatch) -> None:
 def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of what Blender's bake was called for."""
     seen: list[str] = []
-    run = baking._run
+    run = baking.bake_now
 
     def count(context: bpy.types.Context, target: BakeTarget) -> None:
         seen.append(target.item.name)
         run(context, target)
 
-    monkeypatch.setattr(baking, "_run", count)
+    monkeypatch.setattr(baking, "bake_now", count)
     return seen
 
 

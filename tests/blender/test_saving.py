@@ -54,13 +54,13 @@ def test_saved_while_cycles_bakes(prepare: Callable[[], None], tmp_path: Path, m
     prepare()
     bpy.context.view_layer.update()
     before, saves = save(tmp_path / "before.blend"), []
-    run = baker._run
+    run = baker.bake_now
 
     def save_and_run(context: bpy.types.Context, target: BakeTarget) -> None:
         saves.append(save(tmp_path / f"{len(saves)}.blend"))
         run(context, target)
 
-    monkeypatch.setattr(baker, "_run", save_and_run)
+    monkeypatch.setattr(baker, "bake_now", save_and_run)
     source = read_scene(bpy.context.evaluated_depsgraph_get())
     drain(bake_luminance(bpy.context, source, 0.3, 1, with_daylight=prepare is remove_light))
     assert saves

@@ -46,9 +46,9 @@ def test_pixels_over_the_world_by_definition() -> None:
 
 def test_how_fast_tracing_is_says_nothing_about_refining() -> None:
     preview = ViewportPreview(new_picture(), 0.4, None)
-    rays, pixels = preview._pace.batch_rays, preview._pace.band_pixels
+    rays, pixels = preview.pace.batch_rays, preview.pace.band_pixels
     preview._keep_pace(0.001, 0.1)
-    assert (preview._pace.batch_rays, preview._pace.band_pixels) == (rays, 2 * pixels)
+    assert (preview.pace.batch_rays, preview.pace.band_pixels) == (rays, 2 * pixels)
     drain(preview.picture.trace())
     preview._keep_pace(0.3, 0.1)
-    assert (preview._pace.batch_rays, preview._pace.band_pixels) == (rays // 2, 2 * pixels)
+    assert (preview.pace.batch_rays, preview.pace.band_pixels) == (rays // 2, 2 * pixels)

@@ -44,13 +44,13 @@ class BakeTarget:
     image: bpy.types.Image
 
 
-def run(context: bpy.types.Context, target: BakeTarget) -> None:
+def bake_now(context: bpy.types.Context, target: BakeTarget) -> None:
     """Bake; raises SceneError."""
     if "FINISHED" not in _called(context, target, "EXEC_DEFAULT"):
         raise StoppedError(_STOPPED)
 
 
-def run_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) -> Steps[None]:
+def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) -> Steps[None]:
     """Bake as `run` does, in a window: reports `at` as waiting until the job has ended; raises StoppedError after Esc.
 
     Closing these steps does not stop the job: what it works on must stay until `when_job_ended`.

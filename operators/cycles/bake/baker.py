@@ -21,8 +21,7 @@ from ...scene_access.overrides import object_mode
 from ...scene_access.window_job import when_job_ended, window_is_alive
 from ...schema.table import AUTO
 from ..daylight import daylight
-from .bake_call import BakeTarget, run_as_job
-from .bake_call import run as _run
+from .bake_call import BakeTarget, bake_as_job, bake_now
 from .bake_materials import bake_materials
 from .bake_scene import cycles_settings, page_image, page_mesh, page_object
 from .closed_runs import ClosedPieces
@@ -194,9 +193,9 @@ class Baker:
             stack.enter_context(lit_as(item, links))
             target = BakeTarget(scene, scene.view_layers[self._context.view_layer.name], item, image)
             if window_is_alive():
-                yield from run_as_job(self._context, target, at)
+                yield from bake_as_job(self._context, target, at)
             else:
-                _run(self._context, target)
+                bake_now(self._context, target)
             sides = _shine(image, int(size[1]), self._charts.page_side, self._channels)
             dark = np.zeros_like(sides[0])
             return [sides[0] if len(fronts) else dark, sides[-1] if len(backs) else dark]
