@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..patchnet_addon.octree.grid import morton_decode
+from ..patchnet_addon.cells.morton import morton_decode
 from ..patchnet_addon.octree.octree import Octree
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ..patchnet_addon.runtime.errors import PatchNetError

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..cells.morton import morton_decode, morton_encode
 from ..network.weights import CHANNELS
-from ..octree.grid import morton_decode, morton_encode
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import serial_kernel

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ..octree.clip import cell_key
+from ..cells.morton_kernels import cell_key
 from ..octree.grid import Grid
 from ..octree.octree import POPCOUNT
 from ..runtime.bounds import DEFAULT_LOOKAHEAD

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ..cells.morton import morton_decode, morton_encode
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
-from .grid import Grid, morton_decode, morton_encode
+from .grid import Grid
 
 LUMINANCE_SCALE = 65535.0
 NORMAL_SCALE = 127.0

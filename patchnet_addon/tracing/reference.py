@@ -11,7 +11,7 @@ import itertools
 
 import numpy as np
 
-from ..octree.grid import morton_encode
+from ..cells.morton import morton_encode
 from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from .camera import Camera, camera_in_unit_cube
