@@ -9,18 +9,19 @@ since several threads gather, and learn from, a part of a step each.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from ..patchnet_addon.codes.brick import fill_brick
+from ..patchnet_addon.network.weights import CHANNELS
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
+from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ..patchnet_addon.runtime.kernels import serial_kernel
 from .forest import Forest
 from .samples import COVERAGE_SCALE
-from .symmetry import COUNT, cube_symmetries
+from .symmetry import COUNT, Symmetries, cube_symmetries
 
-BLOCK_VALUES = 320  # 4x4x4 cells, order z, y, x, of occupancy, luminance, normal
-_SYMMETRIES = cube_symmetries()
 _PAIR_POSITION = np.array(
     [[sum(((c >> axis & 1) + (s >> axis & 1)) * 3**axis for axis in range(3)) for c in range(8)] for s in range(8)],
     np.int32,
@@ -31,7 +32,8 @@ _PAIR_POSITION = np.array(
 class Batch:
     """V voxels with R views each.
 
-    blocks: (M, 320) float32, the occupied blocks of all voxels.
+    blocks: (M, B) float32, the occupied blocks of all voxels; cells z, y, x of occupancy, luminance, normal, B = 320
+    for a look-ahead of two levels.
     slice_start: (9,) int64; pairs slice_start[s] to slice_start[s + 1] meet slice s (octant x + 2y + 4z of the patch).
     pair_block: (P,) int64 rows of `blocks`. pair_corner: (P,) int64 corner 8 v + c that the pair adds to.
     entry, direction, up: (V, R, 3) float32. ratio, coverage, luminance: (V, R) float32.
@@ -75,12 +77,24 @@ class Augmentation:
         return cls(random.integers(0, COUNT, count).astype(np.int32), remap)
 
 
+@cache
+def _symmetries(lookahead: int) -> Symmetries:
+    return cube_symmetries(lookahead)
+
+
 def gather_batch(
-    forest: Forest, tree: np.ndarray, voxel: np.ndarray, views: np.ndarray, augmentation: Augmentation
+    forest: Forest,
+    tree: np.ndarray,
+    voxel: np.ndarray,
+    views: np.ndarray,
+    augmentation: Augmentation,
+    lookahead: int = DEFAULT_LOOKAHEAD,
 ) -> Batch:
-    """Batch of voxels (V, 4) of octrees `tree` (V,) with their stored views (V, R, 12)."""
+    """Batch of voxels (V, 4) of octrees `tree` (V,) with their stored views (V, R, 12), drawn `lookahead` levels
+    ahead."""
+    symmetries = _symmetries(lookahead)
     count = len(tree)
-    nodes = np.empty((count, 27, 64), np.int32)
+    nodes = np.empty((count, 27, 8**lookahead), np.int32)
     counts = np.empty((count, 27), np.int32)
     linear = np.empty((count, 2), np.float32)  # gain and offset of luminance
     _gather_nodes(
@@ -90,12 +104,13 @@ def gather_batch(
         forest.root[tree],
         voxel.astype(np.int32),
         augmentation.remap,
+        lookahead,
         nodes,
         counts,
         linear,
     )
     place = np.cumsum(counts.reshape(-1) > 0).reshape(count, 27) - 1
-    blocks = np.zeros((int(place[-1, -1]) + 1, BLOCK_VALUES), np.float32)
+    blocks = np.zeros((int(place[-1, -1]) + 1, CHANNELS * 8**lookahead), np.float32)
     moved = np.full((count, 27), -1, np.int32)  # rows of `blocks` by position after the symmetry
     _write_blocks(
         forest.luminance,
@@ -105,23 +120,25 @@ def gather_batch(
         place,
         linear,
         augmentation.symmetry,
-        _SYMMETRIES.axis,
-        _SYMMETRIES.sign,
-        _SYMMETRIES.block,
-        _SYMMETRIES.cell,
+        symmetries.axis,
+        symmetries.sign,
+        symmetries.block,
+        symmetries.cell,
         blocks,
         moved,
     )
     start, pair_block, pair_corner = _list_pairs(moved, _PAIR_POSITION)
-    return Batch(blocks, start, pair_block, pair_corner, *_move_views(views, augmentation.symmetry, linear))
+    return Batch(blocks, start, pair_block, pair_corner, *_move_views(views, augmentation.symmetry, symmetries, linear))
 
 
-def _move_views(views: np.ndarray, symmetry: np.ndarray, linear: np.ndarray) -> tuple[np.ndarray, ...]:
+def _move_views(
+    views: np.ndarray, symmetry: np.ndarray, symmetries: Symmetries, linear: np.ndarray
+) -> tuple[np.ndarray, ...]:
     """Entry, direction, up, ratio, coverage, luminance of stored views (V, R, 12) after the augmentation."""
     unit = views.astype(np.float32) / np.float32(65535)
     signed = views[..., 3:9].view(np.int16).astype(np.float32) / np.float32(32767)
-    axis = np.broadcast_to(_SYMMETRIES.axis[symmetry][:, None], (*views.shape[:2], 3))
-    sign = _SYMMETRIES.sign[symmetry][:, None]
+    axis = np.broadcast_to(symmetries.axis[symmetry][:, None], (*views.shape[:2], 3))
+    sign = symmetries.sign[symmetry][:, None]
     entry = sign * np.take_along_axis(unit[..., :3] - np.float32(0.5), axis, 2) + np.float32(0.5)
     direction = sign * np.take_along_axis(signed[..., :3], axis, 2)
     up = sign * np.take_along_axis(signed[..., 3:], axis, 2)
@@ -131,7 +148,7 @@ def _move_views(views: np.ndarray, symmetry: np.ndarray, linear: np.ndarray) -> 
 
 
 @serial_kernel
-def _gather_nodes(child_mask, first_child, luminance, root, voxel, remap, nodes, counts, linear):
+def _gather_nodes(child_mask, first_child, luminance, root, voxel, remap, lookahead, nodes, counts, linear):
     for v in range(len(root)):
         fill_brick(
             child_mask,
@@ -141,6 +158,7 @@ def _gather_nodes(child_mask, first_child, luminance, root, voxel, remap, nodes,
             voxel[v, 1],
             voxel[v, 2],
             voxel[v, 3],
+            lookahead,
             nodes[v],
             counts[v],
         )
@@ -150,7 +168,7 @@ def _gather_nodes(child_mask, first_child, luminance, root, voxel, remap, nodes,
         low, high = 65535.0, 0.0
         for block in range(27):
             if counts[v, block] > 0:
-                for cell in range(64):
+                for cell in range(nodes.shape[2]):
                     node = nodes[v, block, cell]
                     if node >= 0:
                         low = min(low, luminance[node])
@@ -179,11 +197,11 @@ def _write_blocks(
                 continue
             row = place[v, block]
             moved[v, to_block[turn, block]] = row
-            for cell in range(64):
+            for cell in range(nodes.shape[2]):
                 node = nodes[v, block, cell]
                 if node < 0:
                     continue
-                at = 5 * to_cell[turn, cell]
+                at = CHANNELS * to_cell[turn, cell]
                 blocks[row, at] = 1.0
                 blocks[row, at + 1] = gain * luminance[node] + offset
                 blocks[row, at + 2] = sx * normal[node, ax]

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..patchnet_addon.octree.file import load_octree, octree_hash
 from ..patchnet_addon.octree.octree import Octree
+from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEADS
 from ..patchnet_addon.runtime.errors import FileFormatError
 from ..patchnet_addon.runtime.files import read_arrays, write_arrays
 from .samples import VIEW_FIELDS, Samples, SampleSettings
@@ -28,6 +29,11 @@ class Dataset:
     octree: Octree
     samples: Samples
     metadata: dict[str, Any]
+
+    @property
+    def lookahead(self) -> int:
+        """Levels between the voxels and the cells that their views saw; two where the file does not say."""
+        return int(self.metadata.get("settings", {}).get("lookahead", DEFAULT_LOOKAHEAD))
 
 
 def save_samples(samples: Samples, octree_path: Path, octree: Octree, settings: SampleSettings, path: Path) -> None:
@@ -61,7 +67,10 @@ def load_dataset(path: Path) -> Dataset:
     octree = load_octree(octree_path)
     if octree_hash(octree) != metadata.get("octree_hash"):
         raise FileFormatError(f"{path} was drawn from another state of {octree_path}: draw it anew")
-    return Dataset(path.name.removesuffix(SUFFIX), octree, samples, metadata)
+    dataset = Dataset(path.name.removesuffix(SUFFIX), octree, samples, metadata)
+    if dataset.lookahead not in LOOKAHEADS:
+        raise FileFormatError(f"{path} looks {dataset.lookahead} levels ahead, which is not known: draw it anew")
+    return dataset
 
 
 def sample_files(paths: list[Path]) -> list[Path]:

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..patchnet_addon.network.weights import Weights
+from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from .batches import Batch
 from .settings import TrainSettings
 from .sliced_net import SlicedNet
@@ -26,9 +27,9 @@ class Losses:
 class Learner:
     """Network, optimiser and moving mean."""
 
-    def __init__(self, settings: TrainSettings) -> None:
+    def __init__(self, settings: TrainSettings, lookahead: int = DEFAULT_LOOKAHEAD) -> None:
         self.settings = settings
-        weights = Weights.random(settings.seed)
+        weights = Weights.random(settings.seed, lookahead=lookahead)
         self.model, self.mean = SlicedNet(weights), SlicedNet(weights)
         self.optimizer = torch.optim.Adam(self.model.trained(), settings.learning_rate, betas=(0.9, 0.999), fused=True)
         self.steps = 0

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from ..patchnet_addon.network.weights import DECODER_SIZES, encoder_sizes, patch_side
 from .dataset import Dataset
 from .run_files import CARD, CURVES, LOG
 from .settings import TrainSettings
@@ -27,12 +28,15 @@ def write_card(
 ) -> None:
     """Write `model_card.md`, and `curves.png` where matplotlib is installed, beside the log in `folder`."""
     curve, validations = read_log(folder / LOG)
+    lookahead = datasets[0].lookahead
+    side = patch_side(lookahead)
+    encoder, decoder = ("-".join(map(str, sizes)) for sizes in (encoder_sizes(lookahead), DECODER_SIZES))
     has_picture = draw_curves(curve, validations, folder / CURVES)
     parts = [
         "# Model card of PatchNet weights\n",
-        f"Weights `{weights_hash}`. Encoder 2560-256-256-256-10, decoder 42-48-48-48-2, look-ahead of two levels.\n",
-        "Input: occupancy, linear luminance in [0, 1] and mean normal of 8x8x8 fine voxels around each corner of a",
-        "voxel. Output: coverage and luminance that a pixel of half to a whole voxel would see.\n",
+        f"Weights `{weights_hash}`. Encoder {encoder}, decoder {decoder}, look-ahead of {_levels(lookahead)}.\n",
+        f"Input: occupancy, linear luminance in [0, 1] and mean normal of {side}x{side}x{side} fine voxels around each",
+        "corner of a voxel. Output: coverage and luminance that a pixel of half to a whole voxel would see.\n",
         "## How they were made\n",
         f"    {notes['command']}\n",
         f"{notes['sample_passes']:,} sample passes in {notes['steps']:,} steps, {notes['minutes']:.0f} minutes on"
@@ -48,10 +52,14 @@ def write_card(
         "## Curves\n",
         "![Training and validation errors](curves.png)\n" if has_picture else "The numbers stand in `log.jsonl`.\n",
         "## Limits\n",
-        "Trained on voxels with two levels of look-ahead and pixels of half to a whole voxel. Only view-independent",
-        "luminance is known; scenes unlike those above can be predicted worse.\n",
+        f"Trained on voxels with {_levels(lookahead)} of look-ahead and pixels of half to a whole voxel. Only",
+        "view-independent luminance is known; scenes unlike those above can be predicted worse.\n",
     ]
     (folder / CARD).write_text("\n".join(parts))
+
+
+def _levels(lookahead: int) -> str:
+    return {1: "one level", 2: "two levels", 3: "three levels"}[lookahead]
 
 
 def draw_curves(curve: list[dict[str, Any]], validations: list[dict[str, Any]], path: Path) -> bool:

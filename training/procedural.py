@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..patchnet_addon.octree.grid import Grid, morton_decode, morton_encode
+from ..patchnet_addon.cells.morton import morton_decode, morton_encode
+from ..patchnet_addon.octree.grid import Grid
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 
 

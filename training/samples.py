@@ -15,6 +15,7 @@ from numba import prange
 from ..patchnet_addon.codes.brick import fill_brick
 from ..patchnet_addon.codes.patch_rays import see_brick, set_view
 from ..patchnet_addon.octree.octree import Octree
+from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
 from ..patchnet_addon.runtime.errors import PatchNetError
 from ..patchnet_addon.runtime.kernels import device, kernel
 from ..patchnet_addon.runtime.progress import Progress, Steps
@@ -33,6 +34,7 @@ class SampleSettings:
 
     views: random views per voxel. least_level: coarsest level used. held_out: share of spatial blocks kept for
     validation (methods 7.21). first_hit: reject views whose centre ray meets a neighbour first (methods 7.17).
+    lookahead: levels between a voxel and the cells that are seen, 1 to 3; SettingError for others.
     """
 
     views: int = 8
@@ -40,6 +42,10 @@ class SampleSettings:
     held_out: float = 0.05
     first_hit: bool = True
     seed: int = 0
+    lookahead: int = DEFAULT_LOOKAHEAD
+
+    def __post_init__(self) -> None:
+        LOOKAHEAD.check(self.lookahead)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +70,7 @@ def draw_samples(
     Raises PatchNetError if no voxel of the octree has look-ahead below `settings.least_level`.
     """
     random = np.random.default_rng(settings.seed)
-    nodes = usable_nodes(octree, settings.least_level)
+    nodes = usable_nodes(octree, settings.least_level, settings.lookahead)
     groups = -(-count // settings.views)
     found: list[Samples] = []
     done, number = 0, 0
@@ -100,6 +106,7 @@ def _views(octree: Octree, voxels: np.ndarray, settings: SampleSettings, number:
         voxels.astype(np.int32),
         start,
         settings.first_hit,
+        settings.lookahead,
         views,
         views.view(np.int16),
         good,
@@ -165,9 +172,9 @@ def _is_first_hit(counts, origin, direction, enter):
 
 
 @kernel
-def _draw_views(child_mask, first_child, luminance, voxels, start, first_hit, views, views_signed, good):
+def _draw_views(child_mask, first_child, luminance, voxels, start, first_hit, lookahead, views, views_signed, good):
     for group in prange(len(voxels)):
-        brick = np.empty((27, 64), np.int32)
+        brick = np.empty((27, 1 << 3 * lookahead), np.int32)
         counts = np.empty(27, np.int32)
         view = np.empty((6, 3), np.float64)
         rows = np.empty(64, np.uint64)
@@ -175,7 +182,7 @@ def _draw_views(child_mask, first_child, luminance, voxels, start, first_hit, vi
         origin, direction, up = np.empty(3), np.empty(3), np.empty(3)
         state[0] = _mix(_mix(start + np.uint64(group)))
         voxel = voxels[group]
-        fill_brick(child_mask, first_child, 0, voxel[0], voxel[1], voxel[2], voxel[3], brick, counts)
+        fill_brick(child_mask, first_child, 0, voxel[0], voxel[1], voxel[2], voxel[3], lookahead, brick, counts)
         found = 0
         for _ in range(_ATTEMPTS):
             if found == views.shape[1]:
@@ -194,8 +201,8 @@ def _draw_views(child_mask, first_child, luminance, voxels, start, first_hit, vi
                 origin[axis] = views[group, found, axis] / _UNIT
                 direction[axis] = views_signed[group, found, 3 + axis] / _SIGNED
                 up[axis] = views_signed[group, found, 6 + axis] / _SIGNED
-            set_view(origin, direction, up, ratio / _UNIT, view)
-            sigma, mean = see_brick(luminance, brick, counts, direction, view, rows)
+            set_view(origin, direction, up, ratio / _UNIT, lookahead, view)
+            sigma, mean = see_brick(luminance, brick, counts, direction, lookahead, view, rows)
             views[group, found, 9] = ratio
             views[group, found, 10] = np.uint16(np.rint(sigma * COVERAGE_SCALE))
             views[group, found, 11] = np.uint16(np.rint(mean))

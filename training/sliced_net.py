@@ -22,7 +22,9 @@ class SlicedNet(nn.Module):
         super().__init__()
         self.net = PatchNet.from_weights(weights)
         first = self._encoder()[0]
-        self.slices = nn.Parameter(to_slices(first.weight.detach()).clone())  # (8, 320, 256)
+        self.slices = nn.Parameter(
+            to_slices(first.weight.detach()).clone()
+        )  # (8, B, 256), B = 320 for a look-ahead of two levels
         first.weight.requires_grad_(False)  # stands in `slices` until `to_weights`
 
     def _encoder(self) -> list[nn.Linear]:

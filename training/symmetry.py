@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+
 COUNT = 48
 
 
@@ -16,7 +18,8 @@ class Symmetries:
     """Tables of the 48 symmetries; number 0 is the identity.
 
     axis: (48, 3) int32 and sign: (48, 3) float32: component i of a mapped vector is sign[i] * v[axis[i]].
-    block: (48, 27) int32 and cell: (48, 64) int32: where a brick's block, and a cell within its block, goes.
+    block: (48, 27) int32 and cell: (48, 8^n) int32 for a look-ahead of n levels: where a brick's block, and a cell
+    within its block, goes.
     """
 
     axis: np.ndarray
@@ -31,12 +34,12 @@ class Symmetries:
         return matrix
 
 
-def cube_symmetries() -> Symmetries:
-    """All axis permutations with all sign flips."""
+def cube_symmetries(lookahead: int = DEFAULT_LOOKAHEAD) -> Symmetries:
+    """All axis permutations with all sign flips, for blocks of 2^lookahead cells a side."""
     pairs = list(itertools.product(itertools.permutations(range(3)), itertools.product((1.0, -1.0), repeat=3)))
     axis = np.array([permutation for permutation, _ in pairs], np.int32)  # (48, 3)
     sign = np.array([signs for _, signs in pairs], np.float32)  # (48, 3)
-    return Symmetries(axis, sign, _permutation(axis, sign, 3), _permutation(axis, sign, 4))
+    return Symmetries(axis, sign, _permutation(axis, sign, 3), _permutation(axis, sign, 1 << lookahead))
 
 
 def _permutation(axis: np.ndarray, sign: np.ndarray, side: int) -> np.ndarray:

@@ -22,6 +22,7 @@ import numpy as np
 import torch
 
 from ..patchnet_addon.network.weights import Weights, save_weights
+from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ..patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from ..patchnet_addon.runtime.progress import Progress, Steps
 from .batches import Augmentation
@@ -60,10 +61,11 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     voxels = max(1, settings.batch // corpus.views.shape[1])
     per_step = voxels * corpus.views.shape[1]
     total = max(1, settings.passes // per_step)
-    learner = Learner(settings)
+    learner = Learner(settings, corpus.lookahead)
     check_run(options.out, resume=options.resume)
     options.out.mkdir(parents=True, exist_ok=True)
     run = asdict(settings) | {"data": [dataset.metadata.get("octree_hash", dataset.name) for dataset in datasets]}
+    run["lookahead"] = corpus.lookahead
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
     log = Log(options.out / LOG, learner.steps)
@@ -107,6 +109,12 @@ def corpus_of(datasets: Sequence[Dataset]) -> tuple[Corpus, dict[str, Corpus]]:
     views = {dataset.samples.views.shape[1] for dataset in datasets}
     if len(views) != 1:
         raise SettingError(f"The sample files hold {sorted(views)} views per voxel: draw them with the same number")
+    lookaheads = {dataset.lookahead for dataset in datasets}
+    if len(lookaheads) != 1:
+        raise SettingError(
+            f"The sample files look {sorted(lookaheads)} levels ahead: draw them with the same look-ahead"
+        )
+    (lookahead,) = lookaheads
     forest = plant([dataset.octree for dataset in datasets])
     parts = []
     held_out = {}
@@ -116,11 +124,11 @@ def corpus_of(datasets: Sequence[Dataset]) -> tuple[Corpus, dict[str, Corpus]]:
         keep, held = np.flatnonzero(~samples.held_out), np.flatnonzero(samples.held_out)
         parts.append((tree[keep], samples.voxel[keep], samples.views[keep]))
         if len(held):
-            held_out[dataset.name] = Corpus(forest, tree[held], samples.voxel[held], samples.views[held])
+            held_out[dataset.name] = Corpus(forest, tree[held], samples.voxel[held], samples.views[held], lookahead)
     tree, voxel, view = (np.concatenate([part[k] for part in parts]) for k in range(3))
     if not len(tree):
         raise PatchNetError("All samples are held out for validation: draw more of them")
-    return Corpus(forest, tree, voxel, view), held_out
+    return Corpus(forest, tree, voxel, view, lookahead), held_out
 
 
 def rows_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> np.ndarray:
@@ -199,11 +207,12 @@ def load_checkpoint(path: Path, learner: Learner, run: dict[str, Any]) -> None:
     """Go on from a checkpoint; raises PatchNetError if it is damaged or of other settings or data."""
     try:
         state = torch.load(path, weights_only=True)
-        other = state["run"]
-        learner.load(state["learner"])
+        other = {"lookahead": DEFAULT_LOOKAHEAD} | state["run"]
+        changed = [name for name in run if other.get(name) != run[name]]
+        if not changed:
+            learner.load(state["learner"])
     except (RuntimeError, KeyError, ValueError, EOFError, pickle.UnpicklingError) as cause:
         raise FileFormatError(f"{path} is damaged ({type(cause).__name__}): start the run anew") from cause
-    changed = [name for name in run if other.get(name) != run[name]]
     if changed:
         raise SettingError(f"{path} was written with other values of {', '.join(changed)}: resume with the same ones")
 

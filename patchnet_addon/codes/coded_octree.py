@@ -29,7 +29,7 @@ class CodedOctree:
     @cached_property
     def coded_index(self) -> np.ndarray:
         """(n,) int32: row of each node in `node_corners`, -1 for nodes without look-ahead."""
-        coded = self.octree.look_ahead()
+        coded = self.octree.look_ahead(self.weights.lookahead)
         return np.where(coded, np.cumsum(coded, dtype=np.int32) - 1, -1).astype(np.int32)
 
     @property

@@ -10,11 +10,11 @@ import numpy as np
 from ..network.compiled_encode import CompiledEncoder
 from ..network.encode import Encoder, NumpyEncoder
 from ..network.weights import CODE_SIZE, Weights
-from ..octree.octree import LOOK_AHEAD, Octree
+from ..octree.octree import Octree
 from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
 from .coded_octree import CodedOctree
-from .patches import BLOCK_SIZE, corner_neighbours, corner_table, voxel_blocks
+from .patches import corner_neighbours, corner_table, voxel_blocks
 
 BACKENDS = ("auto", "compiled", "numpy", "torch")
 _LABEL = "Encoding corners"
@@ -29,7 +29,8 @@ def encode_octree(
     device: str = "cpu",
     encoder: Encoder | None = None,
 ) -> Steps[CodedOctree]:
-    """Octree with codes; corners go chunk by chunk in Morton order, so that memory stays bounded.
+    """Octree with codes, as many levels ahead as the weights look; corners go chunk by chunk in Morton order, so that
+    memory stays bounded.
 
     `backend` "auto" is torch for another `device` than the CPU, else our compiled products; "numpy" has NumPy's. All
     give the same codes to 1e-4. An `encoder` of these weights counts instead of both. Raises SettingError for a backend
@@ -38,9 +39,9 @@ def encode_octree(
     if encoder is None:
         encoder = make_encoder(weights, backend, device)
     yield Progress(0, 1, "Finding corners")
-    coded = octree.look_ahead()
+    coded = octree.look_ahead(weights.lookahead)
     levels, node_corners, total = [], [], 0
-    for level in range(max(octree.depth - LOOK_AHEAD + 1, 0)):
+    for level in range(max(octree.depth - weights.lookahead + 1, 0)):
         nodes = np.flatnonzero(coded[octree.level(level)]) + octree.level_start[level]
         corners, rows = corner_table(octree, level, nodes)
         levels.append((level, corners, total))
@@ -52,7 +53,8 @@ def encode_octree(
         for start in range(0, len(corners), encoder.chunk):
             chunk = corners[start : start + encoder.chunk]
             done = first + start + len(chunk)
-            codes[first + start : done] = np.clip(_encode_chunk(encoder, octree, level, chunk), -_HALF_MAX, _HALF_MAX)
+            found = _encode_chunk(encoder, octree, level, chunk, weights.lookahead)
+            codes[first + start : done] = np.clip(found, -_HALF_MAX, _HALF_MAX)
             yield Progress(done, total, _LABEL)
     rows = np.concatenate(node_corners) if node_corners else np.zeros((0, 8), np.uint32)
     return CodedOctree(octree, weights, codes, rows)
@@ -78,9 +80,9 @@ def make_encoder(weights: Weights, backend: str = "auto", device: str = "cpu") -
         raise SettingError(f"Device '{device}' cannot be used by PyTorch here: choose device 'cpu'") from cause
 
 
-def _encode_chunk(encoder: Encoder, octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
+def _encode_chunk(encoder: Encoder, octree: Octree, level: int, corners: np.ndarray, lookahead: int) -> np.ndarray:
     """Codes (C, 10) float32 of corners (C, 3) of a level; every voxel around them is read once."""
     neighbours = corner_neighbours(octree, level, corners)
     nodes, rows = np.unique(np.append(neighbours.reshape(-1), -1), return_inverse=True)  # node -1 comes first
-    blocks = voxel_blocks(octree, nodes).reshape(-1, BLOCK_SIZE)
+    blocks = voxel_blocks(octree, nodes, lookahead).reshape(len(nodes), -1)
     return encoder(blocks, rows.reshape(-1)[:-1].reshape(-1, 8))

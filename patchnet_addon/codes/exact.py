@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..octree.octree import Octree
+from ..runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
 from ..runtime.progress import Progress, Steps
 from .patch_rays import PatchRays, render_patches
 from .predict import Prediction
@@ -21,12 +22,16 @@ if TYPE_CHECKING:
 _CHUNK = 16384
 
 
-def exact_prediction(octree: Octree, hits: Hits) -> Steps[Prediction]:
+def exact_prediction(octree: Octree, hits: Hits, lookahead: int = DEFAULT_LOOKAHEAD) -> Steps[Prediction]:
     """Coverage and luminance of every pixel by 64x64 rays through its patch (methods 7.16, 7.17).
+
+    lookahead: levels between a voxel and its patch's cells, 1 to 3: those of the weights that the oracle is the limit
+    of. Raises SettingError for others.
 
     Pixels without look-ahead keep what they show, as in `predict`, so that their priority is 0 (methods 4.1b).
     """
-    ahead = octree.look_ahead()
+    LOOKAHEAD.check(lookahead)
+    ahead = octree.look_ahead(lookahead)
     look_ahead = hits.hit & ahead[np.maximum(hits.node, 0)]
     pixels = np.flatnonzero(look_ahead)
     pixels = pixels[np.argsort(hits.node[pixels], kind="stable")]  # a voxel's pixels share its brick
@@ -34,7 +39,7 @@ def exact_prediction(octree: Octree, hits: Hits) -> Steps[Prediction]:
     luminance = hits.luminance.astype(np.float32)
     for start in range(0, len(pixels), _CHUNK):
         here = pixels[start : start + _CHUNK]
-        coverage[here], seen = render_patches(octree, _patch_rays(hits, here))
+        coverage[here], seen = render_patches(octree, _patch_rays(hits, here), lookahead)
         luminance[here] = np.where(coverage[here] > 0, seen, luminance[here])
         yield Progress(start + len(here), len(pixels), "Rendering patches")
     return Prediction(coverage, luminance, look_ahead)

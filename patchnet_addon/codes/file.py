@@ -9,7 +9,7 @@ import numpy as np
 
 from ..network.weights import CODE_SIZE, Weights
 from ..octree.file import octree_hash
-from ..octree.octree import LOOK_AHEAD, Octree
+from ..octree.octree import Octree
 from ..runtime.errors import CodesFileError
 from ..runtime.files import read_arrays, write_arrays
 from .coded_octree import CodedOctree
@@ -22,7 +22,7 @@ def save_codes(coded: CodedOctree, path: str | Path) -> None:
     metadata = {
         "octree_hash": octree_hash(coded.octree),
         "weights_hash": coded.weights_hash,
-        "look_ahead": LOOK_AHEAD,
+        "look_ahead": coded.weights.lookahead,
         "depth": coded.octree.depth,
     }
     write_arrays(path, {"codes": coded.codes, "node_corners": coded.node_corners}, metadata, KIND)
@@ -39,7 +39,7 @@ def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctre
             "precompute the codes again, or choose the weights that made them"
         )
     codes, node_corners = arrays.get("codes"), arrays.get("node_corners")
-    count = int(np.count_nonzero(octree.look_ahead()))
+    count = int(np.count_nonzero(octree.look_ahead(weights.lookahead)))
     if (
         codes is None
         or node_corners is None

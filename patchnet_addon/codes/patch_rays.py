@@ -15,6 +15,7 @@ import numpy as np
 from numba import prange
 
 from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel
 from .brick import fill_brick
 
@@ -39,8 +40,13 @@ class PatchRays:
     ratio: np.ndarray
 
 
-def render_patches(octree: Octree, rays: PatchRays) -> tuple[np.ndarray, np.ndarray]:
-    """Coverage (N,) and mean luminance over the rays that hit (N,), both float32; luminance 0 where none hits."""
+def render_patches(
+    octree: Octree, rays: PatchRays, lookahead: int = DEFAULT_LOOKAHEAD
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coverage (N,) and mean luminance over the rays that hit (N,), both float32; luminance 0 where none hits.
+
+    lookahead: levels between the voxels and the cubes that are drawn.
+    """
     count = len(rays.ratio)
     coverage, luminance = np.zeros(count, np.float32), np.zeros(count, np.float32)
     _render(
@@ -54,6 +60,7 @@ def render_patches(octree: Octree, rays: PatchRays) -> tuple[np.ndarray, np.ndar
         np.ascontiguousarray(rays.direction, np.float32),
         np.ascontiguousarray(rays.up, np.float32),
         np.ascontiguousarray(rays.ratio, np.float32),
+        lookahead,
         coverage,
         luminance,
     )
@@ -70,14 +77,15 @@ def _popcount(bits):
 
 
 @device
-def set_view(entry, direction, up, ratio, view):
+def set_view(entry, direction, up, ratio, lookahead, view):
     """Fill `view` (6, 3) float64: how the brick's cells project onto the pixels of the viewport.
 
     Rows 0 and 1: pixels to the right and up per cell along x, y, z. Row 2: pixel of the brick's lowest corner, and
     the outline's half height. Rows 3 and 4: slope and half width of the three slabs whose intersection the outline is.
     Row 5: half width of the outline.
     """
-    scale = 64.0 / (4.0 * ratio)
+    side = float(1 << lookahead)
+    scale = 64.0 / (side * ratio)
     right = (
         direction[1] * up[2] - direction[2] * up[1],
         direction[2] * up[0] - direction[0] * up[2],
@@ -88,8 +96,8 @@ def set_view(entry, direction, up, ratio, view):
     for axis in range(3):
         view[0, axis] = right[axis] * scale
         view[1, axis] = up[axis] * scale
-        view[2, 0] -= 4.0 * (entry[axis] + 1.0) * view[0, axis]
-        view[2, 1] -= 4.0 * (entry[axis] + 1.0) * view[1, axis]
+        view[2, 0] -= side * (entry[axis] + 1.0) * view[0, axis]
+        view[2, 1] -= side * (entry[axis] + 1.0) * view[1, axis]
     view[2, 2] = 0.5 * (abs(view[1, 0]) + abs(view[1, 1]) + abs(view[1, 2]))
     view[5, 0] = 0.5 * (abs(view[0, 0]) + abs(view[0, 1]) + abs(view[0, 2]))
     for axis in range(3):
@@ -127,7 +135,7 @@ def _draw(view, centre_u, centre_v, rows):
 
 
 @device
-def see_brick(luminance, brick, counts, direction, view, rows):
+def see_brick(luminance, brick, counts, direction, lookahead, view, rows):
     """Coverage and mean luminance (65535 = 1) of a brick in a view; `rows` (64,) uint64 is scratch.
 
     Along parallel rays, a cell can only hide cells that lie further along each axis in the direction's sign: running
@@ -135,7 +143,9 @@ def see_brick(luminance, brick, counts, direction, view, rows):
     """
     rows[:] = 0
     flip_x, flip_y, flip_z = direction[0] < 0, direction[1] < 0, direction[2] < 0
-    flip = 3 * int(flip_x) + 12 * int(flip_y) + 48 * int(flip_z)
+    mask = (1 << lookahead) - 1
+    flip = mask * (int(flip_x) + (int(flip_y) << lookahead) + (int(flip_z) << 2 * lookahead))
+    side = float(1 << lookahead)
     height, width = view[2, 2], view[5, 0]
     hit, total = 0, 0.0
     for turn in range(27):
@@ -144,18 +154,20 @@ def see_brick(luminance, brick, counts, direction, view, rows):
         block = bx + 3 * by + 9 * bz
         if counts[block] == 0:
             continue
-        block_u = view[2, 0] + 4.0 * (bx * view[0, 0] + by * view[0, 1] + bz * view[0, 2])
-        block_v = view[2, 1] + 4.0 * (bx * view[1, 0] + by * view[1, 1] + bz * view[1, 2])
-        middle_u = block_u + 2.0 * (view[0, 0] + view[0, 1] + view[0, 2])
-        middle_v = block_v + 2.0 * (view[1, 0] + view[1, 1] + view[1, 2])
-        if abs(middle_u - 31.5) > 31.5 + 4.0 * width or abs(middle_v - 31.5) > 31.5 + 4.0 * height:
+        block_u = view[2, 0] + side * (bx * view[0, 0] + by * view[0, 1] + bz * view[0, 2])
+        block_v = view[2, 1] + side * (bx * view[1, 0] + by * view[1, 1] + bz * view[1, 2])
+        middle_u = block_u + 0.5 * side * (view[0, 0] + view[0, 1] + view[0, 2])
+        middle_v = block_v + 0.5 * side * (view[1, 0] + view[1, 1] + view[1, 2])
+        if abs(middle_u - 31.5) > 31.5 + side * width or abs(middle_v - 31.5) > 31.5 + side * height:
             continue
-        for place in range(64):
+        for place in range(brick.shape[1]):
             cell = place ^ flip
             node = brick[block, cell]
             if node < 0:
                 continue
-            x, y, z = (cell & 3) + 0.5, ((cell >> 2) & 3) + 0.5, (cell >> 4) + 0.5
+            x = (cell & mask) + 0.5
+            y = ((cell >> lookahead) & mask) + 0.5
+            z = (cell >> 2 * lookahead) + 0.5
             centre_u = block_u + x * view[0, 0] + y * view[0, 1] + z * view[0, 2]
             centre_v = block_v + x * view[1, 0] + y * view[1, 1] + z * view[1, 2]
             if abs(centre_u - 31.5) > 31.5 + width or abs(centre_v - 31.5) > 31.5 + height:
@@ -180,19 +192,19 @@ def _render(
     direction,
     up,
     ratio,
+    lookahead,
     coverage_out,
     luminance_out,
 ):
     for group in prange(len(level)):
-        brick = np.empty((27, 64), np.int32)
+        brick = np.empty((27, 1 << 3 * lookahead), np.int32)
         counts = np.empty(27, np.int32)
         view = np.empty((6, 3), np.float64)
         rows = np.empty(64, np.uint64)
-        fill_brick(
-            child_mask, first_child, 0, level[group], cell[group, 0], cell[group, 1], cell[group, 2], brick, counts
-        )
+        x, y, z = cell[group]
+        fill_brick(child_mask, first_child, 0, level[group], x, y, z, lookahead, brick, counts)
         for ray in range(group_start[group], group_start[group + 1]):
-            set_view(entry[ray], direction[ray], up[ray], ratio[ray], view)
-            sigma, mean = see_brick(luminance, brick, counts, direction[ray], view, rows)
+            set_view(entry[ray], direction[ray], up[ray], ratio[ray], lookahead, view)
+            sigma, mean = see_brick(luminance, brick, counts, direction[ray], lookahead, view, rows)
             coverage_out[ray] = sigma
             luminance_out[ray] = mean / LUMINANCE_SCALE

@@ -27,7 +27,7 @@ class Prediction:
 
     coverage: (P,) float32, sigma, share of the pixel that the patch covers; 1 where nothing is known.
     luminance: (P,) float32, L_N, mean luminance of that share; that of the preview where nothing is known.
-    look_ahead: (P,) bool, the hit voxel has descendants two levels down (methods 4.1b); false for misses.
+    look_ahead: (P,) bool, the hit voxel has descendants as deep as the patch looks (methods 4.1b); false for misses.
     """
 
     coverage: np.ndarray

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..cells.morton import morton_decode_square
+
 FIRST, SECOND, SINGLE = range(3)
 
 
@@ -61,11 +63,12 @@ def packed(sides: np.ndarray, shares: np.ndarray, neighbours: np.ndarray | None,
         pages += [share] * number
         used += [1 << (2 * log_side)] * (number - 1) + [total - ((number - 1) << (2 * log_side))]
     page, rest = place >> (2 * log_side), place & ((1 << (2 * log_side)) - 1)
+    x, y = morton_decode_square(rest)
     return Packing(
         page_side=1 << log_side,
         page=page.astype(np.int32),
-        x=_even_bits(rest).astype(np.int32),
-        y=_even_bits(rest >> 1).astype(np.int32) + stacked,
+        x=x,
+        y=y + stacked,
         kind=kind,
         share=np.array(pages or [0], np.int32),
         size=np.array([_reached(texels, log_side) for texels in used or [1]], np.int32),
@@ -127,11 +130,3 @@ def _reached(texels: int, log_side: int) -> tuple[int, int]:
         log_side -= 1
     half = log_side > 0 and texels <= 1 << (2 * log_side - 1)
     return 1 << log_side, 1 << (log_side - half)
-
-
-def _even_bits(values: np.ndarray) -> np.ndarray:
-    """Bits 0, 2, 4, ... of up to 32, moved together."""
-    values = values & 0x55555555
-    for shift, mask in ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF)):
-        values = (values | (values >> shift)) & mask
-    return values

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..octree.grid import Grid
 from ..octree.leaf_levels import LeafLevels
-from ..octree.octree import LOOK_AHEAD
 from ..octree.voxelize import LeafSums, triangle_areas_and_normals, voxelize
+from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.progress import Steps
 from ..surface.mesh import Fragments, MeshSource, Shade, TriangleBatch
 from .chart_lookup import texel_owners
@@ -21,8 +21,8 @@ from .charts import Charts
 class PathCounts:
     """Paths on one side of the surface in each voxel.
 
-    leaf: (n,) float64, leaves. stop: (m,) float64, the voxels LOOK_AHEAD levels above them, in which rays stop that
-    have their whole look-ahead.
+    leaf: (n,) float64, leaves. stop: (m,) float64, the voxels `lookahead` levels above them, in which rays stop
+    that have their whole look-ahead.
     """
 
     leaf: np.ndarray
@@ -38,7 +38,14 @@ def own_texels(charts: Charts) -> np.ndarray:
     return total
 
 
-def path_counts(source: MeshSource, charts: Charts, grid: Grid, layout: LeafLevels | None = None) -> Steps[PathCounts]:
+def path_counts(
+    source: MeshSource,
+    charts: Charts,
+    grid: Grid,
+    layout: LeafLevels | None = None,
+    *,
+    lookahead: int = DEFAULT_LOOKAHEAD,
+) -> Steps[PathCounts]:
     """Count the paths of a bake on `charts` by voxel: of a triangle that is cut, each piece counts by its area."""
     paths = own_texels(charts) * charts.page_samples[charts.page]
 
@@ -51,14 +58,15 @@ def path_counts(source: MeshSource, charts: Charts, grid: Grid, layout: LeafLeve
     leaves = yield from voxelize(source, grid, shade, _counted, layout=layout)
     pairs = [pair for part in leaves for pair in part]
     leaf = np.concatenate([values for _, values in pairs]) if pairs else np.empty(0)
-    return PathCounts(leaf, np.concatenate([_above(keys, values) for keys, values in pairs]) if pairs else np.empty(0))
+    above = [_above(keys, values, lookahead) for keys, values in pairs]
+    return PathCounts(leaf, np.concatenate(above) if above else np.empty(0))
 
 
 def _counted(leaves: list[LeafSums], _block_level: int) -> list[tuple[np.ndarray, np.ndarray]]:
     return [(level.keys, level.sums[:, 1].astype(np.float64)) for level in leaves]
 
 
-def _above(keys: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Sums (m,) of values (n,) over the cells LOOK_AHEAD levels above; keys ascend."""
-    starts = np.flatnonzero(np.diff(keys >> np.uint64(3 * LOOK_AHEAD), prepend=np.uint64(2**64 - 1)))
+def _above(keys: np.ndarray, values: np.ndarray, lookahead: int) -> np.ndarray:
+    """Sums (m,) of values (n,) over the cells `lookahead` levels above; keys ascend."""
+    starts = np.flatnonzero(np.diff(keys >> np.uint64(3 * lookahead), prepend=np.uint64(2**64 - 1)))
     return np.add.reduceat(values, starts) if len(values) else values

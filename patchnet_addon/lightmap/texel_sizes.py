@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..octree.grid import Grid, morton_encode
+from ..cells.morton import morton_encode
+from ..octree.grid import Grid
 from ..octree.leaf_levels import LeafLevels
 from ..surface.mesh import MeshSource
 

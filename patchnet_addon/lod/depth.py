@@ -11,9 +11,9 @@ import numpy as np
 
 from ..octree.build import build_octree
 from ..octree.grid import Grid
-from ..octree.octree import LOOK_AHEAD, Octree
+from ..octree.octree import Octree
 from ..octree.voxelize import BLOCK_FRAGMENTS
-from ..runtime.bounds import MAX_DEPTH
+from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ..runtime.errors import MemoryEstimateError
 from ..runtime.progress import Steps
 from ..runtime.quantities import bytes_text, count_text
@@ -65,17 +65,23 @@ def _no_shade(_batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, 
     return np.zeros(len(fragments), np.float32), np.ones(len(fragments), np.float32)
 
 
-def wanted_depth(coarse: Octree, cameras: Sequence[Camera], share: float = LOOK_AHEAD_SHARE) -> int:
+def wanted_depth(
+    coarse: Octree,
+    cameras: Sequence[Camera],
+    share: float = LOOK_AHEAD_SHARE,
+    *,
+    lookahead: int = DEFAULT_LOOKAHEAD,
+) -> int:
     """Smallest depth at which `share` of every camera's hit pixels have look-ahead (methods 4.1b).
 
-    A ray that enters a voxel at axial distance z stops at the first level with side < 2 c z and needs LOOK_AHEAD
-    levels more.
+    A ray that enters a voxel at axial distance z stops at the first level with side < 2 c z and needs
+    `lookahead` levels more: those of the weights that will encode it.
     """
     wanted = MIN_DEPTH
     for camera in cameras:
         stop = stop_levels(coarse, camera)
         if len(stop):
-            wanted = max(wanted, int(np.quantile(stop, share, method="higher")) + LOOK_AHEAD)
+            wanted = max(wanted, int(np.quantile(stop, share, method="higher")) + lookahead)
     return min(wanted, MAX_DEPTH)
 
 
@@ -88,9 +94,11 @@ def stop_levels(coarse: Octree, camera: Camera) -> np.ndarray:
     return np.maximum(np.floor(-np.log2(side)) + 1, 0)
 
 
-def expected_share(coarse: Octree, cameras: Sequence[Camera], depth: int) -> float | None:
+def expected_share(
+    coarse: Octree, cameras: Sequence[Camera], depth: int, *, lookahead: int = DEFAULT_LOOKAHEAD
+) -> float | None:
     """Share of hit pixels that will have look-ahead at a depth, in the camera with least of it; None without hits."""
-    shares = [np.mean(stop + LOOK_AHEAD <= depth) for camera in cameras if len(stop := stop_levels(coarse, camera))]
+    shares = [np.mean(stop + lookahead <= depth) for camera in cameras if len(stop := stop_levels(coarse, camera))]
     return float(min(shares)) if shares else None
 
 
@@ -159,13 +167,15 @@ def choose_depth(
     memory_bytes: int | None = None,
     *,
     color: bool = False,
+    lookahead: int = DEFAULT_LOOKAHEAD,
 ) -> DepthChoice:
     """Choose the given depth, or for None the smallest that gives the cameras look-ahead, bounded by memory.
 
-    color: whether the octree is to hold it. Raises MemoryEstimateError if a given depth would not fit.
+    color: whether the octree is to hold it. lookahead: levels, of the weights that will encode it. Raises
+    MemoryEstimateError if a given depth would not fit.
     """
     memory = available_memory() if memory_bytes is None else memory_bytes
-    wanted = wanted_depth(coarse, cameras) if depth is None else depth
+    wanted = wanted_depth(coarse, cameras, lookahead=lookahead) if depth is None else depth
     choice = wanted
     while depth is None and choice > MIN_DEPTH and estimate(coarse, choice, color=color)[2] > memory:
         choice -= 1

@@ -6,9 +6,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ..octree.clip import cell_key
+from ..cells.morton_kernels import cell_key
 from ..octree.grid import Grid
-from ..octree.octree import LOOK_AHEAD
+from ..octree.octree import POPCOUNT
+from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel, serial_kernel
 from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera, CameraUnit, camera_in_unit_cube
@@ -20,32 +21,48 @@ FINE_OFFSETS = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
 
 
 def needed_levels(
-    child_mask: np.ndarray, first_child: np.ndarray, grid: Grid, camera: Camera, needed: np.ndarray, pixels: np.ndarray
+    child_mask: np.ndarray,
+    first_child: np.ndarray,
+    grid: Grid,
+    camera: Camera,
+    needed: np.ndarray,
+    pixels: np.ndarray,
+    *,
+    lookahead: int = DEFAULT_LOOKAHEAD,
 ) -> Steps[None]:
     """Raise `needed` (8^b,) uint8, by block of level b, to the level of leaves that look-ahead takes where rays hit.
 
     pixels: (8^b,) uint32 grows by the number of pixels whose centre ray stops in each block.
 
-    child_mask, first_child: the octree so far, as `Octree` holds them. A pixel's centre ray asks for the voxel that
-    stops it and for its neighbours, which its patches show; rays with the footprint of the patch's voxels ask for what
-    they hit themselves, and so for what the gaps of the coarse picture show.
+    child_mask, first_child: the octree so far, as `Octree` holds them. lookahead: levels, of the weights in use. A
+    pixel's centre ray asks for the voxel that stops it and for its neighbours, which its patches show; rays with the
+    footprint of the patch's voxels ask for what they hit themselves, and so for what the gaps of the coarse picture
+    show.
     """
     unit = camera_in_unit_cube(camera, grid)
     block_level = (len(needed).bit_length() - 1) // 3
     for first in range(0, camera.height_px, _ROWS_PER_STEP):
         last = min(first + _ROWS_PER_STEP, camera.height_px)
-        for offset, levels, margin in [((0.0, 0.0), 0, 1), *((offset, LOOK_AHEAD, 0) for offset in FINE_OFFSETS)]:
-            cell, level, wanted, _ = _hits(child_mask, first_child, unit, (first, last), offset, levels)
+        for offset, levels, margin in [((0.0, 0.0), 0, 1), *((offset, lookahead, 0) for offset in FINE_OFFSETS)]:
+            rows = (first, last)
+            cell, level, wanted, _ = _hits(child_mask, first_child, unit, rows, offset, levels, lookahead)
             _request(cell, level, wanted, margin, block_level, needed)
             if margin:
                 _count(cell, level, wanted, block_level, pixels)
         yield Progress(last, camera.height_px, "Finding detail")
 
 
-def lookahead_share(child_mask: np.ndarray, first_child: np.ndarray, grid: Grid, camera: Camera) -> float:
-    """Share of the pixels that hit the octree whose voxel has descendants LOOK_AHEAD levels down; 1 without hits."""
+def lookahead_share(
+    child_mask: np.ndarray,
+    first_child: np.ndarray,
+    grid: Grid,
+    camera: Camera,
+    *,
+    lookahead: int = DEFAULT_LOOKAHEAD,
+) -> float:
+    """Share of the pixels that hit the octree whose voxel has descendants `lookahead` levels down; 1 without hits."""
     unit = camera_in_unit_cube(camera, grid)
-    _, _, wanted, ahead = _hits(child_mask, first_child, unit, (0, camera.height_px), (0.0, 0.0), 0)
+    _, _, wanted, ahead = _hits(child_mask, first_child, unit, (0, camera.height_px), (0.0, 0.0), 0, lookahead)
     return float(ahead[wanted > 0].mean()) if (wanted > 0).any() else 1.0
 
 
@@ -56,6 +73,7 @@ def _hits(
     rows: tuple[int, int],
     offset: tuple[float, float],
     finer: int,
+    lookahead: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Cells (R, 3) int32 that rays hit, their levels and the levels of leaves needed there, and their look-ahead.
 
@@ -67,7 +85,7 @@ def _hits(
     ahead = np.zeros(count, np.bool_)
     _trace(
         child_mask, first_child, unit.frame, unit.lens, unit.perspective, unit.width_px, unit.height_px, rows[0],
-        offset, finer, cell, level, wanted, ahead,
+        offset, finer, lookahead, cell, level, wanted, ahead,
     )  # fmt: skip
     return cell, level, wanted, ahead
 
@@ -84,16 +102,28 @@ def fitting_level(limit):  # type: ignore[no-untyped-def]
 
 
 @device
-def _has_look_ahead(child_mask, first_child, node):  # type: ignore[no-untyped-def]
-    """Return whether any child of `node` has children: LOOK_AHEAD is two levels."""
-    child = np.int64(first_child[node])
-    mask = child_mask[node]
-    while mask:
-        if child_mask[child] != 0:
-            return True
-        child += 1
-        mask &= mask - np.uint8(1)
-    return False
+def has_lookahead(child_mask, first_child, node, lookahead):  # type: ignore[no-untyped-def]
+    """Return whether `node` has real descendants `lookahead` levels down, compiled as `Octree.look_ahead`.
+
+    Within a level, the children of nodes that follow each other follow each other, so all descendants of a node on a
+    level are one run of nodes.
+    """
+    first = np.int64(node)
+    last = first
+    for _ in range(lookahead):
+        below_first = np.int64(-1)
+        below_last = np.int64(-1)
+        for here in range(first, last + 1):
+            mask = child_mask[here]
+            if mask != 0:
+                if below_first < 0:
+                    below_first = np.int64(first_child[here])
+                below_last = np.int64(first_child[here]) + np.int64(POPCOUNT[mask]) - 1
+        if below_first < 0:
+            return False
+        first = below_first
+        last = below_last
+    return True
 
 
 @kernel
@@ -108,6 +138,7 @@ def _trace(
     first_row,
     offset,
     finer,
+    lookahead,
     cell,
     level,
     wanted,
@@ -128,8 +159,8 @@ def _trace(
                 ray = row * width + column
                 pixel = lens[2] + lens[3] * t * speed
                 level[ray] = depth
-                wanted[ray] = fitting_level(2.0 * pixel) + LOOK_AHEAD
-                ahead[ray] = _has_look_ahead(child_mask, first_child, hit)
+                wanted[ray] = fitting_level(2.0 * pixel) + lookahead
+                ahead[ray] = has_lookahead(child_mask, first_child, hit, lookahead)
                 for axis in range(3):
                     cell[ray, axis] = found[axis]
 

@@ -17,7 +17,7 @@ from ..octree.grid import Grid
 from ..octree.leaf_levels import LeafLevels
 from ..octree.levels import hierarchy
 from ..octree.voxelize import voxelize
-from ..runtime.bounds import MAX_DEPTH
+from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ..runtime.errors import GeometryError
 from ..runtime.kernels import serial_kernel
 from ..runtime.progress import Steps, labelled
@@ -53,11 +53,12 @@ def fit_leaf_levels(
     *,
     most_leaves: float = np.inf,
     deepest: int = MAX_DEPTH,
+    lookahead: int = DEFAULT_LOOKAHEAD,
 ) -> Steps[FittedLevels]:
     """Levels of leaves with look-ahead wherever `cameras` see the surface, within the cube of `grid`.
 
     shade: its opacity counts. most_leaves: where there would be more, the leaves become coarser in those blocks first
-    that show the fewest pixels per leaf.
+    that show the fewest pixels per leaf. lookahead: levels, of the weights that will encode the octree.
     Raises GeometryError when no opaque surface is left.
     """
     block_level = min(BLOCK_LEVEL, deepest)
@@ -69,7 +70,7 @@ def fit_leaf_levels(
     surface = leaves[block_level]
     needed, last = np.zeros(len(surface), np.uint8), False
     for cap in _caps(block_level, deepest):
-        seen, pixels = yield from _look(leaves, grid, cameras, layout)
+        seen, pixels = yield from _look(leaves, grid, cameras, layout, lookahead)
         # The last look sees the finest leaves, and through their gaps: it adds to what was asked for, takes nothing.
         needed = np.maximum(needed, seen[surface]) if last else seen[surface]
         wanted = layout.levels.copy()
@@ -85,7 +86,10 @@ def fit_leaf_levels(
         layout,
         wanted=int(needed.max(initial=block_level)),
         leaves=sum(len(keys) for keys in leaves.values()),
-        lookahead_share=min((lookahead_share(child_mask, first_child, grid, camera) for camera in cameras), default=1),
+        lookahead_share=min(
+            (lookahead_share(child_mask, first_child, grid, camera, lookahead=lookahead) for camera in cameras),
+            default=1,
+        ),
     )
 
 
@@ -112,7 +116,7 @@ def _changed(
 
 
 def _look(
-    leaves: dict[int, np.ndarray], grid: Grid, cameras: Sequence[Camera], layout: LeafLevels
+    leaves: dict[int, np.ndarray], grid: Grid, cameras: Sequence[Camera], layout: LeafLevels, lookahead: int
 ) -> Steps[tuple[np.ndarray, np.ndarray]]:
     """Levels (blocks,) uint8 that all cameras ask for where they see the leaves so far.
 
@@ -121,7 +125,7 @@ def _look(
     needed, pixels = np.zeros(len(layout.levels), np.uint8), np.zeros(len(layout.levels), np.uint32)
     child_mask, first_child = hierarchy(leaves, max(leaves))
     for camera in cameras:
-        steps = needed_levels(child_mask, first_child, grid, camera, needed, pixels)
+        steps = needed_levels(child_mask, first_child, grid, camera, needed, pixels, lookahead=lookahead)
         yield from labelled(steps, f"{LABEL}: {camera.name}")
     return needed, pixels
 

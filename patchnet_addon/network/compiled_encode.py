@@ -14,9 +14,7 @@ from ..runtime.kernels import kernel
 from .encode import Buffers, sum_corner
 from .octants import octant_matrices
 from .product import Panels, multiply
-from .weights import Weights
-
-_CHANNELS = 5  # of a cell, occupancy first
+from .weights import CHANNELS, Weights
 
 
 class CompiledEncoder:
@@ -44,9 +42,12 @@ class CompiledEncoder:
 
 
 def similar_order(blocks: np.ndarray) -> np.ndarray:
-    """Order (U,) of blocks (U, 320) that puts those with the same occupied cells side by side, for `multiply`."""
-    occupied = blocks[:, ::_CHANNELS] != 0
-    return np.argsort(np.packbits(occupied, axis=1).view(">u8").reshape(-1), kind="stable")
+    """Order (U,) of blocks (U, B) that puts those with the same occupied cells side by side, for `multiply`."""
+    occupied = np.packbits(blocks[:, ::CHANNELS] != 0, axis=1)
+    words = np.pad(occupied, ((0, 0), (0, -occupied.shape[1] % 8))).view(">u8")  # one word of 64 cells for two levels
+    if words.shape[1] == 1:
+        return np.argsort(words[:, 0], kind="stable")
+    return np.lexsort(words.T[::-1])
 
 
 @kernel

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """PatchNet's encoder without torch, for many corners that share the blocks of the voxels between them.
 
-A corner's patch is eight blocks of 4x4x4 cells and the first layer is linear. So every voxel's block is multiplied once
-with the eight slices of the first matrix, and each corner adds up the eight products that belong to it: exact, with
-about half the operations and without copying eight blocks per corner.
+A corner's patch is eight blocks, of 4x4x4 cells each for a look-ahead of two levels, and the first layer is linear. So
+every voxel's block is multiplied once with the eight slices of the first matrix, and each corner adds up the eight
+products that belong to it: exact, with about half the operations and without copying eight blocks per corner.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ class Encoder(Protocol):
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Codes (C, 10) float32 of corners whose eight octants hold `blocks[rows]`.
 
-        blocks: (U, 320) float32, z, y, x, channel; block 0 is empty. rows: (C, 8) integers, octants x fastest.
+        blocks: (U, B) float32, z, y, x, channel, B = 320 for two levels; block 0 is empty. rows: (C, 8) integers,
+        octants x fastest.
         """
 
 

@@ -9,25 +9,27 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from .decode import OUTPUT_LOW, OUTPUT_RANGE
 from .harmonics import harmonic_terms
-from .weights import DECODER_SIZES, ENCODER_SIZES, MODULATED, Weights
+from .weights import DECODER_SIZES, MODULATED, Weights, encoder_sizes
 
 
 class PatchNet(nn.Module):
     """Encoder of patches, trilinear interpolation of the eight corners' codes, decoder (methods 7.9 to 7.15)."""
 
-    def __init__(self, seed: int = 0) -> None:
-        """Initialise a network by He's method, which depends on `seed` alone."""
+    def __init__(self, seed: int = 0, lookahead: int = DEFAULT_LOOKAHEAD) -> None:
+        """Initialise a network by He's method, which depends on `seed` alone, for patches `lookahead` levels deep."""
         super().__init__()
-        self.encoder = nn.ModuleList(_linear_layers(ENCODER_SIZES))
+        self.lookahead = lookahead
+        self.encoder = nn.ModuleList(_linear_layers(encoder_sizes(lookahead)))
         self.decoder = nn.ModuleList(_linear_layers(DECODER_SIZES))
-        self.set_weights(Weights.random(seed))
+        self.set_weights(Weights.random(seed, lookahead=lookahead))
 
     @classmethod
     def from_weights(cls, weights: Weights) -> PatchNet:
         """Network with a copy of `weights`."""
-        model = cls()
+        model = cls(lookahead=weights.lookahead)
         model.set_weights(weights)
         return model
 
@@ -38,10 +40,10 @@ class PatchNet(nn.Module):
     def to_weights(self, metadata: dict[str, Any] | None = None) -> Weights:
         """Copy of the parameters as plain arrays."""
         arrays = {name: value.detach().float().cpu().numpy().copy() for name, value in self.state_dict().items()}
-        return Weights.from_arrays(arrays, metadata)
+        return Weights.from_arrays(arrays, metadata, self.lookahead)
 
     def encode(self, patches: Tensor) -> Tensor:
-        """Codes (..., 10) of patches (..., 2560), flattened from 8x8x8x5."""
+        """Codes (..., 10) of patches (..., S), flattened from cells z, y, x, channel; S = 2560 for two levels."""
         return _run_layers(self.encoder, patches)
 
     def decode(self, codes: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> Tensor:
@@ -55,7 +57,7 @@ class PatchNet(nn.Module):
     def forward(self, patches: Tensor, entry: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> Tensor:
         """Coverage and luminance (N, 2) in [-1, 2].
 
-        patches: (N, 8, 2560) of the voxel's corners, x fastest. entry: (N, 3) point in the voxel, [0, 1]^3
+        patches: (N, 8, S) of the voxel's corners, x fastest. entry: (N, 3) point in the voxel, [0, 1]^3
         (methods 7.11). direction, up: (N, 3). ratio: (N,).
         """
         return self.decode(interpolate(self.encode(patches), entry), direction, up, ratio)

@@ -10,25 +10,40 @@ from typing import Any
 
 import numpy as np
 
+from ..runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD, LOOKAHEADS
 from ..runtime.errors import WeightsFileError
 from ..runtime.files import content_hash, read_arrays, write_arrays
 
 CODE_SIZE = 10
 HARMONICS = 25
 MODULATED = 9  # dimensions of a code that harmonics of degree 0 to 2 are multiplied into (methods 7.13)
-PATCH_SIZE = 8 * 8 * 8 * 5
-ENCODER_SIZES = (PATCH_SIZE, 256, 256, 256, CODE_SIZE)  # methods 7.12
+CHANNELS = 5  # of a cell: occupancy, luminance, three of the normal
 DECODER_SIZES = (CODE_SIZE + 3 + 3 + 1 + HARMONICS, 48, 48, 48, 2)  # methods 7.15
 KIND = "weights"
-# What the numbers mean, beyond their shapes: a file states it, and one that states something else is refused.
-NETWORK = {
-    "look_ahead": 2,
-    "patch": "8 cells a side; order z, y, x, channel; channels occupancy, luminance, normal x, y, z",
-    "corners": "order x, y, z, x fastest; trilinear",
-    "decoder_inputs": "code, direction, up, pixel-voxel ratio, 25 harmonics; axes of the octree",
-    "modulation": "code dimensions 0 to 8 times harmonics 0 to 8, in place",
-    "output": "-1 + 3 sigmoid; coverage, luminance",
-}
+
+
+def patch_side(lookahead: int) -> int:
+    """Cells along a side of a corner's patch, 2 * 2^lookahead (methods 7.9)."""
+    return 2 << lookahead
+
+
+def encoder_sizes(lookahead: int) -> tuple[int, ...]:
+    """Values between the encoder's layers, those of a patch first (methods 7.12)."""
+    return (patch_side(lookahead) ** 3 * CHANNELS, 256, 256, 256, CODE_SIZE)
+
+
+def network(lookahead: int) -> dict[str, Any]:
+    """What the numbers mean, beyond their shapes: a file states it, and one that states something else is refused."""
+    side = patch_side(lookahead)
+    return {
+        "look_ahead": lookahead,
+        "patch": f"{side} cells a side; order z, y, x, channel; channels occupancy, luminance, normal x, y, z",
+        "corners": "order x, y, z, x fastest; trilinear",
+        "decoder_inputs": "code, direction, up, pixel-voxel ratio, 25 harmonics; axes of the octree",
+        "modulation": "code dimensions 0 to 8 times harmonics 0 to 8, in place",
+        "output": "-1 + 3 sigmoid; coverage, luminance",
+    }
+
 
 Layer = tuple[np.ndarray, np.ndarray]
 """Matrix (out, in) and bias (out,), float32."""
@@ -38,7 +53,8 @@ Layer = tuple[np.ndarray, np.ndarray]
 class Weights:
     """Linear layers of encoder and decoder, ReLU between them.
 
-    encoder: sizes `ENCODER_SIZES`; input order z, y, x, channel of an 8x8x8x5 patch (methods 7.9).
+    encoder: sizes `encoder_sizes(lookahead)`; input order z, y, x, channel of a patch, 8x8x8x5 for two levels
+    (methods 7.9).
     decoder: sizes `DECODER_SIZES`; input order code, direction, up, pixel-voxel ratio, harmonics.
     metadata: how the weights were trained, plain JSON values; not part of the hash.
     """
@@ -46,6 +62,12 @@ class Weights:
     encoder: tuple[Layer, ...]
     decoder: tuple[Layer, ...]
     metadata: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def lookahead(self) -> int:
+        """Levels that the network looks ahead, 1 to 3: patches of so many cells are what its first layer takes."""
+        size = self.encoder[0][0].shape[1]
+        return next(lookahead for lookahead in LOOKAHEADS if encoder_sizes(lookahead)[0] == size)
 
     @cached_property
     def hash(self) -> str:
@@ -63,7 +85,12 @@ class Weights:
         }
 
     @classmethod
-    def from_arrays(cls, arrays: dict[str, np.ndarray], metadata: dict[str, Any] | None = None) -> Weights:
+    def from_arrays(
+        cls,
+        arrays: dict[str, np.ndarray],
+        metadata: dict[str, Any] | None = None,
+        lookahead: int = DEFAULT_LOOKAHEAD,
+    ) -> Weights:
         """Inverse of `arrays`; raises KeyError for a missing one and ValueError for a wrong shape or value."""
 
         def layers(part: str, sizes: tuple[int, ...]) -> tuple[Layer, ...]:
@@ -75,11 +102,15 @@ class Weights:
                 for index in range(len(sizes) - 1)
             )
 
-        return cls(layers("encoder", ENCODER_SIZES), layers("decoder", DECODER_SIZES), dict(metadata or {}))
+        return cls(layers("encoder", encoder_sizes(lookahead)), layers("decoder", DECODER_SIZES), dict(metadata or {}))
 
     @classmethod
-    def random(cls, seed: int = 0, bias: float = 0.0) -> Weights:
-        """Untrained weights: He initialisation (methods 7.21), biases normal with deviation `bias`."""
+    def random(cls, seed: int = 0, bias: float = 0.0, lookahead: int = DEFAULT_LOOKAHEAD) -> Weights:
+        """Untrained weights: He initialisation (methods 7.21), biases normal with deviation `bias`.
+
+        Raises SettingError for a look-ahead that is not 1, 2 or 3.
+        """
+        LOOKAHEAD.check(lookahead)
         random = np.random.default_rng(seed)
 
         def layers(sizes: tuple[int, ...]) -> tuple[Layer, ...]:
@@ -93,31 +124,43 @@ class Weights:
                 for index in range(len(sizes) - 1)
             )
 
-        return cls(layers(ENCODER_SIZES), layers(DECODER_SIZES), {"random_seed": seed})
+        return cls(layers(encoder_sizes(lookahead)), layers(DECODER_SIZES), {"random_seed": seed})
 
 
 def save_weights(weights: Weights, path: str | Path) -> None:
     """Write weights to a file; raises PatchNetError if that fails."""
-    write_arrays(path, weights.arrays(), {**weights.metadata, "network": NETWORK}, KIND)
+    write_arrays(path, weights.arrays(), {**weights.metadata, "network": network(weights.lookahead)}, KIND)
 
 
 def load_weights(path: str | Path | None = None) -> Weights:
     """Read weights from a file, or those that are shipped; raises WeightsFileError."""
     path = Path(path) if path is not None else default_weights_path()
     arrays, metadata = read_arrays(path, KIND, WeightsFileError)
-    network = metadata.pop("network", {})
-    if network != NETWORK:
-        other = next(name for name in {**NETWORK, **network} if network.get(name) != NETWORK.get(name))
+    stated = {"look_ahead": DEFAULT_LOOKAHEAD, **metadata.pop("network", {})}
+    lookahead = _known_lookahead(stated["look_ahead"], path)
+    here = network(lookahead)
+    if stated != here:
+        other = next(name for name in {**here, **stated} if stated.get(name) != here.get(name))
         raise WeightsFileError(
-            f"{path} belongs to another network: its '{other}' is {network.get(other)!r} where this one has "
-            f"{NETWORK.get(other)!r}"
+            f"{path} belongs to another network: its '{other}' is {stated.get(other)!r} where this one has "
+            f"{here.get(other)!r}"
         )
     try:
-        return Weights.from_arrays(arrays, metadata)
+        return Weights.from_arrays(arrays, metadata, lookahead)
     except KeyError as cause:
         raise WeightsFileError(f"{path} belongs to another network: it lacks '{cause.args[0]}'") from cause
     except ValueError as cause:
         raise WeightsFileError(f"{path} cannot be used: {cause}") from cause
+
+
+def _known_lookahead(stated: Any, path: Path) -> int:
+    """What a file states, if this network knows it; raises WeightsFileError."""
+    if type(stated) is not int or stated not in LOOKAHEADS:  # true is no number
+        known = ", ".join(map(str, LOOKAHEADS))
+        raise WeightsFileError(
+            f"{path} belongs to another network: its 'look_ahead' is {stated!r} where this one has one of {known}"
+        )
+    return stated
 
 
 def default_weights_path() -> Path:

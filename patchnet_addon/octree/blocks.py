@@ -13,9 +13,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..cells.morton_kernels import cell_key
 from ..runtime.kernels import device, serial_kernel
 from ..surface.mesh import MeshSource
-from .clip import BRICK_LEVELS, cell_key
+from .clip import BRICK_LEVELS
 from .grid import Grid
 from .leaf_levels import LeafLevels
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..cells.morton_kernels import cell_key
 from ..runtime.kernels import device, serial_kernel
 from ..surface.polygon import POLYGON_ROWS, cell_range, load_triangle, moments, split_x, split_y, split_z, splitter
 
@@ -24,22 +25,6 @@ _INITIAL_CAPACITY = 4096
 ) = range(0, 14 * POLYGON_ROWS, POLYGON_ROWS)  # fmt: skip
 
 _split_bricks_x, _split_bricks_y, _split_bricks_z = (splitter(axis, 0) for axis in range(3))
-
-
-@device
-def _spread_bits(value):  # type: ignore[no-untyped-def]
-    bits = np.uint64(value)
-    bits = (bits | (bits << np.uint64(32))) & np.uint64(0x1F00000000FFFF)
-    bits = (bits | (bits << np.uint64(16))) & np.uint64(0x1F0000FF0000FF)
-    bits = (bits | (bits << np.uint64(8))) & np.uint64(0x100F00F00F00F00F)
-    bits = (bits | (bits << np.uint64(4))) & np.uint64(0x10C30C30C30C30C3)
-    return (bits | (bits << np.uint64(2))) & np.uint64(0x1249249249249249)
-
-
-@device
-def cell_key(x, y, z):  # type: ignore[no-untyped-def]
-    """Morton key of one cell; the compiled twin of `grid.morton_encode`."""
-    return _spread_bits(x) | (_spread_bits(y) << np.uint64(1)) | (_spread_bits(z) << np.uint64(2))
 
 
 @device
@@ -72,7 +57,7 @@ def _clip_column(rows, column, n_column, key, low, side, triangle, block, sink, 
             piece = _CELL
             n_piece, n_rest = split_z(rows, rest, n_rest, z + 1.0, piece, free)
             rest, free = free, rest
-        cell = key | (_spread_bits(z) << np.uint64(2))
+        cell = key | cell_key(0, 0, z)
         if n_piece >= 3 and wanted[cell >> shift]:
             area, u, v = moments(rows, piece, n_piece)
             if area > 0.0:

@@ -7,8 +7,8 @@ import itertools
 
 import numpy as np
 
+from ..cells.morton import morton_encode
 from ..surface.polygon_reference import half_space
-from .grid import morton_encode
 
 
 def clip_reference(corners_voxel: np.ndarray, resolution: int) -> dict[int, tuple[float, np.ndarray]]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Grid of the cube that an octree divides, and Morton keys of its cells."""
+"""Grid: the cube that an octree divides."""
 
 from __future__ import annotations
 
@@ -65,44 +65,3 @@ class Grid:
     def to_world(self, points_unit: np.ndarray) -> np.ndarray:
         """Inverse of `to_unit`."""
         return np.asarray(points_unit, np.float64) * self.side_world + self.origin_world
-
-
-def _spread(bits: np.ndarray) -> np.ndarray:
-    """Insert two zero bits between the lowest 21 bits."""
-    bits = bits.astype(np.uint64)
-    for shift, mask in (
-        (32, 0x1F00000000FFFF),
-        (16, 0x1F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    ):
-        bits = (bits | (bits << np.uint64(shift))) & np.uint64(mask)
-    return bits
-
-
-def _gather(bits: np.ndarray) -> np.ndarray:
-    """Inverse of `_spread`."""
-    bits = bits & np.uint64(0x1249249249249249)
-    for shift, mask in (
-        (2, 0x10C30C30C30C30C3),
-        (4, 0x100F00F00F00F00F),
-        (8, 0x1F0000FF0000FF),
-        (16, 0x1F00000000FFFF),
-        (32, 0x1FFFFF),
-    ):
-        bits = (bits ^ (bits >> np.uint64(shift))) & np.uint64(mask)
-    return bits
-
-
-def morton_encode(cells: np.ndarray) -> np.ndarray:
-    """Keys (N,) uint64 of integer cells (N, 3); x is the lowest bit of each triple."""
-    cells = np.asarray(cells)
-    return _spread(cells[..., 0]) | (_spread(cells[..., 1]) << np.uint64(1)) | (_spread(cells[..., 2]) << np.uint64(2))
-
-
-def morton_decode(keys: np.ndarray) -> np.ndarray:
-    """Integer cells (N, 3) int32 of keys (N,)."""
-    keys = np.asarray(keys, np.uint64)
-    axes = (_gather(keys), _gather(keys >> np.uint64(1)), _gather(keys >> np.uint64(2)))
-    return np.stack(axes, axis=-1).astype(np.int32)

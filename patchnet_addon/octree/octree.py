@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from ..cells.morton import morton_decode, morton_encode
+from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
-from .grid import Grid, morton_decode, morton_encode
+from .grid import Grid
 
 LUMINANCE_SCALE = 65535.0
 NORMAL_SCALE = 127.0
 POPCOUNT = np.array([value.bit_count() for value in range(256)], np.uint8)
-LOOK_AHEAD = 2  # levels of detail that a patch sees ahead (the paper's delta level)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +108,10 @@ class Octree:
         found = inside & (keys[place] == wanted)
         return np.where(found, place + self.level_start[level], -1)
 
-    def look_ahead(self, levels: int = LOOK_AHEAD) -> np.ndarray:
-        """(n,) bool: the node has real descendants `levels` further down (methods 4.1b)."""
+    def look_ahead(self, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
+        """(n,) bool: the node has real descendants `lookahead` levels further down (methods 4.1b)."""
         has = np.ones(self.node_count, bool)
-        for _ in range(levels):
+        for _ in range(lookahead):
             deeper = np.zeros(self.node_count, bool)
             inner = np.flatnonzero(self.child_mask)
             counts = POPCOUNT[self.child_mask[inner]]

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..cells.morton import morton_decode
 from ..runtime.errors import SettingError
-from .grid import morton_decode
 from .octree import POPCOUNT, Octree
 
 _PIECE = 1 << 17  # nodes of a level that are expanded at a time

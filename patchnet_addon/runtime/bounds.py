@@ -63,6 +63,8 @@ def _text(value: float) -> str:
 
 
 MAX_DEPTH = 18  # of octrees: pictures of 1920 x 1080 from inside a hall need levels 15 to 18
+LOOKAHEADS = (1, 2, 3)  # levels that a network may look ahead (the paper's delta l)
+DEFAULT_LOOKAHEAD = 2  # of the shipped weights, and of files that do not say
 _PIXEL_SHARE = "give a share of the pixels"
 _LARGEST = 1e9  # of factors and of ends of legends
 _MOST_PATHS = 65536  # as many as Cycles' own panel offers
@@ -71,6 +73,7 @@ MAX_SEED = 2**32 - 1
 # What is voxelized.
 DEPTH = Bounds("Depth", 1, MAX_DEPTH, True, "choose a depth in this range")
 LEVEL = Bounds("Level", 0, MAX_DEPTH, True, "choose a level in this range")
+LOOKAHEAD = Bounds("Look-ahead", LOOKAHEADS[0], LOOKAHEADS[-1], True, "choose how many levels a patch looks ahead")
 VOXEL_SIZE = Bounds("Voxel size", 1e-12, 1e12, advice="choose a length in this range")
 MEMORY_GIB = Bounds("Memory limit (GiB)", 0.001, 2.0**20, advice="choose as many GiB as the octree may take")
 COORDINATE = Bounds("Coordinate", -1e30, 1e30)

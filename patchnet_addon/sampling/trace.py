@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from ..octree.octree import Octree
+from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera
@@ -24,10 +25,13 @@ def trace_frame(
     *,
     coded: CodedOctree | None = None,
     reference: bool = True,
+    lookahead: int | None = None,
 ) -> Steps[Frame]:
     """Picture at 1 sample per pixel, what `strategies` need of the rest, and the 32x32 reference if wanted.
 
-    Pictures are in colour too if the octree is. Raises SettingError if a strategy needs codes and `coded` is None.
+    Pictures are in colour too if the octree is. lookahead: levels that the exact oracle and rays behind the patch look
+    ahead, 1 to 3; None: those of the weights of `coded`, or two without codes. Raises SettingError if a strategy needs
+    codes and `coded` is None, or if their weights look another number of levels ahead.
     """
     from ..codes.predict import predict
     from ..tracing.render import behind, first_hits, hit_colors
@@ -36,15 +40,22 @@ def trace_frame(
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
     if PREDICTION in needs and coded is None:
         raise SettingError("This strategy needs the octree's patch codes: precompute them first")
+    if lookahead is None:
+        lookahead = DEFAULT_LOOKAHEAD if coded is None else coded.weights.lookahead
+    if PREDICTION in needs and coded is not None and coded.weights.lookahead != lookahead:
+        raise SettingError(
+            f"The octree's codes look {coded.weights.lookahead} levels ahead, not {lookahead}: encode it with weights "
+            "that look as far, or leave the look-ahead to the codes"
+        )
     yield Progress(0, 1, "Tracing the preview")
     hits = first_hits(octree, camera)
-    luminance_behind = behind(octree, camera, hits) if BEHIND in needs else None
+    luminance_behind = behind(octree, camera, hits, lookahead=lookahead) if BEHIND in needs else None
     prediction = predict(coded, hits) if PREDICTION in needs and coded is not None else None
     exact = None
     if EXACT in needs:
         from ..codes.exact import exact_prediction
 
-        exact = yield from exact_prediction(octree, hits)
+        exact = yield from exact_prediction(octree, hits, lookahead)
     wanted = reference or REFERENCE in needs
     sampled, colors = None, None
     if wanted and octree.chroma is not None:

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
+from ..cells.morton_kernels import cell_coordinate
 from ..runtime.kernels import device
 from .polygon import load_triangle, moments, split_x, split_y, split_z
 from .texels import bilinear, cut, opacity_range, wrapped
@@ -25,18 +24,6 @@ _EVEN = 1e-6
 # Polygons by their first row. A triangle cut by six planes has at most 9 vertices, a square of the raster 4 more.
 _TRIANGLE, _BELOW, _ABOVE, _PIECE, _REST, _SLAB, _FREE, _SQUARE = (24 * place for place in range(8))
 ROWS = 8 * 24
-
-
-@device
-def _coordinate(key, axis):  # type: ignore[no-untyped-def]
-    """Coordinate of a cell along one axis; the compiled twin of `grid.morton_decode`."""
-    bits = (key >> np.uint64(axis)) & np.uint64(0x1249249249249249)
-    bits = (bits ^ (bits >> np.uint64(2))) & np.uint64(0x10C30C30C30C30C3)
-    bits = (bits ^ (bits >> np.uint64(4))) & np.uint64(0x100F00F00F00F00F)
-    bits = (bits ^ (bits >> np.uint64(8))) & np.uint64(0x1F0000FF0000FF)
-    bits = (bits ^ (bits >> np.uint64(16))) & np.uint64(0x1F00000000FFFF)
-    bits = (bits ^ (bits >> np.uint64(32))) & np.uint64(0x1FFFFF)
-    return np.int64(bits)
 
 
 @device
@@ -55,7 +42,7 @@ def _piece_in_cell(rows, key):  # type: ignore[no-untyped-def]
     piece = _TRIANGLE
     count = 3
     for axis in range(3):
-        cell = float(_coordinate(key, axis))
+        cell = float(cell_coordinate(key, axis))
         low, high = _bounds(rows, piece, count, axis)
         for side in range(2):
             if not (low < cell if side == 0 else high > cell + 1.0):

@@ -11,8 +11,9 @@ import itertools
 
 import numpy as np
 
-from ..octree.grid import morton_encode
-from ..octree.octree import LOOK_AHEAD, Octree
+from ..cells.morton import morton_encode
+from ..octree.octree import Octree
+from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from .camera import Camera, camera_in_unit_cube
 
 
@@ -97,14 +98,21 @@ def _children(
     return ray[index], child, cell[index] * 2 + offset
 
 
-def needed_levels_reference(octree: Octree, camera: Camera, block_level: int, offsets: np.ndarray) -> np.ndarray:
+def needed_levels_reference(
+    octree: Octree,
+    camera: Camera,
+    block_level: int,
+    offsets: np.ndarray,
+    *,
+    lookahead: int = DEFAULT_LOOKAHEAD,
+) -> np.ndarray:
     """Plain twin of `detail.needed_levels`: levels (8^block_level,) of leaves that look-ahead takes where rays hit.
 
     offsets: (K, 2), of the fine rays from the pixels' centres, in pixels.
     """
     row, column = (axis.reshape(-1) for axis in np.mgrid[: camera.height_px, : camera.width_px])
     needed = np.zeros(8**block_level, np.uint8)
-    for (x, y), finer, margin in [((0.0, 0.0), 0, 1), *((tuple(offset), LOOK_AHEAD, 0) for offset in offsets)]:
+    for (x, y), finer, margin in [((0.0, 0.0), 0, 1), *((tuple(offset), lookahead, 0) for offset in offsets)]:
         sx = 2 * (column + 0.5 + x) / camera.width_px - 1
         sy = 2 * (row + 0.5 + y) / camera.height_px - 1
         node, t = first_hits_reference(octree, camera, sx, sy, 0.5**finer)
@@ -112,7 +120,7 @@ def needed_levels_reference(octree: Octree, camera: Camera, block_level: int, of
         speed = pixel_rays(octree, camera, sx, sy)[2]
         side_at_0, side_per_z = camera_in_unit_cube(camera, octree.grid).lens[2:4]
         pixel = side_at_0 + side_per_z * t[hit] * speed[hit]
-        wanted = np.floor(-np.log2(2 * pixel)).astype(int) + 1 + LOOK_AHEAD
+        wanted = np.floor(-np.log2(2 * pixel)).astype(int) + 1 + lookahead
         for level, index, depth in zip(octree.level_of(node[hit]), node[hit], wanted, strict=True):
             cell = octree.cells(level)[index - octree.level_start[level]]
             low = np.floor((cell - margin) * 2.0 ** (block_level - level)).astype(int)

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from ..octree.octree import LOOK_AHEAD, LUMINANCE_SCALE, Octree
+from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import kernel
 from .camera import Camera, camera_in_unit_cube
 from .traverse import MAX_LEVELS, first_hit, first_seen, pixel_ray
@@ -124,15 +125,22 @@ def _first_hits(
                     entry[pixel, axis] = 0.0
 
 
-def behind(octree: Octree, camera: Camera, hits: Hits, background: float = 0.0) -> np.ndarray:
+def behind(
+    octree: Octree,
+    camera: Camera,
+    hits: Hits,
+    background: float = 0.0,
+    *,
+    lookahead: int = DEFAULT_LOOKAHEAD,
+) -> np.ndarray:
     """Luminance (P,) float32 of each ray's next voxel; the ray restarts 1.5 sides beyond its entry (methods 3.12).
 
-    It runs with the footprint of a patch's fine voxels, LOOK_AHEAD levels below the pixel's: a coarse one would meet
+    It runs with the footprint of a patch's fine voxels, `lookahead` levels below the pixel's: a coarse one would meet
     the grown outline of the very surface whose gaps it is to look through.
     """
     unit = camera_in_unit_cube(camera, octree.grid)
     lens = unit.lens.copy()
-    lens[2:4] /= 2.0**LOOK_AHEAD
+    lens[2:4] /= 2.0**lookahead
     out = np.full(camera.pixel_count, background, np.float32)
     t_unit = np.where(hits.hit, hits.t_world / octree.grid.side_world, 0.0).astype(np.float64)
     _behind(

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.cells.morton import morton_decode, morton_encode
 from patchnet.patchnet_addon.octree.clip_reference import piece_reference
-from patchnet.patchnet_addon.octree.grid import Grid, morton_decode, morton_encode
+from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import LeafSums, clip_batch, triangle_areas_and_normals
 from patchnet.patchnet_addon.surface.albedo import albedo_shade
 from patchnet.patchnet_addon.surface.footprint_reference import bilinear_reference, footprint_reference

@@ -8,7 +8,7 @@ from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.decode import decode
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
 from patchnet.patchnet_addon.network.harmonics import real_harmonics
-from patchnet.patchnet_addon.network.weights import NETWORK, Weights, load_weights, save_weights
+from patchnet.patchnet_addon.network.weights import Weights, load_weights, network, save_weights
 from patchnet.patchnet_addon.runtime.errors import WeightsFileError
 from patchnet.patchnet_addon.runtime.files import write_arrays
 
@@ -112,16 +112,16 @@ def test_unusable_weights(weights, tmp_path, change, sentence):
     path = tmp_path / "bad.safetensors"
     arrays = weights.arrays()
     change(arrays)
-    write_arrays(path, arrays, {"network": NETWORK}, "weights")
+    write_arrays(path, arrays, {"network": network(2)}, "weights")
     with pytest.raises(WeightsFileError, match=rf"bad\.safetensors.*{sentence}"):
         load_weights(path)
 
 
-@pytest.mark.parametrize("network", [{}, {**NETWORK, "look_ahead": 3}])
-def test_weights_of_another_network(weights, tmp_path, network):
+@pytest.mark.parametrize("stated", [{}, {**network(2), "look_ahead": 3}])
+def test_weights_of_another_network(weights, tmp_path, stated):
     path = tmp_path / "other.safetensors"
-    write_arrays(path, weights.arrays(), {"network": network}, "weights")
-    with pytest.raises(WeightsFileError, match=r"other\.safetensors belongs to another network: its 'look_ahead'"):
+    write_arrays(path, weights.arrays(), {"network": stated}, "weights")
+    with pytest.raises(WeightsFileError, match=r"other\.safetensors belongs to another network: its 'patch'"):
         load_weights(path)
 
 

@@ -3,8 +3,9 @@
 
 import numpy as np
 
+from patchnet.patchnet_addon.cells.morton import morton_encode
 from patchnet.patchnet_addon.lightmap.texel_sizes import texel_sizes
-from patchnet.patchnet_addon.octree.grid import Grid, morton_encode
+from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 

@@ -6,11 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from patchnet.patchnet_addon.cells.morton import morton_encode
 from patchnet.patchnet_addon.octree.blocks import all_cells
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.clip_reference import clip_reference
-from patchnet.patchnet_addon.octree.grid import Grid, morton_decode, morton_encode
+from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -165,9 +166,3 @@ def test_opacity_cuts_the_surface():
     assert octree.cells(4)[:, 2].max() == 0
     with pytest.raises(GeometryError, match="transparent"):
         drain(build_octree(mesh, Grid.around(mesh.bounds_world, 4), lambda b, f: (np.zeros(len(f)), np.zeros(len(f)))))
-
-
-def test_morton_keys_round_trip():
-    cells = np.random.default_rng(0).integers(0, 1 << 14, (1000, 3))
-    np.testing.assert_array_equal(morton_decode(morton_encode(cells)), cells)
-    assert morton_encode(np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [2, 0, 0]])).tolist() == [1, 2, 4, 8]

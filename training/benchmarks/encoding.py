@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 from ...patchnet_addon.codes.encode import encode_octree
-from ...patchnet_addon.codes.patches import CHANNELS
 from ...patchnet_addon.network.compiled_encode import CompiledEncoder
 from ...patchnet_addon.network.encode import Encoder, NumpyEncoder
-from ...patchnet_addon.network.weights import CODE_SIZE, Weights
+from ...patchnet_addon.network.weights import CHANNELS, CODE_SIZE, Weights
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.octree.voxelize import usable_cores
 from ...patchnet_addon.runtime.errors import SettingError

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Morton keys: the bits of a cell's coordinates in turn, so that cells near each other have keys near each other.
+
+A key of a level is that of its parent, times eight, plus the octant x + 2 y + 4 z. `spread` and `gather` are written
+for arrays and for single numbers alike: `morton_kernels.py` compiles them, and nothing here needs numba.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def morton_encode(cells: np.ndarray) -> np.ndarray:
+    """Keys (...,) uint64 of integer cells (..., 3) of 0 to 2^21 - 1; x is the lowest bit of each triple."""
+    x, y, z = (np.asarray(cells)[..., axis].astype(np.uint64) for axis in range(3))
+    return spread(x) | (spread(y) << np.uint64(1)) | (spread(z) << np.uint64(2))
+
+
+def morton_decode(keys: np.ndarray) -> np.ndarray:
+    """Integer cells (..., 3) int32 of keys (...,); inverse of `morton_encode`."""
+    keys = np.asarray(keys, np.uint64)
+    axes = (gather(keys), gather(keys >> np.uint64(1)), gather(keys >> np.uint64(2)))
+    return np.stack(axes, axis=-1).astype(np.int32)
+
+
+def morton_decode_square(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Column and row, (N,) int32 each, of places (N,) int64 along the curve through a square; up to 32 bits."""
+    return _gather_pairs(places), _gather_pairs(places >> 1)
+
+
+def spread(bits):  # type: ignore[no-untyped-def]
+    """Insert two zero bits between the lowest 21 bits of uint64."""
+    bits = (bits | (bits << np.uint64(32))) & np.uint64(0x1F00000000FFFF)
+    bits = (bits | (bits << np.uint64(16))) & np.uint64(0x1F0000FF0000FF)
+    bits = (bits | (bits << np.uint64(8))) & np.uint64(0x100F00F00F00F00F)
+    bits = (bits | (bits << np.uint64(4))) & np.uint64(0x10C30C30C30C30C3)
+    return (bits | (bits << np.uint64(2))) & np.uint64(0x1249249249249249)
+
+
+def gather(bits):  # type: ignore[no-untyped-def]
+    """Move bits 0, 3, 6, ... of uint64 together, and leave the others out; inverse of `spread`."""
+    bits = bits & np.uint64(0x1249249249249249)
+    bits = (bits ^ (bits >> np.uint64(2))) & np.uint64(0x10C30C30C30C30C3)
+    bits = (bits ^ (bits >> np.uint64(4))) & np.uint64(0x100F00F00F00F00F)
+    bits = (bits ^ (bits >> np.uint64(8))) & np.uint64(0x1F0000FF0000FF)
+    bits = (bits ^ (bits >> np.uint64(16))) & np.uint64(0x1F00000000FFFF)
+    return (bits ^ (bits >> np.uint64(32))) & np.uint64(0x1FFFFF)
+
+
+def _gather_pairs(values: np.ndarray) -> np.ndarray:
+    """Bits 0, 2, 4, ... of up to 32, moved together."""
+    values = values & 0x55555555
+    for shift, mask in ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF)):
+        values = (values | (values >> shift)) & mask
+    return values.astype(np.int32)

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Morton keys, bit by bit, and compiled; they are written in one place."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.cells.morton import morton_decode, morton_decode_square, morton_encode
+from patchnet.patchnet_addon.cells.morton_kernels import cell_coordinate, cell_key
+from patchnet.patchnet_addon.runtime.kernels import serial_kernel
+
+ENGINE = Path(__file__).resolve().parents[2] / "patchnet_addon"
+
+
+@serial_kernel
+def _there_and_back(cells, keys, back):
+    for row in range(len(cells)):
+        keys[row] = cell_key(cells[row, 0], cells[row, 1], cells[row, 2])
+        for axis in range(3):
+            back[row, axis] = cell_coordinate(keys[row], axis)
+
+
+def plain_key(cell):
+    return sum((axis >> bit & 1) << (3 * bit + place) for bit in range(21) for place, axis in enumerate(cell))
+
+
+@pytest.fixture
+def cells():
+    random = np.random.default_rng(0).integers(0, 1 << 21, (500, 3))
+    return np.concatenate([random, [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [2, 0, 0], [2**21 - 1] * 3]])
+
+
+def test_keys_have_the_bits_in_turn(cells):
+    keys = morton_encode(cells)
+    assert keys.dtype == np.uint64
+    assert keys.tolist() == [plain_key(cell) for cell in cells.tolist()]
+    assert keys[-6:].tolist() == [0, 1, 2, 4, 8, 2**63 - 1]
+
+
+def test_keys_round_trip_in_any_shape(cells):
+    for shape in [(), (0,), (5,), (4, 25)]:
+        part = cells[: int(np.prod(shape))].reshape(*shape, 3)
+        found = morton_decode(morton_encode(part))
+        assert found.dtype == np.int32
+        np.testing.assert_array_equal(found, part)
+
+
+@pytest.mark.parametrize("count", [0, 1, 506])
+@pytest.mark.parametrize("dtype", [np.int32, np.int64])
+def test_kernels_have_the_same_keys(cells, count, dtype):
+    cells = cells[:count].astype(dtype)
+    keys, back = np.zeros(count, np.uint64), np.zeros((count, 3), np.int64)
+    _there_and_back(cells, keys, back)
+    np.testing.assert_array_equal(keys, morton_encode(cells))
+    np.testing.assert_array_equal(back, cells)
+
+
+def test_places_along_the_curve_of_a_square():
+    places = np.concatenate([np.arange(64), np.random.default_rng(1).integers(0, 1 << 32, 200)])
+    x, y = morton_decode_square(places)
+    wanted = [
+        [sum((place >> (2 * bit + axis) & 1) << bit for bit in range(16)) for place in places.tolist()]
+        for axis in (0, 1)
+    ]
+    np.testing.assert_array_equal([x, y], wanted)
+
+
+def test_bits_are_spread_in_one_file():
+    masks = re.compile(r"0x(1249249249249249|10C30C30C30C30C3|0*5{8}\b)", re.IGNORECASE)
+    assert {path.name for path in ENGINE.rglob("*.py") if masks.search(path.read_text())} == {"morton.py"}
