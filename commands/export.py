@@ -28,7 +28,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 def run(args: argparse.Namespace) -> int:
     """Write the file; returns 0; raises PatchNetError."""
-    from ..patchnet_addon.octree.export.formats import export_octree, format_of
+    from ..patchnet_addon.export.formats import export_octree, format_of
     from ..patchnet_addon.octree.file import load_octree
     from ..patchnet_addon.runtime.outputs import check_outputs
     from ..patchnet_addon.runtime.progress import drain

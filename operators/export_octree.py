@@ -75,7 +75,7 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Write the file."""
-        from ..patchnet_addon.octree.export.formats import export_octree, format_of
+        from ..patchnet_addon.export.formats import export_octree, format_of
         from ..patchnet_addon.runtime.errors import SettingError
         from ..patchnet_addon.runtime.outputs import check_outputs
         from .pipeline.output_files import scene_inputs

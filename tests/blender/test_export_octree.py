@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from patchnet.operators.session import results
-from patchnet.patchnet_addon.octree.export.vdb import vdb_module_name
+from patchnet.patchnet_addon.export.vdb import vdb_module_name
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.octree.voxel_cloud import VoxelCloud, voxel_cloud
 from patchnet.tests.blender.job_scene import build

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from patchnet import commands
+from patchnet.patchnet_addon.export.octree_file import truncated
 from patchnet.patchnet_addon.lod.depth import estimate, most_leaves, peak_bytes
 from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.export.octree_file import truncated
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.patchnet_addon.octree.export import vdb
-from patchnet.patchnet_addon.octree.export.formats import FORMATS, export_octree
+from patchnet.patchnet_addon.export import vdb
+from patchnet.patchnet_addon.export.formats import FORMATS, export_octree
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxel_cloud import voxel_cloud

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.octree.export.octree_file import truncated
+from patchnet.patchnet_addon.export.octree_file import truncated
 from patchnet.patchnet_addon.octree.voxel_cloud import level_within, voxel_cloud, voxel_counts, voxel_runs
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree

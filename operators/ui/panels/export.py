@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ....patchnet_addon.octree.export.vdb import vdb_module_name
+from ....patchnet_addon.export.vdb import vdb_module_name
 from .tab import SubPanel, split
 
 

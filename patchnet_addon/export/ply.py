@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...image.tone import srgb_encode, to_bytes
-from ...runtime.file_kinds import PLY
-from ...runtime.progress import Progress, Steps
-from ...runtime.replace import replaced_file
-from ..octree import Octree
-from ..voxel_cloud import VoxelRun, voxel_counts, voxel_runs
+from ..image.tone import srgb_encode, to_bytes
+from ..octree.octree import Octree
+from ..octree.voxel_cloud import VoxelRun, voxel_counts, voxel_runs
+from ..runtime.file_kinds import PLY
+from ..runtime.progress import Progress, Steps
+from ..runtime.replace import replaced_file
 
 _FLOATS = ["x", "y", "z", "nx", "ny", "nz"]
 _COLOURS = ["red", "green", "blue"]

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...runtime.errors import SettingError
-from ...runtime.file_kinds import NPZ, OCTREE, PLY, VDB, FileKind
-from ...runtime.progress import Steps
-from ..octree import Octree
-from ..voxel_cloud import check_level
+from ..octree.octree import Octree
+from ..octree.voxel_cloud import check_level
+from ..runtime.errors import SettingError
+from ..runtime.file_kinds import NPZ, OCTREE, PLY, VDB, FileKind
+from ..runtime.progress import Steps
 from .npz import write_npz
 from .octree_file import write_octree
 from .ply import write_ply

@@ -6,11 +6,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ...runtime.errors import SettingError
-from ...runtime.progress import Progress, Steps
-from ..file import save_octree
-from ..octree import Octree
-from ..voxel_cloud import voxel_counts
+from ..octree.file import save_octree
+from ..octree.octree import Octree
+from ..octree.voxel_cloud import voxel_counts
+from ..runtime.errors import SettingError
+from ..runtime.progress import Progress, Steps
 
 
 def truncated(octree: Octree, level: int) -> Octree:

@@ -22,12 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from ...runtime.errors import PatchNetError, SettingError
-from ...runtime.file_kinds import VDB
-from ...runtime.progress import Progress, Steps
-from ...runtime.replace import replaced_path
-from ..octree import Octree
-from ..voxel_cloud import VoxelRun, voxel_counts, voxel_runs
+from ..octree.octree import Octree
+from ..octree.voxel_cloud import VoxelRun, voxel_counts, voxel_runs
+from ..runtime.errors import PatchNetError, SettingError
+from ..runtime.file_kinds import VDB
+from ..runtime.progress import Progress, Steps
+from ..runtime.replace import replaced_path
 
 _MODULES = ("openvdb", "pyopenvdb")  # the name since OpenVDB 12, and the one before
 NO_VDB = (

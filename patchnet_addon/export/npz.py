@@ -24,11 +24,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...runtime.file_kinds import NPZ
-from ...runtime.progress import Progress, Steps
-from ...runtime.replace import replaced_file
-from ..octree import Octree
-from ..voxel_cloud import VoxelRun, voxel_counts, voxel_runs
+from ..octree.octree import Octree
+from ..octree.voxel_cloud import VoxelRun, voxel_counts, voxel_runs
+from ..runtime.file_kinds import NPZ
+from ..runtime.progress import Progress, Steps
+from ..runtime.replace import replaced_file
 
 # Type and width of each column, and how a run of voxels gives it. A width of 0 makes a flat array.
 _COLUMNS: dict[str, tuple[str, int, Callable[[VoxelRun], np.ndarray]]] = {
