@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     for number, (name, path) in enumerate(names.items()):
         octree = load_octree(path)
         settings = SampleSettings(
-            views=args.views, least_level=args.least_level, held_out=args.held_out, seed=args.seed + 1000 * number
+            views=args.views, min_level=args.min_level, held_out=args.held_out, seed=args.seed + 1000 * number
         )
         with ProgressBars() as bars:
             samples = drain(draw_samples(octree, share, settings, f"Drawing {name}"), bars.show)

@@ -54,7 +54,7 @@ def _summary(header: FileHeader, path: Path) -> list[str]:
         octree = load_octree(path)
         share = octree.look_ahead().sum() / octree.node_count
         return [
-            f"depth {octree.depth}, {octree.leaf_count:,} voxels of side {octree.grid.voxel_world:.4g}, "
+            f"depth {octree.depth}, {octree.leaf_count:,} voxels of side {octree.grid.voxel_size_world:.4g}, "
             f"{octree.node_count:,} nodes",
             f"{octree.nbytes / 2**20:.1f} MiB of nodes, look-ahead at {share:.1%} of them",
             f"in colour, {octree.chroma.nbytes / 2**20:.1f} MiB of it"

@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
         require_blender()
     from ..operators.pipeline.lit_octree import build_lit_octree
     from ..operators.scene.hiding import hide_from_renders
-    from ..patchnet_addon.lightmap.page_cache import KeptPages
+    from ..patchnet_addon.lightmap.page_cache import BakePageCache
     from ..patchnet_addon.octree.file import save_octree
     from ..patchnet_addon.runtime.progress import drain
     from .shared.progress_bars import ProgressBars
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     make_parent(args.out)
     import bpy
 
-    with KeptPages() as kept:
+    with BakePageCache() as kept:
         with quiet_stdout(), ProgressBars() as bars:
             made = drain(build_lit_octree(bpy.context, settings, clock, kept, recipe), bars.show)
         with clock.stage("save"):

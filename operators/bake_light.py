@@ -27,12 +27,12 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Build the octree on the same grid again, in light."""
-        from ..patchnet_addon.lightmap.page_cache import KeptPages
+        from ..patchnet_addon.lightmap.page_cache import BakePageCache
 
         before = results.voxels_of(context.scene)
         settings, clock = replace(settings, scope=before.scope), StageClock()
         recipe = Recipe(grid=GridChoice(before.octree.grid, before.layout))
-        with KeptPages() as kept:
+        with BakePageCache() as kept:
             made = yield from build_lit_octree(context, settings, clock, kept, recipe)
         seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}
         seconds["light"] = clock.seconds["light"] + clock.seconds["voxelize"]

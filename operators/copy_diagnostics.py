@@ -17,7 +17,7 @@ from .scene_access.devices import gpu_is_enabled
 from .session import results
 from .ui.preferences import preferences
 
-_MOST = 20
+_MAX = 20
 
 
 class _Last(logging.Handler):
@@ -25,7 +25,7 @@ class _Last(logging.Handler):
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
-        self.said: deque[str] = deque(maxlen=_MOST)
+        self.said: deque[str] = deque(maxlen=_MAX)
 
     def emit(self, record: logging.LogRecord) -> None:
         trace = getattr(record, "fields", {}).get("traceback", "")

@@ -32,7 +32,7 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         results.keep(context.scene, result, "octree")
         for warning in made.warnings:
             tell(self, "WARNING", warning)
-        side = f"side {octree.grid.voxel_world:.4g}" + (" and more" if made.layout else "")
+        side = f"side {octree.grid.voxel_size_world:.4g}" + (" and more" if made.layout else "")
         return f"{octree.leaf_count:,} voxels of {side}, depth {octree.depth}"
 
 

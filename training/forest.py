@@ -23,7 +23,7 @@ class Forest:
     normal: np.ndarray
 
 
-def plant(octrees: Sequence[Octree]) -> Forest:
+def concatenate(octrees: Sequence[Octree]) -> Forest:
     """Copy the node arrays of `octrees` into one forest.
 
     Raises PatchNetError beyond 2^31 nodes, since bricks keep nodes in 32 bits.

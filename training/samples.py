@@ -13,7 +13,7 @@ import numpy as np
 from numba import prange
 
 from ..patchnet_addon.codes.brick import fill_brick
-from ..patchnet_addon.codes.patch_rays import see_brick, set_view
+from ..patchnet_addon.codes.patch_rays import rasterize_brick, set_view
 from ..patchnet_addon.octree.octree import Octree
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
 from ..patchnet_addon.runtime.errors import PatchNetError
@@ -32,13 +32,13 @@ COVERAGE_SCALE = 4096.0
 class SampleSettings:
     """Settings of drawing samples.
 
-    views: random views per voxel. least_level: coarsest level used. held_out: share of spatial blocks kept for
+    views: random views per voxel. min_level: coarsest level used. held_out: share of spatial blocks kept for
     validation (methods 7.21). first_hit: reject views whose centre ray meets a neighbour first (methods 7.17).
     lookahead: levels between a voxel and the cells that are seen, 1 to 3; SettingError for others.
     """
 
     views: int = 8
-    least_level: int = 5
+    min_level: int = 5
     held_out: float = 0.05
     first_hit: bool = True
     seed: int = 0
@@ -67,10 +67,10 @@ def draw_samples(
 ) -> Steps[Samples]:
     """Draw at least `count` samples (views) of an octree.
 
-    Raises PatchNetError if no voxel of the octree has look-ahead below `settings.least_level`.
+    Raises PatchNetError if no voxel of the octree has look-ahead below `settings.min_level`.
     """
     random = np.random.default_rng(settings.seed)
-    nodes = usable_nodes(octree, settings.least_level, settings.lookahead)
+    nodes = usable_nodes(octree, settings.min_level, settings.lookahead)
     groups = -(-count // settings.views)
     found: list[Samples] = []
     done, number = 0, 0
@@ -202,7 +202,7 @@ def _draw_views(child_mask, first_child, luminance, voxels, start, first_hit, lo
                 direction[axis] = views_signed[group, found, 3 + axis] / _SIGNED
                 up[axis] = views_signed[group, found, 6 + axis] / _SIGNED
             set_view(origin, direction, up, ratio / _UNIT, lookahead, view)
-            sigma, mean = see_brick(luminance, brick, counts, direction, lookahead, view, rows)
+            sigma, mean = rasterize_brick(luminance, brick, counts, direction, lookahead, view, rows)
             views[group, found, 9] = ratio
             views[group, found, 10] = np.uint16(np.rint(sigma * COVERAGE_SCALE))
             views[group, found, 11] = np.uint16(np.rint(mean))

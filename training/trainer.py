@@ -28,7 +28,7 @@ from ..patchnet_addon.runtime.progress import Progress, Steps
 from .batches import Augmentation
 from .corpus import Corpus
 from .dataset import Dataset
-from .forest import plant
+from .forest import concatenate
 from .learner import Learner, Losses
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .schedule import learning_rate
@@ -69,7 +69,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
     log = Log(options.out / LOG, learner.steps)
-    crew = Crew(learner, corpus, voxels)
+    crew = WorkerPool(learner, corpus, voxels)
     end = min(total, options.stop_after or total)
     before, saved = time.monotonic() - learner.seconds, time.monotonic()
     try:
@@ -115,7 +115,7 @@ def corpus_of(datasets: Sequence[Dataset]) -> tuple[Corpus, dict[str, Corpus]]:
             f"The sample files look {sorted(lookaheads)} levels ahead: draw them with the same look-ahead"
         )
     (lookahead,) = lookaheads
-    forest = plant([dataset.octree for dataset in datasets])
+    forest = concatenate([dataset.octree for dataset in datasets])
     parts = []
     held_out = {}
     for number, dataset in enumerate(datasets):
@@ -147,7 +147,7 @@ def _order(seed: int, epoch: int, count: int) -> np.ndarray:
     return np.random.default_rng([seed, 1, epoch]).permutation(count)
 
 
-class Crew:
+class WorkerPool:
     """Threads that each gather and learn from one part of a step, with single-threaded products.
 
     That suits small matrices better than threads inside every product, and a busy machine slows it less. The number of

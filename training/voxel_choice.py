@@ -14,21 +14,21 @@ BLOCK_LEVEL = 3  # spatial blocks for validation are the cells of this level
 _REPEATS = 16  # a level is drawn from at most this often per voxel it has, however coarse it is
 
 
-def usable_nodes(octree: Octree, least_level: int, lookahead: int = DEFAULT_LOOKAHEAD) -> dict[int, np.ndarray]:
+def usable_nodes(octree: Octree, min_level: int, lookahead: int = DEFAULT_LOOKAHEAD) -> dict[int, np.ndarray]:
     """Nodes (n,) int64 with look-ahead by level, counted from the level's first.
 
     Raises PatchNetError if there are none.
     """
     ahead = octree.look_ahead(lookahead)
     nodes = {}
-    for level in range(least_level, octree.depth - lookahead + 1):
+    for level in range(min_level, octree.depth - lookahead + 1):
         here = np.flatnonzero(ahead[octree.level(level)])
         if len(here):
             nodes[level] = here
     if not nodes:
         raise PatchNetError(
-            f"The octree of depth {octree.depth} has no voxel with look-ahead from level {least_level} on: "
-            f"use one of depth {least_level + lookahead} or more"
+            f"The octree of depth {octree.depth} has no voxel with look-ahead from level {min_level} on: "
+            f"use one of depth {min_level + lookahead} or more"
         )
     return nodes
 

@@ -64,7 +64,7 @@ def _laid_out(source: Any, grid: Any, args: argparse.Namespace) -> Any:
     from ...patchnet_addon.lightmap.charts import layout_charts
     from ...patchnet_addon.lightmap.path_counts import path_counts
 
-    texel = grid.voxel_world * args.texel_voxels
+    texel = grid.voxel_size_world * args.texel_voxels
     side = page_side(source.triangle_count)
     charts = yield from layout_charts(source, texel, samples=args.samples, page_side=side)
     return charts, (yield from path_counts(source, charts, grid))

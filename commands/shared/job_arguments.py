@@ -89,7 +89,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         **given_settings(args),
         scope=SELECTED if getattr(args, "scope", "visible") == "selected" else VISIBLE,
         depth=_depth(args.depth),
-        voxel_world=args.voxel_size,
+        voxel_size_world=args.voxel_size,
         fit=args.depth == "fit",
         size=tuple(args.size),
         strategy=args.strategy,

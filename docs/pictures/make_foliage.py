@@ -65,7 +65,7 @@ def cropped(source: MeshSource, view: View, materials: tuple[Material, ...]) -> 
 def picture(mesh: TriangleMesh, view: View) -> np.ndarray:
     """(H, W, 3) sRGB of the octree of `mesh` under two opposite lights, row 0 at the bottom."""
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, DEPTH), two_lights_shade(mesh)))
-    print(f"{view.name}: {octree.leaf_count:,} voxels of {octree.grid.voxel_world * 1000:.1f} mm")
+    print(f"{view.name}: {octree.leaf_count:,} voxels of {octree.grid.voxel_size_world * 1000:.1f} mm")
     camera = Camera.look_at(
         np.array(view.position), np.array(view.target), fov=np.radians(view.fov), size_px=(SIDE_PX, SIDE_PX)
     )

@@ -24,7 +24,7 @@ from ..pipeline.versions import machine, versions
 from ..scene_access.frames import go_to_frame, kept_frame
 from .common import same_daylight, same_grid
 from .frame_key import content_key, file_key
-from .frame_maker import Common, FrameMaker
+from .frame_maker import FrameMaker, SharedSettings
 from .frame_record import RECORD_NAME, FrameRecord, discard, files_in, frame_folder, read_record, write_record
 
 
@@ -72,7 +72,7 @@ def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) 
     files, inputs = maker.files(context) | {RECORD_NAME: FRAME_RECORD}, maker.inputs()
     check_outputs(_all_files(plan, files), inputs, folder=plan.out)
     with kept_frame(context.scene):
-        common = Common(exposure=maker.exposure)
+        common = SharedSettings(exposure=maker.exposure)
         if maker.bakes:
             common = replace(common, daylight=(yield from same_daylight(context, plan.frames)))
         if plan.one_grid:
@@ -101,7 +101,7 @@ class _Animation:
     darken nothing. Of frames that are there it is the one that did so for them.
     """
 
-    def __init__(self, context: bpy.types.Context, maker: FrameMaker, plan: FramePlan, common: Common) -> None:
+    def __init__(self, context: bpy.types.Context, maker: FrameMaker, plan: FramePlan, common: SharedSettings) -> None:
         self._context, self._maker, self._plan, self._common = context, maker, plan, common
         self._reference: int | None = None
         self._summaries: dict[int, dict[str, Any]] = {}
@@ -181,7 +181,7 @@ class _Animation:
     def _set_exposure(self, summary: dict[str, Any]) -> None:
         self._common = replace(self._common, exposure=float(summary["exposure"]))
 
-    def _common_of(self, frame: int) -> Common:
+    def _common_of(self, frame: int) -> SharedSettings:
         return replace(self._common, exposure=None) if frame == self._reference else self._common
 
     def _record(self, frame: int) -> FrameRecord | None:

@@ -44,7 +44,7 @@ def same_grid(context: bpy.types.Context, frames: Sequence[int], maker: FrameMak
         go_to_frame(context.scene, frame)
         with errors_of_frame(frame):
             source = read_scene(context.evaluated_depsgraph_get(), maker.scope)
-            needed = yield from labelled(maker.voxel_world(context, source), label)
+            needed = yield from labelled(maker.voxel_size_world(context, source), label)
         low, high = np.minimum(low, source.bounds_world[0]), np.maximum(high, source.bounds_world[1])
         if needed is not None:
             sides.append(needed[0])

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Common:
+class SharedSettings:
     """Values that frames share, so that their pictures do not flicker.
 
     exposure: factor on luminance; None where the frame chooses it, for all others.
@@ -53,7 +53,7 @@ class FrameMaker(ABC):
     bakes: bool
 
     @abstractmethod
-    def settings_text(self, common: Common) -> str:
+    def settings_text(self, common: SharedSettings) -> str:
         """Text of all settings that the files depend on."""
 
     @abstractmethod
@@ -65,10 +65,10 @@ class FrameMaker(ABC):
         return list(scene_inputs())
 
     @abstractmethod
-    def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
+    def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
         """Write the frame's files into `folder`; the result is its summary, with "exposure" and "warnings"."""
 
-    def voxel_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
+    def voxel_size_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
         """Side of the voxels that this frame needs, and whether memory bounds it; None if settings say it."""
         yield from ()
         return None
@@ -84,7 +84,7 @@ class JobMaker(FrameMaker):
         self._painted = importance_key(settings.importance)
         self.scope, self.exposure, self.bakes = settings.scope, settings.exposure, settings.light == CYCLES
 
-    def settings_text(self, common: Common) -> str:
+    def settings_text(self, common: SharedSettings) -> str:
         """Text of the job's settings, with weights and importance by their contents."""
         return f"{replace(self._of_frame(common), weights=None)!r} {self._weights.hash} {self._painted}"
 
@@ -97,24 +97,24 @@ class JobMaker(FrameMaker):
         """Files that are read, with weights and a painted mask."""
         return job_inputs(self._settings)
 
-    def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
+    def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
         """Octree, codes, pictures and report."""
         result = yield from run_job(context, self._of_frame(common))
         yield Progress(0, 1, "Writing files")
         write_result(folder, result)
         return _summary(result)
 
-    def voxel_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
+    def voxel_size_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
         """Side of the voxels by the cameras, where the depth is theirs to say."""
         settings = self._settings
-        if settings.depth is not None or settings.voxel_world is not None or settings.fit:
+        if settings.depth is not None or settings.voxel_size_world is not None or settings.fit:
             return None
         depsgraph = context.evaluated_depsgraph_get()
         cameras = choose_cameras(depsgraph, settings.cameras, settings.size, source.bounds_world)
         choice = yield from choose_grid(source, cameras, settings)
-        return choice.grid.voxel_world, bool(choice.warnings)
+        return choice.grid.voxel_size_world, bool(choice.warnings)
 
-    def _of_frame(self, common: Common) -> JobSettings:
+    def _of_frame(self, common: SharedSettings) -> JobSettings:
         settings = self._settings
         return replace(
             settings,

@@ -16,7 +16,7 @@ from ..pipeline.lit_octree import Recipe, build_lit_octree
 from ..pipeline.output_files import OCTREE_NAME
 from ..schema.table import CYCLES
 from ..settings.job_settings import JobSettings
-from .frame_maker import Common, FrameMaker
+from .frame_maker import FrameMaker, SharedSettings
 
 
 class OctreeMaker(FrameMaker):
@@ -26,7 +26,7 @@ class OctreeMaker(FrameMaker):
         self._settings, self._recipe, self._wanted = settings, recipe, wanted
         self.scope, self.exposure, self.bakes = settings.scope, settings.exposure, settings.light == CYCLES
 
-    def settings_text(self, common: Common) -> str:
+    def settings_text(self, common: SharedSettings) -> str:
         """Settings that the octree depends on."""
         return f"{self._of_frame(common)!r} {self._wanted}"
 
@@ -34,18 +34,18 @@ class OctreeMaker(FrameMaker):
         """Kind of the only file."""
         return {OCTREE_NAME: OCTREE}
 
-    def make(self, context: bpy.types.Context, common: Common, folder: Path) -> Steps[dict[str, Any]]:
+    def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
         """Write the octree of a frame."""
-        from ...patchnet_addon.lightmap.page_cache import KeptPages
+        from ...patchnet_addon.lightmap.page_cache import BakePageCache
         from ...patchnet_addon.octree.file import save_octree
 
         clock = StageClock()
-        with KeptPages() as kept:
+        with BakePageCache() as kept:
             made = yield from build_lit_octree(context, self._of_frame(common), clock, kept, self._recipe)
             save_octree(made.octree, folder / OCTREE_NAME)
         octree = made.octree
         figures = {"depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count}
         return {"exposure": octree.exposure, "octree": figures | {"bytes": octree.nbytes}, "views": []}
 
-    def _of_frame(self, common: Common) -> JobSettings:
+    def _of_frame(self, common: SharedSettings) -> JobSettings:
         return replace(self._settings, exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)

@@ -109,7 +109,7 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
             return []
         pixels = (pixel_at(rect, found.view.size_px, place.x, place.y) for rect in found.rects)
         pixel = next((item for item in pixels if item is not None), None)
-        return found.view.said_of(*pixel, maximum_of(context.scene, found.view)) if pixel is not None else []
+        return found.view.describe_pixel(*pixel, maximum_of(context.scene, found.view)) if pixel is not None else []
 
 
 CLASSES = (PATCHNET_OT_inspect_pixels,)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..session.shown_view import ShownView
 
-_MOST = 6  # two sides of a wipe in three editors
+_MAX = 6  # two sides of a wipe in three editors
 _textures: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
 
 
@@ -19,7 +19,7 @@ def texture_of(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
     key = (view.number, name, *((maximum, ramp) if name not in view.looks else ()))
     if key not in _textures:
         _textures[key] = _upload(view.picture(name, maximum, ramp))
-        while len(_textures) > _MOST:
+        while len(_textures) > _MAX:
             _textures.popitem(last=False)
     _textures.move_to_end(key)
     return _textures[key]

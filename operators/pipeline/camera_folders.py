@@ -13,7 +13,7 @@ import bpy
 
 from ..scene.cameras import AUTO, camera_names, scene_cameras
 
-_MOST_BYTES = 120
+_MAX_BYTES = 120
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)  # no folder of Windows can have these names
 
 
@@ -47,7 +47,7 @@ def _with_digits(names: list[str], digits: int) -> dict[str, str]:
     for name, folder in plain.items():
         key = _folded(folder)
         alone = owners[key] == 1 or (name == folder and unchanged[key] == 1)
-        if not alone or _DEVICES.fullmatch(folder) or len(folder.encode(errors="surrogatepass")) > _MOST_BYTES:
+        if not alone or _DEVICES.fullmatch(folder) or len(folder.encode(errors="surrogatepass")) > _MAX_BYTES:
             digest = hashlib.blake2b(name.encode(errors="surrogatepass")).hexdigest()[:digits]
             folder = f"{_shortened(folder)}-{digest}"
         found[name] = folder
@@ -64,4 +64,4 @@ def _folded(folder: str) -> str:
 
 
 def _shortened(folder: str) -> str:
-    return folder.encode(errors="surrogatepass")[:_MOST_BYTES].decode(errors="ignore")
+    return folder.encode(errors="surrogatepass")[:_MAX_BYTES].decode(errors="ignore")

@@ -13,7 +13,7 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.bounds import MAX_DEPTH
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.quantities import bytes_text, count_text
-from ...patchnet_addon.runtime.worker import beside
+from ...patchnet_addon.runtime.worker import run_in_worker
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene import SceneMesh, read_scene
 from ..scene.cameras import choose_cameras
@@ -44,7 +44,7 @@ class Estimate:
     depth: int
     wanted: int
     fitted: bool
-    voxel_world: float
+    voxel_size_world: float
     leaves: int
     octree_bytes: int
     codes_bytes: int
@@ -74,7 +74,7 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
     depsgraph = context.evaluated_depsgraph_get()
     cameras = choose_cameras(depsgraph, settings.cameras, settings.size, settings.bounds_world(source))
     device = device_text(context, settings.device) if settings.light == CYCLES else ""
-    steps = beside(lambda: _estimate(source, cameras, settings, device), Progress(0, 1, "Estimating"))
+    steps = run_in_worker(lambda: _estimate(source, cameras, settings, device), Progress(0, 1, "Estimating"))
     return replace((yield from steps), state=state)
 
 
@@ -97,7 +97,7 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
         depth=depth,
         wanted=automatic.wanted,
         fitted=settings.fit,
-        voxel_world=settings.voxel_world or grid.voxel_world,
+        voxel_size_world=settings.voxel_size_world or grid.voxel_size_world,
         leaves=leaves,
         octree_bytes=octree_bytes,
         codes_bytes=int(leaves * _CODED_SHARE * _BYTES_PER_CODED),
@@ -117,8 +117,8 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
 def _depth(settings: JobSettings, bounds: Any, automatic: int) -> int:
     if settings.depth is not None:
         return settings.depth
-    if settings.voxel_world is not None:
-        return Grid.with_voxel_size(bounds, settings.voxel_world).depth
+    if settings.voxel_size_world is not None:
+        return Grid.with_voxel_size(bounds, settings.voxel_size_world).depth
     return min(automatic, MAX_DEPTH)
 
 
@@ -143,7 +143,7 @@ def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> tuple[str, str]:
 def estimate_lines(found: Estimate) -> list[str]:
     """Estimate in words, for panel, log and report."""
     most = "Up to depth" if found.fitted else "Depth"
-    lines = [f"{most} {found.depth}, voxel side {found.voxel_world:.4g}"]
+    lines = [f"{most} {found.depth}, voxel side {found.voxel_size_world:.4g}"]
     if found.fitted:
         lines.append("As many voxels as cameras need")
         lines.append(f"Building takes at most {bytes_text(found.free_bytes)}")

@@ -27,7 +27,7 @@ from ..state.watch import read_state
 from .stages import UNLIT, GridChoice, build, choose_grid, lit, turned, unlit
 
 if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
-    from ...patchnet_addon.lightmap.page_cache import KeptPages
+    from ...patchnet_addon.lightmap.page_cache import BakePageCache
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
     from ..state.scene_state import SceneState
 
@@ -74,7 +74,7 @@ def build_lit_octree(
     context: bpy.types.Context,
     settings: JobSettings,
     clock: StageClock,
-    kept: KeptPages | None = None,
+    kept: BakePageCache | None = None,
     recipe: Recipe | None = None,
 ) -> Steps[LitOctree]:
     """Octree of the scene by settings; the scene is as before afterwards. Raises PatchNetError.
@@ -117,7 +117,7 @@ def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: Scene
     wanted = settings.cameras, settings.size, settings.bounds_world(source)
     if settings.track:
         return track_cameras(context, *wanted)
-    if settings.depth is not None or settings.voxel_world is not None:
+    if settings.depth is not None or settings.voxel_size_world is not None:
         return []
     return choose_cameras(context.evaluated_depsgraph_get(), *wanted)
 

@@ -37,7 +37,7 @@ from .versions import machine, versions
 from .views import View, overview, save_view, view
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
-    from ...patchnet_addon.lightmap.page_cache import KeptPages
+    from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +62,12 @@ def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResul
 
     The scene is as before afterwards, and nothing is written if a step fails. Raises PatchNetError.
     """
-    from ...patchnet_addon.lightmap.page_cache import KeptPages
+    from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
     folders = view_folders(context.scene, settings.cameras)
     files, inputs = job_files(folders.values(), settings.cycles), job_inputs(settings)
     output = output_folder(settings.out, files, inputs) if settings.out else nullcontext()
-    with KeptPages() as kept, output as folder:  # pages stay until the files are there
+    with BakePageCache() as kept, output as folder:  # pages stay until the files are there
         weights = load_network(settings.weights)
         result = yield from _compute(context, settings, weights, StageClock(), kept)
         for item in result.views:
@@ -79,7 +79,7 @@ def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResul
 
 
 def _compute(
-    context: bpy.types.Context, settings: JobSettings, weights: Weights, clock: StageClock, kept: KeptPages
+    context: bpy.types.Context, settings: JobSettings, weights: Weights, clock: StageClock, kept: BakePageCache
 ) -> Steps[JobResult]:
     cameras: list[Camera] = []
 
@@ -123,7 +123,7 @@ def job_report(
             "leaves": octree.leaf_count,
             "fitted": bool(octree.provenance.get("fitted", False)),
             "bytes": octree.nbytes,
-            "voxel_world": octree.grid.voxel_world,
+            "voxel_world": octree.grid.voxel_size_world,
             "exposure": octree.exposure,
             "codes": len(coded.codes),
             "codes_bytes": coded.nbytes,

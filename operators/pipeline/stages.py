@@ -17,8 +17,8 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.bounds import MAX_DEPTH
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
-from ...patchnet_addon.runtime.worker import beside, computed
-from ...patchnet_addon.surface.mesh import Material, MeshSource, Shade
+from ...patchnet_addon.runtime.worker import computed, run_in_worker
+from ...patchnet_addon.surface.mesh import Material, MeshSource, ShadingFn
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.unseen import BLACK_SURFACE
 from ..cycles.daylight import has_light
@@ -31,7 +31,7 @@ from .versions import versions
 
 if TYPE_CHECKING:  # nothing needs them before something is built
     from ...patchnet_addon.lightmap.atlas import Atlas
-    from ...patchnet_addon.lightmap.page_cache import KeptPages
+    from ...patchnet_addon.lightmap.page_cache import BakePageCache
     from ...patchnet_addon.network.encode import Encoder
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
 
@@ -56,7 +56,7 @@ def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetti
     surface whose place leaves it no precision.
     """
     make = _fitted_grid if settings.fit else _even_grid
-    choice = yield from beside(lambda: make(source, cameras, settings), Progress(0, 1, "Finding the depth"))
+    choice = yield from run_in_worker(lambda: make(source, cameras, settings), Progress(0, 1, "Finding the depth"))
     return replace(choice, warnings=(*place_warnings(source, choice.grid), *choice.warnings))
 
 
@@ -66,8 +66,8 @@ def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSetti
 
     bounds_world = settings.bounds_world(source)
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Finding the depth")
-    if settings.voxel_world is not None:
-        grid = Grid.with_voxel_size(bounds_world, settings.voxel_world)
+    if settings.voxel_size_world is not None:
+        grid = Grid.with_voxel_size(bounds_world, settings.voxel_size_world)
         choose_depth(coarse, cameras, grid.depth, settings.memory_bytes, color=settings.color)
         return GridChoice(grid)
     choice = choose_depth(coarse, cameras, settings.depth, settings.memory_bytes, color=settings.color)
@@ -83,14 +83,14 @@ def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSetti
 
 def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
     """Leaves as deep as the cameras need them, as far as memory allows."""
-    from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE, available_memory, most_leaves
+    from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE, available_memory, max_leaves
     from ...patchnet_addon.lod.fit import LAYOUT_BYTES, fit_leaf_levels
     from ...patchnet_addon.surface.opacity import opacity_shade
 
     grid = Grid.around(settings.bounds_world(source), MAX_DEPTH)
     memory = settings.memory_bytes or available_memory()
-    most = most_leaves(memory - LAYOUT_BYTES, color=settings.color)
-    fitted = yield from fit_leaf_levels(source, grid, cameras, opacity_shade(source), most_leaves=most)
+    most = max_leaves(memory - LAYOUT_BYTES, color=settings.color)
+    fitted = yield from fit_leaf_levels(source, grid, cameras, opacity_shade(source), max_leaves=most)
     warnings: tuple[str, ...] = ()
     if fitted.lookahead_share < LOOK_AHEAD_SHARE:
         warnings = (
@@ -100,7 +100,7 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
     return GridChoice(replace(grid, depth=fitted.layout.deepest), fitted.layout, warnings)
 
 
-def unlit(source: MeshSource, settings: JobSettings) -> Steps[Shade]:
+def unlit(source: MeshSource, settings: JobSettings) -> Steps[ShadingFn]:
     """Colour of the surface itself, before any light is baked."""
     return computed(lambda: _albedo(source, settings), Progress(0, 1, _TEXTURES))
 
@@ -110,11 +110,11 @@ def lit(
     source: SceneMesh,
     choice: GridChoice,
     settings: JobSettings,
-    kept: KeptPages | None = None,
+    kept: BakePageCache | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
     *,
     rotation: int = 0,
-) -> Steps[tuple[Shade, tuple[str, ...]]]:
+) -> Steps[tuple[ShadingFn, tuple[str, ...]]]:
     """Surface in the light of the settings, and sentences about what had to be assumed.
 
     choice: the leaves that the light is for; texels follow them.
@@ -149,13 +149,13 @@ def lit(
     return shade, (*coarse, *atlas.warnings, *(() if bright else (NO_LIGHT,)))
 
 
-def _albedo(source: MeshSource, settings: JobSettings) -> Shade:
+def _albedo(source: MeshSource, settings: JobSettings) -> ShadingFn:
     from ...patchnet_addon.surface.albedo import albedo_shade
 
     return albedo_shade(source, color=settings.color)
 
 
-def _two_lights(source: MeshSource, settings: JobSettings, rotation: int) -> Shade:
+def _two_lights(source: MeshSource, settings: JobSettings, rotation: int) -> ShadingFn:
     from ...patchnet_addon.surface.two_lights import DIRECTION, two_lights_shade
 
     x, y, z = np.random.default_rng(rotation).normal(size=3).tolist() if rotation else DIRECTION
@@ -168,7 +168,7 @@ def _texel_sizes(source: SceneMesh, choice: GridChoice, settings: JobSettings) -
     return texel_sizes(source, choice.grid, choice.layout, settings.texel_voxels)
 
 
-def _baked(atlas: Atlas, source: MeshSource) -> Shade:
+def _baked(atlas: Atlas, source: MeshSource) -> ShadingFn:
     from ...patchnet_addon.lightmap.atlas import atlas_shade
 
     return atlas_shade(atlas, source)
@@ -187,7 +187,7 @@ def turned(source: SceneMesh, grid: Grid, rotation: int) -> tuple[MeshSource, Gr
 def build(
     source: MeshSource,
     choice: GridChoice,
-    shade: Shade,
+    shade: ShadingFn,
     settings: JobSettings,
     light: str,
     provenance: dict[str, Any],
@@ -207,7 +207,7 @@ def build(
 
         return build_octree(source, choice.grid, shade, layout=layout, exposure=exposure, provenance=provenance)
 
-    return (yield from beside(make, Progress(0, 1, "Voxelizing")))
+    return (yield from run_in_worker(make, Progress(0, 1, "Voxelizing")))
 
 
 def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[str, Any]:
@@ -241,14 +241,14 @@ def load_network(path: Path | None) -> Weights:
 
 def encode(octree: Octree, weights: Weights) -> Steps[CodedOctree]:
     """Codes for all voxels with look-ahead, on the CPU."""
-    return (yield from beside(lambda: _encoded(octree, weights), Progress(0, 1, _ENCODING)))
+    return (yield from run_in_worker(lambda: _encoded(octree, weights), Progress(0, 1, _ENCODING)))
 
 
 def encode_as_set(octree: Octree, weights: Weights, settings: JobSettings) -> Steps[tuple[CodedOctree, Encoding]]:
     """Codes for all voxels with look-ahead, and the encoder that the settings' devices chose; raises SettingError."""
     yield Progress(0, 1, _ENCODING)
     with chosen_encoder(weights, settings) as chosen:
-        steps = beside(lambda: _encoded(octree, weights, chosen.encoder), Progress(0, 1, _ENCODING))
+        steps = run_in_worker(lambda: _encoded(octree, weights, chosen.encoder), Progress(0, 1, _ENCODING))
         coded = yield from labelled(steps, f"{{}} with {chosen.text}")
     return coded, chosen
 

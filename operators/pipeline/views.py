@@ -17,7 +17,7 @@ from ...patchnet_addon.image.heatmap import error_picture, heatmap, overlay, tin
 from ...patchnet_addon.image.tone import shown
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
-from ...patchnet_addon.runtime.worker import beside, computed
+from ...patchnet_addon.runtime.worker import computed, run_in_worker
 from ...patchnet_addon.sampling.frame import Frame
 from ...patchnet_addon.sampling.ranking import Ranking, rank
 from ...patchnet_addon.sampling.refine import refinable, refined_colors, refined_picture
@@ -78,7 +78,7 @@ def view(coded: CodedOctree, camera: Camera, settings: JobSettings, *, compare: 
     """
     chosen = strategy(settings.strategy)
     strategies = list(STRATEGIES.values()) if compare else [chosen, STRATEGIES["optimal"]]
-    tracing = beside(
+    tracing = run_in_worker(
         lambda: trace_frame(coded.octree, camera, strategies, coded=coded), Progress(0, 1, "Tracing the preview")
     )
     frame = yield from labelled(tracing, f"{camera.name}: {{}}")

@@ -94,7 +94,7 @@ def _compute(
     *,
     nothing_there: bool,
 ) -> Steps[SceneResult]:
-    from ...patchnet_addon.lightmap.page_cache import KeptPages
+    from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
     if settings.light == CYCLES and threading.current_thread() is not threading.main_thread():
         why = "There are no voxels yet" if nothing_there else "The scene is not what was voxelized and lit"
@@ -107,7 +107,7 @@ def _compute(
         baking=lambda: _bake_context(scene, depsgraph, settings),
         provenance={"scene": scene.name, "frame": scene.frame_current},  # not those of the copy that bakes
     )
-    with KeptPages() as kept:
+    with BakePageCache() as kept:
         made = yield from build_lit_octree(bpy.context, settings, StageClock(), kept, recipe)
     coded = yield from encode(made.octree, weights)
     for warning in made.warnings:

@@ -14,7 +14,7 @@ from .scene_mesh import SceneMesh
 
 LIFT_SHARE = 2.0**-18  # of the farthest coordinate: that far off a surface Cycles takes its light at least
 _LARGEST = 1e15  # squares of lengths beyond it do not fit into single precision any more, with room for a light's
-_LEAST_LIT, _MOST_LIT = 1e-7, 4e9  # across, and from the origin: beyond them Cycles was seen to be wrong
+_MIN_LIT, _MAX_LIT = 1e-7, 4e9  # across, and from the origin: beyond them Cycles was seen to be wrong
 _COARSE_PLACES, _COARSE_LIGHT = 1 / 16, 1 / 64  # shares of the surface's extent that are too coarse for any picture
 _FEW_VOXELS = 2.0
 _TO_ORIGIN = "move the scene, with its cameras and lamps, to the origin"
@@ -35,9 +35,9 @@ def place_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
     where = f"Object '{name}' lies {reach:.2g} from the origin, where Blender's numbers are {spacing:.2g} apart"
     if spacing > _COARSE_PLACES * grid.side_world:
         raise GeometryError(f"{where}, and all that is seen is {grid.side_world:.2g} across: {_TO_ORIGIN}")
-    if spacing > grid.voxel_world:
+    if spacing > grid.voxel_size_world:
         return (
-            f"{where}, more than a voxel ({grid.voxel_world:.2g}): cameras and vertices stand no finer than that; "
+            f"{where}, more than a voxel ({grid.voxel_size_world:.2g}): cameras and vertices stand no finer than that; "
             f"{_TO_ORIGIN}",
         )
     return _lonely(source, grid)
@@ -48,22 +48,22 @@ def light_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
     reach, name = _farthest(source)
     extent = float(np.ptp(source.bounds_world, axis=0).max())
     other = "or choose the two-lights shading"
-    if extent < _LEAST_LIT:
+    if extent < _MIN_LIT:
         raise GeometryError(
-            f"The surface of '{name}' is {extent:.2g} across: Cycles lights nothing below {_LEAST_LIT:g} rightly; "
+            f"The surface of '{name}' is {extent:.2g} across: Cycles lights nothing below {_MIN_LIT:g} rightly; "
             f"scale the scene up, {other}"
         )
-    if reach > _MOST_LIT:
+    if reach > _MAX_LIT:
         raise GeometryError(
-            f"Object '{name}' reaches {reach:.2g} from the origin: Cycles lights nothing beyond {_MOST_LIT:g} rightly; "
+            f"Object '{name}' reaches {reach:.2g} from the origin: Cycles lights nothing beyond {_MAX_LIT:g} rightly; "
             f"scale the scene down, {other}"
         )
     lift = LIFT_SHARE * reach
     where = f"Object '{name}' lies {reach:.2g} from the origin, where Cycles takes light {lift:.2g} off the surface"
     if lift > _COARSE_LIGHT * extent:
         raise GeometryError(f"{where}, and all that is lit is {extent:.2g} across: {_TO_ORIGIN}, {other}")
-    if lift > grid.voxel_world:
-        return (f"{where}, farther than a voxel ({grid.voxel_world:.2g}): shadows are less exact; {_TO_ORIGIN}",)
+    if lift > grid.voxel_size_world:
+        return (f"{where}, farther than a voxel ({grid.voxel_size_world:.2g}): shadows are less exact; {_TO_ORIGIN}",)
     return ()
 
 
@@ -83,11 +83,11 @@ def _lonely(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
     others = np.delete(boxes, far, axis=0)
     low, high = others[:, 0].min(axis=0), others[:, 1].max(axis=0)
     gap, extent = float(np.maximum(boxes[far, 0] - high, low - boxes[far, 1]).max()), float((high - low).max())
-    if gap < grid.side_world / 2 or extent > _FEW_VOXELS * grid.voxel_world:
+    if gap < grid.side_world / 2 or extent > _FEW_VOXELS * grid.voxel_size_world:
         return ()
     return (
         f"Object '{names[far]}' lies {gap:.2g} from all others, which are only {extent:.2g} across, and a voxel is "
-        f"{grid.voxel_world:.2g}: leave it out, or move it closer",
+        f"{grid.voxel_size_world:.2g}: leave it out, or move it closer",
     )
 
 

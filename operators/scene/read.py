@@ -22,7 +22,7 @@ from .missing_files import missing_files, missing_libraries
 from .object_random import object_random
 from .placements import surface_instances
 from .render_geometry import render_geometry
-from .scene_mesh import Placements, SceneMesh
+from .scene_mesh import MeshInstances, SceneMesh
 
 _NO_MATERIAL = ""
 
@@ -56,7 +56,7 @@ def _nothing(scope: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """Row of `Placements`."""
+    """Row of `MeshInstances`."""
 
     name: str
     matrix_world: np.ndarray
@@ -121,15 +121,15 @@ class _Reader:
         name = material.original.name_full if material else _NO_MATERIAL
         return self.material_names.setdefault(name, len(self.material_names))
 
-    def parts(self) -> tuple[Placements, ...]:
-        """Placements, all of them, mesh by mesh in the order of their first appearance."""
+    def parts(self) -> tuple[MeshInstances, ...]:
+        """MeshInstances, all of them, mesh by mesh in the order of their first appearance."""
         parts = []
         for key, placed in self._placed.items():
             mesh = self._meshes[key]
             assert mesh is not None
             width = max(len(each.slots) for each in placed)
             parts.append(
-                Placements(
+                MeshInstances(
                     mesh=mesh,
                     objects=tuple(each.name for each in placed),
                     matrices_world=np.stack([each.matrix_world for each in placed]),

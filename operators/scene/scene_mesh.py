@@ -18,7 +18,7 @@ BATCH_TRIANGLES = 250_000
 
 
 @dataclass(frozen=True, eq=False)
-class Placements:
+class MeshInstances:
     """Mesh and its places.
 
     mesh: the triangles in their own space. objects: (P,) names of the placed objects.
@@ -51,7 +51,7 @@ class Placements:
 class Run:
     """Triangles first to last of the placements lo to hi of one mesh; several placements only with all triangles."""
 
-    placements: Placements
+    placements: MeshInstances
     lo: int
     hi: int
     first: int
@@ -62,7 +62,7 @@ class Run:
 
     @property
     def mirrored(self) -> np.ndarray:
-        """(placements,) bool, see `Placements.mirrored`."""
+        """(placements,) bool, see `MeshInstances.mirrored`."""
         return self.placements.mirrored[self.lo : self.hi]
 
     def corners_world(self) -> np.ndarray:
@@ -122,7 +122,7 @@ class SceneMesh:
     light_links: receiver collections of lamps that objects are in.
     """
 
-    parts: tuple[Placements, ...]
+    parts: tuple[MeshInstances, ...]
     materials: tuple[Material, ...]
     material_names: tuple[str, ...]
     warnings: list[str]
@@ -170,7 +170,7 @@ class SceneMesh:
             yield tuple(group)
 
 
-def _runs(part: Placements) -> Iterator[Run]:
+def _runs(part: MeshInstances) -> Iterator[Run]:
     """Runs of at most BATCH_TRIANGLES triangles that cover all placements of a mesh."""
     size = len(part.mesh)
     together = max(1, BATCH_TRIANGLES // size)
@@ -198,7 +198,7 @@ def _batch(runs: tuple[Run, ...], first_triangle: int) -> TriangleBatch:
     )
 
 
-def _bounds(parts: tuple[Placements, ...]) -> np.ndarray:
+def _bounds(parts: tuple[MeshInstances, ...]) -> np.ndarray:
     """(2, 3) float64 of all placed vertices."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for part in parts:

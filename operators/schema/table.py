@@ -54,7 +54,7 @@ _SURFACE = (
     ),
     Setting(
         "voxel_size", "Voxel Size", "Side of the finest voxels", OCTREE, Kind.NUMBER, 0.01, bounds.VOXEL_SIZE,
-        field_name="voxel_world", counts=lambda values: values.resolution == VOXEL_SIZE,
+        field_name="voxel_size_world", counts=lambda values: values.resolution == VOXEL_SIZE,
         widget={"unit": "LENGTH", "precision": 4},
     ),
     Setting(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ..state.scene_state import SceneState
 
 VIEW = "view"
-_MOST_NAMES = 3  # of what made a step stale, in one line
+_MAX_NAMES = 3  # of what made a step stale, in one line
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class SceneResult:
         if step != VIEW:
             self.stale.add(step)
         names = self.reasons.setdefault(step, [])
-        if what not in names and len(names) <= _MOST_NAMES:
+        if what not in names and len(names) <= _MAX_NAMES:
             names.append(what)
 
     def known_changes(self) -> set[str]:
@@ -91,7 +91,7 @@ class SceneResult:
     def why(self, step: str) -> str:
         """Reason why a step is stale, in a few words."""
         names = self.reasons.get(step, [])
-        return ", ".join(names[:_MOST_NAMES]) + (" and more" if len(names) > _MOST_NAMES else "")
+        return ", ".join(names[:_MAX_NAMES]) + (" and more" if len(names) > _MAX_NAMES else "")
 
     @property
     def nbytes(self) -> int:

@@ -84,7 +84,7 @@ class ShownView:
             return maximum, f"priority: {strategy(self.strategy).quantity}"
         return ERROR_MAXIMUM, "luminance error"
 
-    def said_of(self, column: int, row: int, maximum: float) -> list[str]:
+    def describe_pixel(self, column: int, row: int, maximum: float) -> list[str]:
         """Lines about a pixel."""
         value = {name: float(picture[row, column]) for name, picture in self.values.items()}
         level, coverage = round(value[LEVEL]), value.get(COVERAGE)

@@ -25,7 +25,7 @@ from .scene_session import in_main_thread
 if TYPE_CHECKING:
     from ..state.scene_state import SceneState
 
-_MOST_UPDATES = 1000  # compared one by one after one change
+_MAX_UPDATES = 1000  # compared one by one after one change
 _QUICK_S = 0.5  # a comparison of everything may take so long while the user works
 _MEMBERS = bpy.types.Scene | bpy.types.Collection
 MANY = "many objects"
@@ -39,9 +39,9 @@ def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     nothing_there = result is None and estimate is None and not watches
     if nothing_there or is_quiet() or not in_main_thread():
         return
-    updates = list(islice(depsgraph.updates, _MOST_UPDATES + 1))
+    updates = list(islice(depsgraph.updates, _MAX_UPDATES + 1))
     if result is not None and result.state is not None:
-        if len(updates) > _MOST_UPDATES:
+        if len(updates) > _MAX_UPDATES:
             _recheck_if_quick(result, scene, MANY)
         else:
             for step, what in changes(result.state, scene, updates, result.known_changes()):
@@ -51,7 +51,7 @@ def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         assert watch.state is not None
         watch.changes.extend(changes(watch.state, scene, updates, {what for _, what in watch.changes}))
     if estimate is not None and estimate.state is not None and not estimate.stale_because:
-        many = len(updates) > _MOST_UPDATES
+        many = len(updates) > _MAX_UPDATES
         found = next(changes(estimate.state, scene, updates, ()), ("", MANY if many else ""))
         estimate.stale_because = found[1]
 

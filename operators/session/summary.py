@@ -23,7 +23,7 @@ def summary(result: SceneResult) -> list[str]:
     """Lines for the panel: size, light, codes, look-ahead, errors, and where the time went."""
     octree = result.octree
     lines = [
-        f"Depth {'up to ' if result.layout else ''}{octree.depth}, voxel side {octree.grid.voxel_world:.4g}",
+        f"Depth {'up to ' if result.layout else ''}{octree.depth}, voxel side {octree.grid.voxel_size_world:.4g}",
         f"{octree.leaf_count:,} voxels, {octree.node_count:,} nodes",
         f"Light: {_LIGHTS.get(result.light, result.light)}",
     ]

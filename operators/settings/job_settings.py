@@ -26,7 +26,7 @@ class JobSettings:
     """Settings of a job on a scene.
 
     scope: SELECTED objects or all VISIBLE renderable ones.
-    depth: of the octree; None chooses it by the cameras (methods 4.1b). voxel_world: leaf side instead of a depth.
+    depth: of the octree; None chooses it by the cameras (methods 4.1b). voxel_size_world: leaf side instead of a depth.
     fit: leaves only as deep as the cameras need them, coarse elsewhere, instead of one depth. track: the cameras are
     looked through at all frames of the scene for that, not only at the present one.
     memory_bytes: what the octree may take while it is built; None for all that is free.
@@ -49,7 +49,7 @@ class JobSettings:
 
     scope: str = VISIBLE
     depth: int | None = None
-    voxel_world: float | None = None
+    voxel_size_world: float | None = None
     fit: bool = False
     track: bool = False
     memory_bytes: int | None = None
@@ -77,9 +77,9 @@ class JobSettings:
 
     def __post_init__(self) -> None:
         strategy(self.strategy)
-        if self.depth is not None and self.voxel_world is not None:
+        if self.depth is not None and self.voxel_size_world is not None:
             raise SettingError("Depth and voxel size are both given: choose one of them")
-        if self.fit and (self.depth is not None or self.voxel_world is not None):
+        if self.fit and (self.depth is not None or self.voxel_size_world is not None):
             raise SettingError("Leaves that fit the cameras have no one depth or voxel size: choose one of them")
         if self.track and not self.fit:
             raise SettingError("Only leaves that fit the cameras can follow a track: choose fit, or no track")

@@ -46,7 +46,7 @@ _OF_POINTS = {"co": 4, "weight": 1, "tilt": 1, "radius": 1}
 _OF_BEZIER_POINTS = {"co": 3, "handle_left": 3, "handle_right": 3, "tilt": 1, "radius": 1}
 _CORNERS = ".corner_vert"
 _DEPTH = 6
-_MOST_TEXTS = 4096
+_MAX_TEXTS = 4096
 
 
 class Digest:
@@ -67,7 +67,7 @@ class Digest:
         """Plain values, by their repr."""
         self.is_empty = False
         self._texts.append(repr(values))
-        if len(self._texts) >= _MOST_TEXTS:
+        if len(self._texts) >= _MAX_TEXTS:
             self._hash_texts()
 
     def _hash_texts(self) -> None:

@@ -24,7 +24,7 @@ from ..scene.cameras import camera_size_px, choose_cameras
 from .settings import CheckSettings
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
-    from ...patchnet_addon.lightmap.page_cache import KeptPages
+    from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
 _COVERAGE_RAYS = 8
 
@@ -53,13 +53,13 @@ def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[L
 
     A comparison that is stopped finds the pages of light that it has baked when it is started again.
     """
-    from ...patchnet_addon.lightmap.page_cache import KeptPages
+    from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
-    with KeptPages() as kept:
+    with BakePageCache() as kept:
         return (yield from _compared(context, settings, kept))
 
 
-def _compared(context: bpy.types.Context, settings: CheckSettings, kept: KeptPages) -> Steps[LightCheck]:
+def _compared(context: bpy.types.Context, settings: CheckSettings, kept: BakePageCache) -> Steps[LightCheck]:
     clock = StageClock()
     made = yield from build_lit_octree(context, settings.job, clock, kept)
     octree = made.octree
@@ -164,7 +164,7 @@ def _report(
         "octree": {
             "depth": octree.depth,
             "leaves": octree.leaf_count,
-            "voxel_world": octree.grid.voxel_world,
+            "voxel_world": octree.grid.voxel_size_world,
             "exposure": octree.exposure,
         },
         "settings": {"render_samples": settings.render_samples, "rays": settings.rays},

@@ -19,7 +19,7 @@ from ..cycles.bake.baker import Baker
 from ..cycles.scene_copy import prepared
 from ..scene.scene_mesh import SceneMesh
 
-_LEAST_PX, _MOST_PX = 64, 2048
+_MIN_PX, _MAX_PX = 64, 2048
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class _Clock:
 
 def _with_pixels(camera: Camera, pixels: float) -> Camera:
     """Camera with a square picture of about so many pixels."""
-    side = int(np.clip(round(float(np.sqrt(pixels))), _LEAST_PX, _MOST_PX))
+    side = int(np.clip(round(float(np.sqrt(pixels))), _MIN_PX, _MAX_PX))
     target = camera.position_world + camera.forward
     return Camera.look_at(
         camera.position_world, target, fov=2.0 * float(np.arctan(camera.half_y)), size_px=(side, side), name=camera.name

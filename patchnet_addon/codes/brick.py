@@ -110,7 +110,7 @@ def fill_brick(child_mask, first_child, root, level, x, y, z, lookahead, brick, 
 
 
 def brick_nodes(octree: Octree, level: int, cell: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
-    """Plain twin of `fill_brick`: nodes (S, S, S) int64 in the order z, y, x, -1 for empty, by look-ups of keys.
+    """Reference of `fill_brick`: nodes (S, S, S) int64 in the order z, y, x, -1 for empty, by look-ups of keys.
 
     S is 3 * 2^lookahead.
     """

@@ -135,7 +135,7 @@ def _draw(view, centre_u, centre_v, rows):
 
 
 @device
-def see_brick(luminance, brick, counts, direction, lookahead, view, rows):
+def rasterize_brick(luminance, brick, counts, direction, lookahead, view, rows):
     """Coverage and mean luminance (65535 = 1) of a brick in a view; `rows` (64,) uint64 is scratch.
 
     Along parallel rays, a cell can only hide cells that lie further along each axis in the direction's sign: running
@@ -205,6 +205,6 @@ def _render(
         fill_brick(child_mask, first_child, 0, level[group], x, y, z, lookahead, brick, counts)
         for ray in range(group_start[group], group_start[group + 1]):
             set_view(entry[ray], direction[ray], up[ray], ratio[ray], lookahead, view)
-            sigma, mean = see_brick(luminance, brick, counts, direction[ray], lookahead, view, rows)
+            sigma, mean = rasterize_brick(luminance, brick, counts, direction[ray], lookahead, view, rows)
             coverage_out[ray] = sigma
             luminance_out[ray] = mean / LUMINANCE_SCALE

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..runtime.errors import SettingError
 from ..surface.chroma import BLUE, GREEN, RED
-from ..surface.mesh import Fragments, MeshSource, Shade, TriangleBatch
+from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from ..surface.texture_color import color_of_fragments
 from ..surface.texture_lookup import surface_of_fragments
 from ..surface.textures import TextureTable
@@ -20,7 +20,7 @@ from .irradiance import irradiance_of_materials
 from .texture_detail import hue_detail, texture_detail
 
 COLOR_CHANNELS = 4  # of texels with colour
-_LEAST_OPACITY = 1e-3
+_MIN_OPACITY = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +38,8 @@ class Atlas:
     warnings: tuple[str, ...] = ()
 
 
-def atlas_shade(atlas: Atlas, source: MeshSource) -> Shade:
-    """Shade that reads baked luminance at the centroid of each fragment; opacity is the material's own.
+def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:
+    """ShadingFn that reads baked luminance at the centroid of each fragment; opacity is the material's own.
 
     Texture that is finer than the texels of the bake is put back (`texture_detail`). With colour in the atlas it is a
     shade of colour.
@@ -58,15 +58,15 @@ def atlas_shade(atlas: Atlas, source: MeshSource) -> Shade:
 
     @functools.cache
     def irradiance() -> np.ndarray:
-        return irradiance_of_materials(atlas.charts, atlas.texels, table, source, _LEAST_OPACITY)
+        return irradiance_of_materials(atlas.charts, atlas.texels, table, source, _MIN_OPACITY)
 
     def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
         albedo, opacity = surface_of_fragments(table, batch, fragments)
         triangles = fragments.triangle.astype(np.int64) + batch.first_triangle
         values = lookup(atlas.charts, atlas.texels, triangles, fragments.barycentric)
-        lost = (values[:, 1] <= _LEAST_OPACITY) & (opacity > 0.0)
+        lost = (values[:, 1] <= _MIN_OPACITY) & (opacity > 0.0)
         values[lost] = _triangle_values(atlas, triangles[lost])
-        seen = values[:, 1] > _LEAST_OPACITY
+        seen = values[:, 1] > _MIN_OPACITY
         luminance = np.where(seen, values[:, 0] / np.where(seen, values[:, 1], 1.0), 0.0).astype(np.float32)
         luminance *= texture_detail(atlas.charts, table, batch, fragments, albedo, opacity)
         lost = ~seen & (opacity > 0.0)

@@ -22,7 +22,7 @@ from .packing import FIRST, SECOND, SINGLE, packed, texel_count
 from .sample_sharing import crowding_of
 
 MAX_PAGE_SIDE = 4096
-_MOST_SHARES = 6  # halvings of the paths
+_MAX_SHARES = 6  # halvings of the paths
 # A page of its own starts with reading the scene: in the time for a triangle, and for the call, so many are traced.
 _PATHS_PER_TRIANGLE, _PATHS_PER_CALL = 2, 100_000
 # Thinner rectangles would bring the hypotenuse so close to texel centres that rounding could change their owner.
@@ -174,7 +174,7 @@ def _shares(excess: np.ndarray, sides: np.ndarray, samples: int) -> np.ndarray:
 
     A class whose own pages would save fewer paths than reading the scene once more costs joins the one before it.
     """
-    most = min(_MOST_SHARES, int(np.log2(samples)))
+    most = min(_MAX_SHARES, int(np.log2(samples)))
     shares = np.clip(np.floor(np.log2(excess) + 1e-6), 0, most).astype(np.uint8)
     texels = np.bincount(shares, _own_texels(sides), minlength=most + 1)
     for share in np.flatnonzero(texels)[:0:-1].tolist():

@@ -40,19 +40,19 @@ class ExactSums:
 
 
 def irradiance_of_materials(
-    charts: Charts, texels: np.ndarray, table: TextureTable, source: MeshSource, least_opacity: float
+    charts: Charts, texels: np.ndarray, table: TextureTable, source: MeshSource, min_opacity: float
 ) -> np.ndarray:
     """Baked luminance per luminance of base colour (M,) float64: means over all triangles that the bake saw.
 
     texels: (N, 2) float32, luminance weighed by opacity, and opacity. Triangles count by area, but for those with at
-    most `least_opacity`.
+    most `min_opacity`.
     """
     light, color = ExactSums(len(source.materials)), ExactSums(len(source.materials))
     for batch in source.batches():
         means = triangle_means(charts, texels, np.arange(len(batch)) + batch.first_triangle)  # (T, 2)
         areas, _ = triangle_areas_and_normals(batch.corners_world)
         albedo, opacity = surface_of_fragments(table, batch, _whole(batch, areas))
-        seen = (means[:, 1] > least_opacity) & (opacity > 0.0)  # with no opacity, there is no colour to compare with
+        seen = (means[:, 1] > min_opacity) & (opacity > 0.0)  # with no opacity, there is no colour to compare with
         groups = batch.materials[seen]
         light.add(groups, areas[seen] * np.maximum(means[seen, 0], 0.0))
         color.add(groups, areas[seen] * means[seen, 1] * albedo[seen])

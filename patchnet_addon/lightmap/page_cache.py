@@ -27,7 +27,7 @@ _IN_USE_S = 3600.0  # a bake that wrote a page within this time may still run el
 _LOG = logging.getLogger("patchnet")
 
 
-class KeptPages:
+class BakePageCache:
     """Context manager around a bake and what is made of it.
 
     If the block ends well, the pages are deleted, since they are not needed any more; after an error, a stop or a kill
@@ -40,7 +40,7 @@ class KeptPages:
         self._folders: list[Path] = []
         self._writes = True
 
-    def __enter__(self) -> KeptPages:
+    def __enter__(self) -> BakePageCache:
         return self
 
     def __exit__(

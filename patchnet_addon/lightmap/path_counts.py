@@ -12,7 +12,7 @@ from ..octree.leaf_levels import LeafLevels
 from ..octree.voxelize import LeafSums, triangle_areas_and_normals, voxelize
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.progress import Steps
-from ..surface.mesh import Fragments, MeshSource, Shade, TriangleBatch
+from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from .chart_lookup import texel_owners
 from .charts import Charts
 
@@ -54,7 +54,7 @@ def path_counts(
         there = paths[batch.first_triangle : batch.first_triangle + len(batch)] / areas
         return there[fragments.triangle].astype(np.float32), np.ones(len(fragments), np.float32)
 
-    shade: Shade = density
+    shade: ShadingFn = density
     leaves = yield from voxelize(source, grid, shade, _counted, layout=layout)
     pairs = [pair for part in leaves for pair in part]
     leaf = np.concatenate([values for _, values in pairs]) if pairs else np.empty(0)

@@ -10,24 +10,24 @@ from ..octree.grid import Grid
 from ..octree.leaf_levels import LeafLevels
 from ..surface.mesh import MeshSource
 
-_MOST_PARTS = 16  # along an edge of a triangle that crosses many blocks
+_MAX_PARTS = 16  # along an edge of a triangle that crosses many blocks
 
 
 def texel_sizes(source: MeshSource, grid: Grid, layout: LeafLevels | None, texel_voxels: float) -> float | np.ndarray:
     """Sides (T,) float32, world units, of texels that are `texel_voxels` leaves wide; one for all without `layout`.
 
     Where a triangle crosses leaves of several sizes, it gets as many texels as if each part had its own: the mean of
-    the inverse of their area counts, over points at most a block apart, or _MOST_PARTS^2 of them.
+    the inverse of their area counts, over points at most a block apart, or _MAX_PARTS^2 of them.
     """
     if layout is None:
-        return grid.voxel_world * texel_voxels
+        return grid.voxel_size_world * texel_voxels
     sides = np.empty(source.triangle_count, np.float32)
     block_world = grid.side_world / (1 << layout.block_level)
     for batch in source.batches():
         corners = batch.corners_world
         edges = np.roll(corners, -1, axis=1) - corners
         longest = np.sqrt((edges * edges).sum(axis=-1).max(axis=-1))
-        parts = np.clip(np.ceil(longest / block_world), 1, _MOST_PARTS).astype(np.int64)
+        parts = np.clip(np.ceil(longest / block_world), 1, _MAX_PARTS).astype(np.int64)
         result = sides[batch.first_triangle : batch.first_triangle + len(batch)]
         for number in np.unique(parts):
             chosen = np.flatnonzero(parts == number)

@@ -17,8 +17,8 @@ from ..surface.textures import TextureTable
 from .charts import Charts
 from .packing import SINGLE
 
-_MOST = 4.0  # what texture can do to light, either way: beyond it the two base colours are not of one texel
-_LEAST_ALBEDO = 1e-3
+_MAX = 4.0  # what texture can do to light, either way: beyond it the two base colours are not of one texel
+_MIN_ALBEDO = 1e-3
 _SOLID = 0.999  # opacity; with gaps in them, texels hold light of their own kind
 
 
@@ -39,9 +39,9 @@ def texture_detail(
     if not len(chosen):
         return factor
     held, covered = surface_of_fragments(table, batch, _at_texels(charts, batch, fragments, chosen))
-    known = (held > _LEAST_ALBEDO) & (covered >= _SOLID)
+    known = (held > _MIN_ALBEDO) & (covered >= _SOLID)
     ratio = albedo[chosen[known]] / held[known]
-    factor[chosen[known]] = np.clip(ratio, 1.0 / _MOST, _MOST)
+    factor[chosen[known]] = np.clip(ratio, 1.0 / _MAX, _MAX)
     return factor
 
 
@@ -62,8 +62,8 @@ def hue_detail(
     if len(chosen):
         texels = _at_texels(charts, batch, fragments, chosen)
         held = color_of_fragments(table, batch, texels, np.ones(len(chosen), np.float32))
-        ratio = np.maximum(base[chosen], _LEAST_ALBEDO) / np.maximum(held, _LEAST_ALBEDO)
-        factor[chosen] = np.clip(ratio, 1.0 / _MOST, _MOST)
+        ratio = np.maximum(base[chosen], _MIN_ALBEDO) / np.maximum(held, _MIN_ALBEDO)
+        factor[chosen] = np.clip(ratio, 1.0 / _MAX, _MAX)
     return factor
 
 

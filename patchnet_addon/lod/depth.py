@@ -130,7 +130,7 @@ def peak_bytes(leaves: float, *, color: bool = False) -> int:
     return int(max(kept * leaves + in_pass * min(leaves, _PASS_LEAVES), 2 * kept * leaves))
 
 
-def most_leaves(memory_bytes: float, *, color: bool = False) -> int:
+def max_leaves(memory_bytes: float, *, color: bool = False) -> int:
     """Number of leaves that an octree built within `memory_bytes` may have at most; inverse of `peak_bytes`."""
     kept, in_pass = _bytes_per_leaf(color)
     in_one_pass = memory_bytes / (kept + in_pass)

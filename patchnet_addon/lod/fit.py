@@ -21,7 +21,7 @@ from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ..runtime.errors import GeometryError
 from ..runtime.kernels import serial_kernel
 from ..runtime.progress import Steps, labelled
-from ..surface.mesh import MeshSource, Shade
+from ..surface.mesh import MeshSource, ShadingFn
 from ..tracing.camera import Camera
 from .detail import lookahead_share, needed_levels
 
@@ -49,15 +49,15 @@ def fit_leaf_levels(
     source: MeshSource,
     grid: Grid,
     cameras: Sequence[Camera],
-    shade: Shade,
+    shade: ShadingFn,
     *,
-    most_leaves: float = np.inf,
+    max_leaves: float = np.inf,
     deepest: int = MAX_DEPTH,
     lookahead: int = DEFAULT_LOOKAHEAD,
 ) -> Steps[FittedLevels]:
     """Levels of leaves with look-ahead wherever `cameras` see the surface, within the cube of `grid`.
 
-    shade: its opacity counts. most_leaves: where there would be more, the leaves become coarser in those blocks first
+    shade: its opacity counts. max_leaves: where there would be more, the leaves become coarser in those blocks first
     that show the fewest pixels per leaf. lookahead: levels, of the weights that will encode the octree.
     Raises GeometryError when no opaque surface is left.
     """
@@ -75,7 +75,7 @@ def fit_leaf_levels(
         needed = np.maximum(needed, seen[surface]) if last else seen[surface]
         wanted = layout.levels.copy()
         wanted[surface] = np.clip(needed, block_level, cap)
-        finer = _within(LeafLevels(wanted), pixels, leaves, most_leaves)
+        finer = _within(LeafLevels(wanted), pixels, leaves, max_leaves)
         leaves = yield from _changed(leaves, layout, finer, source, grid, shade)
         layout = finer
         if last:
@@ -101,7 +101,12 @@ def _caps(block_level: int, deepest: int) -> Iterator[int]:
 
 
 def _changed(
-    leaves: dict[int, np.ndarray], before: LeafLevels, after: LeafLevels, source: MeshSource, grid: Grid, shade: Shade
+    leaves: dict[int, np.ndarray],
+    before: LeafLevels,
+    after: LeafLevels,
+    source: MeshSource,
+    grid: Grid,
+    shade: ShadingFn,
 ) -> Steps[dict[int, np.ndarray]]:
     """Keys of the leaves of `after`, of which `leaves` are those of `before`; only blocks that differ are made anew."""
     different = before.levels != after.levels
@@ -130,8 +135,8 @@ def _look(
     return needed, pixels
 
 
-def _within(layout: LeafLevels, pixels: np.ndarray, leaves: dict[int, np.ndarray], most_leaves: float) -> LeafLevels:
-    """Layout, or one with at most about `most_leaves`: a level less in the blocks with the fewest pixels per leaf.
+def _within(layout: LeafLevels, pixels: np.ndarray, leaves: dict[int, np.ndarray], max_leaves: float) -> LeafLevels:
+    """Layout, or one with at most about `max_leaves`: a level less in the blocks with the fewest pixels per leaf.
 
     A block has four times as many leaves a level deeper, as far as that can be known from its present `leaves`.
     """
@@ -139,7 +144,7 @@ def _within(layout: LeafLevels, pixels: np.ndarray, leaves: dict[int, np.ndarray
     for level, keys in leaves.items():
         _add_expected(keys, level, np.uint64(3 * (level - layout.block_level)), layout.levels, expected)
     levels = layout.levels.copy()
-    while (excess := expected.sum(dtype=np.float64) - most_leaves) > 0:
+    while (excess := expected.sum(dtype=np.float64) - max_leaves) > 0:
         deep = np.flatnonzero((expected > 0) & (levels > layout.block_level))
         if len(deep) == 0:
             break
@@ -151,7 +156,7 @@ def _within(layout: LeafLevels, pixels: np.ndarray, leaves: dict[int, np.ndarray
     return LeafLevels(levels)
 
 
-def _leaf_keys(source: MeshSource, grid: Grid, layout: LeafLevels, shade: Shade) -> Steps[dict[int, np.ndarray]]:
+def _leaf_keys(source: MeshSource, grid: Grid, layout: LeafLevels, shade: ShadingFn) -> Steps[dict[int, np.ndarray]]:
     """Ascending keys of the leaves on each level."""
     steps = voxelize(source, grid, shade, lambda leaves, _: {part.level: part.keys for part in leaves}, layout=layout)
     passes = yield from labelled(steps, LABEL)

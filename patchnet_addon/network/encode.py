@@ -45,7 +45,7 @@ class Buffers:
 
 
 class NumpyEncoder:
-    """`Encoder` on NumPy's products, as fast as its BLAS: the plain twin of `CompiledEncoder`."""
+    """`Encoder` on NumPy's products, as fast as its BLAS: the Reference of `CompiledEncoder`."""
 
     chunk = 4096
 
@@ -91,7 +91,7 @@ def sum_corner(products, eight, bias, values, corner):
 
 
 def sum_octants_reference(products: np.ndarray, rows: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    """Plain twin of what both encoders do with `sum_corner`: (C, 256) of products (U, 8 * 256) and rows (C, 8)."""
+    """Reference of what both encoders do with `sum_corner`: (C, 256) of products (U, 8 * 256) and rows (C, 8)."""
     parts = products.reshape(len(products), 8, len(bias))[rows, np.arange(8)]  # (C, 8, 256)
     sums: np.ndarray = np.where((rows > 0)[:, :, None], parts, 0).sum(axis=1) + bias
     return np.maximum(sums, 0)

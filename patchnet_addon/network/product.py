@@ -75,7 +75,7 @@ def multiply(
 def multiply_reference(
     values: np.ndarray, matrix: np.ndarray, bias: np.ndarray | None = None, *, relu: bool = False
 ) -> np.ndarray:
-    """Plain twin of `multiply` on NumPy's product: (N, columns)."""
+    """Reference of `multiply` on NumPy's product: (N, columns)."""
     result: np.ndarray = np.matmul(values, matrix)
     if bias is not None:
         result += bias

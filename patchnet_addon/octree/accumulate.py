@@ -29,10 +29,10 @@ _NO_COLOR = np.empty((0, 3), np.float32)
 
 
 class LeafAccumulator:
-    """Sums over fragments of leaves of side `voxel_world`, until `take` hands them out in order of their key."""
+    """Sums over fragments of leaves of side `voxel_size_world`, until `take` hands them out in order of their key."""
 
-    def __init__(self, voxel_world: float) -> None:
-        self._area_unit = voxel_world**2 / _AREA_UNITS
+    def __init__(self, voxel_size_world: float) -> None:
+        self._area_unit = voxel_size_world**2 / _AREA_UNITS
         self._count = np.zeros(2, np.int64)  # bricks, leaves
         self._brick_key = np.zeros(1 << 10, np.uint64)
         self._brick_rows = np.zeros(_BRICK_CELLS << 10, np.int32)  # 1 + row of each cell, 0: none yet

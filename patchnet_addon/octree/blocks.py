@@ -21,7 +21,7 @@ from .grid import Grid
 from .leaf_levels import LeafLevels
 
 FRAGMENTS_PER_TASK = 1 << 18
-_LEAST_SHARE = 50_000  # fragments for which a core of its own is worth while
+_MIN_SHARE = 50_000  # fragments for which a core of its own is worth while
 BLOCK_LEVEL = 5  # where all leaves are on one level, memory is divided by blocks of this level
 
 
@@ -71,17 +71,17 @@ class BlockRange:
 
 
 def plan_passes(
-    source: MeshSource, grid: Grid, layout: LeafLevels, most_fragments: int, cores: int = 1
+    source: MeshSource, grid: Grid, layout: LeafLevels, max_fragments: int, cores: int = 1
 ) -> list[list[BlockRange]]:
-    """Plan passes over the triangles, each over blocks with about `most_fragments`, in Morton order.
+    """Plan passes over the triangles, each over blocks with about `max_fragments`, in Morton order.
 
     Each is divided into as many ranges of similar load as there are cores; reads the triangles once.
     """
     blocks = layout.divided(BLOCK_LEVEL)
     load = expected_fragments(source, grid, blocks)
     total = float(load.sum())
-    passes = max(int(np.ceil(total / most_fragments)), 1)
-    shares = max(min(cores, int(total / passes / _LEAST_SHARE)), 1)
+    passes = max(int(np.ceil(total / max_fragments)), 1)
+    shares = max(min(cores, int(total / passes / _MIN_SHARE)), 1)
     # A block belongs where its middle fragment lies, so that rounding leaves no range behind.
     number = np.minimum((np.cumsum(load) - load / 2) * (passes * shares / max(total, 1.0)), passes * shares - 1)
     cuts = np.searchsorted(number.astype(np.int64), np.arange(passes * shares + 1))

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..runtime.errors import GeometryError
 from ..runtime.progress import Steps
-from ..surface.mesh import MeshSource, Shade
+from ..surface.mesh import MeshSource, ShadingFn
 from .exposure import quantile_exposure
 from .grid import Grid
 from .leaf_levels import LeafLevels
@@ -24,7 +24,7 @@ from .voxelize import BLOCK_FRAGMENTS, LeafSums, voxelize
 def build_octree(
     source: MeshSource,
     grid: Grid,
-    shade: Shade,
+    shade: ShadingFn,
     *,
     layout: LeafLevels | None = None,
     exposure: float | None = None,

@@ -37,14 +37,14 @@ class Grid:
         return cls((float(x), float(y), float(z)), side, depth)
 
     @classmethod
-    def with_voxel_size(cls, bounds_world: np.ndarray, voxel_world: float) -> Grid:
-        """Cube around `bounds_world` whose leaves have exactly the side `voxel_world`."""
-        if not (np.isfinite(voxel_world) and voxel_world > 0):
-            raise SettingError(f"Voxel size {voxel_world} must be a positive length")
+    def with_voxel_size(cls, bounds_world: np.ndarray, voxel_size_world: float) -> Grid:
+        """Cube around `bounds_world` whose leaves have exactly the side `voxel_size_world`."""
+        if not (np.isfinite(voxel_size_world) and voxel_size_world > 0):
+            raise SettingError(f"Voxel size {voxel_size_world} must be a positive length")
         low, high = np.asarray(bounds_world, np.float64)
         extent = float((high - low).max()) * _MARGIN
-        depth = max(1, int(np.ceil(np.log2(max(extent / voxel_world, 1.0)))))
-        side = voxel_world * 2.0**depth
+        depth = max(1, int(np.ceil(np.log2(max(extent / voxel_size_world, 1.0)))))
+        side = voxel_size_world * 2.0**depth
         x, y, z = (low + high) / 2 - side / 2
         return cls((float(x), float(y), float(z)), side, depth)
 
@@ -54,7 +54,7 @@ class Grid:
         return 1 << self.depth
 
     @property
-    def voxel_world(self) -> float:
+    def voxel_size_world(self) -> float:
         """Side of a leaf in world units."""
         return self.side_world / self.resolution
 

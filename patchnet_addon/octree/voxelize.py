@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..runtime.progress import Progress, Steps
-from ..surface.mesh import Fragments, MeshSource, Shade, TriangleBatch
+from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from .accumulate import LeafAccumulator
 from .blocks import BlockRange, CellSet, all_cells, plan_passes, tasks_of, to_cells
 from .clip import clip_triangles
@@ -52,7 +52,7 @@ def triangle_areas_and_normals(corners_world: np.ndarray) -> tuple[np.ndarray, n
 def voxelize(
     source: MeshSource,
     grid: Grid,
-    shade: Shade,
+    shade: ShadingFn,
     keep: Callable[[list[LeafSums], int], Kept],
     *,
     layout: LeafLevels | None = None,
@@ -86,7 +86,7 @@ def all_leaves(leaves: list[LeafSums], _block_level: int) -> list[LeafSums]:
 class _Share:
     """Share of a pass that one core computes: the leaves of some blocks."""
 
-    def __init__(self, blocks: BlockRange, grid: Grid, shade: Shade) -> None:
+    def __init__(self, blocks: BlockRange, grid: Grid, shade: ShadingFn) -> None:
         self.block_level = blocks.layout.block_level
         self._grid = grid
         self._shade = shade

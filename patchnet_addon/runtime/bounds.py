@@ -67,7 +67,7 @@ LOOKAHEADS = (1, 2, 3)  # levels that a network may look ahead (the paper's delt
 DEFAULT_LOOKAHEAD = 2  # of the shipped weights, and of files that do not say
 _PIXEL_SHARE = "give a share of the pixels"
 _LARGEST = 1e9  # of factors and of ends of legends
-_MOST_PATHS = 65536  # as many as Cycles' own panel offers
+_MAX_PATHS = 65536  # as many as Cycles' own panel offers
 MAX_SEED = 2**32 - 1
 
 # What is voxelized.
@@ -81,7 +81,7 @@ SHARE = Bounds("Share", 0, 1)
 SHOWN_VOXELS = Bounds("Limit", 1, 2**31 - 1, True)
 
 # Light.
-SAMPLES = Bounds("Samples per texel", 1, _MOST_PATHS, True)
+SAMPLES = Bounds("Samples per texel", 1, _MAX_PATHS, True)
 TEXEL_VOXELS = Bounds("Texel size in voxels", 0.25, 16)
 EXPOSURE = Bounds("Exposure", 1e-9, _LARGEST, advice="choose a factor in this range, or leave it automatic")
 
@@ -96,10 +96,10 @@ FRAME_STEP = Bounds("Frame step", 1, LAST_FRAME, True)
 
 # Regions by Cycles, and comparisons with it.
 CYCLES_BUDGET = Bounds("Cycles' budget", 0, 1, advice=_PIXEL_SHARE)
-CYCLES_SAMPLES = Bounds("Cycles samples", 1, _MOST_PATHS, True)
+CYCLES_SAMPLES = Bounds("Cycles samples", 1, _MAX_PATHS, True)
 CYCLES_TILE = Bounds("Side of tiles in pixels", 1, 1024, True)
 CYCLES_REGIONS = Bounds("Regions", 1, 256, True)
-RENDER_SAMPLES = Bounds("Render samples", 2, _MOST_PATHS, True)
+RENDER_SAMPLES = Bounds("Render samples", 2, _MAX_PATHS, True)
 DIFFERENCE = Bounds("End of the difference's legend", 1e-9, _LARGEST)
 
 # The cache.

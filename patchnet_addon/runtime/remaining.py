@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 from .progress import Progress
 
-_LEAST_SHARE = 0.02  # of the step, before which no estimate is made
-_LEAST_S = 2.0
+_MIN_SHARE = 0.02  # of the step, before which no estimate is made
+_MIN_S = 2.0
 
 
 class Remaining:
@@ -38,7 +38,7 @@ class Remaining:
     def seconds(self) -> float | None:
         """Seconds until the step ends, as far as they can be known by now."""
         share, spent = self._last - self._first, self._reported - self._begun
-        if share < _LEAST_SHARE or spent < _LEAST_S:
+        if share < _MIN_SHARE or spent < _MIN_S:
             return None
         since = self._clock() - self._reported
         return max(spent / share * (1.0 - self._last) - since, 0.0)

@@ -41,7 +41,7 @@ def attended() -> Iterator[None]:
         _attended.reset(token)
 
 
-def beside(make: Callable[[], Steps[Result]], at: Progress) -> Steps[Result]:
+def run_in_worker(make: Callable[[], Steps[Result]], at: Progress) -> Steps[Result]:
     """Run the steps that `make` gives, with the same reports, result and errors; beside a caller, if one waits.
 
     make: is called where the steps are. at: the first report, when they have not said anything yet.
@@ -64,7 +64,7 @@ def computed(function: Callable[[], Result], at: Progress) -> Steps[Result]:
         yield at
         return function()
 
-    return beside(steps, at)
+    return run_in_worker(steps, at)
 
 
 class _Work(Generic[Result]):

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..octree.octree import Octree
 from ..runtime.progress import Progress, Steps
-from ..runtime.worker import beside
+from ..runtime.worker import run_in_worker
 from ..tracing.camera import Camera
 from ..tracing.part import camera_part
 from .frame import Frame
@@ -93,7 +93,7 @@ class AdaptivePicture:
             self._show(row * camera.width_px, band)
             row += rows
         # Of all pixels at once, so as long as that takes: beside the caller that waits.
-        ranked = yield from beside(lambda: self._ranked(bands), Progress(0, 1, "Ranking pixels"))
+        ranked = yield from run_in_worker(lambda: self._ranked(bands), Progress(0, 1, "Ranking pixels"))
         self.frame, self.score, self._order = ranked
 
     def refine(self, budget: float, side: int = REFINED_SIDE, pace: Pace | None = None) -> Steps[None]:

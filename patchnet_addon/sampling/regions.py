@@ -42,9 +42,9 @@ class Region:
         """Rows and columns of a picture (H, W)."""
         return slice(self.bottom, self.bottom + self.height), slice(self.left, self.left + self.width)
 
-    def split(self, most_px: int) -> tuple[Region, Region | None]:
-        """Split off the lower rows, at most `most_px` pixels but one row at least, and the rest, if there is one."""
-        rows = min(max(1, most_px // self.width), self.height)
+    def split(self, max_px: int) -> tuple[Region, Region | None]:
+        """Split off the lower rows, at most `max_px` pixels but one row at least, and the rest, if there is one."""
+        rows = min(max(1, max_px // self.width), self.height)
         rest = Region(self.left, self.bottom + rows, self.width, self.height - rows) if rows < self.height else None
         return Region(self.left, self.bottom, self.width, rows), rest
 

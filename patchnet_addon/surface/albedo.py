@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from .mesh import Fragments, MeshSource, Shade, TriangleBatch
+from .mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from .texture_color import color_of_fragments
 from .texture_lookup import surface_of_fragments
 from .textures import TextureTable
 
 
-def albedo_shade(source: MeshSource, *, color: bool = False) -> Shade:
-    """Shade whose luminance is that of base colour plus emission, and whose opacity is the material's."""
+def albedo_shade(source: MeshSource, *, color: bool = False) -> ShadingFn:
+    """ShadingFn whose luminance is that of base colour plus emission, and whose opacity is the material's."""
     table = TextureTable.from_materials(source.materials, color=color)
 
     def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:

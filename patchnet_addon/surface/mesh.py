@@ -101,7 +101,7 @@ class Fragments:
         return len(self.keys)
 
 
-Shade = Callable[[TriangleBatch, Fragments], tuple[np.ndarray, ...]]
+ShadingFn = Callable[[TriangleBatch, Fragments], tuple[np.ndarray, ...]]
 """Luminance (F,) float32, linear before exposure, and opacity (F,) float32 in [0, 1] of fragments; from a shade of
 colour also their linear colour (F, 3) float32, of which only the hue counts: it is brought to that luminance."""
 

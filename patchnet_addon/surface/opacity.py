@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from .mesh import Fragments, MeshSource, Shade, TriangleBatch
+from .mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from .texture_lookup import surface_of_fragments
 from .textures import TextureTable
 
 
-def opacity_shade(source: MeshSource) -> Shade:
-    """Shade without luminance, with the very opacity of the lit surface: only cut-outs are looked up (methods 7.2a)."""
+def opacity_shade(source: MeshSource) -> ShadingFn:
+    """Shading without luminance, by the very opacity of the lit surface; only cut-outs are looked up (methods 7.2a)."""
     table = TextureTable.from_materials(source.materials)
     cut_out = ~np.append(table.pyramid_solid.astype(bool), True)[table.material_pyramid]  # the last: no texture
 

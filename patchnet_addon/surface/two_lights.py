@@ -7,7 +7,7 @@ import numpy as np
 
 from ..runtime.errors import SettingError
 from .albedo import emission_of_fragments, glow_of_fragments
-from .mesh import Fragments, MeshSource, Shade, TriangleBatch
+from .mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from .texture_color import color_of_fragments
 from .texture_lookup import surface_of_fragments
 from .textures import TextureTable
@@ -18,8 +18,8 @@ DIRECTION = (0.36, -0.48, 0.8)
 
 def two_lights_shade(
     source: MeshSource, direction: tuple[float, float, float] = DIRECTION, *, color: bool = False
-) -> Shade:
-    """Shade with luminance albedo * |normal . direction| + emission; both sides of a surface are lit alike.
+) -> ShadingFn:
+    """ShadingFn with luminance albedo * |normal . direction| + emission; both sides of a surface are lit alike.
 
     Raises SettingError if the direction is zero or not finite.
     """

@@ -63,7 +63,7 @@ def first_hits_reference(
 def supersampled_reference(
     octree: Octree, camera: Camera, samples: int, background: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Plain twin of `render.supersample_colors`: mean luminance (P,) and colours (P, 3) of samples x samples rays."""
+    """Reference of `render.supersample_colors`: mean luminance (P,) and colours (P, 3) of samples x samples rays."""
     row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
     luminance, colors = np.zeros(camera.pixel_count), np.zeros((camera.pixel_count, 3))
     for j, i in itertools.product(range(samples), repeat=2):
@@ -106,7 +106,7 @@ def needed_levels_reference(
     *,
     lookahead: int = DEFAULT_LOOKAHEAD,
 ) -> np.ndarray:
-    """Plain twin of `detail.needed_levels`: levels (8^block_level,) of leaves that look-ahead takes where rays hit.
+    """Reference of `detail.needed_levels`: levels (8^block_level,) of leaves that look-ahead takes where rays hit.
 
     offsets: (K, 2), of the fine rays from the pixels' centres, in pixels.
     """

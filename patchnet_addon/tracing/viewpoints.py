@@ -29,8 +29,8 @@ _NEAR = 0.06  # of the surface's extent: nearer than that, voxels are larger tha
 _MIDDLE = 0.15
 _BRIGHT = 0.1  # exposed luminance from which a view is bright enough
 _CLOSE_PX = (768, 576)  # voxels as fine as in a large picture
-_LEAST_BRIGHTNESS = 0.5  # of what the small picture shows
-_LEAST_QUALITY = 0.25  # of the best view's
+_MIN_BRIGHTNESS = 0.5  # of what the small picture shows
+_MIN_QUALITY = 0.25  # of the best view's
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +168,7 @@ def _chosen(octree: Octree, trials: list[_Trial], count: int) -> list[_Trial]:
     None in which the finest voxels are dark, either: in a hollow wall, coarse ones shine with the light outside.
     """
     best_quality = max((trial.quality for trial in trials), default=0.0)
-    trials = [trial for trial in trials if trial.quality >= _LEAST_QUALITY * best_quality]
+    trials = [trial for trial in trials if trial.quality >= _MIN_QUALITY * best_quality]
     seen = np.zeros(1 << 3 * _LEVEL, bool)
     chosen: list[_Trial] = []
     dark: list[_Trial] = []
@@ -178,7 +178,7 @@ def _chosen(octree: Octree, trials: list[_Trial], count: int) -> list[_Trial]:
         if not gains[best] > 0:
             break
         trial = trials.pop(best)
-        if _brightness(octree, _named(trial.camera, 0, _CLOSE_PX)) < _LEAST_BRIGHTNESS * trial.brightness:
+        if _brightness(octree, _named(trial.camera, 0, _CLOSE_PX)) < _MIN_BRIGHTNESS * trial.brightness:
             dark.append(trial)
             continue
         chosen.append(trial)

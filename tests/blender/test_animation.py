@@ -193,7 +193,7 @@ def test_one_grid_for_all_frames(tmp_path: Path, weights: Path, scene: bpy.types
     assert grid.side_world > max(each.side_world for each in own) * 0.99
     auto = tmp_path / "auto"
     bake(auto, weights, depth=None)
-    assert grid.voxel_world <= min(octree(auto, frame).grid.voxel_world for frame in (1, 2, 3)) * 1.001
+    assert grid.voxel_size_world <= min(octree(auto, frame).grid.voxel_size_world for frame in (1, 2, 3)) * 1.001
 
 
 def test_edits_without_keys_stay(tmp_path: Path, weights: Path, scene: bpy.types.Scene) -> None:

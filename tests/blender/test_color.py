@@ -16,7 +16,7 @@ from patchnet.operators.scene import read_scene
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.session import results
 from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.patchnet_addon.lightmap.page_cache import KeptPages
+from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -149,7 +149,7 @@ def test_fine_texture_keeps_its_colours() -> None:
     level = octree.depth
     centres = octree.grid.to_world((octree.cells(level) + 0.5) / (1 << level))
     x, y, z = centres.T
-    front = (x > 0.55) & (x < 1.45) & (np.abs(y) < octree.grid.voxel_world / 2) & (z > 0.2) & (z < 0.8)
+    front = (x > 0.55) & (x < 1.45) & (np.abs(y) < octree.grid.voxel_size_world / 2) & (z > 0.2) & (z < 0.8)
     place = ((x - 0.5) * 8) % 2
     colors = octree.color_float(octree.level(level))
     for here, hue in ((np.abs(place - 0.5) < 0.1, (0.9, 0.4, 0.05)), (np.abs(place - 1.5) < 0.1, (0.05, 0.2, 0.8))):
@@ -161,14 +161,14 @@ def test_fine_texture_keeps_its_colours() -> None:
 def test_a_stopped_bake_in_colour_goes_on_and_is_not_taken_for_a_gray_one(tmp_path: Path) -> None:
     source = read_scene(bpy.context.evaluated_depsgraph_get())
 
-    def bake(color: bool, kept: KeptPages) -> np.ndarray:
+    def bake(color: bool, kept: BakePageCache) -> np.ndarray:
         return drain(bake_luminance(bpy.context, source, 0.05, 1, color=color, kept=kept)).texels
 
-    with pytest.raises(KeyboardInterrupt), KeptPages(tmp_path) as kept:
+    with pytest.raises(KeyboardInterrupt), BakePageCache(tmp_path) as kept:
         first = bake(True, kept)
         raise KeyboardInterrupt
     assert list(tmp_path.glob("*/page-*"))
-    with KeptPages(tmp_path) as kept:
+    with BakePageCache(tmp_path) as kept:
         assert bake(False, kept).shape == (len(first), 2)
         np.testing.assert_array_equal(bake(True, kept), first)
         np.testing.assert_array_equal(bake(False, kept), first[:, :2])

@@ -114,7 +114,7 @@ def test_a_small_memory_limit_is_said(scene: bpy.types.Scene, weights: Path) -> 
     ("values", "said"),
     [
         ({"fit": True, "depth": 7}, "choose one"),
-        ({"fit": True, "voxel_world": 0.1}, "choose one"),
+        ({"fit": True, "voxel_size_world": 0.1}, "choose one"),
         ({"track": True}, "track"),
         ({"memory_bytes": 0}, "Memory limit"),
     ],

@@ -140,7 +140,7 @@ def test_settings_of_the_scene_hold_unless_given(scene: bpy.types.Scene) -> None
     bpy.ops.patchnet.voxelize(depth=5)
     assert results.voxels_of(scene).octree.depth == 5
     bpy.ops.patchnet.voxelize(voxel_size=0.25)
-    assert results.voxels_of(scene).octree.grid.voxel_world == pytest.approx(0.25)
+    assert results.voxels_of(scene).octree.grid.voxel_size_world == pytest.approx(0.25)
     assert scene.patchnet.depth == 4
 
 

@@ -156,7 +156,7 @@ def test_what_is_known_of_a_pixel(made: tuple[View, JobSettings]) -> None:
     miss = ~frame.picture(frame.hit)
     assert (shown.values["level"][miss] == -1).all() and (shown.values["level"][~miss] >= 0).all()
     row, column = np.argwhere(refined)[0]
-    said = shown.said_of(int(column), int(row), 0.25)
+    said = shown.describe_pixel(int(column), int(row), 0.25)
     assert said[0] == f"Pixel {column}, {row}" and said[-1] == "Samples 1024"
     assert said[1] == f"Priority {result.priority[row, column]:.4g} of 0.25"
     assert said[2] == f"Coverage {frame.picture(frame.prediction.coverage)[row, column]:.3f}"
@@ -194,7 +194,7 @@ def test_images_are_named_after_the_camera(made: tuple[View, JobSettings]) -> No
     with quiet():  # as in operators: removing an image makes Blender report every lamp
         show_images(result, dataclasses.replace(shown, values=unknown))
     assert image_name("Eye", "coverage") not in bpy.data.images
-    assert "Coverage not computed" in dataclasses.replace(shown, values=unknown).said_of(0, 0, 1.0)
+    assert "Coverage not computed" in dataclasses.replace(shown, values=unknown).describe_pixel(0, 0, 1.0)
     views.keep_view(bpy.context.scene, shown)
     assert views.view_of_image(bpy.context.scene, images["heatmap"]) == (shown, "heatmap")
     assert views.view_of_image(bpy.context.scene, bpy.data.images.new("Own", 4, 4)) is None

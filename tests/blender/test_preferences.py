@@ -16,7 +16,7 @@ from patchnet.operators.session import results
 from patchnet.operators.session.cache_size import cache_size, clear_cache
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.ui import preferences
-from patchnet.patchnet_addon.lightmap.page_cache import KeptPages
+from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.drawn import drawn
@@ -31,7 +31,7 @@ def fill(root: Path) -> set[Path]:
     kernels.mkdir(parents=True)
     for name in ("clip.area-12.py311.nbi", "clip.area-12.py311.1.nbc"):
         (kernels / name).write_bytes(b"x" * 1000)
-    pages = KeptPages(root / "bakes")
+    pages = BakePageCache(root / "bakes")
     pages.open("0123456789abcdef" * 2)
     pages.save(3, np.ones((16, 2), np.float32))
     own = {

@@ -102,7 +102,7 @@ def test_depth_and_normal_are_those_of_cycles(scene: bpy.types.Scene) -> None:
     both = (found["Depth"] < NO_DEPTH) & (theirs["Depth"] < 1e9)
     assert both.mean() > 0.2
     apart = np.abs(found["Depth"] - theirs["Depth"])[both]
-    assert np.quantile(apart, 0.95) < 3 * kept(scene).octree.grid.voxel_world
+    assert np.quantile(apart, 0.95) < 3 * kept(scene).octree.grid.voxel_size_world
     cosine = (found["Normal"] * theirs["Normal"]).sum(-1)[both[..., 0]]
     assert np.quantile(cosine, 0.2) > 0.95
     assert theirs["Depth"].max() == np.float32(NO_DEPTH)

@@ -21,7 +21,7 @@ from patchnet.operators.cycles.bake.bake_key import bake_key, scene_key
 from patchnet.operators.scene import read_scene
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
-from patchnet.patchnet_addon.lightmap.page_cache import KeptPages
+from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.tests.blender.job_scene import build, principled, saved
@@ -50,7 +50,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return seen
 
 
-def bake(kept: KeptPages | None, stop_at: int | None = None) -> tuple[Atlas | None, list[Progress]]:
+def bake(kept: BakePageCache | None, stop_at: int | None = None) -> tuple[Atlas | None, list[Progress]]:
     """Bake the open scene; `stop_at` closes the bake when so many pages are finished."""
     source = read_scene(bpy.context.evaluated_depsgraph_get())
     steps = bake_luminance(bpy.context, source, 0.1, 4, kept=kept)
@@ -79,14 +79,14 @@ def test_resumed_bake_has_the_same_bits(tmp_path: Path, calls: list[str]) -> Non
     assert whole is not None
     count, all_calls = whole.charts.page_count, len(calls)
     assert count >= 5
-    with pytest.raises(KeyboardInterrupt), KeptPages(tmp_path) as kept:
+    with pytest.raises(KeyboardInterrupt), BakePageCache(tmp_path) as kept:
         bake(kept, stop_at=3)
         raise KeyboardInterrupt
     assert_unchanged(before)
     (folder,) = folders(tmp_path)
     assert len(list(folder.iterdir())) == 3
     calls.clear()
-    with KeptPages(tmp_path) as kept:
+    with BakePageCache(tmp_path) as kept:
         resumed, reports = bake(kept)
         assert len(list(folder.iterdir())) == count
     assert resumed is not None
@@ -102,7 +102,7 @@ def test_resumed_bake_has_the_same_bits(tmp_path: Path, calls: list[str]) -> Non
 def test_damaged_and_foreign_pages_are_baked_again(tmp_path: Path) -> None:
     whole, _ = bake(None)
     assert whole is not None
-    with pytest.raises(KeyboardInterrupt), KeptPages(tmp_path) as kept:
+    with pytest.raises(KeyboardInterrupt), BakePageCache(tmp_path) as kept:
         bake(kept, stop_at=3)
         raise KeyboardInterrupt
     (folder,) = folders(tmp_path)
@@ -112,7 +112,7 @@ def test_damaged_and_foreign_pages_are_baked_again(tmp_path: Path) -> None:
     pages[0].write_bytes(content)
     pages[1].write_bytes(b"")
     (folder / "notes.txt").write_text("not a page")
-    with KeptPages(tmp_path) as kept:
+    with BakePageCache(tmp_path) as kept:
         resumed, _ = bake(kept)
     assert resumed is not None
     np.testing.assert_array_equal(resumed.texels, whole.texels)
@@ -121,7 +121,7 @@ def test_damaged_and_foreign_pages_are_baked_again(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_written_costs_only_the_resuming(tmp_path: Path) -> None:
     occupied = tmp_path / "file"
     occupied.write_text("in the way")
-    with KeptPages(occupied) as kept:
+    with BakePageCache(occupied) as kept:
         atlas, _ = bake(kept)
     assert atlas is not None and atlas.texels.any()
     assert occupied.read_text() == "in the way"

@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.runtime import kernels  # noqa: F401 - it hears of 
 from patchnet.patchnet_addon.runtime.compiling import NOTE, is_compiling
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress, Result, Steps, drain
-from patchnet.patchnet_addon.runtime.worker import attended, beside, computed
+from patchnet.patchnet_addon.runtime.worker import attended, computed, run_in_worker
 
 _LONG_S = 30.0  # never waited for
 
@@ -58,7 +58,7 @@ def test_who_waits_is_asked_while_a_step_takes_long() -> None:
         if slow.began.is_set() and len(reports) > 20:
             slow.go.set()
 
-    assert attended_drain(beside(slow.steps, Progress(0, 1, "Start")), see) == 5
+    assert attended_drain(run_in_worker(slow.steps, Progress(0, 1, "Start")), see) == 5
     assert len(reports) > 20
     assert all(report.waiting for report in reports)
     assert {report.label for report in reports} <= {"Start", "First", "Second"}
@@ -67,7 +67,7 @@ def test_who_waits_is_asked_while_a_step_takes_long() -> None:
 
 def test_stopping_does_not_wait_for_the_step() -> None:
     slow = Slow()
-    steps = beside(slow.steps, Progress(0, 1, "Start"))
+    steps = run_in_worker(slow.steps, Progress(0, 1, "Start"))
     with attended():
         while not slow.began.is_set():
             next(steps)
@@ -80,7 +80,7 @@ def test_stopping_does_not_wait_for_the_step() -> None:
 def test_nobody_waits() -> None:
     slow, reports = Slow(), []
     slow.go.set()
-    assert drain(beside(slow.steps, Progress(0, 1, "Start")), reports.append) == 5
+    assert drain(run_in_worker(slow.steps, Progress(0, 1, "Start")), reports.append) == 5
     assert slow.thread is threading.main_thread()
     assert reports == [Progress(1, 3, "First"), Progress(2, 3, "Second")]
 
@@ -92,7 +92,7 @@ def test_errors_arrive(pull: Callable[[Steps[None]], None]) -> None:
         raise SettingError("Depth 99 is too deep")
 
     with pytest.raises(SettingError, match="Depth 99"):
-        pull(beside(steps, Progress(0, 1, "Start")))
+        pull(run_in_worker(steps, Progress(0, 1, "Start")))
 
 
 @pytest.mark.parametrize("pull", [drain, attended_drain])
@@ -101,7 +101,7 @@ def test_errors_before_the_first_step_arrive(pull: Callable[[Steps[None]], None]
         raise MemoryError
 
     with pytest.raises(MemoryError):
-        pull(beside(make, Progress(0, 1, "Start")))
+        pull(run_in_worker(make, Progress(0, 1, "Start")))
 
 
 def test_one_thread_for_steps_within_steps() -> None:
@@ -115,7 +115,7 @@ def test_one_thread_for_steps_within_steps() -> None:
         threads.append(threading.current_thread())
         return (yield from computed(inner, Progress(0, 1, "Inner")))
 
-    assert attended_drain(beside(outer, Progress(0, 1, "Outer"))) == 7
+    assert attended_drain(run_in_worker(outer, Progress(0, 1, "Outer"))) == 7
     assert len(set(threads)) == 1 and threads[0] is not threading.main_thread()
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.patchnet_addon.lightmap.page_cache import KeptPages
+from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
 from patchnet.patchnet_addon.runtime import cache_folder
 from patchnet.patchnet_addon.runtime.cache_folder import kernel_folder, user_cache_folder
 
@@ -69,7 +69,7 @@ def test_another_takes_its_place_and_it_is_said_once(
     with caplog.at_level(logging.WARNING, "patchnet"):
         first = user_cache_folder()
         assert user_cache_folder() == first
-        with pytest.raises(ZeroDivisionError), KeptPages() as kept:
+        with pytest.raises(ZeroDivisionError), BakePageCache() as kept:
             kept.open("0" * 32)
             raise ZeroDivisionError
     assert first.parent == temporary and not first.stat().st_mode & 0o077

@@ -8,7 +8,7 @@ import pytest
 
 from patchnet import commands
 from patchnet.patchnet_addon.export.octree_file import truncated
-from patchnet.patchnet_addon.lod.depth import estimate, most_leaves, peak_bytes
+from patchnet.patchnet_addon.lod.depth import estimate, max_leaves, peak_bytes
 from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
@@ -176,6 +176,6 @@ def test_memory_estimates_count_colour(octree: Octree) -> None:
     same, more_nodes, more_peak = estimate(octree, 9, color=True)
     assert same == leaves and more_nodes == pytest.approx(nodes * 16 / 14, rel=1e-4) and more_peak > peak
     for memory in (1e6, 1e9, 4e9, 1e11):
-        found = most_leaves(memory, color=True)
-        assert found < most_leaves(memory)
+        found = max_leaves(memory, color=True)
+        assert found < max_leaves(memory)
         assert peak_bytes(found, color=True) <= memory < peak_bytes(found + 2, color=True)

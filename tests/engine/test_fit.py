@@ -93,7 +93,7 @@ def test_the_wall_is_fine_where_it_shows_through_the_laths(mesh, camera):
 def test_fewer_leaves_where_memory_is_short(mesh, camera):
     grid = Grid.around(mesh.bounds_world, 9)
     full = drain(fit_leaf_levels(mesh, grid, [camera], shade))
-    less = drain(fit_leaf_levels(mesh, grid, [camera], shade, most_leaves=0.6 * full.leaves))
+    less = drain(fit_leaf_levels(mesh, grid, [camera], shade, max_leaves=0.6 * full.leaves))
     assert less.leaves < 0.7 * full.leaves
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=less.layout))
     assert 0.3 < share_of(octree, camera) < 0.99

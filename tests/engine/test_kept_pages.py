@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.lightmap.page_cache import KeptPages, tidy
+from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache, tidy
 
 
 def test_pages_stay_until_their_bake_ends(tmp_path: Path) -> None:
     texels = np.random.default_rng(0).random((16, 2), np.float32)
-    with pytest.raises(ZeroDivisionError), KeptPages(tmp_path) as kept:
+    with pytest.raises(ZeroDivisionError), BakePageCache(tmp_path) as kept:
         kept.open("nothing finished")
         kept.open("one")
         kept.save(3, texels)
         raise ZeroDivisionError
     assert [path.name for path in tmp_path.iterdir()] == ["one"]
-    with KeptPages(tmp_path) as kept:
+    with BakePageCache(tmp_path) as kept:
         kept.open("other")
         assert kept.pages() == set() and kept.load(3, 16) is None
         kept.open("one")

@@ -242,7 +242,7 @@ def test_depths_give_the_look_ahead_that_was_asked_for(lookahead):
 
 @pytest.mark.parametrize("lookahead", LOOKAHEADS)
 def test_rays_behind_have_the_footprint_of_the_patch(octree, camera, lookahead):
-    """Against the plain twin of the walk, from where it restarts."""
+    """Against the Reference of the walk, from where it restarts."""
     hits = first_hits(octree, camera)
     found = behind(octree, camera, hits, lookahead=lookahead)
     row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.lod.depth import choose_depth, coarse_octree, most_leaves, peak_bytes, wanted_depth
+from patchnet.patchnet_addon.lod.depth import choose_depth, coarse_octree, max_leaves, peak_bytes, wanted_depth
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
@@ -93,13 +93,13 @@ def test_estimate_is_near_the_truth(mesh):
 
 @pytest.mark.parametrize("memory", [0, 1e6, 1e9, 2.5e9, 4e9, 8e9, 1e11])
 def test_most_leaves_is_the_inverse_of_peak_bytes(memory):
-    leaves = most_leaves(memory)
+    leaves = max_leaves(memory)
     assert peak_bytes(leaves) <= memory < peak_bytes(leaves + 2)
 
 
 def test_voxel_size_sets_side_and_depth(mesh):
     grid = Grid.with_voxel_size(mesh.bounds_world, 0.03)
-    assert grid.voxel_world == pytest.approx(0.03)
+    assert grid.voxel_size_world == pytest.approx(0.03)
     assert grid.side_world / 2 < np.ptp(mesh.bounds_world, axis=0).max() <= grid.side_world
     with pytest.raises(SettingError, match="positive"):
         Grid.with_voxel_size(mesh.bounds_world, 0.0)

@@ -25,7 +25,7 @@ def test_a_wall_gets_the_same_everywhere() -> None:
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float64)
     mesh = TriangleMesh.from_arrays(square[[[0, 1, 2], [0, 2, 3]]])
     grid = Grid((0.0, 0.0, -0.5), 1.0, 7)
-    charts = drain(layout_charts(mesh, 2 * grid.voxel_world, samples=16))
+    charts = drain(layout_charts(mesh, 2 * grid.voxel_size_world, samples=16))
     counts = drain(path_counts(mesh, charts, grid))
     # A texel of 16 paths on 2 x 2 leaves; the leaves on the diagonal are cut, but by area they lose nothing. The two
     # triangles of a rectangle differ by the texels of its diagonal.

@@ -107,14 +107,14 @@ def test_edges_of_budget_and_priority() -> None:
     assert choose_regions(np.ones((3, 5)), 0.9) == [], "a tile is the least that can be bought"
 
 
-@pytest.mark.parametrize("most_px", [1, 20, 65, 1000])
-def test_split_parts_are_the_region(most_px: int) -> None:
+@pytest.mark.parametrize("max_px", [1, 20, 65, 1000])
+def test_split_parts_are_the_region(max_px: int) -> None:
     whole = Region(3, 5, 20, 11)
     rest: Region | None = whole
     counts = np.zeros((30, 30), int)
     while rest is not None:
-        part, rest = rest.split(most_px)
-        assert part.pixels <= max(most_px, whole.width)
+        part, rest = rest.split(max_px)
+        assert part.pixels <= max(max_px, whole.width)
         counts[part.slices] += 1
     np.testing.assert_array_equal(counts, region_mask([whole], 30, 30))
 

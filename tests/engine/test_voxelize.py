@@ -91,7 +91,7 @@ def test_leaf_means_equal_dense_point_sampling():
     r1, r2 = np.sqrt(rng.random(count)), rng.random(count)
     weights = np.stack([1 - r1, r1 * (1 - r2), r1 * r2], axis=1)
     points = (weights[:, :, None] * corners[chosen]).sum(axis=1)
-    cells = np.floor((points - np.asarray(grid.origin_world)) / grid.voxel_world).astype(int)
+    cells = np.floor((points - np.asarray(grid.origin_world)) / grid.voxel_size_world).astype(int)
     place = np.searchsorted(sums.keys, morton_encode(cells))
     sampled = np.bincount(place, minlength=len(sums.keys)) * areas.sum() / count
     noise = np.sqrt(np.maximum(sampled, areas.sum() / count) * areas.sum() / count)

@@ -149,7 +149,7 @@ def test_many_bricks_and_extreme_luminance():
     fragments = Fragments(keys, np.zeros(50_000, np.int32), np.zeros((50_000, 2), np.float32), areas)
     luminance = rng.uniform(0, 1e9, 50_000).astype(np.float32)
     luminance[:3] = np.nan, np.inf, -np.inf
-    leaves = LeafAccumulator(grid.voxel_world)
+    leaves = LeafAccumulator(grid.voxel_size_world)
     leaves.add(fragments, luminance, np.ones(50_000), np.array([[0.0, 0.0, 1.0]]))
     found, sums = leaves.take()
     expected, place = np.unique(keys, return_inverse=True)

@@ -9,7 +9,7 @@ from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_blocks
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.training.batches import Augmentation, Batch, gather_batch
-from patchnet.training.forest import plant
+from patchnet.training.forest import concatenate
 from patchnet.training.procedural import octree_from_leaves, spheres_and_slats
 from patchnet.training.samples import Samples, SampleSettings, draw_samples
 from patchnet.training.symmetry import COUNT, cube_symmetries
@@ -25,7 +25,7 @@ def octree() -> Octree:
 
 @pytest.fixture(scope="module")
 def samples(octree: Octree) -> Samples:
-    return drain(draw_samples(octree, 256, SampleSettings(views=4, least_level=3, held_out=0.0, seed=2)))
+    return drain(draw_samples(octree, 256, SampleSettings(views=4, min_level=3, held_out=0.0, seed=2)))
 
 
 def patches(batch: Batch, voxels: int) -> np.ndarray:
@@ -42,7 +42,7 @@ def test_patches_are_those_that_are_encoded(octree: Octree, samples: Samples) ->
     other = spheres_and_slats(4, seed=8)
     count = len(samples.voxel)
     batch = gather_batch(
-        plant([other, octree]), np.ones(count, int), samples.voxel, samples.views, Augmentation.none(count)
+        concatenate([other, octree]), np.ones(count, int), samples.voxel, samples.views, Augmentation.none(count)
     )
     found = patches(batch, count)
     for row in range(0, count, 5):
@@ -67,13 +67,13 @@ def test_augmentation_is_exact(octree: Octree, samples: Samples, symmetry: int) 
     voxel, views = samples.voxel[at], samples.views[at]
     remap = np.tile(np.array([[0.6, 0.3, symmetry % 2, 1.0]], np.float32), (len(at), 1))
     augmentation = Augmentation(np.full(len(at), symmetry, np.int32), remap)
-    batch = gather_batch(plant([octree]), np.zeros(len(at), int), voxel, views, augmentation)
+    batch = gather_batch(concatenate([octree]), np.zeros(len(at), int), voxel, views, augmentation)
     found = patches(batch, len(at))
     matrix = cube_symmetries().matrix(symmetry)
     side = 1 << (DEPTH - 2)
     for row in range(len(at)):
         plain = gather_batch(
-            plant([octree]), np.zeros(1, int), voxel[row : row + 1], views[row : row + 1], Augmentation.none(1)
+            concatenate([octree]), np.zeros(1, int), voxel[row : row + 1], views[row : row + 1], Augmentation.none(1)
         )
         seen = plain.coverage[0] > 0
         gain, offset = linear_map(plain.blocks, batch.blocks, batch, row)
@@ -142,7 +142,7 @@ def test_samples_are_what_rays_see(octree: Octree, samples: Samples) -> None:
 
 def test_held_out_parts_share_no_cell_with_the_rest() -> None:
     octree = spheres_and_slats(7, seed=6)
-    drawn = drain(draw_samples(octree, 4000, SampleSettings(views=2, least_level=5, held_out=0.2, seed=3)))
+    drawn = drain(draw_samples(octree, 4000, SampleSettings(views=2, min_level=5, held_out=0.2, seed=3)))
     assert 0.005 < drawn.held_out.mean() < 0.5
     reach = []
     for held in (False, True):

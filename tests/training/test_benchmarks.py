@@ -94,7 +94,7 @@ def test_preparation_comes_before_each_run_and_no_run_follows_when_time_is_up(al
         {"ours": lambda: order.append("run")},
         5,
         all_cores=all_cores,
-        most_seconds=0.0,
+        max_seconds=0.0,
         prepare=lambda: order.append("prepare"),
     )
     assert order == ["prepare", "run"]

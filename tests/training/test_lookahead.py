@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.training.batches import Augmentation, gather_batch
 from patchnet.training.dataset import Dataset, load_dataset, save_samples
-from patchnet.training.forest import plant
+from patchnet.training.forest import concatenate
 from patchnet.training.procedural import spheres_and_slats
 from patchnet.training.samples import SampleSettings, draw_samples
 from patchnet.training.settings import TrainSettings
@@ -32,7 +32,7 @@ SETTINGS = TrainSettings(passes=2 * 64, batch=64, precision="fp32", augment=True
 @pytest.fixture(scope="module", params=[1, 3])
 def dataset(request) -> Dataset:
     octree = spheres_and_slats(6, seed=5)
-    settings = SampleSettings(views=4, least_level=2, held_out=0.0, seed=2, lookahead=request.param)
+    settings = SampleSettings(views=4, min_level=2, held_out=0.0, seed=2, lookahead=request.param)
     samples = drain(draw_samples(octree, 128, settings))
     return Dataset("scene", octree, samples, {"settings": asdict(settings)})
 
@@ -54,7 +54,7 @@ def test_samples_are_what_rays_see(dataset: Dataset) -> None:
 def test_patches_are_those_that_are_encoded(dataset: Dataset) -> None:
     count, side, samples = len(dataset.samples.voxel), 2**dataset.lookahead, dataset.samples
     trees = np.zeros(count, int)
-    forest = plant([dataset.octree])
+    forest = concatenate([dataset.octree])
     none = Augmentation.none(count)
     batch = gather_batch(forest, trees, samples.voxel, samples.views, none, dataset.lookahead)
     blocks = np.zeros((count * 8, 8, side, side, side, 5), np.float32)
@@ -87,7 +87,7 @@ def test_training_makes_weights_that_look_as_far_as_the_samples(dataset: Dataset
 
 
 def test_look_aheads_are_not_mixed(dataset: Dataset, tmp_path: Path) -> None:
-    settings = SampleSettings(views=4, least_level=2, held_out=0.0)
+    settings = SampleSettings(views=4, min_level=2, held_out=0.0)
     other = Dataset("two", dataset.octree, drain(draw_samples(dataset.octree, 64, settings)), {})
     assert other.lookahead == 2  # as files that do not say
     with pytest.raises(SettingError, match="levels ahead: draw them with the same look-ahead"):
@@ -110,6 +110,6 @@ def test_sample_file_keeps_its_look_ahead(dataset: Dataset, tmp_path: Path) -> N
 
 
 def test_octree_that_is_not_deep_enough(dataset: Dataset) -> None:
-    settings = SampleSettings(least_level=7 - dataset.lookahead, lookahead=dataset.lookahead)
+    settings = SampleSettings(min_level=7 - dataset.lookahead, lookahead=dataset.lookahead)
     with pytest.raises(PatchNetError, match="use one of depth 7 or more"):
         drain(draw_samples(dataset.octree, 10, settings))

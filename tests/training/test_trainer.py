@@ -30,7 +30,7 @@ def datasets() -> list[Dataset]:
     found = []
     for seed in (1, 2):
         octree = spheres_and_slats(6, seed=seed)
-        settings = SampleSettings(views=4, least_level=3, held_out=0.05, seed=seed)
+        settings = SampleSettings(views=4, min_level=3, held_out=0.05, seed=seed)
         found.append(Dataset(f"scene {seed}", octree, drain(draw_samples(octree, 400, settings)), {}))
     return found
 

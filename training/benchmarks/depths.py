@@ -65,20 +65,20 @@ def measure_depths(
     repeats: int = 3,
     *,
     all_cores: bool = False,
-    most_seconds: float = 60.0,
+    max_seconds: float = 60.0,
     peer_depth: int = MAX_DEPTH,
 ) -> Iterator[DepthCost]:
     """Cost of each depth for triangles (T, 3, 3), as soon as it is known.
 
-    A depth is run again until `repeats` or, ours and the peer's together, `most_seconds` are reached. Open3D runs up
+    A depth is run again until `repeats` or, ours and the peer's together, `max_seconds` are reached. Open3D runs up
     to `peer_depth` where its voxels, as many as our leaves, fit into the free memory.
     Raises PatchNetError if Open3D cannot be imported, GeometryError if there is no surface.
     """
     ours = OurVoxels(corners_world)
-    theirs = Open3DVoxels(corners_world, Grid.around(ours.mesh.bounds_world, WARM_DEPTH).voxel_world)
+    theirs = Open3DVoxels(corners_world, Grid.around(ours.mesh.bounds_world, WARM_DEPTH).voxel_size_world)
     for depth in depths:
         grid = Grid.around(ours.mesh.bounds_world, depth)
-        yield _measure_depth(ours, theirs, grid, repeats, all_cores, most_seconds, peer_depth)
+        yield _measure_depth(ours, theirs, grid, repeats, all_cores, max_seconds, peer_depth)
         ours.octree = None
         theirs.clear()
 
@@ -89,7 +89,7 @@ def _measure_depth(
     grid: Grid,
     repeats: int,
     all_cores: bool,
-    most_seconds: float,
+    max_seconds: float,
     peer_depth: int,
 ) -> DepthCost:
     """Measure one depth; the first run of ours tells how much memory Open3D will need."""
@@ -100,13 +100,13 @@ def _measure_depth(
     leaves, nodes = ours.octree.leaf_count, ours.octree.node_count
     skipped = _reason_to_skip(grid.depth, leaves, peer_depth)
     if not skipped:
-        peer = {"peer": lambda: theirs.voxelize(grid.voxel_world)}
+        peer = {"peer": lambda: theirs.voxelize(grid.voxel_size_world)}
         seconds |= take_turns(peer, 1, **settings)
         functions |= peer
     peer_voxels = None if skipped else theirs.voxel_count
-    left = most_seconds - sum(sum(runs) for runs in seconds.values())
+    left = max_seconds - sum(sum(runs) for runs in seconds.values())
     if repeats > 1 and left > 0:
-        for who, runs in take_turns(functions, repeats - 1, most_seconds=left, **settings).items():
+        for who, runs in take_turns(functions, repeats - 1, max_seconds=left, **settings).items():
             seconds[who] += runs
     return DepthCost(
         depth=grid.depth,

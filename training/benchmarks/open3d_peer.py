@@ -46,9 +46,9 @@ class Open3DVoxels:
         """Program and version."""
         return f"Open3D {self._open3d.__version__}"
 
-    def voxelize(self, voxel_world: float) -> None:
+    def voxelize(self, voxel_size_world: float) -> None:
         """Make the grid, with voxels of this side; `clear` before, so that freeing the last one is not timed."""
-        self._voxels = self._open3d.geometry.VoxelGrid.create_from_triangle_mesh(self._mesh, voxel_world)
+        self._voxels = self._open3d.geometry.VoxelGrid.create_from_triangle_mesh(self._mesh, voxel_size_world)
 
     @property
     def voxel_count(self) -> int:

@@ -65,17 +65,17 @@ def compare(
     repeats: int,
     *,
     all_cores: bool = False,
-    most_seconds: float = float("inf"),
+    max_seconds: float = float("inf"),
     prepare: Callable[[], Any] | None = None,
 ) -> Comparison:
-    """Median of `repeats` runs of each, taking turns; fewer, but at least one, once they took `most_seconds`.
+    """Median of `repeats` runs of each, taking turns; fewer, but at least one, once they took `max_seconds`.
 
     On one core in processor seconds, which other programs' load on the machine changes least; on all cores in wall
     seconds. Both functions must have run before, so that nothing is compiled within the time. `prepare` runs before
     each run, outside the time.
     """
     seconds = take_turns(
-        {"ours": ours, "peer": peer}, repeats, all_cores=all_cores, most_seconds=most_seconds, prepare=prepare
+        {"ours": ours, "peer": peer}, repeats, all_cores=all_cores, max_seconds=max_seconds, prepare=prepare
     )
     middle = {who: median(values) for who, values in seconds.items()}
     details: dict[str, Any] = how_measured(all_cores) | {"repeats": len(seconds["ours"])}
@@ -88,7 +88,7 @@ def take_turns(
     repeats: int,
     *,
     all_cores: bool = False,
-    most_seconds: float = float("inf"),
+    max_seconds: float = float("inf"),
     prepare: Callable[[], Any] | None = None,
 ) -> dict[str, list[float]]:
     """Seconds of each run of each function, as `compare` measures them."""
@@ -97,7 +97,7 @@ def take_turns(
     begin = time.perf_counter()
     with every_core() if all_cores else one_core():
         for turn in range(max(repeats, 1)):
-            if turn and time.perf_counter() - begin > most_seconds:
+            if turn and time.perf_counter() - begin > max_seconds:
                 break
             for who, function in functions.items():
                 if prepare is not None:

@@ -24,7 +24,7 @@ WARM_DEPTH = 5
 
 
 class ConstantLight:
-    """Shade of constant light that counts the fragments it is asked about."""
+    """ShadingFn of constant light that counts the fragments it is asked about."""
 
     fragments = 0
 
@@ -61,12 +61,12 @@ def benchmark_voxelize(
     Raises PatchNetError if Open3D cannot be imported, GeometryError if there is no surface.
     """
     ours = OurVoxels(corners_world)
-    theirs = Open3DVoxels(corners_world, Grid.around(ours.mesh.bounds_world, WARM_DEPTH).voxel_world)
+    theirs = Open3DVoxels(corners_world, Grid.around(ours.mesh.bounds_world, WARM_DEPTH).voxel_size_world)
     grid = Grid.around(ours.mesh.bounds_world, depth)
     comparison = compare(
         "voxelize",
         lambda: ours.voxelize(grid),
-        lambda: theirs.voxelize(grid.voxel_world),
+        lambda: theirs.voxelize(grid.voxel_size_world),
         repeats,
         all_cores=all_cores,
         prepare=theirs.clear,

@@ -24,7 +24,7 @@ from ....patchnet_addon.lightmap.charts import Charts
 from ....patchnet_addon.runtime.bounds import SAMPLES
 from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.progress import Progress, Steps
-from ....patchnet_addon.runtime.worker import beside
+from ....patchnet_addon.runtime.worker import run_in_worker
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.devices import bakes_on_gpu
 from ...schema.table import AUTO
@@ -34,7 +34,7 @@ from .baker import Baker
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ....patchnet_addon.lightmap.atlas import Atlas
-    from ....patchnet_addon.lightmap.page_cache import KeptPages
+    from ....patchnet_addon.lightmap.page_cache import BakePageCache
 
 MAX_TEXELS = 1 << 25
 # Triangles up to which pages have this side: a bake starts with reading the whole scene into Cycles, so that large
@@ -53,7 +53,7 @@ def bake_luminance(
     color: bool = False,
     both_sides: bool = False,
     max_texels: int = MAX_TEXELS,
-    kept: KeptPages | None = None,
+    kept: BakePageCache | None = None,
     device: str = AUTO,
     with_daylight: bool = False,
     depsgraph: bpy.types.Depsgraph | None = None,
@@ -74,7 +74,7 @@ def bake_luminance(
     SAMPLES.check(samples)
     side = page_side(source.triangle_count)
     scene = "" if kept is None else scene_key(depsgraph or context.evaluated_depsgraph_get())
-    charts = yield from beside(
+    charts = yield from run_in_worker(
         lambda: _charts(source, texel_world, samples, max_texels, side), Progress(0, 1, "Laying out charts")
     )
     channels = COLOR_CHANNELS if color else 2

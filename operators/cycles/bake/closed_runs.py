@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...scene.local_mesh import LocalMesh
-from ...scene.scene_mesh import Placements, Run
+from ...scene.scene_mesh import MeshInstances, Run
 
 
 class ClosedPieces:
@@ -14,7 +14,7 @@ class ClosedPieces:
 
     def __init__(self) -> None:
         self._known: dict[int, tuple[LocalMesh, np.ndarray]] = {}
-        self._first: dict[int, tuple[Placements, int]] = {}
+        self._first: dict[int, tuple[MeshInstances, int]] = {}
         self._count = 0
 
     def of(self, run: Run) -> np.ndarray:

@@ -56,7 +56,7 @@ def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope:
     return JobSettings(
         scope=automatic_scope if scope == AUTO else scope,
         depth=value("depth") if resolution == DEPTH else None,
-        voxel_world=value("voxel_size") if resolution == VOXEL_SIZE else None,
+        voxel_size_world=value("voxel_size") if resolution == VOXEL_SIZE else None,
         fit=resolution == FIT,
         track=resolution == FIT and value("track"),
         memory_bytes=_bytes(value("memory")),
