@@ -127,10 +127,10 @@ def test_stopped_steps(kind: str, weights: Path, tmp_path: Path) -> None:
 
 # Where memory runs out: functions that stages call when they begin, and in their middle.
 PLACES = (
-    "patchnet_addon.octree.depth.choose_depth",
-    "patchnet_addon.light.charts.layout_charts",
-    "patchnet_addon.light.chart_lookup.triangle_means",
-    "patchnet_addon.light.atlas.atlas_shade",
+    "patchnet_addon.lod.depth.choose_depth",
+    "patchnet_addon.lightmap.charts.layout_charts",
+    "patchnet_addon.lightmap.chart_lookup.triangle_means",
+    "patchnet_addon.lightmap.atlas.atlas_shade",
     "patchnet_addon.octree.build.build_octree",
     "patchnet_addon.codes.encode.encode_octree",
 )
