@@ -40,7 +40,8 @@ _VIEW = (
 )
 NOTES = {
     "run_all": Note(
-        f"{_VIEW} of each camera; octree and codes in memory; the files that README lists where an output folder is "
+        f"{_VIEW} of each camera; octree and codes in memory; the files that "
+        "[command-line.md](command-line.md#output-files) lists where an output folder is "
         "given",
         "bpy.ops.patchnet.run_all(depth=6, samples=1, out='//out')",
     ),

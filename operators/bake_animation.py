@@ -13,29 +13,13 @@ from ..patchnet_addon.runtime.progress import Steps
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell
 from .settings.job_settings import JobSettings
-from .ui.properties import (
-    AnimationProperties,
-    CameraProperties,
-    CodesProperties,
-    FrameProperties,
-    LightProperties,
-    OutputProperties,
-    ViewProperties,
-    VoxelizeProperties,
-    is_given,
-    setting,
-)
+from .ui.properties import AnimationProperties, FrameProperties, JobProperties, is_given, setting
 
 
 class PATCHNET_OT_bake_animation(
     FrameProperties,
     AnimationProperties,
-    VoxelizeProperties,
-    LightProperties,
-    CodesProperties,
-    CameraProperties,
-    ViewProperties,
-    OutputProperties,
+    JobProperties,
     JobOperator,
     bpy.types.Operator,
 ):

@@ -13,23 +13,11 @@ from .session import results
 from .session.scene_result import SceneResult
 from .session.seen import seen
 from .settings.job_settings import JobSettings
-from .ui.properties import (
-    CameraProperties,
-    CodesProperties,
-    LightProperties,
-    OutputProperties,
-    ViewProperties,
-    VoxelizeProperties,
-)
+from .ui.properties import JobProperties
 
 
 class PATCHNET_OT_run_all(
-    VoxelizeProperties,
-    LightProperties,
-    CodesProperties,
-    CameraProperties,
-    ViewProperties,
-    OutputProperties,
+    JobProperties,
     JobOperator,
     bpy.types.Operator,
 ):

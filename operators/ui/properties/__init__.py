@@ -13,8 +13,8 @@ from .scene import PatchNetSettings, register, unregister
 from .stages import (
     CameraProperties,
     CodesProperties,
+    JobProperties,
     LightProperties,
-    OutputProperties,
     ViewProperties,
     VoxelizeProperties,
 )
@@ -26,9 +26,9 @@ __all__ = [
     "CyclesRefineProperties",
     "DisplayProperties",
     "FrameProperties",
+    "JobProperties",
     "LevelProperties",
     "LightProperties",
-    "OutputProperties",
     "PatchNetSettings",
     "ViewProperties",
     "VoxelizeProperties",

@@ -9,23 +9,11 @@ from bpy.props import PointerProperty
 from .cycles_refine import CyclesRefineProperties
 from .display import DisplayProperties
 from .output import AnimationProperties
-from .stages import (
-    CameraProperties,
-    CodesProperties,
-    LightProperties,
-    OutputProperties,
-    ViewProperties,
-    VoxelizeProperties,
-)
+from .stages import JobProperties
 
 
 class PatchNetSettings(
-    VoxelizeProperties,
-    CameraProperties,
-    LightProperties,
-    CodesProperties,
-    ViewProperties,
-    OutputProperties,
+    JobProperties,
     AnimationProperties,
     DisplayProperties,
     CyclesRefineProperties,

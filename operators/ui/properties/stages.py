@@ -47,3 +47,9 @@ class OutputProperties:
     """Where files go."""
 
     __annotations__ = properties_of(OUTPUT)
+
+
+class JobProperties(
+    VoxelizeProperties, LightProperties, CodesProperties, CameraProperties, ViewProperties, OutputProperties
+):
+    """All settings of a job."""
