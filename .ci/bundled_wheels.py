@@ -14,7 +14,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 HASHES = Path(__file__).with_name("wheels.txt")
-BUNDLED = ("llvmlite", "numba", "safetensors")
+BUNDLED = ("llvmlite", "numba")
 PLATFORM_TAGS = {  # as Blender calls the platform, as wheels do
     "linux-x64": ("manylinux_2_28_x86_64", "manylinux_2_27_x86_64", "manylinux2014_x86_64"),
     "windows-x64": ("win_amd64",),

@@ -2,7 +2,7 @@
 """File format of ours: safetensors with a kind, a schema version, JSON metadata and checksums in the header.
 
 Files appear complete or not at all (`replace.py`). Reading maps the file into memory; every failure is one sentence
-that names file and cause.
+that names file and cause. Why the format is written here and not by its library: docs/developers.md.
 """
 
 from __future__ import annotations

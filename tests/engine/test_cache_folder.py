@@ -57,6 +57,28 @@ def unusable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
+LIGHT = """
+import sys
+from patchnet.patchnet_addon.codes.octree_cache import OctreeCache
+from patchnet.patchnet_addon.lightmap.page_cache import KeptPages
+from patchnet.patchnet_addon.runtime.cache_folder import OCTREES, kernel_folder, user_cache_folder
+
+root = user_cache_folder()
+kernel_folder(root, "version")
+OctreeCache(root / OCTREES, 1 << 30).notes()
+with KeptPages() as kept:
+    pass
+print(root, sorted({"numba", "llvmlite", "torch"} & set(sys.modules)))
+"""
+
+
+def test_asking_for_the_folder_and_what_it_keeps_loads_no_compiler(tmp_path: Path) -> None:
+    """Panels ask for it at each start; numba would cost seconds there."""
+    environment = os.environ | {"PATCHNET_CACHE": str(tmp_path / "cache")}
+    done = subprocess.run([sys.executable, "-c", LIGHT], env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout == f"{tmp_path / 'cache'} []\n", done.stderr
+
+
 def test_a_folder_that_can_be_written_is_used_as_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path / "new" / "cache"))
     assert user_cache_folder() == tmp_path / "new" / "cache"
