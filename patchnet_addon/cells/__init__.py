@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cells of a level's grid, and the Morton keys that name them."""
+"""Cells of a level: the Morton keys that name them, and which of them fit a pixel."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..cells.contract import fitting_level_of
 from ..octree.build import build_octree
 from ..octree.grid import Grid
 from ..octree.octree import Octree
@@ -90,8 +91,7 @@ def stop_levels(coarse: Octree, camera: Camera) -> np.ndarray:
     hits = first_hits(coarse, camera)
     z = hits.z_world[hits.hit]
     # The coarse voxel may stand up to its diagonal before the surface; the nearest it can be is what counts.
-    side = 2.0 * camera.pixel_side(np.maximum(z, 1e-9)) / coarse.grid.side_world  # (n,) in cube sides
-    return np.maximum(np.floor(-np.log2(side)) + 1, 0)
+    return fitting_level_of(camera.pixel_side(np.maximum(z, 1e-9)) / coarse.grid.side_world)
 
 
 def expected_share(

@@ -6,14 +6,14 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from ..cells.contract import MAX_LEVELS, fitting_level, has_lookahead
 from ..cells.morton_kernels import cell_key
 from ..octree.grid import Grid
-from ..octree.octree import POPCOUNT
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.kernels import device, kernel, serial_kernel
+from ..runtime.kernels import kernel, serial_kernel
 from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera, CameraUnit, camera_in_unit_cube
-from ..tracing.traverse import MAX_LEVELS, first_seen, pixel_ray
+from ..tracing.traverse import first_seen, pixel_ray
 
 _ROWS_PER_STEP = 64
 # Beside its centre, four rays with the footprint of a patch's voxels look through the gaps of each pixel.
@@ -90,42 +90,6 @@ def _hits(
     return cell, level, wanted, ahead
 
 
-@device
-def fitting_level(limit):  # type: ignore[no-untyped-def]
-    """First level whose voxels have a side below `limit`, in cube sides."""
-    level = 0
-    size = 1.0
-    while not size < limit and level < MAX_LEVELS:
-        size *= 0.5
-        level += 1
-    return level
-
-
-@device
-def has_lookahead(child_mask, first_child, node, lookahead):  # type: ignore[no-untyped-def]
-    """Return whether `node` has real descendants `lookahead` levels down, compiled as `Octree.look_ahead`.
-
-    Within a level, the children of nodes that follow each other follow each other, so all descendants of a node on a
-    level are one run of nodes.
-    """
-    first = np.int64(node)
-    last = first
-    for _ in range(lookahead):
-        below_first = np.int64(-1)
-        below_last = np.int64(-1)
-        for here in range(first, last + 1):
-            mask = child_mask[here]
-            if mask != 0:
-                if below_first < 0:
-                    below_first = np.int64(first_child[here])
-                below_last = np.int64(first_child[here]) + np.int64(POPCOUNT[mask]) - 1
-        if below_first < 0:
-            return False
-        first = below_first
-        last = below_last
-    return True
-
-
 @kernel
 def _trace(
     child_mask,
@@ -159,7 +123,7 @@ def _trace(
                 ray = row * width + column
                 pixel = lens[2] + lens[3] * t * speed
                 level[ray] = depth
-                wanted[ray] = fitting_level(2.0 * pixel) + lookahead
+                wanted[ray] = fitting_level(pixel) + lookahead
                 ahead[ray] = has_lookahead(child_mask, first_child, hit, lookahead)
                 for axis in range(3):
                     cell[ray, axis] = found[axis]

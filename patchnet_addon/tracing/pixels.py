@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from ..cells.contract import MAX_LEVELS
 from ..octree.chroma_kernels import decode_color
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.kernels import kernel
 from .camera import Camera
 from .supersample import MAX_SAMPLES, NO_CHROMA, finer_rays
-from .traverse import MAX_LEVELS, first_seen, pixel_ray
+from .traverse import first_seen, pixel_ray
 
 
 @dataclass(frozen=True, eq=False)

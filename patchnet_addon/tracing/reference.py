@@ -11,6 +11,7 @@ import itertools
 
 import numpy as np
 
+from ..cells.contract import fits_pixel_of, fitting_level_of
 from ..cells.morton import morton_encode
 from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
@@ -51,7 +52,8 @@ def first_hits_reference(
         enter, leave = _box_interval(origin[ray], inverse[ray], cell * size, size)
         met = (enter < leave) & (leave > start[ray])
         ray, node, cell, enter = ray[met], node[met], cell[met], np.maximum(enter[met], start[ray[met]])
-        stops = (octree.child_mask[node] == 0) | (size < 2 * (side_at_0 + side_per_z * enter * speed[ray]))
+        pixel = side_at_0 + side_per_z * enter * speed[ray]
+        stops = (octree.child_mask[node] == 0) | fits_pixel_of(size, pixel)
         for r, n, t in zip(ray[stops], node[stops], enter[stops], strict=True):
             if t < best_t[r]:
                 best_t[r], best_node[r] = t, n
@@ -120,7 +122,7 @@ def needed_levels_reference(
         speed = pixel_rays(octree, camera, sx, sy)[2]
         side_at_0, side_per_z = camera_in_unit_cube(camera, octree.grid).lens[2:4]
         pixel = side_at_0 + side_per_z * t[hit] * speed[hit]
-        wanted = np.floor(-np.log2(2 * pixel)).astype(int) + 1 + lookahead
+        wanted = fitting_level_of(pixel).astype(int) + lookahead
         for level, index, depth in zip(octree.level_of(node[hit]), node[hit], wanted, strict=True):
             cell = octree.cells(level)[index - octree.level_start[level]]
             low = np.floor((cell - margin) * 2.0 ** (block_level - level)).astype(int)

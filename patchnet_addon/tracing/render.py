@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from ..cells.contract import MAX_LEVELS, pixel_voxel_ratio
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import kernel
 from .camera import Camera, camera_in_unit_cube
-from .traverse import MAX_LEVELS, first_hit, first_seen, pixel_ray
+from .traverse import first_hit, first_seen, pixel_ray
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +111,7 @@ def _first_hits(
             if hit >= 0:
                 scale = np.float64(1 << depth)
                 side = lens[2] + lens[3] * t * speed
-                ratio[pixel] = min(max(side * scale, 0.5), 1.0)
+                ratio[pixel] = pixel_voxel_ratio(side, scale)
                 t_unit[pixel, 0] = t
                 t_unit[pixel, 1] = t * speed
                 for axis in range(3):

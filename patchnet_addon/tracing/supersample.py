@@ -6,13 +6,14 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from ..cells.contract import MAX_LEVELS
 from ..octree.chroma_kernels import decode_color
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bounds import RAYS
 from ..runtime.kernels import kernel
 from ..runtime.progress import Progress, Steps
 from .camera import Camera, CameraUnit, camera_in_unit_cube
-from .traverse import MAX_LEVELS, first_seen, pixel_ray
+from .traverse import first_seen, pixel_ray
 
 MAX_SAMPLES = int(RAYS.high)  # per pixel side
 NO_CHROMA = np.empty((0, 2), np.uint8)

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..cells.contract import fits_pixel
 from ..runtime.kernels import device
 
-MAX_LEVELS = 24
 _FAR = 1e300
 _TINY = 1e-150
 
@@ -74,7 +74,7 @@ def first_hit(child_mask, first_child, origin, direction, t_start, z0, dz, side0
     while True:
         if node >= 0:
             pixel = side0 + side_per_z * (z0 + t * dz)
-            if child_mask[node] == 0 or size < 2.0 * pixel:
+            if child_mask[node] == 0 or fits_pixel(size, pixel):
                 top = (np.int64(1) << level) - 1
                 cell[0] = top - ix if mirror_x else ix
                 cell[1] = top - iy if mirror_y else iy

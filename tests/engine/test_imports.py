@@ -96,6 +96,16 @@ def test_direction_of_imports(part: str) -> None:
     assert wrong == {}
 
 
+def test_cells_import_runtime_alone() -> None:
+    """All other folders of the engine import them, so anything else would be a circle."""
+    found = set()
+    for path in modules_of("patchnet_addon/cells"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.level > 1:
+                found.add((node.level, (node.module or "").partition(".")[0]))
+    assert found == {(2, "runtime")}
+
+
 @pytest.mark.parametrize("part", ["patchnet_addon", "operators", "training", "commands"])
 def test_only_relative_imports(part: str) -> None:
     """The tree is `patchnet` for pip and `bl_ext.<repository>.patchnet` in Blender, so it never names itself."""

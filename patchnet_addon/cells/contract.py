@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Level-of-detail contract (methods 4.1b): which voxel fits a pixel, and whether there is look-ahead below it.
+
+Sides are in the octree's cube, where a voxel of level l has side 2^-l. Tracing, depths and fitted octrees all ask here;
+the functions named `..._of` are the references, for arrays.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..runtime.kernels import device
+
+MAX_LEVELS = 24  # of any walk down an octree
+MIN_RATIO, MAX_RATIO = 0.5, 1.0  # pixel side / voxel side that the network knows (methods 7.8)
+_CHILDREN = np.array([value.bit_count() for value in range(256)], np.uint8)
+
+
+@device
+def fits_pixel(voxel_side, pixel_side):  # type: ignore[no-untyped-def]
+    """Return whether a voxel that a ray enters stops it: its side is below two pixel sides there."""
+    return voxel_side < 2.0 * pixel_side
+
+
+def fits_pixel_of(voxel_side: np.ndarray | float, pixel_side: np.ndarray | float) -> np.ndarray:
+    """Reference of `fits_pixel`: (N,) bool."""
+    return np.asarray(voxel_side) < 2.0 * np.asarray(pixel_side)
+
+
+@device
+def fitting_level(pixel_side):  # type: ignore[no-untyped-def]
+    """First level whose voxels fit a pixel of that side, at most MAX_LEVELS."""
+    level = 0
+    size = 1.0
+    while not fits_pixel(size, pixel_side) and level < MAX_LEVELS:
+        size *= 0.5
+        level += 1
+    return level
+
+
+def fitting_level_of(pixel_side: np.ndarray | float) -> np.ndarray:
+    """Reference of `fitting_level`, without the limit: levels (N,) float64, whole numbers."""
+    levels: np.ndarray = np.maximum(np.floor(-np.log2(2.0 * np.asarray(pixel_side))) + 1, 0)
+    return levels
+
+
+@device
+def pixel_voxel_ratio(pixel_side, voxels_per_side):  # type: ignore[no-untyped-def]
+    """Pixel side over voxel side, clamped to what the network knows; voxels_per_side: 2^level (methods 7.8)."""
+    return min(max(pixel_side * voxels_per_side, MIN_RATIO), MAX_RATIO)
+
+
+def pixel_voxel_ratio_of(pixel_side: np.ndarray | float, voxels_per_side: np.ndarray | float) -> np.ndarray:
+    """Reference of `pixel_voxel_ratio`: (N,)."""
+    return np.clip(np.asarray(pixel_side) * voxels_per_side, MIN_RATIO, MAX_RATIO)
+
+
+@device
+def has_lookahead(child_mask, first_child, node, lookahead):  # type: ignore[no-untyped-def]
+    """Return whether `node` has real descendants `lookahead` levels down, compiled as `Octree.look_ahead`.
+
+    Within a level, the children of nodes that follow each other follow each other, so all descendants of a node on a
+    level are one run of nodes.
+    """
+    first = np.int64(node)
+    last = first
+    for _ in range(lookahead):
+        below_first = np.int64(-1)
+        below_last = np.int64(-1)
+        for here in range(first, last + 1):
+            mask = child_mask[here]
+            if mask != 0:
+                if below_first < 0:
+                    below_first = np.int64(first_child[here])
+                below_last = np.int64(first_child[here]) + np.int64(_CHILDREN[mask]) - 1
+        if below_first < 0:
+            return False
+        first = below_first
+        last = below_last
+    return True

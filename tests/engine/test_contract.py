@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The level-of-detail contract in kernels against its plain twins, and by its definition (methods 4.1b)."""
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.cells.contract import (
+    MAX_LEVELS,
+    fits_pixel,
+    fits_pixel_of,
+    fitting_level,
+    fitting_level_of,
+    has_lookahead,
+    pixel_voxel_ratio,
+    pixel_voxel_ratio_of,
+)
+from patchnet.tests.engine.octree_samples import random_octree
+
+SIDES = np.concatenate([2.0 ** -np.arange(0, 20), np.exp(np.random.default_rng(0).uniform(-13, 1, 500))])
+
+
+def test_first_level_that_fits():
+    """Powers of two are on the edge: a voxel of just two pixels does not stop a ray."""
+    levels = np.array([fitting_level(side) for side in SIDES])
+    np.testing.assert_array_equal(levels, fitting_level_of(SIDES))
+    assert fits_pixel_of(0.5**levels, SIDES).all()
+    assert not fits_pixel_of(0.5 ** (levels - 1.0), SIDES)[levels > 0].any()
+    assert fitting_level(0.25) == 2 and fitting_level(0.26) == 1 and fitting_level(0.0) == MAX_LEVELS
+
+
+def test_kernels_and_twins():
+    for side in SIDES[::9]:
+        for level in range(12):
+            assert fits_pixel(0.5**level, side) == fits_pixel_of(0.5**level, side)
+            assert pixel_voxel_ratio(side, 2.0**level) == pixel_voxel_ratio_of(side, 2.0**level)
+
+
+def test_ratios_of_voxels_that_fit_are_what_the_network_knows():
+    """Unless the parent, too, would have fitted, they need no clamp."""
+    levels = fitting_level_of(SIDES)[20:]
+    inner = levels > 0
+    ratio = SIDES[20:] * 2.0**levels
+    np.testing.assert_array_equal(pixel_voxel_ratio_of(SIDES[20:], 2.0**levels)[inner], ratio[inner])
+    assert ((ratio[inner] > 0.5) & (ratio[inner] <= 1.0)).all()
+
+
+@pytest.mark.parametrize("adaptive", [False, True])
+@pytest.mark.parametrize("lookahead", [1, 2, 3])
+def test_lookahead_of_single_nodes(adaptive, lookahead):
+    octree = random_octree(seed=2, depth=5, count=300, adaptive=adaptive)
+    found = [has_lookahead(octree.child_mask, octree.first_child, node, lookahead) for node in range(octree.node_count)]
+    np.testing.assert_array_equal(found, octree.look_ahead(lookahead))
