@@ -60,13 +60,13 @@ def unusable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 LIGHT = """
 import sys
 from patchnet.patchnet_addon.codes.octree_cache import OctreeCache
-from patchnet.patchnet_addon.lightmap.page_cache import KeptPages
+from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
 from patchnet.patchnet_addon.runtime.cache_folder import OCTREES, kernel_folder, user_cache_folder
 
 root = user_cache_folder()
 kernel_folder(root, "version")
 OctreeCache(root / OCTREES, 1 << 30).notes()
-with KeptPages() as kept:
+with BakePageCache() as kept:
     pass
 print(root, sorted({"numba", "llvmlite", "torch"} & set(sys.modules)))
 """
