@@ -57,7 +57,7 @@ def measure(args: argparse.Namespace) -> Comparison:
         range(args.depths[0], args.depths[1] + 1),
         args.repeats,
         all_cores=all_cores,
-        max_seconds=args.max_seconds,
+        max_seconds=args.most_seconds,
         peer_depth=args.peer_depth,
     ):
         print(f"depth {cost.depth}: {cost.fragments:,} fragments in {cost.seconds:.2f} s", file=sys.stderr)

@@ -35,7 +35,7 @@ both = pytest.mark.parametrize(
 DEAF = """
 import signal, sys, time
 from pathlib import Path
-from patchnet.patchnet_addon import interrupt
+from patchnet.patchnet_addon.runtime import interrupt
 from patchnet.patchnet_addon.runtime.unfinished import unfinished
 
 interrupt.DEADLINE_S = 0.1

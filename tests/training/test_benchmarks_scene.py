@@ -112,7 +112,7 @@ def test_whole_job_of_a_small_scene(tmp_path, capfd):
     values = json.loads(capfd.readouterr().out.splitlines()[-1])
     assert {"name", "ours", "peer", "unit", "ratio"} <= values.keys()
     assert (values["name"], values["unit"], values["scene"], values["depth"]) == ("scene", "B", "ball.obj", 6)
-    assert list(values["stage_s"]) == ["start", "open", "read", "grid", "light", "build", "save"]
+    assert list(values["stage_s"]) == ["start", "open", "read", "depth", "light", "voxelize", "save"]
     assert sum(values["stage_s"].values()) + values["other_s"] == pytest.approx(values["wall_s"])
     assert values["ours"] >= max(values["stage_peak_bytes"].values()) > 50 * MEGABYTE
     assert values["nodes"] > values["leaves"] > 4**6

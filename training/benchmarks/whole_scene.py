@@ -23,7 +23,7 @@ from ...patchnet_addon.runtime.errors import PatchNetError
 from .child import run_child
 from .timing import Comparison
 
-BUILD = "build"
+BUILD = "voxelize"
 _QUAD = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nf 1 2 3\nf 1 3 4\n"
 
 
