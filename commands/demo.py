@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
     require_blender()
     from ..operators.demo_scene import save_demo_scene
     from ..operators.pipeline.output_files import check_job
-    from ..operators.scene import open_scene
+    from ..operators.scene.files import open_scene
     from ..patchnet_addon.runtime.file_kinds import BLEND
     from ..patchnet_addon.runtime.outputs import check_outputs
     from .shared.quiet import quiet_stdout

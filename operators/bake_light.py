@@ -11,8 +11,6 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
 from .jobs.tell import tell
-from .pipeline.lit_octree import Recipe, build_lit_octree
-from .pipeline.stages import GridChoice
 from .session import results
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
@@ -28,6 +26,8 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Build the octree on the same grid again, in light."""
         from ..patchnet_addon.lightmap.page_cache import BakePageCache
+        from .pipeline.lit_octree import Recipe, build_lit_octree
+        from .pipeline.stages import GridChoice
 
         before = results.voxels_of(context.scene)
         settings, clock = replace(settings, scope=before.scope), StageClock()

@@ -11,7 +11,6 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
 from .jobs.tell import tell
-from .pipeline.stages import encode_as_set, load_network
 from .session import results
 from .settings.job_settings import JobSettings
 from .ui.properties import CodesProperties
@@ -25,6 +24,8 @@ class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Load the weights, encode, keep the codes beside the octree."""
+        from .pipeline.stages import encode_as_set, load_network
+
         before = results.voxels_of(context.scene)
         clock = StageClock()
         with clock.stage("codes"):

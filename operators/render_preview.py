@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
@@ -13,12 +14,13 @@ from ..patchnet_addon.runtime.stage_clock import StageClock
 from . import overlay
 from .jobs.polls import CodesJob
 from .jobs.tell import tell
-from .pipeline.views import View, view
-from .scene.cameras import choose_cameras
 from .session import results
 from .session.seen import seen
 from .settings.job_settings import JobSettings
 from .ui.properties import CameraProperties, ViewProperties
+
+if TYPE_CHECKING:
+    from .pipeline.views import View
 
 
 class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):
@@ -42,6 +44,9 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
 
     compare: measure all strategies. Raises SettingError, SceneError.
     """
+    from .pipeline.views import view
+    from .scene.cameras import choose_cameras
+
     before, coded = results.voxels_of(context.scene), results.codes_of(context.scene)
     settings = replace(settings, scope=before.scope)
     bounds = coded.octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))

@@ -49,7 +49,8 @@ def read_triangles(scene: Path) -> np.ndarray:
     import bpy
     import numpy as np
 
-    from ...operators.scene import open_scene, read_scene
+    from ...operators.scene.files import open_scene
+    from ...operators.scene.read import read_scene
 
     with quiet_stdout():
         open_scene(scene)

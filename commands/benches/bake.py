@@ -39,7 +39,7 @@ def measure(args: argparse.Namespace) -> Comparison:
     import bpy
 
     from ...operators.cycles.daylight import daylight, has_light
-    from ...operators.scene import read_scene
+    from ...operators.scene.read import read_scene
     from ...operators.verify_light.rates import measure_rates
     from ...patchnet_addon.octree.grid import Grid
     from ...patchnet_addon.runtime.progress import drain

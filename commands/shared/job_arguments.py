@@ -81,7 +81,7 @@ def require_blender() -> None:
 
 def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
     """Settings of a job from parsed arguments; raises SettingError for values outside their range."""
-    from ...operators.importance import Importance
+    from ...operators.importance.painted import Importance
     from ...operators.schema.table import SELECTED, VISIBLE
     from ...operators.settings.job_settings import JobSettings
 

@@ -32,7 +32,7 @@ def scene_path(scene: Path | str | None) -> Path:
 
 def open_given(scene: Path | str | None) -> None:
     """Open the scene if a file is named, else keep what is open; raises SceneError."""
-    from ...operators.scene import open_scene
+    from ...operators.scene.files import open_scene
     from .quiet import quiet_stdout
 
     path = scene_path(scene)

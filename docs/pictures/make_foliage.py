@@ -18,7 +18,8 @@ import numpy as np
 from PIL import Image
 
 from patchnet.__main__ import leave
-from patchnet.operators.scene import open_scene, read_scene
+from patchnet.operators.scene.files import open_scene
+from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.image.contact_sheet import contact_sheet
 from patchnet.patchnet_addon.image.tone import gray, to_bytes
 from patchnet.patchnet_addon.octree.build import build_octree

@@ -14,7 +14,7 @@ from ...patchnet_addon.runtime.bounds import MAX_DEPTH
 from ...patchnet_addon.runtime.frames import errors_of_frame
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ..cycles.daylight import has_light
-from ..scene import read_scene
+from ..scene.read import read_scene
 from ..scene_access.frames import go_to_frame
 from ..settings.job_settings import Bounds
 from .frame_maker import FrameMaker

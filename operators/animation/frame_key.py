@@ -11,7 +11,7 @@ import numpy as np
 
 from ...patchnet_addon.runtime.source_hash import source_hash
 from ..cycles.bake.bake_key import add_scene, add_surface
-from ..scene import read_scene
+from ..scene.read import read_scene
 from ..state.digest import Digest
 
 # What makes results, and what it imports; a worker is a program of its own.

@@ -13,13 +13,13 @@ import bpy
 
 from ...patchnet_addon.runtime.file_kinds import FileKind
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from ..importance import importance_key
+from ..importance.pixels import importance_key
 from ..pipeline.camera_folders import view_folders
 from ..pipeline.output_files import job_files, job_inputs, scene_inputs
 from ..pipeline.run import JobResult, run_job, write_result
 from ..pipeline.stages import choose_grid, load_network
-from ..scene import SceneMesh
 from ..scene.cameras import choose_cameras, scene_cameras
+from ..scene.scene_mesh import SceneMesh
 from ..schema.table import CYCLES
 from ..settings.job_settings import Bounds, JobSettings
 

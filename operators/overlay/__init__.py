@@ -7,17 +7,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import bpy
 from bpy.app.handlers import persistent
 
-from ..pipeline.views import View
 from ..session.result_images import show_images
 from ..session.scene_session import session_of
 from ..session.shown_view import view_to_show
 from ..session.views import keep_view
 from ..settings.job_settings import JobSettings
 from . import drag_wipe, handlers, inspect_pixels, open_pictures, panel, settings, toggle
+
+if TYPE_CHECKING:
+    from ..pipeline.views import View
 
 _MODULES = (toggle, drag_wipe, inspect_pixels, panel)
 _CLASSES = tuple(item for module in _MODULES for item in module.CLASSES)

@@ -15,8 +15,9 @@ from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.quantities import bytes_text, count_text
 from ...patchnet_addon.runtime.worker import run_in_worker
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene import SceneMesh, read_scene
 from ..scene.cameras import choose_cameras
+from ..scene.read import read_scene
+from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
 from ..schema.table import CYCLES
 from ..settings.job_settings import JobSettings

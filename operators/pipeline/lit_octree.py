@@ -20,8 +20,9 @@ from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene import SceneMesh, read_scene
 from ..scene.cameras import choose_cameras, track_cameras
+from ..scene.read import read_scene
+from ..scene.scene_mesh import SceneMesh
 from ..settings.job_settings import JobSettings
 from ..state.watch import read_state
 from .stages import UNLIT, GridChoice, build, choose_grid, lit, turned, unlit

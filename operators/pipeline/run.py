@@ -20,8 +20,8 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene import SceneMesh
 from ..scene.cameras import choose_cameras
+from ..scene.scene_mesh import SceneMesh
 from ..scene_access.images import save_png
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState

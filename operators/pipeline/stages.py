@@ -22,8 +22,8 @@ from ...patchnet_addon.surface.mesh import Material, MeshSource, ShadingFn
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.unseen import BLACK_SURFACE
 from ..cycles.daylight import has_light
-from ..scene import SceneMesh
 from ..scene.precision import light_warnings, place_warnings
+from ..scene.scene_mesh import SceneMesh
 from ..schema.table import CYCLES
 from ..settings.job_settings import JobSettings
 from .encoder import Encoding, chosen_encoder

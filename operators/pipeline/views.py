@@ -26,15 +26,10 @@ from ...patchnet_addon.sampling.report import frame_report
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_frame
 from ...patchnet_addon.tracing.camera import Camera
-from ..importance import pixel_importance
+from ..importance.pixels import pixel_importance
 from ..scene_access.images import save_exr, save_png
+from ..schema.pictures import ERROR_MAXIMUM, PICTURES, PRIORITY_NAME
 from ..settings.job_settings import JobSettings
-
-ERROR_MAXIMUM = 0.5  # luminance error at the end of the error picture's legend
-
-# Each picture that is a file and a Blender image, in the order in which a user would look at them.
-PICTURES = ("preview", "heatmap", "overlay", "refined", "reference", "error")
-PRIORITY_NAME = "priority.exr"
 
 
 @dataclass(frozen=True, eq=False)

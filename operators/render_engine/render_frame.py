@@ -17,7 +17,7 @@ from ...patchnet_addon.runtime.worker import attended
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
-from ..importance import read_strokes
+from ..importance.pixels import read_strokes
 from ..schema.table import VISIBLE
 from ..ui.preferences import apply_preferences
 from ..ui.properties import scene_settings

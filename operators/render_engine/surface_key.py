@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from ..cycles.bake.bake_key import add_surface
-from ..scene import read_scene
+from ..scene.read import read_scene
 from ..scene_access.own import is_own
 from ..schema.table import CODES, LIGHT, OCTREE, VISIBLE, result_fields
 from ..settings.job_settings import JobSettings

@@ -13,8 +13,9 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
-from ..importance import Importance, Strokes, read_strokes
 from ..importance.image import painted_image
+from ..importance.painted import Importance
+from ..importance.pixels import Strokes, read_strokes
 from ..scene_access.quiet import quiet
 from ..schema.table import VISIBLE
 

@@ -4,12 +4,16 @@
 from __future__ import annotations
 
 from hashlib import blake2b
+from typing import TYPE_CHECKING
 
 import bpy
 
-from ..pipeline.views import PICTURES, View
 from ..scene_access.images import drop_image, show_image
+from ..schema.pictures import PICTURES
 from .shown_view import COVERAGE, LEVEL, LUMINANCES, PRIORITY, ShownView
+
+if TYPE_CHECKING:
+    from ..pipeline.views import View
 
 RAW = (PRIORITY, COVERAGE, LEVEL, *LUMINANCES)
 PAGES = {"heatmap": 1, "overlay": 1, "error": 2}  # pictures with a legend, and how many views lie on them

@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from ...patchnet_addon.sampling.registry import STRATEGIES
-from ..pipeline.views import View
 from .scene_result import Comparison, Row, SceneResult
+
+if TYPE_CHECKING:
+    from ..pipeline.views import View
 
 
 def seen(result: SceneResult, view: View, *, compared: bool = False) -> SceneResult:

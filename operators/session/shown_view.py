@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import count
+from typing import TYPE_CHECKING
 from weakref import ReferenceType, ref
 
 import numpy as np
@@ -14,8 +15,11 @@ from ...patchnet_addon.image.tone import to_bytes
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
-from ..pipeline.views import ERROR_MAXIMUM, View
+from ..schema.pictures import ERROR_MAXIMUM
 from ..settings.job_settings import JobSettings
+
+if TYPE_CHECKING:
+    from ..pipeline.views import View
 
 PREVIEW, HEATMAP, REFINED, REFERENCE = "PREVIEW", "HEATMAP", "REFINED", "REFERENCE"
 PREVIEW_ERROR, REFINED_ERROR = "PREVIEW_ERROR", "REFINED_ERROR"

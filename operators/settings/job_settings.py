@@ -12,7 +12,7 @@ from ...patchnet_addon.image.colormaps import COLORMAPS
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.surface.mesh import MeshSource
-from ..importance import Importance
+from ..importance.painted import Importance
 from ..scene_access.devices import DEVICES
 from ..schema.setting import Kind
 from ..schema.table import CYCLES, TABLE, TWO_LIGHTS, VISIBLE

@@ -13,7 +13,8 @@ import numpy as np
 
 from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.cycles.camera_render import render_reference
-from patchnet.operators.scene import SceneMesh, read_scene
+from patchnet.operators.scene.read import read_scene
+from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments

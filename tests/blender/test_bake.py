@@ -8,7 +8,8 @@ from mathutils import Euler, Vector
 
 from patchnet.operators.cycles.bake import bake_luminance, bake_scene, baker
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
-from patchnet.operators.scene import SceneMesh, read_scene
+from patchnet.operators.scene.read import read_scene
+from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.scene_access.devices import gpu_is_enabled
 from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError

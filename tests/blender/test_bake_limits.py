@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from patchnet.operators.cycles.bake import bake_luminance
-from patchnet.operators.scene import read_scene
+from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.light_scene import assert_agrees, compare, lamp, material, shader, shown, simple, slab
 

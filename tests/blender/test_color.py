@@ -12,8 +12,8 @@ import pytest
 from patchnet import commands
 from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.pipeline.lit_octree import build_lit_octree
-from patchnet.operators.scene import read_scene
 from patchnet.operators.scene.cameras import choose_cameras
+from patchnet.operators.scene.read import read_scene
 from patchnet.operators.session import results
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache

@@ -9,7 +9,8 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.scene import open_scene, read_scene
+from patchnet.operators.scene.files import open_scene
+from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid

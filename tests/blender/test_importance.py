@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from patchnet.commands import main
-from patchnet.operators.importance import Importance, importance_key, pixel_importance
+from patchnet.operators.importance.painted import Importance
+from patchnet.operators.importance.pixels import importance_key, pixel_importance
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.pipeline.views import View
 from patchnet.operators.scene_access.images import save_png

@@ -18,7 +18,8 @@ import pytest
 
 from patchnet import commands
 from patchnet.operators.cycles.bake import bake_luminance
-from patchnet.operators.scene import open_scene, read_scene
+from patchnet.operators.scene.files import open_scene
+from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder
 from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt

@@ -8,7 +8,7 @@ import bpy
 import pytest
 
 from patchnet import commands
-from patchnet.operators.scene import read_scene
+from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
 from patchnet.tests.blender.job_scene import QUICK, build, saved
 

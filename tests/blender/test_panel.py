@@ -112,7 +112,7 @@ def test_estimate(scene: bpy.types.Scene) -> None:
 
 
 def test_estimate_knows_its_texels(scene: bpy.types.Scene) -> None:
-    from patchnet.operators.scene import read_scene
+    from patchnet.operators.scene.read import read_scene
     from patchnet.patchnet_addon.lightmap.charts import layout_charts, texels_wanted
     from patchnet.patchnet_addon.lightmap.path_counts import own_texels
     from patchnet.patchnet_addon.runtime.progress import drain

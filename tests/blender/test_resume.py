@@ -18,7 +18,7 @@ from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.cycles.bake import baker as baking
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.cycles.bake.bake_key import bake_key, scene_key
-from patchnet.operators.scene import read_scene
+from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache

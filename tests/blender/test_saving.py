@@ -10,7 +10,7 @@ import pytest
 from patchnet.operators.cycles.bake import bake_luminance, baker
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.cycles.region_renders import region_renders
-from patchnet.operators.scene import read_scene
+from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene_access.frames import kept_frame
 from patchnet.operators.scene_access.overrides import changed
 from patchnet.patchnet_addon.runtime.progress import Progress, drain

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from patchnet.commands.shared.scene_argument import scene_path
-from patchnet.operators.scene import open_scene, read_scene
+from patchnet.operators.scene.files import open_scene
+from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.runtime.errors import SceneError
 
 

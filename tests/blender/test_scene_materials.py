@@ -11,9 +11,10 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.scene import open_scene, read_scene
+from patchnet.operators.scene.files import open_scene
 from patchnet.operators.scene.images import ImageReader
 from patchnet.operators.scene.materials import read_material
+from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.surface.mesh import Material
 
 pytestmark = pytest.mark.usefixtures("empty_scene")

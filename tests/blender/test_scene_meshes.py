@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from patchnet.operators.scene import SceneMesh, read_scene, scene_mesh
+from patchnet.operators.scene import scene_mesh
+from patchnet.operators.scene.read import read_scene
+from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError, GeometryError, SettingError
 from patchnet.tests.blender.light_scene import CUBE_FACES
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot

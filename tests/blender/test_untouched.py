@@ -10,7 +10,7 @@ import pytest
 
 from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.pipeline.run import run_job
-from patchnet.operators.scene import read_scene
+from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.errors import SceneError

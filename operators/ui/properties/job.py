@@ -11,7 +11,7 @@ import bpy
 
 from ....patchnet_addon.runtime.bounds import MEMORY_GIB
 from ....patchnet_addon.runtime.errors import SettingError
-from ...importance import Importance
+from ...importance.painted import Importance
 from ...schema.setting import Kind, Setting
 from ...schema.table import AUTO, DEPTH, FIT, SELECTED, TABLE, VISIBLE, VOXEL_SIZE
 from ...settings.job_settings import JobSettings
