@@ -68,9 +68,8 @@ def preview() -> clicks.Session:
         setattr(scene.patchnet, name, value)
     with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
         bpy.ops.patchnet.run_all("INVOKE_DEFAULT")
-    yield from clicks.wait_for(
-        lambda: not module("jobs.job_operator").JobOperator.running, "the job ends", 1200.0
-    )  # a minute of it compiles kernels, more on a busy machine
+    job = module("jobs.job_operator").JobOperator
+    yield from clicks.wait_for(lambda: not job.running, "the job ends", 1200.0)  # kernels take a minute or more
     seen["steps"] = list(heard.labels)
     yield from measure("job")
 

@@ -37,7 +37,7 @@ class Heard:
         self.labels: list[str] = []
         self.told: list[str] = []
         display, operators = module("jobs.display").JobDisplay, module("jobs.job_operator")
-        begin, see, tell = display.begin, display.see, operators.jobs.tell
+        begin, see, tell = display.begin, display.see, operators.tell
 
         def heard_begin(shown, context):
             self.begun.append(shown._title)
@@ -52,7 +52,7 @@ class Heard:
             self.told.append(text)
             tell(operator, kind, text, **fields)
 
-        display.begin, display.see, operators.jobs.tell = heard_begin, heard_see, heard_tell
+        display.begin, display.see, operators.tell = heard_begin, heard_see, heard_tell
 
 
 class Visit:
