@@ -104,7 +104,7 @@ def _kernels() -> tuple[Path, str]:
 def _start(said: IO[bytes]) -> subprocess.Popen[bytes]:
     """Start a Blender with factory settings, in which small jobs compile what is missing."""
     words = [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1"]
-    words += ["--python", str(small_jobs_path()), "--", ROOT_PACKAGE, str(Path(__file__).parents[2]), *sys.path]
+    words += ["--python", str(small_jobs_path()), "--", ROOT_PACKAGE, str(Path(__file__).parents[3]), *sys.path]
     # The kernels' folder lies in the cache folder that this process uses, however it was named.
     environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder()), "PATCHNET_KEEP": "0"}
     flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal comes up on Windows
