@@ -22,6 +22,8 @@ _MAX = 20
 class _Last(logging.Handler):
     """Memory of the last warnings and errors."""
 
+    collects = True  # and tells nothing: see `log.set_up`
+
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
         self.said: deque[str] = deque(maxlen=_MAX)

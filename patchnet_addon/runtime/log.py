@@ -41,18 +41,23 @@ def set_up(log_format: str | None = None, level: str = "WARNING") -> None:
     """
     chosen = log_format or os.environ.get(VARIABLE) or TEXT
     if chosen not in FORMATS:
-        if not LOG.handlers:  # else logging itself would write what is said about it, a second time
+        if not _is_told():  # else logging itself would write what is said about it, a second time
             LOG.addHandler(_Lines(as_json=False))
         raise SettingError(
             f"There is no log format {chosen!r}: give --log-format or {VARIABLE} as {' or '.join(FORMATS)}"
         )
     for handler in [handler for handler in LOG.handlers if isinstance(handler, _Lines)]:
         LOG.removeHandler(handler)
-    if chosen == JSON or not LOG.handlers:
+    if chosen == JSON or not _is_told():
         LOG.addHandler(_Lines(chosen == JSON))
     LOG.setLevel(level)
     if chosen == JSON:
         LOG.setLevel(min(LOG.level, logging.INFO))
+
+
+def _is_told() -> bool:
+    """Return whether a handler tells what is logged; one with an attribute `collects` only keeps it."""
+    return any(not getattr(handler, "collects", False) for handler in LOG.handlers)
 
 
 def is_json() -> bool:

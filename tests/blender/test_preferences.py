@@ -2,6 +2,7 @@
 """Preferences: the cache and what is deleted from it, another Python, diagnostics."""
 
 import json
+import logging
 import sys
 from pathlib import Path
 
@@ -120,3 +121,10 @@ def test_python_that_cannot_encode_is_named_and_replaced(tmp_path: Path) -> None
 def test_checking_a_python_needs_one() -> None:
     with pytest.raises(RuntimeError, match="No Python is chosen"):
         bpy.ops.patchnet.check_python()
+
+
+def test_warnings_are_told_where_the_extension_is_registered(capsys: pytest.CaptureFixture[str]) -> None:
+    preferences.apply_preferences(bpy.context)
+    logging.getLogger("patchnet").warning("The cache folder cannot be used")
+    assert capsys.readouterr().err.count("The cache folder cannot be used") == 1
+    assert "The cache folder cannot be used" in diagnostics(bpy.context)
