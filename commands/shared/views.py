@@ -44,10 +44,7 @@ def view_cameras(args: argparse.Namespace) -> list[Camera]:
 
 def say_unseen(octree: Octree, cameras: Iterable[Camera]) -> None:
     """Say of each camera why it sees nothing, or only black, if that is so."""
-    from ...patchnet_addon.tracing.render import first_hits
-    from ...patchnet_addon.tracing.unseen import why_unseen
+    from ...patchnet_addon.tracing.unseen import why_unseen_by
 
-    for camera in cameras:
-        hits = first_hits(octree, camera)
-        if (text := why_unseen(octree, camera, hits, float(hits.luminance.max()))) is not None:
-            say_note(text)
+    for text in why_unseen_by(octree, cameras):
+        say_note(text)

@@ -12,7 +12,7 @@ import bpy
 from ...patchnet_addon.runtime.file_kinds import OCTREE, FileKind
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
-from ..pipeline.lit_octree import Recipe, build_lit_octree
+from ..pipeline.lit_octree import LitOctree, Recipe, build_lit_octree
 from ..pipeline.output_files import OCTREE_NAME
 from ..schema.table import CYCLES
 from ..settings.job_settings import JobSettings
@@ -45,7 +45,17 @@ class OctreeMaker(FrameMaker):
             save_octree(made.octree, folder / OCTREE_NAME)
         octree = made.octree
         figures = {"depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count}
-        return {"exposure": octree.exposure, "octree": figures | {"bytes": octree.nbytes}, "views": []}
+        warnings = [*made.warnings, *self._unseen(made)]
+        octree_figures = figures | {"bytes": octree.nbytes}
+        return {"exposure": octree.exposure, "octree": octree_figures, "views": [], "warnings": warnings}
+
+    def _unseen(self, made: LitOctree) -> list[str]:
+        """Reasons why cameras that the octree is fitted to see nothing, or only black."""
+        from ...patchnet_addon.tracing.unseen import why_unseen_by
+
+        if made.layout is None or self._recipe.cameras is None:
+            return []
+        return why_unseen_by(made.octree, self._recipe.cameras(made.source))
 
     def _of_frame(self, common: SharedSettings) -> JobSettings:
         return replace(self._settings, exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)

@@ -54,7 +54,7 @@ class JobOperator(_Operator):
     fraction: ClassVar[float] = 0.0  # of its present step, or of all, for the panel
     # The operator itself. Not of type JobOperator: typing would keep the class, and Blender as a module hang at exit.
     in_window: ClassVar[Any] = None
-    uses_kernels: ClassVar[bool] = True  # those that do not wait for none
+    uses_kernels: ClassVar[bool] = True  # so that its job waits until they are compiled
     _outcome: set[str]
     _steps: Steps[str]
     _file: Path | None = None  # what the steps write, for the log

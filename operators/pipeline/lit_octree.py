@@ -59,14 +59,14 @@ class LitOctree:
     """Lit octree, and what it was made of.
 
     layout: levels of its leaves, None where all are on the deepest. light: "none", "cycles" or "two-lights".
-    bounds_world: (2, 3) of the surface. state: of the scene when it was read.
+    source: the surface. state: of the scene when it was read.
     warnings: sentences about what had to be assumed or left out.
     """
 
     octree: Octree
     layout: LeafLevels | None
     light: str
-    bounds_world: np.ndarray
+    source: SceneMesh
     state: SceneState
     warnings: tuple[str, ...]
 
@@ -107,7 +107,7 @@ def build_lit_octree(
                 surface, replace(choice, grid=grid), shade, settings, light, _provenance(recipe, state)
             )
     warnings = (*source.warnings, *choice.warnings, *assumed)
-    return LitOctree(octree, choice.layout, light, source.bounds_world, state, warnings)
+    return LitOctree(octree, choice.layout, light, source, state, warnings)
 
 
 def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: SceneMesh) -> list[Camera]:

@@ -63,7 +63,7 @@ def _compared(context: bpy.types.Context, settings: CheckSettings, kept: BakePag
     clock = StageClock()
     made = yield from build_lit_octree(context, settings.job, clock, kept)
     octree = made.octree
-    cameras = yield from _cameras(context, octree, settings, made.bounds_world)
+    cameras = yield from _cameras(context, octree, settings, made.source.bounds_world)
     checks = []
     for camera in cameras:
         with clock.stage("cameras"):

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -110,3 +111,12 @@ def _corners(octree: Octree) -> np.ndarray:
     unit = np.stack([cells.min(axis=0), cells.max(axis=0) + 1]) / 2.0**level
     low, high = octree.grid.to_world(unit)
     return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+
+
+def why_unseen_by(octree: Octree, cameras: Iterable[Camera]) -> list[str]:
+    """Sentences of `why_unseen` about all cameras that see nothing, or only black, in their first hits."""
+    from .render import first_hits
+
+    seen = [(camera, first_hits(octree, camera)) for camera in cameras]
+    found = [why_unseen(octree, camera, hits, float(hits.luminance.max())) for camera, hits in seen]
+    return [text for text in found if text is not None]

@@ -122,3 +122,15 @@ def test_killed_command_goes_on(how: signal.Signals, scene_file: Path, tmp_path:
     for frame in (1, 2, 3):
         name = f"frame-000{frame}/octree.safetensors"
         assert (out / name).read_bytes() == (whole / name).read_bytes()
+
+
+def test_octrees_of_frames_say_what_had_to_be_assumed(
+    tmp_path: Path, registered: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    build(light=False)
+    scene, out = saved(tmp_path / "dark.blend"), tmp_path / "out"
+    words = ["octree", str(scene), "--depth", "4", "--samples", "1", "--frames", "1-2", "--out", str(out)]
+    assert commands.main(words) == 0
+    said = "The scene has no light: it was lit with a sun and a sky"
+    assert said in capsys.readouterr().err
+    assert said in json.dumps(json.loads((out / "report.json").read_text()))
