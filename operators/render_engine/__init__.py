@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import bpy
@@ -41,8 +42,7 @@ def _forget_frames(*_: object) -> None:
     """Free what was made for frames of an animation, and what the allocator kept of their arrays."""
     from ...patchnet_addon.runtime.heap import trim
 
-    sessions = [session for session in open_sessions() if session.kept_frame or session.made_frame]
-    for session in sessions:
+    for session in open_sessions():
         session.free_frames()
-    if sessions:
+    if f"{__package__}.frame_octree" in sys.modules:  # else nothing of ours was rendered
         trim()

@@ -57,9 +57,8 @@ def octree_of_frame(
     if kept is not None and ((here and not animation) or not may_change(scene)):
         return (yield from _coded(scene, kept, settings))
     key = ""
-    if (
-        animation or kept is not None or session.made_frame is not None
-    ):  # else nothing is there to compare with, nor will be
+    # Else nothing is there to compare with, nor will be.
+    if animation or kept is not None or session.made_frame is not None:
         yield Progress(0, 1, "Looking at the scene")
         key = surface_key(depsgraph, settings)
     if kept is not None and here:
