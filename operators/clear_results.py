@@ -8,6 +8,7 @@ import bpy
 from ..patchnet_addon.runtime.heap import page_out
 from . import overlay
 from .jobs.polls import no_job_runs
+from .scene_access.images import free_copies
 from .scene_access.own import is_own
 from .session import results
 from .session.memory import give_back
@@ -35,7 +36,7 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
         results.forget(context.scene)
         overlay.forget(context)
         for image in filter(is_own, bpy.data.images):
-            image.gl_free()  # the graphics memory; the picture stays
+            free_copies(image)
         page_out("llvmlite")
         give_back()
         if not bpy.app.background:  # viewports let go of their pictures when they are drawn again

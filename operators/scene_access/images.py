@@ -45,6 +45,16 @@ def drop_image(name: str) -> None:
         bpy.data.images.remove(image)
 
 
+def free_copies(image: bpy.types.Image) -> None:
+    """Free the pixels of a packed image in memory and on the graphics card; Blender reads them again when it needs to.
+
+    Pixels that the user has painted over since are only in memory, and stay.
+    """
+    image.gl_free()
+    if image.packed_file is not None and not image.is_dirty:
+        image.buffers_free()
+
+
 def is_shown() -> bool:
     """Return whether a picture of ours is among Blender's images."""
     return any(OWNER in image for image in bpy.data.images)

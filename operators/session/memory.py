@@ -64,5 +64,7 @@ def array_bytes(holders: Iterable[Any]) -> int:
 
 
 def _image_bytes(image: bpy.types.Image) -> int:
+    if not image.has_data:  # asking such an image for its size would read its pixels
+        return 0
     width, height = image.size
-    return width * height * image.channels * (4 if image.is_float else 1) if image.has_data else 0
+    return width * height * image.channels * (4 if image.is_float else 1)

@@ -11,6 +11,7 @@ from bpy.props import EnumProperty, FloatProperty, StringProperty
 
 from ...patchnet_addon.image.colormaps import COLORMAPS
 from ...patchnet_addon.runtime.bounds import KEPT_GIB as KEPT
+from ...patchnet_addon.runtime.heap import reuse_freed_memory
 from ...patchnet_addon.runtime.log import set_up
 
 ROOT_PACKAGE = __package__.removesuffix(".operators.ui")  # "patchnet", or "bl_ext.<repository>.patchnet" in Blender
@@ -132,12 +133,13 @@ def preferences(context: bpy.types.Context) -> Preferences:
 
 
 def apply_preferences(context: bpy.types.Context) -> None:
-    """Set up log and cache folder; the folder must be known before the first kernel is imported.
+    """Set up the process to work: log, cache folder, allocator. The first kernel's import needs to know the folder.
 
     Raises SettingError for a log format that there is not.
     """
     chosen = preferences(context)
     set_up(level=chosen.log_level)
+    reuse_freed_memory()
     folder = bpy.path.abspath(chosen.cache_folder) if chosen.cache_folder else ""
     if not folder and IS_EXTENSION and "PATCHNET_CACHE" not in os.environ:
         folder = bpy.utils.extension_path_user(ROOT_PACKAGE, path="cache")

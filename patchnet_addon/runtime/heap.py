@@ -15,6 +15,7 @@ from contextlib import suppress
 from typing import Any
 
 _TBB_ALL_BUFFERS = 0  # TBBMALLOC_CLEAN_ALL_BUFFERS of oneTBB's scalable_allocator.h
+_TBB_SOFT_LIMIT = 1  # TBBMALLOC_SET_SOFT_HEAP_LIMIT
 _MADV_PAGEOUT = 21  # of Linux 5.4 and newer
 _JEMALLOC_PURGE = b"arena.4096.purge"  # MALLCTL_ARENAS_ALL is 4096
 
@@ -34,11 +35,30 @@ def trim() -> None:
             glibc(0)
 
 
+@functools.cache
+def reuse_freed_memory() -> None:
+    """Let TBB's allocator use what was freed before it asks the system for more; others do so anyway.
+
+    Its caches keep freed arrays for later ones of the very same size, while other sizes take new memory. Small blocks
+    that live on are then spread over all of it, so that `trim` can give little back.
+    """
+    for library in _with_tbb():
+        mode = getattr(library, "scalable_allocation_mode", None)
+        if mode is not None:
+            mode.argtypes = [ctypes.c_int, ctypes.c_ssize_t]
+            mode(_TBB_SOFT_LIMIT, 1)  # byte: caches are emptied whenever they are in the way
+
+
 def _clean_tbb() -> None:
-    for library in (_loaded(None), _loaded("tbbmalloc.dll") if sys.platform == "win32" else None):
+    for library in _with_tbb():
         clean = getattr(library, "scalable_allocation_command", None)
         if clean is not None:
             clean(_TBB_ALL_BUFFERS, None)
+
+
+def _with_tbb() -> tuple[Any, ...]:
+    """Libraries that may have TBB's allocator, or None."""
+    return _loaded(None), _loaded("tbbmalloc.dll") if sys.platform == "win32" else None
 
 
 def page_out(library: str) -> None:

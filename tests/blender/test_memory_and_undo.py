@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
+from patchnet.operators.scene_access.images import free_copies, show_image
 from patchnet.operators.session import results
 from patchnet.operators.session.memory import held
 from patchnet.operators.session.scene_session import open_sessions, session_of
@@ -53,6 +54,26 @@ def test_failed_and_new_jobs_hold_nothing_more(scene: bpy.types.Scene) -> None:
     with pytest.raises(RuntimeError):
         run(cameras="Nobody")
     assert results.held_bytes() == once
+
+
+def test_pictures_are_freed_and_read_again() -> None:
+    pictures = {
+        "Free me": np.random.default_rng(0).random((3, 5), np.float32),
+        "Painted": np.full((3, 5), 0.25, np.float32),
+    }
+    images = {name: show_image(name, picture, raw=True) for name, picture in pictures.items()}
+    try:
+        before = held().images
+        images["Painted"].pixels[0] = 0.75
+        for image in images.values():
+            free_copies(image)
+        assert not images["Free me"].has_data and images["Painted"].has_data
+        assert held().images == before // 2 and not images["Free me"].has_data
+        read = np.array(images["Free me"].pixels, np.float32).reshape(3, 5, 4)
+        assert np.array_equal(read[..., 0], pictures["Free me"])
+        assert images["Painted"].pixels[0] == 0.75
+    finally:
+        drop_result_images()
 
 
 def push(name: str) -> None:

@@ -9,7 +9,7 @@ import pytest
 from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
 
 MB = 2**20
-KEPT_BYTES = 350 * MB  # of kernels, their loader, meshes and pictures: 253 to 318 million in five runs
+KEPT_BYTES = 300_000_000  # of kernels, their loader and meshes
 
 
 @pytest.fixture(scope="module")
