@@ -33,9 +33,9 @@ from .scene_copy import prepared
 OVERHEAD_PATHS = 1_500
 # Without a window nothing acts while Blender renders: so much work between two reports. Beside a window Blender's job
 # says how far it is, and hears of a stop between two passes over a tile: those of Cycles are too large for that.
-_PART_S = 1.0
-_FIRST_PATHS = 50_000
-_TILE_SIDE_IN_WINDOW = 256
+PART_S = 1.0
+FIRST_PATHS = 50_000
+TILE_SIDE_IN_WINDOW = 256
 _INSIDE = 0.25  # of a pixel, so that borders, which Blender keeps as float32 shares, are cut to the right one
 
 
@@ -82,14 +82,14 @@ class RegionRenders:
         width, height = self._size
         canvas = np.zeros((height, width, 3), np.float32)
         total, done = sum(region.pixels for region in regions), 0
-        part_px = _FIRST_PATHS // self._scene.cycles.samples
+        part_px = FIRST_PATHS // self._scene.cycles.samples
         for region in regions:
             rest: Region | None = region
             while rest is not None:
                 part, rest = (rest, None) if window_is_alive() else rest.split(part_px)
                 begun = self.seconds
                 canvas[part.slices] = yield from self.picture(part, _reports(done, part.pixels, total, label))
-                part_px = max(1, int(part.pixels * _PART_S / max(self.seconds - begun, 1e-3)))
+                part_px = max(1, int(part.pixels * PART_S / max(self.seconds - begun, 1e-3)))
                 done += part.pixels
         return canvas
 
@@ -122,7 +122,7 @@ def region_renders(
         scene, layer = stack.enter_context(prepared(context, camera, samples, seed, path))
         add_passes(layer)
         if window_is_alive() and scene.cycles.device == "CPU":  # a GPU is done with large tiles soon
-            scene.cycles.use_auto_tile, scene.cycles.tile_size = True, _TILE_SIDE_IN_WINDOW
+            scene.cycles.use_auto_tile, scene.cycles.tile_size = True, TILE_SIDE_IN_WINDOW
         if sun:
             stack.enter_context(daylight(scene))
         scene.render.use_persistent_data = True

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 else:
     _Operator = object  # Blender wants its own class among the direct bases of each operator
 
-_SLICE_S = 0.05  # of work between two redraws of the window
+SLICE_S = 0.05  # of work between two redraws of the window
 _TICK_S = 0.02
 _GONE = "The scene that was worked on is gone: open it and start again"
 
@@ -163,7 +163,7 @@ class JobOperator(_Operator):
 
     def _work(self, context: bpy.types.Context) -> None:
         """Run steps for a slice of time, in the scene where they began."""
-        deadline = time.perf_counter() + _SLICE_S
+        deadline = time.perf_counter() + SLICE_S
         while not self._outcome:
             with ExitStack() as stack:
                 stack.enter_context(job_watch.watching(self._watch))

@@ -24,7 +24,7 @@ from .sample_sharing import crowding_of
 MAX_PAGE_SIDE = 4096
 _MAX_SHARES = 6  # halvings of the paths
 # A page of its own starts with reading the scene: in the time for a triangle, and for the call, so many are traced.
-_PATHS_PER_TRIANGLE, _PATHS_PER_CALL = 2, 100_000
+PATHS_PER_TRIANGLE, PATHS_PER_CALL = 2, 100_000
 # Thinner rectangles would bring the hypotenuse so close to texel centres that rounding could change their owner.
 _MAX_LOG_ASPECT = 4
 # A single texel's triangle, in texels: its centroid is the texel's centre.
@@ -180,7 +180,7 @@ def _shares(excess: np.ndarray, sides: np.ndarray, samples: int) -> np.ndarray:
     for share in np.flatnonzero(texels)[:0:-1].tolist():
         lower = int(np.flatnonzero(texels[:share])[-1])
         saved = texels[share] * samples * (2.0**-lower - 2.0**-share)
-        if saved < _PATHS_PER_TRIANGLE * len(excess) + _PATHS_PER_CALL:
+        if saved < PATHS_PER_TRIANGLE * len(excess) + PATHS_PER_CALL:
             shares[shares == share] = lower
             texels[lower] += texels[share]
     return shares

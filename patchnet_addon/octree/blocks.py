@@ -21,7 +21,7 @@ from .grid import Grid
 from .leaf_levels import LeafLevels
 
 FRAGMENTS_PER_TASK = 1 << 18
-_MIN_SHARE = 50_000  # fragments for which a core of its own is worth while
+MIN_SHARE = 50_000  # fragments for which a core of its own is worth while
 BLOCK_LEVEL = 5  # where all leaves are on one level, memory is divided by blocks of this level
 
 
@@ -81,7 +81,7 @@ def plan_passes(
     load = expected_fragments(source, grid, blocks)
     total = float(load.sum())
     passes = max(int(np.ceil(total / max_fragments)), 1)
-    shares = max(min(cores, int(total / passes / _MIN_SHARE)), 1)
+    shares = max(min(cores, int(total / passes / MIN_SHARE)), 1)
     # A block belongs where its middle fragment lies, so that rounding leaves no range behind.
     number = np.minimum((np.cumsum(load) - load / 2) * (passes * shares / max(total, 1.0)), passes * shares - 1)
     cuts = np.searchsorted(number.astype(np.int64), np.arange(passes * shares + 1))

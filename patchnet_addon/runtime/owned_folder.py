@@ -30,7 +30,7 @@ else:
     import fcntl
 
 _OWNER, _FILES = "owner", "files"
-_BEAT_S = 60.0
+BEAT_S = 60.0
 SILENT_S = 3600.0  # after which another machine's process is taken for dead
 _UNSIGNED_S = 24 * 3600.0  # the same of a folder without an owner, as older versions left them
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
@@ -113,7 +113,7 @@ def _beating(owner: Path) -> Iterator[None]:
     ended = threading.Event()
 
     def beat() -> None:
-        while not ended.wait(_BEAT_S):
+        while not ended.wait(BEAT_S):
             with contextlib.suppress(OSError):
                 os.utime(owner)
 

@@ -19,7 +19,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of kernels, with none in it."""
-    monkeypatch.setattr(ahead, "_kernels", lambda: (tmp_path, "versions"))
+    monkeypatch.setattr(ahead, "kernel_folder", lambda: (tmp_path, "versions"))
     return tmp_path
 
 
@@ -34,7 +34,7 @@ def other(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], SimpleNamespace]:
             started.processes.append(subprocess.Popen([sys.executable, "-c", code], stdout=said, stderr=said))
             return started.processes[-1]
 
-        monkeypatch.setattr(ahead, "_start", start)
+        monkeypatch.setattr(ahead, "start_other_blender", start)
         return started
 
     return stand_in

@@ -73,8 +73,8 @@ def test_regions_are_rendered_at_once_or_in_parts_with_the_same_bits(
     build()
     settings = CyclesSettings(budget=0.5, samples=4, tile=8)
     whole = drain(run_job(bpy.context, job(weights, settings))).cycles[0]
-    monkeypatch.setattr(renders, "_FIRST_PATHS", 100)
-    monkeypatch.setattr(renders, "_PART_S", 0.0)
+    monkeypatch.setattr(renders, "FIRST_PATHS", 100)
+    monkeypatch.setattr(renders, "PART_S", 0.0)
     labels = []
     parts = drain(run_job(bpy.context, job(weights, settings)), lambda report: labels.append(report.label)).cycles[0]
     np.testing.assert_array_equal(parts.composited, whole.composited)
@@ -116,7 +116,7 @@ def test_tiles_as_in_a_window_have_the_same_bits(monkeypatch: pytest.MonkeyPatch
     build()
     before = whole_picture()
     monkeypatch.setattr(renders, "window_is_alive", lambda: True)
-    monkeypatch.setattr(renders, "_TILE_SIDE_IN_WINDOW", 8)
+    monkeypatch.setattr(renders, "TILE_SIDE_IN_WINDOW", 8)
     np.testing.assert_array_equal(whole_picture(), before)
 
 

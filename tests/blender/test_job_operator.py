@@ -91,7 +91,7 @@ def event(kind: str) -> SimpleNamespace:
 
 
 def test_runs_to_the_end_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(job_operator, "_SLICE_S", 1e-9)
+    monkeypatch.setattr(job_operator, "SLICE_S", 1e-9)
     window, operator = Window(), Counting(5)
     assert operator.invoke(window, event("LEFTMOUSE")) == {"RUNNING_MODAL"}
     assert JobOperator.running == "Count" and window.timers == ["timer"]
@@ -104,7 +104,7 @@ def test_runs_to_the_end_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_escape_stops_and_cleans_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(job_operator, "_SLICE_S", 1e-9)
+    monkeypatch.setattr(job_operator, "SLICE_S", 1e-9)
     window, operator = Window(), Counting(5)
     operator.invoke(window, event("LEFTMOUSE"))
     operator.modal(window, event("TIMER"))

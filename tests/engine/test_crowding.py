@@ -46,7 +46,7 @@ def cells(corners: np.ndarray, side: float) -> np.ndarray:
 
 
 def test_cells_get_what_their_area_asks_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("_PATHS_PER_TRIANGLE", "_PATHS_PER_CALL"):  # as if pages cost nothing
+    for name in ("PATHS_PER_TRIANGLE", "PATHS_PER_CALL"):  # as if pages cost nothing
         monkeypatch.setattr(charts_module, name, 0)
     corners = bush(60_000, 8.0, 0.1)
     charts = laid_out(corners, page_side=128)

@@ -133,7 +133,7 @@ def test_bits_do_not_depend_on_the_number_of_cores(mesh, layout, cores, monkeypa
     grid = Grid.around(mesh.bounds_world, 8)
     expected = leaves_of(mesh, grid, shade, layout=layout)
     monkeypatch.setattr(voxelizer, "usable_cores", lambda: cores)
-    monkeypatch.setattr(blocks, "_MIN_SHARE", 10)
+    monkeypatch.setattr(blocks, "MIN_SHARE", 10)
     ranges = blocks.plan_passes(mesh, grid, layout, 1 << 20, cores)
     assert [len(shares) for shares in ranges] == [cores]
     for one, other in zip(expected, leaves_of(mesh, grid, shade, layout=layout), strict=True):
@@ -142,7 +142,7 @@ def test_bits_do_not_depend_on_the_number_of_cores(mesh, layout, cores, monkeypa
 
 
 def test_loads_of_cores_are_similar(mesh, monkeypatch):
-    monkeypatch.setattr(blocks, "_MIN_SHARE", 1000)
+    monkeypatch.setattr(blocks, "MIN_SHARE", 1000)
     grid = Grid.around(mesh.bounds_world, 8)
     uniform = LeafLevels.uniform(8)
     (shares,) = blocks.plan_passes(mesh, grid, uniform, 1 << 24, 2)

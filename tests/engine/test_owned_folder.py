@@ -94,7 +94,7 @@ def test_what_only_looks_alike_stays(tmp_path: Path) -> None:
 
 
 def test_the_owner_is_touched_while_work_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_BEAT_S", 0.01)
+    monkeypatch.setattr(module, "BEAT_S", 0.01)
     with owned_folder(tmp_path / ".out.33333333.tmp") as files:
         owner = files.parent / "owner"
         os.utime(owner, (0, 0))

@@ -62,7 +62,7 @@ def compiled_ahead() -> Steps[None]:
 
 def _compiled(folder: Path) -> Steps[None]:
     with tempfile.TemporaryFile() as said:
-        process, looked, at = _start(said), -math.inf, _AT
+        process, looked, at = start_other_blender(said), -math.inf, _AT
         try:
             while process.poll() is None:
                 if time.monotonic() - looked >= _LOOK_S:
@@ -84,12 +84,13 @@ def small_jobs_path() -> Path:
 
 def _mark() -> Path:
     """File that says that the kernels of these sources are compiled for this processor, by this numba and Blender."""
-    folder, versions = _kernels()
+    folder, versions = kernel_folder()
     return folder / f"all-{hashlib.sha256(repr((versions, bpy.app.version)).encode()).hexdigest()[:16]}"
 
 
 @cache
-def _kernels() -> tuple[Path, str]:
+def kernel_folder() -> tuple[Path, str]:
+    """Find the folder of compiled kernels, and what of this computer they are compiled for, as text."""
     import numba
     from numba.core.registry import cpu_target
 
@@ -101,7 +102,7 @@ def _kernels() -> tuple[Path, str]:
     return folder, repr(versions)
 
 
-def _start(said: IO[bytes]) -> subprocess.Popen[bytes]:
+def start_other_blender(said: IO[bytes]) -> subprocess.Popen[bytes]:
     """Start a Blender with factory settings, in which small jobs compile what is missing."""
     words = [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1"]
     words += ["--python", str(small_jobs_path()), "--", ROOT_PACKAGE, str(Path(__file__).parents[3]), *sys.path]
