@@ -46,7 +46,7 @@ def blender_tool() -> Path:
 
 
 def strangers(names: Iterable[str], wheels: Iterable[str] = ()) -> list[str]:
-    """What is wrong with the paths in a zip: those that do not belong there, or should and do not, sorted.
+    """Find faults among the paths in a zip: those that do not belong there, or should and do not, sorted.
 
     wheels: the wheels that belong there; one that is not of a bundled package never does.
     """

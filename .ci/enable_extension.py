@@ -102,7 +102,7 @@ def switch(archive: str) -> None:
 
 
 def cost(archive: str) -> None:
-    """What enabling costs at a start of Blender: the import of the add-on and its registration."""
+    """Measure what enabling costs at a start of Blender: the import of the add-on and its registration."""
     import addon_utils
 
     addon_utils.extensions_refresh()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an enabled extension has left in Blender: read before and after, to see that disabling leaves nothing.
+"""Traces of an enabled extension in Blender: read before and after, to see that disabling leaves nothing.
 
 Blender lists classes, properties, handlers, key maps, menus and compatible engines. It has no lists of timers, drawing
 callbacks, message bus subscriptions and command line commands: `watch()` sees those as they come and go.

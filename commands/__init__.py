@@ -95,7 +95,7 @@ def _add_log_format(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument(
         "--log-format", choices=FORMATS, default=argparse.SUPPRESS,
-        help=f"stderr for people, or one JSON object a line for programs (the variable {VARIABLE}, else text)",
+        help=f"stderr for users, or one JSON object a line for programs (the variable {VARIABLE}, else text)",
     )  # fmt: skip
 
 

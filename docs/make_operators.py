@@ -28,7 +28,7 @@ PAGE = Path(__file__).with_name("operators.md")
 
 @dataclass(frozen=True)
 class Note:
-    """What Blender does not know of an operator. line: Python to try it with, "" where a mouse is needed."""
+    """Notes on an operator that Blender does not know. line: Python to try it with, "" where a mouse is needed."""
 
     leaves: str
     line: str = ""
@@ -136,7 +136,7 @@ def operators() -> dict[str, type]:
 
 
 def refusal(name: str) -> str:
-    """What the operator's poll says in the open scene, "" if it agrees."""
+    """Ask the operator's poll in the open scene; its message, "" if it agrees."""
     if getattr(bpy.ops.patchnet, name).poll():
         return ""
     try:
@@ -177,7 +177,7 @@ def table(items: list[Any]) -> Iterator[str]:
 
 
 def own_properties(name: str) -> list[Any]:
-    """What a person can give to an operator."""
+    """Settings that a user can give to an operator."""
     values = getattr(bpy.ops.patchnet, name).get_rna_type().properties
     return [item for item in values if item.identifier != "rna_type" and not item.is_hidden]
 

@@ -42,7 +42,7 @@ def box(item) -> tuple[int, int, int, int]:
 
 
 def widen_sidebar():
-    """Drag the sidebar's edge, as a person does, until its lines fit."""
+    """Drag the sidebar's edge, as a user does, until its lines fit."""
     side = clicks.region("UI")
     x, y = side.x, side.y + side.height // 3
     target = side.x + side.width - SIDE_PX

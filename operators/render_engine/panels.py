@@ -41,7 +41,7 @@ class _RenderPanel(_Panel):
 
 
 class PATCHNET_PT_render_refinement(_RenderPanel, bpy.types.Panel):
-    """What is refined first, and how much."""
+    """Sampling of the render engine: what is refined first, and how much."""
 
     bl_label = "Refinement"
 
@@ -54,7 +54,7 @@ class PATCHNET_PT_render_refinement(_RenderPanel, bpy.types.Panel):
 
 
 class PATCHNET_PT_render_octree(_RenderPanel, bpy.types.Panel):
-    """What is rendered from."""
+    """Voxels that the render engine renders from."""
 
     bl_label = "Voxels"
 

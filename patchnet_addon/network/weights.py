@@ -33,7 +33,7 @@ def encoder_sizes(lookahead: int) -> tuple[int, ...]:
 
 
 def network(lookahead: int) -> dict[str, Any]:
-    """What the numbers mean, beyond their shapes: a file states it, and one that states something else is refused."""
+    """Conventions of the numbers, beyond their shapes: a file states them, and one that states others is refused."""
     side = patch_side(lookahead)
     return {
         "look_ahead": lookahead,
@@ -154,7 +154,7 @@ def load_weights(path: str | Path | None = None) -> Weights:
 
 
 def _known_lookahead(stated: Any, path: Path) -> int:
-    """What a file states, if this network knows it; raises WeightsFileError."""
+    """Conventions that a file states, if this network knows them; raises WeightsFileError."""
     if type(stated) is not int or stated not in LOOKAHEADS:  # true is no number
         known = ", ".join(map(str, LOOKAHEADS))
         raise WeightsFileError(

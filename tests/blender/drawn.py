@@ -21,7 +21,7 @@ class Layout:
 
 
 def drawn(panel: type, **values: object) -> list[str]:
-    """What a panel shows: labels, names of settings, identifiers of operators, icons. `values`: its own properties."""
+    """Drawing of a panel: labels, names of settings, identifiers of operators, icons. `values`: its own properties."""
     layout = Layout()
     panel.draw(type("Drawn", (), {"layout": layout, **values})(), bpy.context)
     return layout.texts

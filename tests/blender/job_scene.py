@@ -56,7 +56,7 @@ def principled(name: str) -> bpy.types.Node:
 
 
 def saved(path: Path) -> Path:
-    """What is open as a .blend file, and where that is."""
+    """Save what is open as a .blend file; its path."""
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
     return path
 

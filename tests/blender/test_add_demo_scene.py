@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The demo scene as people add it to a file of their own: all of it is there, nothing else changes, undo removes it."""
+"""The demo scene as users add it to a file of their own: all of it is there, nothing else changes, undo removes it."""
 
 import bpy
 import pytest

@@ -139,7 +139,7 @@ def test_fronts_alone(by_material: bool) -> None:
 
 @pytest.mark.parametrize(("strength", "seen"), [(0.003, 3.0), (0.3, 0.3)])
 def test_normals_that_point_into_a_building(strength: float, seen: float) -> None:
-    """What gets next to no light on its front is enclosed there, although a little finds its way in; shade is shade."""
+    """A front that gets next to no light is enclosed there, although a little finds its way in; shade is shade."""
     material = diffuse((0.5, 0.5, 0.5))
     sun(3.0), sun(strength, (np.pi, 0.0, 0.0))
     for index, name in enumerate(("Up", "Down")):
@@ -150,7 +150,7 @@ def test_normals_that_point_into_a_building(strength: float, seen: float) -> Non
 
 
 def test_closed_boxes_that_are_lit_from_inside() -> None:
-    """Where nothing shines outside, the inner side counts. A sheet beside it keeps the mean of its sides."""
+    """The inner side counts where nothing shines outside. A sheet beside it keeps the mean of its sides."""
     cube(diffuse((0.5, 0.5, 0.5)))
     lamp = bpy.data.lights.new("Lamp", "POINT")
     lamp.energy, lamp.shadow_soft_size = 40.0, 0.01
@@ -340,7 +340,7 @@ def test_tiles_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("enabled", [False, True])
 def test_gpus_bake_where_they_are_enabled(enabled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Which device Cycles is asked for; without a GPU it takes the processor all the same."""
+    """Device that Cycles is asked for; without a GPU it takes the processor all the same."""
     before = user_scene()
     devices = []
     run = baker.bake_now

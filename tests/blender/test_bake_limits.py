@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the bake cannot show as a render does is said in one sentence; what it can is not warned of."""
+"""Limits of the bake: what it cannot show as a render does is said in one sentence; what it can is not warned of."""
 
 import bpy
 import numpy as np
@@ -85,7 +85,7 @@ def test_scattering_under_surfaces_on_several_pages(surface: tuple[str, dict], m
 
 @pytest.mark.parametrize("output", ["Is Camera Ray", "Is Shadow Ray", "Ray Depth"])
 def test_kinds_of_rays(output: str) -> None:
-    """What a camera ray alone would see is seen by the bake."""
+    """Shaders that a camera ray alone would see are seen by the bake."""
     surface = paint("LightPath", output)
     tree = surface.node_tree
     both = tree.nodes.new("ShaderNodeAddShader")

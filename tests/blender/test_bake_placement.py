@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is linked, hidden, not selected, instanced or kept from some rays shines and shadows as in Cycles' picture."""
+"""Linked, hidden, unselected and instanced objects, and those kept from some rays, light and shadow as in a picture."""
 
 from pathlib import Path
 

@@ -18,7 +18,7 @@ ROWS = [row for row in vars(bounds).values() if isinstance(row, bounds.Bounds)]
 
 
 def of_the_table(low: float, high: float) -> bool:
-    """Whether a row has these bounds, in the single precision of Blender; or 0 for automatic below its high one."""
+    """Compare a row's bounds with these, in the single precision of Blender; or 0 for automatic below its high one."""
     same = [row for row in ROWS if math.isclose(row.high, high, rel_tol=1e-6)]
     return any(low == 0.0 or math.isclose(row.low, low, rel_tol=1e-6) for row in same)
 

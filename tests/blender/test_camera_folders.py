@@ -153,7 +153,7 @@ def test_a_folder_on_another_disk(tmp_path: Path) -> None:
 
 
 def test_errors_name_files_as_they_would_be(tmp_path: Path) -> None:
-    """The folder in which results are gathered is gone when somebody reads of it."""
+    """The folder in which results are gathered is gone when the user reads of it."""
     out = tmp_path / "out"
     with (
         pytest.raises(OutputError, match=f"{out}/octree.safetensors is a folder"),

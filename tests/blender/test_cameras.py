@@ -23,7 +23,7 @@ def camera() -> bpy.types.Object:
 
 
 def picture_point(camera, point_world: np.ndarray) -> np.ndarray:
-    """Where our camera sees a world point: (x, y) in [0, 1], and its axial distance."""
+    """Project a world point by our camera: (x, y) in [0, 1], and its axial distance."""
     offset = point_world - camera.position_world
     z = offset @ camera.forward
     scale = z if camera.kind == "PERSP" else 1.0

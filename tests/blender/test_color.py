@@ -94,7 +94,7 @@ def cycles_picture(path: Path) -> np.ndarray:
 
 
 def regions() -> dict[str, np.ndarray]:
-    """Which pixels (H, W) show each object, well inside of it, by Blender's ray casts."""
+    """Pixels (H, W) that show each object, well inside of it, by Blender's ray casts."""
     scene = bpy.context.scene
     depsgraph = bpy.context.evaluated_depsgraph_get()
     camera = scene.camera

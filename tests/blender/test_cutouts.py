@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cut-out planes as the glTF importer and as people wire them: leaves of the octree have the image's gaps."""
+"""Cut-out planes as the glTF importer and as users wire them: leaves of the octree have the image's gaps."""
 
 import base64
 import json

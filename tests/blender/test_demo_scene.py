@@ -15,7 +15,7 @@ from patchnet.operators.demo_scene.geometry import Shape, projected_uv
 
 @dataclass
 class Placed:
-    """What the evaluated scene shows: vertices (n, 3) of all placed objects, and counts."""
+    """Content of the evaluated scene: vertices (n, 3) of all placed objects, and counts."""
 
     vertices: np.ndarray
     triangles: int

@@ -119,7 +119,7 @@ def test_nothing_is_kept_where_nothing_shall_be(file: Path, tmp_path: Path, monk
 
 
 def test_another_process_renders_without_a_bake(file: Path, tmp_path: Path) -> None:
-    """What `blender -b FILE -E PATCHNET -f 1` does."""
+    """Render as `blender -b FILE -E PATCHNET -f 1` does."""
     code = """
 import sys, bpy, patchnet
 patchnet.register()

@@ -51,7 +51,7 @@ def test_receivers_of_a_sun(state: str) -> None:
 
 
 def test_receivers_in_a_nested_collection() -> None:
-    """What is in a child has the state of the child."""
+    """Objects in a child have the state of the child."""
     left, right = halves()
     outer = bpy.data.collections.new("Outer")
     outer.children.link(receivers([left]))

@@ -135,7 +135,7 @@ def test_undo_of_a_move_makes_results_fit_again() -> None:
     ],
 )
 def test_undo_to_before_a_result(step: str, change, what: str) -> None:
-    """What was computed after a change does not fit any more when the change is undone."""
+    """Results of a change do not fit any more when the change is undone."""
     push("start")
     change()
     bpy.context.view_layer.update()

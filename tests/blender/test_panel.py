@@ -244,7 +244,7 @@ def value_of(settings: bpy.types.PropertyGroup, name: str) -> object:
     return tuple(value) if name == "size" else value
 
 
-def test_presets_of_the_person(scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_presets_of_the_user(scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bpy.utils, "user_resource", lambda kind, path="", create=False: made(tmp_path / path))
     scene.patchnet.samples, scene.patchnet.budget = 77, 0.25
     assert bpy.ops.patchnet.add_preset(name="Mine") == {"FINISHED"}

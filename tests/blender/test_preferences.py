@@ -27,7 +27,7 @@ pytestmark = pytest.mark.usefixtures("scene")
 
 
 def fill(root: Path) -> set[Path]:
-    """A cache as it is made, in a folder that holds a person's own things as well; those."""
+    """A cache as it is made, in a folder that holds a user's own things as well; those."""
     kernels = root / "kernels" / ("0123456789abcdef") / "octree_1a"
     kernels.mkdir(parents=True)
     for name in ("clip.area-12.py311.nbi", "clip.area-12.py311.1.nbc"):

@@ -219,7 +219,7 @@ def test_stereo_and_a_textured_world_are_mentioned(scene: bpy.types.Scene, capfd
 
 
 class Stopping:
-    """What `pull` needs of an engine, stopped at the third look."""
+    """Render engine as `pull` needs it, stopped at the third look."""
 
     looks = 0
 

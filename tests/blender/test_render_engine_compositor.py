@@ -42,7 +42,7 @@ def layers(scene: bpy.types.Scene) -> bpy.types.Node:
 
 
 def socket_name(name: str) -> str:
-    """What the compositor calls a pass."""
+    """Name of a pass in the compositor."""
     return "Image" if name == "Combined" else name
 
 

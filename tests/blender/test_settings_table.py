@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is derived from the table of settings: keys, what makes steps stale, properties and arguments."""
+"""Table of settings, and what is derived from it: keys, what makes steps stale, properties and arguments."""
 
 from dataclasses import fields, replace
 from pathlib import Path

@@ -28,7 +28,7 @@ def add_collection() -> None:
 
 
 def report_everything() -> None:
-    """What Blender reports when a window closes: all data-blocks, none of them changed."""
+    """Report as Blender does when a window closes: all data-blocks, none of them changed."""
     for kind in (bpy.data.objects, bpy.data.meshes, bpy.data.lights, bpy.data.materials, bpy.data.cameras):
         for block in kind:
             block.update_tag()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A file as people have them, compared data-block by data-block around every operator: done, failed, or stopped."""
+"""A file as users have them, compared data-block by data-block around every operator: done, failed, or stopped."""
 
 import itertools
 from collections.abc import Callable

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the voxelizer makes of a surface, before it becomes an octree."""
+"""Leaf sums that the voxelizer makes of a surface, before it becomes an octree."""
 
 import numpy as np
 

@@ -133,7 +133,7 @@ def test_importance_ranks_and_leaves_out(budget: float) -> None:
 
 
 def test_pixels_are_ranked_beside_who_waits() -> None:
-    """What looks at all pixels at once runs in a thread then, and says so."""
+    """Steps that look at all pixels at once run in a thread then, and say so."""
     threads = []
 
     def everything(frame: Frame) -> Steps[np.ndarray]:

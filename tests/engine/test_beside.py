@@ -19,7 +19,7 @@ _LONG_S = 30.0  # never waited for
 
 
 def attended_drain(steps: Steps[Result], on_report: Callable[[Progress], None] = lambda _: None) -> Result:
-    """As somebody who waits pulls them."""
+    """Pull them as a waiting caller does."""
     try:
         while True:
             with attended():

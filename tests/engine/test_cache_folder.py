@@ -50,7 +50,7 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def unusable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """What PATCHNET_CACHE names is a file, which not even root can make a folder in."""
+    """PATCHNET_CACHE names a file, which not even root can make a folder in."""
     path = tmp_path / "cache"
     path.write_text("in the way")
     monkeypatch.setenv("PATCHNET_CACHE", str(path))

@@ -19,7 +19,7 @@ def greet(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """A sub-command `greet` in place of the real ones; tests set its `run`."""
 
     def add_parser(subparsers) -> argparse.ArgumentParser:
-        parser = subparsers.add_parser("greet", help="greet somebody")
+        parser = subparsers.add_parser("greet", help="greet a user")
         parser.add_argument("name")
         return parser
 

@@ -134,7 +134,7 @@ def test_transparent_surfaces_are_refused(mesh, camera):
 
 
 def test_cut_outs_leave_no_coarse_leaves_in_the_picture(camera):
-    """What the fit takes for a gap must be one in the lit octree, too."""
+    """A gap that the fit finds must be one in the lit octree, too."""
     rng = np.random.default_rng(7)
     alpha = np.kron(rng.random((24, 24)) > 0.7, np.ones((3, 3))).astype(np.float32)[..., None]
     leaves = Material("leaves", alpha_texture=Texture("alpha", alpha), alpha_threshold=0.5)

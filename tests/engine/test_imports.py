@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Who may import whom: commands -> operators, training -> patchnet_addon, and Blender in the operators alone."""
+"""Imports go one way: commands -> operators, training -> patchnet_addon, and Blender in the operators alone."""
 
 import ast
 import subprocess

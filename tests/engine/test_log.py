@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is said on stderr: JSON lines for programs, nothing new for people."""
+"""Log on stderr: JSON lines for programs, nothing new for users."""
 
 import json
 import logging
@@ -58,7 +58,7 @@ def test_unknown_format_is_said_once(monkeypatch: pytest.MonkeyPatch, capfd: pyt
     assert line.startswith("patchnet: error: There is no log format 'foo': give --log-format or PATCHNET_LOG as")
 
 
-def test_people_are_told_nothing_twice(capsys: pytest.CaptureFixture[str]) -> None:
+def test_users_are_told_nothing_twice(capsys: pytest.CaptureFixture[str]) -> None:
     log.set_up(log.TEXT, "INFO")
     for name in EVENTS:
         log.event(name, f"this is {name}", logging.ERROR)

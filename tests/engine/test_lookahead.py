@@ -201,7 +201,7 @@ def test_arrays_of_another_look_ahead_than_stated(tmp_path):
 
 @pytest.mark.parametrize("lookahead", LOOKAHEADS)
 def test_contract(octree, camera, lookahead):
-    """What is asked for, what there is, and the depth that gives it."""
+    """Look-ahead that is asked for, what there is, and the depth that gives it."""
     needed, pixels = np.zeros(8**3, np.uint8), np.zeros(8**3, np.uint32)
     arrays = octree.child_mask, octree.first_child, octree.grid, camera
     drain(needed_levels(*arrays, needed, pixels, lookahead=lookahead))
@@ -286,7 +286,7 @@ def exact_views():
 
 
 def values_of_two_levels(octree):
-    """What the engine says where no look-ahead is named: nothing of it goes through a BLAS, whose bits differ."""
+    """Results where no look-ahead is named: nothing of them goes through a BLAS, whose bits differ."""
     levels = range(octree.depth - 1)
     blocks = [voxel_blocks(octree, np.arange(*octree.level_start[level : level + 2])) for level in levels]
     direction, up = exact_views()

@@ -38,7 +38,7 @@ def whole(octree, tmp_path_factory):
 
 
 def refused(path):
-    """Whether the reader refuses a file, with a sentence that names it."""
+    """Ask the reader whether it refuses a file, with a sentence that names it."""
     try:
         loaded = load_octree(path)
     except OctreeFileError as caught:

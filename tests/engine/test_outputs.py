@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What may be written where: nothing that is read, of another kind, or somebody's own way is replaced."""
+"""Outputs, and where they may be written: nothing that is read, of another kind, or somebody's own way is replaced."""
 
 import json
 import os

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is said about the time that is left."""
+"""Remaining time, as it is told."""
 
 import pytest
 

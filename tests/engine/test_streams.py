@@ -62,7 +62,7 @@ def test_streams_that_nobody_reads(line: str, code: int, file: Path) -> None:
 
 
 def test_files_do_not_take_the_place_of_a_closed_stream(file: Path) -> None:
-    """What compiled code prints on stdout would go into them."""
+    """Prints of compiled code on stdout would go into them."""
     code = "import os; from patchnet.patchnet_addon.runtime.streams import keep_streams; keep_streams(); "
     code += f"import sys; opened = os.open({str(file)!r}, os.O_RDONLY); sys.exit(opened < 3)"
     done = subprocess.run(["sh", "-c", '"$0" -c "$1" <&- >&- 2>&-', sys.executable, code], check=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an octree shows at one level, on octrees with leaves on several levels, against marking every cell."""
+"""Voxels of one level, on octrees with leaves on several levels, against marking every cell."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A person's hands in a Blender window: moves, clicks, keys, looking for buttons, screenshots.
+"""A user's hands in a Blender window: moves, clicks, keys, looking for buttons, screenshots.
 
 A session is a generator that yields to let the window work: `yield seconds`, or `yield from wait_for(condition, ...)`.
 """
@@ -110,7 +110,7 @@ def find_buttons(wanted: set[str], *, upwards: bool = False) -> Generator[float,
 
 
 def find_again(name: str, point: tuple[int, int]) -> Generator[float, None, tuple[int, int]]:
-    """Where a button is now that was at a point: lines that panels got or lost meanwhile move it, also out of sight."""
+    """Find a button that was at a point: lines that panels got or lost meanwhile move it, also out of sight."""
     x, y = point
     for distance in range(0, _MOVED_PX, _ROW_STEP_PX):
         for place in (y - distance, y + distance):

@@ -78,7 +78,7 @@ def courtyard(installed: Blender, out: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def visit(installed: Blender, courtyard: Path, out: Path) -> dict:
-    """What window.py saw in the window."""
+    """Report of window.py."""
     script = Path(__file__).with_name("window.py")
     done = installed.run_window(courtyard, "-P", script, "--", out)
     (out / "window.log").write_text(done.stdout + done.stderr)

@@ -59,7 +59,7 @@ def build() -> None:
 
 
 def prepare() -> clicks.Session:
-    """Voxels with light and codes, a render of the person's own, edit mode."""
+    """Voxels with light and codes, a render of the user's own, edit mode."""
     tempfile.tempdir = str(OUT / f"cycles-{PART}-temp")
     Path(tempfile.tempdir).mkdir()
     build()
@@ -100,11 +100,11 @@ def watched(until) -> clicks.Session:
 
 
 def state() -> dict[str, object]:
-    """The whole file without our pictures, what the person rendered, and what else a render could change."""
+    """The whole file without our pictures, what the user rendered, and what else a render could change."""
     for image in [image for image in bpy.data.images if image.get("patchnet_result")]:
         bpy.data.images.remove(image)
     for image in bpy.data.images:
-        len(image.pixels)  # a viewer's image is there once somebody has asked
+        len(image.pixels)  # a viewer's image is there once a caller has asked
     own = OUT / f"cycles-{PART}-own.png"
     bpy.data.images["Render Result"].save_render(str(own))
     view = bpy.context.preferences.view
@@ -125,7 +125,7 @@ def pixels() -> dict[str, bytes]:
 
 
 def differences(before: dict[str, object]) -> list[str]:
-    """What is not as before, but lists of reports and of operators that ran."""
+    """Find what is not as before, but for lists of reports and of operators that ran."""
     found = scene_snapshot._differences(before, state(), "")
     return [text[:300] for text in found if "[WinMan]" not in text]
 
@@ -161,7 +161,7 @@ def by_button() -> clicks.Session:
 
 
 def refine() -> None:
-    """What the button calls."""
+    """Call what the button calls."""
     for words in (begun, ended):
         words.clear()
     with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D")):
@@ -169,7 +169,7 @@ def refine() -> None:
 
 
 def lively() -> bool:
-    """Whether the window has been drawn and progress has moved while Blender renders, again and again."""
+    """See that the window is drawn and progress moves while Blender renders, again and again."""
     return watch["draws"] > 3 and watch["ticks"] > 5 and len(watch["fractions"]) > 3
 
 

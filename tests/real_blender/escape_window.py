@@ -62,7 +62,7 @@ def prepare() -> clicks.Session:
 
 
 def render() -> None:
-    """What F12 calls."""
+    """Call what F12 calls."""
     ended.clear()
     pictures.clear()
     with bpy.context.temp_override(window=clicks.window()):
@@ -78,7 +78,7 @@ def escape(name: str) -> clicks.Session:
 
 
 def over() -> bool:
-    """Whether no render runs any more."""
+    """See that no render runs any more."""
     return bool(ended) and not bpy.app.is_job_running("RENDER")
 
 

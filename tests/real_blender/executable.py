@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How to start a real Blender, with and without a window."""
+"""Start of a real Blender, with and without a window."""
 
 import subprocess
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ SMALL_SCREEN = (1000, 800)  # drawn and rendered sooner
 
 @dataclass(frozen=True)
 class Blender:
-    """How to start it: a prefix of the command line, and the variables it is given."""
+    """Command that starts it: a prefix of the command line, and the variables it is given."""
 
     prefix: tuple[str, ...]
     program: str
@@ -47,7 +47,7 @@ class Blender:
         return done.stdout
 
     def value(self, expression: str) -> str:
-        """What a Python expression is in this Blender, as text."""
+        """Evaluate a Python expression in this Blender; its value as text."""
         said = self.execute(f"import addon_utils, bpy, sys; print('value:', {expression})")
         return next(line for line in said.splitlines() if line.startswith("value: ")).removeprefix("value: ")
 
@@ -57,7 +57,7 @@ class Blender:
         )
 
     def words(self) -> tuple[str, ...]:
-        """What starts it, to be followed by Blender's arguments."""
+        """Command line that starts it, to be followed by Blender's arguments."""
         return self._words((self.program,))
 
     def _words(self, command: tuple[str, ...]) -> tuple[str, ...]:

@@ -40,7 +40,7 @@ def modal() -> list[str]:
 
 
 def result():
-    """What was computed for the scene so far, or None."""
+    """Result of the scene so far, or None."""
     return module("session.results").result_of(clicks.window().scene)
 
 
@@ -74,7 +74,7 @@ def prepare() -> clicks.Session:
 
 
 def shown() -> str | None:
-    """What the user's Image Editor shows."""
+    """Image in the user's Image Editor."""
     image = clicks.area("IMAGE_EDITOR").spaces.active.image
     return image and image.name
 

@@ -95,7 +95,7 @@ def free() -> clicks.Session:
 
 
 def kernels() -> None:
-    """How many kernels were compiled in the other Blender, and after it."""
+    """Count the kernels that were compiled in the other Blender, and after it."""
     folder = Path(os.environ.get("PATCHNET_CACHE", "")) / "kernels"
     (mark,) = folder.rglob("all-*")
     later = [path.stat().st_mtime_ns > mark.stat().st_mtime_ns for path in folder.rglob("*.nbc")]

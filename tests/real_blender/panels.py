@@ -24,7 +24,7 @@ seen["drawn"] = []
 
 
 def result():
-    """What was computed for the scene, or None."""
+    """Result of the scene, or None."""
     return module("session.results").result_of(clicks.window().scene)
 
 

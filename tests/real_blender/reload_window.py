@@ -28,12 +28,12 @@ heard = Heard()
 
 
 def result():
-    """What there is for the scene, or None."""
+    """Result of the scene, or None."""
     return module("session.results").result_of(clicks.window().scene)
 
 
 def told() -> dict[str, object]:
-    """What the panel says about the voxels, and what of them is stale."""
+    """Sentences of the panel about the voxels, and what of them is stale."""
     kept = result()
     return {"voxels": kept.octree.leaf_count, "codes": len(kept.coded.codes), "stale": sorted(kept.stale)}
 

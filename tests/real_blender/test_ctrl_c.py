@@ -72,7 +72,7 @@ def test_sigterm_ends_a_script_that_would_go_on(installed: Blender, courtyard: P
 
 @pytest.mark.parametrize("closed", [">&-", "<&- >&- 2>&-"])
 def test_closed_streams(closed: str, installed: Blender, courtyard: Path, out: Path) -> None:
-    """What Blender prints gets into no file, and the work is done."""
+    """Blender's own prints get into no file, and the work is done."""
     words = ("octree", "--depth", "4", "--light", "two-lights", "--out", out / "closed.safetensors")
     blender = shlex.join(map(str, (*installed.words(), "-b", courtyard, "--command", "patchnet", *words)))
     done = subprocess.run(["sh", "-c", f"{blender} {closed}"], capture_output=True, text=True, cwd=ROOT, check=False)

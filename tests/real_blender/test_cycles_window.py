@@ -12,7 +12,7 @@ RENDERS = 4  # the pixel with which Cycles reads the scene, the region, the whol
 
 
 def visit(part: str, blender: Blender, out: Path) -> dict:
-    """What cycles_window.py saw."""
+    """Report of cycles_window.py."""
     script = Path(__file__).with_name("cycles_window.py")
     done = blender.run_window("-P", script, "--", out, part, simulate=part == "button", screen=SMALL_SCREEN)
     said = done.stdout + done.stderr

@@ -11,7 +11,7 @@ from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
 
 @pytest.fixture(scope="module")
 def seen(installed: Blender, courtyard: Path, out: Path) -> dict:
-    """What engine_window.py saw in the window."""
+    """Report of engine_window.py."""
     script = Path(__file__).with_name("engine_window.py")
     done = installed.run_window(courtyard, "-P", script, "--", out, screen=SMALL_SCREEN)
     (out / "engine.log").write_text(done.stdout + done.stderr)
@@ -36,7 +36,7 @@ def test_f12_renders_beside_the_window(seen: dict) -> None:
 
 
 def test_without_voxels_nothing_breaks(seen: dict, out: Path) -> None:
-    """What the status bar says then is in a screenshot: scripts cannot read it."""
+    """The status bar of that moment is in a screenshot: scripts cannot read it."""
     assert seen["render without voxels"]["ended"] in ("complete", "cancel") and "Traceback" not in seen["said"]
     for name in ("no-voxels", "traced", "refined", "render", "error"):
         assert (out / f"engine-{name}.png").stat().st_size > 5000

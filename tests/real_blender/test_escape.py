@@ -16,7 +16,7 @@ PATIENCE_S = 15.0
 
 @pytest.fixture(scope="module")
 def seen(installed: Blender, courtyard: Path, out: Path) -> dict:
-    """What escape_window.py saw."""
+    """Report of escape_window.py."""
     script = Path(__file__).with_name("escape_window.py")
     done = installed.run_window(courtyard, "-P", script, "--", out, simulate=False, screen=SMALL_SCREEN)
     said = done.stdout + done.stderr

@@ -14,7 +14,7 @@ KINDS = ("objects", "meshes", "materials", "worlds", "lights", "cameras", "colle
 
 @pytest.fixture(scope="module")
 def jobs(installed: Blender, courtyard: Path, out: Path) -> dict:
-    """What jobs_window.py saw."""
+    """Report of jobs_window.py."""
     script = Path(__file__).with_name("jobs_window.py")
     small_pages = Blender(installed.prefix, installed.program, installed.environment | {"PATCHNET_PAGE_SIDE": "256"})
     done = small_pages.run_window(courtyard, "-P", script, "--", out, screen=SMALL_SCREEN)

@@ -14,7 +14,7 @@ KEPT_BYTES = 300_000_000  # of kernels, their loader and meshes
 
 @pytest.fixture(scope="module")
 def memory(installed: Blender, courtyard: Path, out: Path) -> dict:
-    """What memory_window.py saw."""
+    """Report of memory_window.py."""
     script = Path(__file__).with_name("memory_window.py")
     done = installed.run_window(courtyard, "-P", script, "--", out, screen=SMALL_SCREEN, seconds=1800.0)
     (out / "memory.log").write_text(done.stdout + done.stderr)

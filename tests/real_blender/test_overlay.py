@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures where people look, in a real window: what overlay_window.py saw on the screen is what the pictures hold."""
+"""Pictures where users look, in a real window: what overlay_window.py saw on the screen is what the pictures hold."""
 
 import json
 from pathlib import Path
@@ -12,7 +12,7 @@ from patchnet.tests.real_blender.executable import Blender
 
 @pytest.fixture(scope="module")
 def seen(installed: Blender, out: Path) -> dict:
-    """What overlay_window.py saw."""
+    """Report of overlay_window.py."""
     done = installed.run_window("-P", Path(__file__).with_name("overlay_window.py"), "--", out)
     (out / "overlay.log").write_text(done.stdout + done.stderr)
     found: dict = json.loads((out / "overlay.json").read_text())

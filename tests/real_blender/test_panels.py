@@ -13,7 +13,7 @@ PANELS = ("main", "octree", "light", "network", "preview", "compare", "export", 
 
 @pytest.fixture(scope="module")
 def panels(installed: Blender, courtyard: Path, out: Path) -> dict:
-    """What panels.py saw."""
+    """Report of panels.py."""
     done = installed.run_window(courtyard, "-P", Path(__file__).with_name("panels.py"), "--", out, seconds=400.0)
     (out / "panels.log").write_text(done.stdout + done.stderr)
     report = out / "panels.json"

@@ -13,7 +13,7 @@ BAKED = "Baking light"
 
 @pytest.fixture(scope="module")
 def visits(installed: Blender, courtyard: Path, out: Path) -> tuple[dict, dict]:
-    """What was seen before Blender died, and after the file was opened."""
+    """Reports from before Blender died, and after the file was opened."""
     script = Path(__file__).with_name("reload_window.py")
     keeping = Blender(installed.prefix, installed.program, installed.environment | {"PATCHNET_KEEP": "1"})
     seen = []

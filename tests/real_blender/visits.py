@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all visits to a Blender window share: the installed extension, where they write what they saw, how they end."""
+"""Visits to a Blender window: the installed extension, where they write what they saw, how they end."""
 
 import json
 import sys
@@ -27,7 +27,7 @@ def side_box() -> tuple[int, int, int, int]:
 
 
 class Heard:
-    """What jobs said since this was made. begun: their titles; labels: of their steps; told: their reports' texts.
+    """Sayings of jobs since this was made. begun: their titles; labels: of their steps; told: their reports' texts.
 
     Jobs are heard of, not looked at: those that take a moment are over before anybody looks.
     """

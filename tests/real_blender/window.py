@@ -31,7 +31,7 @@ def running() -> str:
 
 
 def result():
-    """What was computed for the scene so far, or None."""
+    """Result of the scene so far, or None."""
     return module("session.results").result_of(clicks.window().scene)
 
 

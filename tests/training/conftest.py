@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the tests of benchmarks share."""
+"""Fixtures of the tests of benchmarks."""
 
 import sys
 from types import SimpleNamespace

@@ -10,7 +10,7 @@ from .tab import SubPanel, draw_stale, split
 
 
 class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
-    """What every strategy leaves of the error on the chosen view."""
+    """Strategies compared: the error that each leaves on the chosen view."""
 
     bl_label = "Compare"
     bl_options = {"DEFAULT_CLOSED"}

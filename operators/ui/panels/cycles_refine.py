@@ -9,7 +9,7 @@ from .tab import SubPanel, split
 
 
 class PATCHNET_PT_cycles_refine(SubPanel, bpy.types.Panel):
-    """How much Cycles renders over the preview, and how well."""
+    """Refinement with Cycles: how much it renders over the preview, and how well."""
 
     bl_label = "Refine with Cycles"
     bl_options = {"DEFAULT_CLOSED"}

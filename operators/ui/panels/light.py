@@ -9,7 +9,7 @@ from .tab import SubPanel, Tab, draw_settings, draw_stale, split
 
 
 class PATCHNET_PT_light(SubPanel, bpy.types.Panel):
-    """Where the light of the voxels comes from."""
+    """Light of the voxels, and where it comes from."""
 
     bl_label = "Light"
 

@@ -9,7 +9,7 @@ from .tab import SubPanel, draw_settings, draw_stale, split
 
 
 class PATCHNET_PT_octree(SubPanel, bpy.types.Panel):
-    """Which objects become voxels, and how fine ones."""
+    """Octree: which objects become voxels, and how fine ones."""
 
     bl_label = "Octree"
 

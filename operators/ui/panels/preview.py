@@ -27,7 +27,7 @@ class PATCHNET_PT_preview(SubPanel, bpy.types.Panel):
 
 
 class PATCHNET_PT_importance(Tab, bpy.types.Panel):
-    """What matters, painted."""
+    """Painted importance."""
 
     bl_label = "Importance"
     bl_parent_id = "PATCHNET_PT_preview"

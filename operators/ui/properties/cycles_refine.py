@@ -15,7 +15,7 @@ from .shapes import number, share
 
 
 class CyclesRefineProperties:
-    """What Cycles renders of a preview."""
+    """Refinement of a preview with Cycles."""
 
     cycles_budget: share(
         "Pixels",

@@ -11,7 +11,7 @@ from .shapes import OF_ONE_CALL, number
 
 
 class LevelProperties:
-    """Which level is shown or exported."""
+    """Level that is shown or exported."""
 
     level: number(
         "Level",
@@ -23,7 +23,7 @@ class LevelProperties:
 
 
 class DisplayProperties(LevelProperties):
-    """How voxels are shown in the scene. Operators forget them, so that the panel's values count for each call."""
+    """Voxels in the scene. Operators forget these values, so that those of the panel count for each call."""
 
     display: EnumProperty(
         name="Display",

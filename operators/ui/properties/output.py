@@ -12,7 +12,7 @@ from .shapes import OF_ONE_CALL, number
 
 
 class AnimationProperties:
-    """How the frames of an animation are baked."""
+    """Animation: how its frames are baked."""
 
     skip_existing: BoolProperty(
         name="Skip Finished",
@@ -33,7 +33,7 @@ def _frame(name: str, description: str, default: int, bounds: Bounds = FRAME) ->
 
 
 class FrameProperties:
-    """Which frames; those of the scene where they are not given."""
+    """Frame range; that of the scene where they are not given."""
 
     frame_start: _frame("Frame Start", "First frame", 1)
     frame_end: _frame("Frame End", "Last frame", 250)

@@ -8,43 +8,43 @@ from .shapes import properties_of
 
 
 class VoxelizeProperties:
-    """What is voxelized, and how finely."""
+    """Octree: what is voxelized, and how finely."""
 
     __annotations__ = properties_of(OCTREE)
 
 
 class LightProperties:
-    """Where luminance comes from."""
+    """Light: where luminance comes from."""
 
     __annotations__ = properties_of(LIGHT)
 
 
 class CodesProperties:
-    """Which network looks ahead."""
+    """Network that looks ahead."""
 
     __annotations__ = properties_of(CODES)
 
 
 class CameraProperties:
-    """Whose pictures are made, and how large."""
+    """Cameras: whose pictures are made, and how large."""
 
     __annotations__ = properties_of(CAMERAS)
 
 
 class ImportanceProperties:
-    """What matters to the user, painted."""
+    """Importance: what matters to the user, painted."""
 
     __annotations__ = properties_of(IMPORTANCE)
 
 
 class ViewProperties(ImportanceProperties):
-    """What is refined first, and how it is shown."""
+    """View: what is refined first, and how it is shown."""
 
     __annotations__ = properties_of(VIEW)
 
 
 class OutputProperties:
-    """Where files go."""
+    """Output: where files go."""
 
     __annotations__ = properties_of(OUTPUT)
 
