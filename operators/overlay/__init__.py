@@ -16,7 +16,7 @@ from ..session.result_images import show_images
 from ..session.scene_session import session_of
 from ..session.shown_view import view_to_show
 from ..session.views import keep_view
-from ..settings.job_settings import JobSettings
+from ..settings.groups import ViewSettings
 from . import drag_wipe, handlers, inspect_pixels, open_pictures, panel, settings, toggle
 
 if TYPE_CHECKING:
@@ -26,11 +26,11 @@ _MODULES = (toggle, drag_wipe, inspect_pixels, panel)
 _CLASSES = tuple(item for module in _MODULES for item in module.CLASSES)
 
 
-def show(context: bpy.types.Context, views: Sequence[View], job: JobSettings) -> None:
+def show(context: bpy.types.Context, views: Sequence[View], wanted: ViewSettings) -> None:
     """Put the pictures of views into images, and into an editor of the user's; the first one's heatmap comes up."""
     heatmaps = []
     for view in views:
-        made = view_to_show(view, job, context.scene.patchnet.heatmap_maximum)
+        made = view_to_show(view, wanted, context.scene.patchnet.heatmap_maximum)
         heatmaps.append(show_images(view, made)["heatmap"])
         if not bpy.app.background:  # nobody looks
             keep_view(context.scene, made)
