@@ -74,7 +74,7 @@ def require_blender() -> None:
             f"Blender is not there as a Python module ({cause}): install patchnet-blender[blender] and the system "
             "libraries that README names"
         ) from cause
-    from ...operators.jobs.session_folder import session_folder_goes
+    from ...operators.scene_access.temporary import session_folder_goes
 
     session_folder_goes()
 

@@ -17,7 +17,7 @@ from ..session.scene_session import session_of
 from ..session.shown_view import view_to_show
 from ..session.views import keep_view
 from ..settings.groups import ViewSettings
-from . import drag_wipe, handlers, inspect_pixels, open_pictures, panel, settings, toggle
+from . import drag_wipe, handlers, inspect_pixels, open_pictures, overlay_settings, panel, toggle
 
 if TYPE_CHECKING:
     from ..pipeline.views import View
@@ -54,7 +54,7 @@ def _on_load_pre(_path: str) -> None:
 
 def register() -> None:
     """Settings, operators, panels; after the main panel."""
-    settings.register()
+    overlay_settings.register()
     handlers.register()
     for item in _CLASSES:
         bpy.utils.register_class(item)
@@ -69,4 +69,4 @@ def unregister() -> None:
     inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
     for item in reversed(_CLASSES):
         bpy.utils.unregister_class(item)
-    settings.unregister()
+    overlay_settings.unregister()

@@ -11,7 +11,7 @@ import bpy
 from ...patchnet_addon.network.weights import default_weights_path
 from ...patchnet_addon.runtime.file_kinds import CODES, EXR, OCTREE, PNG, REPORT, FileKind
 from ...patchnet_addon.runtime.outputs import check_outputs
-from ..schema.pictures import PICTURES, PRIORITY_NAME
+from ..scene_access.images import PICTURES, PRIORITY_NAME
 from ..settings.cycles_settings import CyclesSettings
 from ..settings.job_settings import JobSettings
 from .cycles_pictures import cycles_file_names

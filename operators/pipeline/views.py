@@ -27,8 +27,7 @@ from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_frame
 from ...patchnet_addon.tracing.camera import Camera
 from ..importance.pixels import pixel_importance
-from ..scene_access.images import save_exr, save_png
-from ..schema.pictures import ERROR_MAXIMUM, PICTURES, PRIORITY_NAME
+from ..scene_access.images import ERROR_MAXIMUM, PICTURES, PRIORITY_NAME, save_exr, save_png
 from ..settings.groups import ViewSettings
 
 

@@ -21,7 +21,7 @@ from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..pipeline.lit_octree import Recipe, build_lit_octree
 from ..pipeline.stages import encode, load_network
-from ..scene_access.quiet import quiet
+from ..scene_access.own import quiet
 from ..scene_access.temporary import scene_copy
 from ..session import results
 from ..session.kept_results import result_or_kept

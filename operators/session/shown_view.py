@@ -15,7 +15,7 @@ from ...patchnet_addon.image.tone import to_bytes
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
-from ..schema.pictures import ERROR_MAXIMUM
+from ..scene_access.images import ERROR_MAXIMUM
 from ..settings.groups import ViewSettings
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from ..cycles.daylight import daylight, has_light
 from ..pipeline.lit_octree import build_lit_octree
 from ..pipeline.versions import machine, versions
 from ..scene.cameras import camera_size_px, choose_cameras
-from .settings import CheckSettings
+from .check_settings import CheckSettings
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ...patchnet_addon.lightmap.page_cache import BakePageCache

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from patchnet.operators.pipeline.run import run_job
-from patchnet.operators.scene_access.images import show_image
-from patchnet.operators.schema.pictures import PICTURES
+from patchnet.operators.scene_access.images import PICTURES, show_image
 from patchnet.operators.session import results
 from patchnet.operators.session.result_images import image_name
 from patchnet.operators.session.scene_session import open_sessions

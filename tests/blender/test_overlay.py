@@ -12,8 +12,8 @@ from patchnet.operators.overlay import framed, handlers, open_pictures, places
 from patchnet.operators.overlay.places import Rect
 from patchnet.operators.pipeline.views import View, view
 from patchnet.operators.scene.cameras import tracing_camera
-from patchnet.operators.scene_access.quiet import quiet
-from patchnet.operators.schema.pictures import ERROR_MAXIMUM
+from patchnet.operators.scene_access.images import ERROR_MAXIMUM
+from patchnet.operators.scene_access.own import quiet
 from patchnet.operators.session import results, shown_view, views
 from patchnet.operators.session.result_images import RAW, image_name, show_images
 from patchnet.operators.settings.groups import ViewSettings
