@@ -63,7 +63,7 @@ def saved(path: Path) -> Path:
 
 def random_weights(folder: Path, lookahead: int = 2) -> Path:
     """A file of untrained weights."""
-    path = folder / f"random-{lookahead}.safetensors"
+    path = folder / "random.safetensors"
     save_weights(Weights.random(3, bias=0.1, lookahead=lookahead), path)
     return path
 
