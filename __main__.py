@@ -46,7 +46,7 @@ def leave(code: int) -> NoReturn:
         sys.exit(code)
     import atexit
 
-    from .operators.jobs.session_folder import session_folder_goes
+    from .operators.scene_access.temporary import session_folder_goes
     from .patchnet_addon.runtime.unfinished import remove_unfinished
 
     session_folder_goes()

@@ -42,7 +42,7 @@ def execute(words: Sequence[str]) -> int:
 
     import bpy
 
-    from ..operators.jobs.session_folder import session_folder_goes
+    from ..operators.scene_access.temporary import session_folder_goes
     from ..operators.ui.preferences import apply_preferences, preferences
     from ..patchnet_addon.runtime.errors import PatchNetError
     from ..patchnet_addon.runtime.streams import keep_streams

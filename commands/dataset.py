@@ -30,6 +30,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         help="views per voxel: more are faster to learn from, less diverse",
     )
     add_number(parser, "--least-level", bounds.LEVEL, default=5, help="coarsest level of voxels that is used")
+    add_number(
+        parser, "--lookahead", bounds.LOOKAHEAD, default=bounds.DEFAULT_LOOKAHEAD,
+        help="levels that patches look ahead, and so the weights that learn from them (2)",
+    )  # fmt: skip
     add_number(parser, "--held-out", bounds.HELD_OUT, default=0.05, help="share of each scene kept for validation")
     return parser
 
@@ -55,7 +59,11 @@ def run(args: argparse.Namespace) -> int:
     for number, (name, path) in enumerate(names.items()):
         octree = load_octree(path)
         settings = SampleSettings(
-            views=args.views, min_level=args.min_level, held_out=args.held_out, seed=args.seed + 1000 * number
+            views=args.views,
+            min_level=args.least_level,
+            held_out=args.held_out,
+            seed=args.seed + 1000 * number,
+            lookahead=args.lookahead,
         )
         with ProgressBars() as bars:
             samples = drain(draw_samples(octree, share, settings, f"Drawing {name}"), bars.show)

@@ -20,6 +20,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         description="Print what an octree, codes or weights file holds. The whole file is read and checked.",
     )
     parser.add_argument("file", type=Path, help="a .safetensors file that PatchNet wrote")
+    parser.add_argument(
+        "--weights", type=Path, help="of an octree: weights whose look-ahead counts (those that are shipped)"
+    )
     parser.add_argument("--json", action="store_true", help="print the metadata as JSON")
     return parser
 
@@ -34,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps({"kind": header.kind, "metadata": header.metadata}, indent=2))
         return 0
     print(f"{args.file}: PatchNet {header.kind}, file version {header.schema_version}")
-    for line in _summary(header, args.file):
+    for line in _summary(header, args.file, args.weights):
         print(f"  {line}")
     print("Arrays:")
     for name, (dtype, shape) in header.arrays.items():
@@ -46,13 +49,15 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _summary(header: FileHeader, path: Path) -> list[str]:
-    """Figures that a user asks for first."""
+def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
+    """Figures that a user asks for first; look-ahead is that of `weights`, None for the shipped ones."""
+    from ..patchnet_addon.network.weights import load_weights
+
     if header.kind == "octree":
         from ..patchnet_addon.octree.file import load_octree
 
         octree = load_octree(path)
-        share = octree.look_ahead().sum() / octree.node_count
+        share = octree.look_ahead(load_weights(weights).lookahead).sum() / octree.node_count
         return [
             f"depth {octree.depth}, {octree.leaf_count:,} voxels of side {octree.grid.voxel_size_world:.4g}, "
             f"{octree.node_count:,} nodes",
@@ -62,8 +67,6 @@ def _summary(header: FileHeader, path: Path) -> list[str]:
             else "luminance alone, no colour",
         ]
     if header.kind == "weights":
-        from ..patchnet_addon.network.weights import load_weights
-
         return [f"hash {load_weights(path).hash}"]
     if header.kind == "codes":
         codes, nodes = header.arrays["codes"][1], header.arrays["node_corners"][1]

@@ -106,7 +106,7 @@ def _settings(args: argparse.Namespace) -> JobSettings:
     from ..operators.settings.job_settings import JobSettings
 
     depth = None if args.depth == FIT else int(args.depth)
-    return JobSettings(**given_settings(args), depth=depth, fit=args.depth == FIT)
+    return JobSettings.of(**given_settings(args), depth=depth, fit=args.depth == FIT)
 
 
 def _recipe(args: argparse.Namespace) -> Recipe:

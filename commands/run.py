@@ -56,7 +56,7 @@ def _run_frames(args: argparse.Namespace, settings: JobSettings) -> int:
     from ..operators.animation.frame_maker import JobMaker
 
     assert settings.out is not None
-    if settings.track:
+    if settings.surface.track:
         raise SettingError("Each frame's octree fits that frame's cameras: leave out --track with --frames")
     print_frames(bake_with_bars(args, JobMaker(settings), settings.out), settings.out)
     return 0
@@ -85,18 +85,19 @@ def print_result(result: JobResult, settings: JobSettings) -> None:
         f"Octree: depth {depth}, {octree['leaves']:,} voxels, {octree['nodes']:,} nodes, "
         f"{(octree['bytes'] + octree['codes_bytes']) / 2**20:.1f} MiB with codes"
     )
+    wanted = settings.view
     for frame in result.report["frames"]:
         width, height = frame["size"]
         print(
             f"{frame['camera']} {width} x {height}: look-ahead on {frame['lookahead_share']:.1%} of hits, "
-            f"error {frame['mse_unrefined']:.2e}, after refining {settings.budget:.0%} of {frame['active_pixels']}:"
+            f"error {frame['mse_unrefined']:.2e}, after refining {wanted.budget:.0%} of {frame['active_pixels']}:"
         )
         for name, value in sorted(frame["mse"].items(), key=lambda item: item[1]):
-            marker = " <" if name == settings.strategy else ""
+            marker = " <" if name == wanted.strategy else ""
             print(f"  {name:<24} {value:.2e}{marker}")
         print_cycles(frame.get("cycles"))
     views = [
-        {"camera": frame["camera"], "mse_unrefined": frame["mse_unrefined"], "mse": frame["mse"][settings.strategy]}
+        {"camera": frame["camera"], "mse_unrefined": frame["mse_unrefined"], "mse": frame["mse"][wanted.strategy]}
         for frame in result.report["frames"]
     ]
     figures = {"depth": octree["depth"], "leaves": octree["leaves"], "views": views}

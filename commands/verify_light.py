@@ -92,7 +92,7 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
     number = int(args.cameras) if args.cameras.isdigit() else 0
     names = () if number else tuple(name.strip() for name in args.cameras.split(",") if name.strip())
     given = given_settings(args) | {"cameras": names}
-    job = JobSettings(**given, depth=args.depth, size=tuple(args.size), out=args.out)
+    job = JobSettings.of(**given, depth=args.depth, size=tuple(args.size), out=args.out)
     return CheckSettings(job, number, args.render_samples, args.rays, args.difference)
 
 
@@ -104,7 +104,7 @@ def camera_folders_of(settings: CheckSettings) -> dict[str, str]:
 
     if settings.viewpoints:
         return camera_folders(f"View {number}" for number in range(1, settings.viewpoints + 1))
-    return view_folders(bpy.context.scene, settings.job.cameras)
+    return view_folders(bpy.context.scene, settings.job.view.cameras)
 
 
 def print_check(check: LightCheck) -> None:

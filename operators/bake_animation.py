@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import bpy
 
 from ..patchnet_addon.runtime.errors import SettingError
@@ -51,7 +49,7 @@ class PATCHNET_OT_bake_animation(
             overwrite=not setting(context, self, "skip_existing"),
             one_grid=setting(context, self, "same_grid"),
         )
-        result = yield from bake_frames(context, JobMaker(replace(settings, track=False)), plan)
+        result = yield from bake_frames(context, JobMaker(settings.changed(track=False)), plan)
         for warning in result.warnings:
             tell(self, "WARNING", warning)
         return f"{result.sentence()}, files in {settings.out}"

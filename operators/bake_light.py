@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
@@ -30,7 +28,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         from .pipeline.stages import GridChoice
 
         before = results.voxels_of(context.scene)
-        settings, clock = replace(settings, scope=before.scope), StageClock()
+        settings, clock = settings.changed(scope=before.scope), StageClock()
         recipe = Recipe(grid=GridChoice(before.octree.grid, before.layout))
         with BakePageCache() as kept:
             made = yield from build_lit_octree(context, settings, clock, kept, recipe)
@@ -40,7 +38,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
             made.octree,
             before.scope,
             before.layout,
-            settings.light,
+            settings.light.kind,
             seconds=seconds,
             made_with=before.made_with,
             state=made.state,
@@ -48,7 +46,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         results.keep(context.scene, result, "light")
         for warning in made.warnings:
             tell(self, "WARNING", warning)
-        return f"{made.octree.leaf_count:,} voxels are lit ({settings.light})"
+        return f"{made.octree.leaf_count:,} voxels are lit ({settings.light.kind})"
 
 
 CLASSES = (PATCHNET_OT_bake_light,)

@@ -63,7 +63,7 @@ class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
         path = absolute_path(self.filepath)
         if path is None:
             raise SettingError("There is no file to load: give an octree's, which ends in .safetensors")
-        weights = load_network(settings.weights)
+        weights = load_network(settings.network)
         loading = Progress(0, 1, "Loading the octree")
         octree, coded, problem = yield from computed(lambda: _loaded(path, weights), loading)
         yield Progress(0, 1, "Looking at the scene")

@@ -29,7 +29,8 @@ class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator
         before = results.voxels_of(context.scene)
         clock = StageClock()
         with clock.stage("codes"):
-            coded, encoding = yield from encode_as_set(before.octree, load_network(settings.weights), settings)
+            weights = load_network(settings.network)
+            coded, encoding = yield from encode_as_set(before.octree, weights, settings.compute)
         made = replace(before, coded=coded, seconds=before.seconds | clock.seconds, encoder=encoding.text)
         results.keep(context.scene, results.without_view(made), "codes")
         for warning in encoding.warnings:

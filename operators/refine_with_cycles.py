@@ -37,7 +37,7 @@ class PATCHNET_OT_refine_with_cycles(
         octree, scope = results.codes_of(context.scene).octree, results.voxels_of(context.scene).scope
         check_light(octree)
         seen = yield from look(context, settings, compare=False)
-        view = yield from refine_view(context, seen, settings, wanted)
+        view = yield from refine_view(context, seen, wanted, sun=settings.light.daylight)
         show_cycles(view)
         if scope == SELECTED:
             tell(self, "WARNING", "Cycles renders all objects, but the voxels are those of the selected ones")

@@ -27,7 +27,7 @@ from . import (
     render_preview,
     run_all,
     show_voxels,
-    voxelize,
+    voxelize_objects,
 )
 from .jobs import job_operator
 from .scene_access import overrides, unread_file
@@ -50,7 +50,7 @@ _BEFORE = (
     add_demo_scene,
 )
 _OPERATORS = (
-    voxelize,
+    voxelize_objects,
     bake_light,
     precompute_codes,
     render_preview,

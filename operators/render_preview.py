@@ -34,9 +34,9 @@ class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy
         result = yield from look(context, settings, compare=False)
         for warning in result.warnings:
             tell(self, "WARNING", warning)
-        error, left = result.report["mse_unrefined"], result.report["mse"][settings.strategy]
+        error, left = result.report["mse_unrefined"], result.report["mse"][settings.view.strategy]
         name = result.camera.name
-        return f"{name}: error {error:.2e}, {left:.2e} after refining {settings.budget:.0%} of the active pixels"
+        return f"{name}: error {error:.2e}, {left:.2e} after refining {settings.view.budget:.0%} of the active pixels"
 
 
 def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) -> Steps[View]:
@@ -48,17 +48,16 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     from .scene.cameras import choose_cameras
 
     before, coded = results.voxels_of(context.scene), results.codes_of(context.scene)
-    settings = replace(settings, scope=before.scope)
     bounds = coded.octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
     depsgraph = context.evaluated_depsgraph_get()
-    camera = choose_cameras(depsgraph, settings.cameras, settings.size, bounds)[0]
+    camera = choose_cameras(depsgraph, settings.view.cameras, settings.view.size, bounds)[0]
     clock = StageClock()
     with clock.stage("views"):
-        result = yield from view(coded, camera, settings, compare=compare)
+        result = yield from view(coded, camera, settings.view, before.scope, compare=compare)
     results.keep(
         context.scene, seen(replace(before, seconds=before.seconds | clock.seconds), result, compared=compare), "view"
     )
-    overlay.show(context, [result], settings)
+    overlay.show(context, [result], settings.view)
     return result
 
 

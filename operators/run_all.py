@@ -38,9 +38,9 @@ class PATCHNET_OT_run_all(
             seen(
                 SceneResult(
                     octree=result.coded.octree,
-                    scope=settings.scope,
+                    scope=settings.surface.scope,
                     layout=result.layout,
-                    light=settings.light,
+                    light=settings.light.kind,
                     coded=result.coded,
                     seconds=result.report["timings_s"],
                     encoder=result.report["encoder"],
@@ -54,10 +54,10 @@ class PATCHNET_OT_run_all(
             "codes",
             "view",
         )
-        overlay.show(context, result.views, settings)
+        overlay.show(context, result.views, settings.view)
         for warning in result.warnings:
             tell(self, "WARNING", warning)
-        left = first.report["mse"][settings.strategy]
+        left = first.report["mse"][settings.view.strategy]
         where = f", files in {settings.out}" if settings.out else ""
         error = first.report["mse_unrefined"]
         count = f"{len(result.views)} view{'s' if len(result.views) != 1 else ''}"

@@ -8,7 +8,7 @@ import bpy
 from ..patchnet_addon.runtime.errors import PatchNetError
 from .jobs.polls import has_voxels, in_object_mode, no_job_runs
 from .jobs.tell import tell, tell_start
-from .scene_access.quiet import quiet
+from .scene_access.own import quiet
 from .session import results
 from .ui.preferences import apply_preferences
 from .ui.properties import DisplayProperties, setting

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 from contextlib import nullcontext
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +42,7 @@ def measure(args: argparse.Namespace) -> Comparison:
     from ...operators.cycles.daylight import daylight, has_light
     from ...operators.scene.read import read_scene
     from ...operators.verify_light.rates import measure_rates
+    from ...patchnet_addon.network.weights import load_weights
     from ...patchnet_addon.octree.grid import Grid
     from ...patchnet_addon.runtime.progress import drain
     from ..shared.own_scenes import open_or_build
@@ -51,15 +53,17 @@ def measure(args: argparse.Namespace) -> Comparison:
         open_or_build(args.scene)
         source = read_scene(bpy.context.evaluated_depsgraph_get(), "VISIBLE")
         grid = Grid.around(source.bounds_world, args.depth)
-        charts, counts = drain(_laid_out(source, grid, args), bars.show)
+        lookahead = load_weights().lookahead
+        charts, counts = drain(_laid_out(source, grid, args, lookahead), bars.show)
         cameras = drain(_cameras(source, grid), bars.show)
         lit = has_light(bpy.context.evaluated_depsgraph_get())
         with nullcontext() if lit else daylight(bpy.context.scene):
             rates = drain(measure_rates(bpy.context, source, charts, cameras), bars.show)
-    return _compared(Path(args.scene).name, args, source, charts, counts, rates)
+    result = _compared(Path(args.scene).name, args, source, charts, counts, rates)
+    return replace(result, details={**result.details, "lookahead": lookahead})
 
 
-def _laid_out(source: Any, grid: Any, args: argparse.Namespace) -> Any:
+def _laid_out(source: Any, grid: Any, args: argparse.Namespace, lookahead: int) -> Any:
     from ...operators.cycles.bake.bake import page_side
     from ...patchnet_addon.lightmap.charts import layout_charts
     from ...patchnet_addon.lightmap.path_counts import path_counts
@@ -67,13 +71,11 @@ def _laid_out(source: Any, grid: Any, args: argparse.Namespace) -> Any:
     texel = grid.voxel_size_world * args.texel_voxels
     side = page_side(source.triangle_count)
     charts = yield from layout_charts(source, texel, samples=args.samples, page_side=side)
-    return charts, (yield from path_counts(source, charts, grid))
+    return charts, (yield from path_counts(source, charts, grid, lookahead=lookahead))
 
 
 def _cameras(source: Any, grid: Any) -> Any:
     """Cameras in free space; the octree for it is a coarse one in plain light."""
-    from dataclasses import replace
-
     from ...patchnet_addon.octree.build import build_octree
     from ...patchnet_addon.surface.two_lights import two_lights_shade
     from ...patchnet_addon.tracing.viewpoints import viewpoints
@@ -83,8 +85,6 @@ def _cameras(source: Any, grid: Any) -> Any:
 
 
 def _compared(scene: str, args: argparse.Namespace, source: Any, charts: Any, counts: Any, rates: Any) -> Comparison:
-    from dataclasses import asdict
-
     import numpy as np
 
     from ...operators.verify_light.rates import rate
@@ -132,6 +132,11 @@ def text(values: dict[str, Any]) -> str:
         f"{values['atlas_use']:.0%} of texels on pages lie in a triangle\n"
         f"{values['paths_a_side'] / 1e6:.1f} M paths a side; if no triangles shared, "
         f"{values['paths_a_side_without_sharing'] / 1e6:.1f} M\n\n"
-        f"Paths a side ({values['samples']} a texel of {values['texel_voxels']:g} leaves; stop: two levels above)\n\n"
+        f"Paths a side ({values['samples']} a texel of {values['texel_voxels']:g} leaves; stop: "
+        f"{_levels(values['lookahead'])} above)\n\n"
         f"{table}"
     )
+
+
+def _levels(lookahead: int) -> str:
+    return {1: "one level", 2: "two levels", 3: "three levels"}[lookahead]

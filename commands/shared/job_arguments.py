@@ -74,7 +74,7 @@ def require_blender() -> None:
             f"Blender is not there as a Python module ({cause}): install patchnet-blender[blender] and the system "
             "libraries that README names"
         ) from cause
-    from ...operators.jobs.session_folder import session_folder_goes
+    from ...operators.scene_access.temporary import session_folder_goes
 
     session_folder_goes()
 
@@ -85,7 +85,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
     from ...operators.schema.table import SELECTED, VISIBLE
     from ...operators.settings.job_settings import JobSettings
 
-    return JobSettings(
+    return JobSettings.of(
         **given_settings(args),
         scope=SELECTED if getattr(args, "scope", "visible") == "selected" else VISIBLE,
         depth=_depth(args.depth),
@@ -101,7 +101,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
 
 
 def given_settings(args: argparse.Namespace) -> dict[str, Any]:
-    """Values of the arguments of `add_settings` that there are, by their fields in `JobSettings`."""
+    """Values of the arguments of `add_settings` that there are, by their flat names in `JobSettings`."""
     from ...operators.schema.setting import Kind
     from ...operators.schema.table import TABLE
 

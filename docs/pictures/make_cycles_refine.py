@@ -33,7 +33,7 @@ def main() -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
     build_courtyard(bpy.context.scene)
     bpy.context.view_layer.update()
-    settings = JobSettings(
+    settings = JobSettings.of(
         cameras=(CAMERA,),
         size=(int(width), int(height)),
         fit=True,
@@ -45,7 +45,7 @@ def main() -> None:
     result = run_with_bars(settings)
     (view,) = result.cycles
     print(json.dumps(view.report, indent=2))
-    sheet = comparison_sheet(view, strategy(settings.strategy).maximum)
+    sheet = comparison_sheet(view, strategy(settings.view.strategy).maximum)
     Image.fromarray(to_bytes(sheet[::-1])).save(Path(__file__).with_name("cycles-refine.jpg"), quality=80)
     leave(0)
 

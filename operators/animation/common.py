@@ -16,7 +16,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ..cycles.daylight import has_light
 from ..scene.read import read_scene
 from ..scene_access.frames import go_to_frame
-from ..settings.job_settings import Bounds
+from ..settings.groups import Bounds
 from .frame_maker import FrameMaker
 
 

@@ -20,8 +20,8 @@ from ..pipeline.run import JobResult, run_job, write_result
 from ..pipeline.stages import choose_grid, load_network
 from ..scene.cameras import choose_cameras, scene_cameras
 from ..scene.scene_mesh import SceneMesh
-from ..schema.table import CYCLES
-from ..settings.job_settings import Bounds, JobSettings
+from ..settings.groups import Bounds
+from ..settings.job_settings import JobSettings
 
 if TYPE_CHECKING:
     from ...patchnet_addon.network.weights import Weights
@@ -80,18 +80,19 @@ class JobMaker(FrameMaker):
     def __init__(self, settings: JobSettings) -> None:
         """Load the weights; raises WeightsFileError."""
         self._settings = replace(settings, out=None)
-        self._weights: Weights = load_network(settings.weights)
-        self._painted = importance_key(settings.importance)
-        self.scope, self.exposure, self.bakes = settings.scope, settings.exposure, settings.light == CYCLES
+        self._weights: Weights = load_network(settings.network)
+        self._painted = importance_key(settings.view.importance)
+        self.scope, light = settings.surface.scope, settings.light
+        self.exposure, self.bakes = light.exposure, light.is_baked
 
     def settings_text(self, common: SharedSettings) -> str:
         """Text of the job's settings, with weights and importance by their contents."""
-        return f"{replace(self._of_frame(common), weights=None)!r} {self._weights.hash} {self._painted}"
+        return f"{self._of_frame(common).changed(weights=None)!r} {self._weights.hash} {self._painted}"
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
         """Pictures of the cameras that are named, or of all that are the active one at some frame."""
-        names = self._settings.cameras or _active_cameras(context.scene)
-        return job_files(view_folders(context.scene, names).values(), self._settings.cycles)
+        names = self._settings.view.cameras or _active_cameras(context.scene)
+        return job_files(view_folders(context.scene, names).values(), self._settings.view.cycles)
 
     def inputs(self) -> list[Path]:
         """Files that are read, with weights and a painted mask."""
@@ -107,21 +108,20 @@ class JobMaker(FrameMaker):
     def voxel_size_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
         """Side of the voxels by the cameras, where the depth is theirs to say."""
         settings = self._settings
-        if settings.depth is not None or settings.voxel_size_world is not None or settings.fit:
+        if settings.surface.has_given_depth or settings.surface.fit:
             return None
         depsgraph = context.evaluated_depsgraph_get()
-        cameras = choose_cameras(depsgraph, settings.cameras, settings.size, source.bounds_world)
+        cameras = choose_cameras(depsgraph, settings.view.cameras, settings.view.size, source.bounds_world)
         choice = yield from choose_grid(source, cameras, settings)
         return choice.grid.voxel_size_world, bool(choice.warnings)
 
     def _of_frame(self, common: SharedSettings) -> JobSettings:
         settings = self._settings
-        return replace(
-            settings,
+        return settings.changed(
             exposure=common.exposure,
             daylight=common.daylight,
             bounds=common.bounds,
-            depth=common.depth or settings.depth,
+            depth=common.depth or settings.surface.depth,
         )
 
 

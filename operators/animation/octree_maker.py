@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ..pipeline.lit_octree import LitOctree, Recipe, build_lit_octree
 from ..pipeline.output_files import OCTREE_NAME
-from ..schema.table import CYCLES
 from ..settings.job_settings import JobSettings
 from .frame_maker import FrameMaker, SharedSettings
 
@@ -24,7 +22,8 @@ class OctreeMaker(FrameMaker):
 
     def __init__(self, settings: JobSettings, recipe: Recipe, wanted: str) -> None:
         self._settings, self._recipe, self._wanted = settings, recipe, wanted
-        self.scope, self.exposure, self.bakes = settings.scope, settings.exposure, settings.light == CYCLES
+        self.scope, light = settings.surface.scope, settings.light
+        self.exposure, self.bakes = light.exposure, light.is_baked
 
     def settings_text(self, common: SharedSettings) -> str:
         """Settings that the octree depends on."""
@@ -58,4 +57,4 @@ class OctreeMaker(FrameMaker):
         return why_unseen_by(made.octree, self._recipe.cameras(made.source))
 
     def _of_frame(self, common: SharedSettings) -> JobSettings:
-        return replace(self._settings, exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)
+        return self._settings.changed(exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Event filter of a window while a job works in it: menus, saving and navigation go on to Blender, editing does not.
 
-Menus can edit the scene nevertheless, and so can scripts: `job_watch.py` sees that.
+Menus can edit the scene nevertheless, and so can scripts: `state/watch.py` sees that.
 """
 
 from __future__ import annotations

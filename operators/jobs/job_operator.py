@@ -17,7 +17,8 @@ from ...patchnet_addon.runtime.log import unexpected
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.runtime.streams import keep_streams
 from ...patchnet_addon.runtime.worker import attended
-from ..scene_access.quiet import quiet
+from ..scene_access.own import quiet
+from ..scene_access.temporary import session_folder_goes
 from ..scene_access.unread_file import check_opened
 from ..scene_access.window_job import in_window
 from ..session.memory import give_back
@@ -27,7 +28,6 @@ from ..ui.preferences import apply_preferences
 from ..ui.properties import job_settings
 from .display import JobDisplay
 from .events import passes
-from .session_folder import session_folder_goes
 from .tell import tell, tell_start
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from ..session.result_images import show_images
 from ..session.scene_session import session_of
 from ..session.shown_view import view_to_show
 from ..session.views import keep_view
-from ..settings.job_settings import JobSettings
-from . import drag_wipe, handlers, inspect_pixels, open_pictures, panel, settings, toggle
+from ..settings.groups import ViewSettings
+from . import drag_wipe, handlers, inspect_pixels, open_pictures, overlay_settings, panel, toggle
 
 if TYPE_CHECKING:
     from ..pipeline.views import View
@@ -26,11 +26,11 @@ _MODULES = (toggle, drag_wipe, inspect_pixels, panel)
 _CLASSES = tuple(item for module in _MODULES for item in module.CLASSES)
 
 
-def show(context: bpy.types.Context, views: Sequence[View], job: JobSettings) -> None:
+def show(context: bpy.types.Context, views: Sequence[View], wanted: ViewSettings) -> None:
     """Put the pictures of views into images, and into an editor of the user's; the first one's heatmap comes up."""
     heatmaps = []
     for view in views:
-        made = view_to_show(view, job, context.scene.patchnet.heatmap_maximum)
+        made = view_to_show(view, wanted, context.scene.patchnet.heatmap_maximum)
         heatmaps.append(show_images(view, made)["heatmap"])
         if not bpy.app.background:  # nobody looks
             keep_view(context.scene, made)
@@ -54,7 +54,7 @@ def _on_load_pre(_path: str) -> None:
 
 def register() -> None:
     """Settings, operators, panels; after the main panel."""
-    settings.register()
+    overlay_settings.register()
     handlers.register()
     for item in _CLASSES:
         bpy.utils.register_class(item)
@@ -69,4 +69,4 @@ def unregister() -> None:
     inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
     for item in reversed(_CLASSES):
         bpy.utils.unregister_class(item)
-    settings.unregister()
+    overlay_settings.unregister()

@@ -7,8 +7,8 @@ import bpy
 
 from ..session import views
 from .framed import framed, place_under
+from .overlay_settings import overlay_settings
 from .places import wipe_at
-from .settings import overlay_settings
 from .toggle import NO_VIEW
 
 

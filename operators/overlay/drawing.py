@@ -15,8 +15,8 @@ from ..session.shown_view import TITLES, ShownView
 from ..ui.preferences import preferences
 from . import paint
 from .framed import EDITORS, Framed, framed, free_rect
+from .overlay_settings import NOTHING, overlay_settings
 from .places import Rect, beside, sides_of_wipe, tick_values
-from .settings import NOTHING, overlay_settings
 from .textures import texture_of
 
 _LEGEND_PX = 190

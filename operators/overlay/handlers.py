@@ -11,8 +11,8 @@ from ...patchnet_addon.runtime import log
 from ..session.scene_session import open_sessions
 from .drawing import draw_region
 from .framed import EDITORS
+from .overlay_settings import listeners, overlay_settings
 from .paint import free_shader
-from .settings import listeners, overlay_settings
 from .textures import free_textures
 
 _handles: dict[Any, Any] = {}  # by the space type that they draw in

@@ -10,7 +10,7 @@ import bpy
 from ..session import views
 from . import handlers
 from .inspect_pixels import PATCHNET_OT_inspect_pixels
-from .settings import overlay_settings
+from .overlay_settings import overlay_settings
 from .toggle import NO_VIEW
 
 if TYPE_CHECKING:

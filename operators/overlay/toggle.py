@@ -7,7 +7,7 @@ import bpy
 
 from ..session import views
 from . import handlers
-from .settings import overlay_settings
+from .overlay_settings import overlay_settings
 
 NO_VIEW = "There are no pictures yet: run Render Preview first"
 

@@ -12,11 +12,10 @@ from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import magnify, with_legend
 from ...patchnet_addon.image.outlines import outlined
 from ...patchnet_addon.image.tone import shown
-from ..scene_access.images import save_png, show_image
+from ..scene_access.images import ERROR_MAXIMUM, save_png, show_image
 from .cycles_figures import COMPOSITED, FULL, PREVIEW
 from .cycles_regions import CyclesView
 
-ERROR_MAXIMUM = 0.5  # luminance error at the end of the error picture's legend
 _ERRORS = (PREVIEW, COMPOSITED, FULL)
 _SHEET_NAME = "cycles_compare.png"
 _NAMES, _COMPARISON_NAMES = ("cycles", "regions"), ("cycles full", "cycles error")

@@ -22,7 +22,6 @@ from ..cycles.daylight import has_light
 from ..cycles.region_renders import OVERHEAD_PATHS, region_renders
 from ..schema.table import CYCLES
 from ..settings.cycles_settings import REFERENCE_FACTOR, CyclesSettings
-from ..settings.job_settings import JobSettings
 from .cycles_figures import Renders, cycles_report, shown_light, squared_errors
 from .views import View
 
@@ -81,16 +80,16 @@ def cycles_view(
 
 
 def refine_view(
-    context: bpy.types.Context, view: View, job: JobSettings, settings: CyclesSettings
+    context: bpy.types.Context, view: View, settings: CyclesSettings, *, sun: bool | None
 ) -> Steps[CyclesView]:
-    """Refine a view that `job` has made, as `cycles_view` does; the refined octree picture is that of its budget."""
+    """Refine a view as `cycles_view` does, with its `sun`; the refined octree picture is that of the view's budget."""
     frame = view.frame
     refined = yield from computed(
         lambda: refined_picture(frame, view.ranking.mask),
         Progress(0, 1, f"{view.camera.name}: choosing regions"),
     )
     steps = cycles_view(
-        context, view.octree, view.camera, frame, view.ranking.priority, settings, refined=refined, sun=job.daylight
+        context, view.octree, view.camera, frame, view.ranking.priority, settings, refined=refined, sun=sun
     )
     return (yield from steps)
 

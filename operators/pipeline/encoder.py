@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import SettingError
 from ..schema.table import AUTO, GPU
-from ..settings.job_settings import JobSettings
+from ..settings.groups import ComputeSettings
 
 if TYPE_CHECKING:  # it brings numba
     from ...patchnet_addon.network.encode import Encoder
@@ -33,7 +33,7 @@ class Encoding:
 
 
 @contextmanager
-def chosen_encoder(weights: Weights, settings: JobSettings) -> Iterator[Encoding]:
+def chosen_encoder(weights: Weights, compute: ComputeSettings) -> Iterator[Encoding]:
     """Encoder of the settings for these weights; a process of it ends with the block.
 
     Torch on a GPU of this Python, else the other Python that is named, else our kernels with the same codes. Raises
@@ -43,28 +43,28 @@ def chosen_encoder(weights: Weights, settings: JobSettings) -> Iterator[Encoding
     from ...patchnet_addon.network.other_python import OtherPythonEncoder
 
     warnings: tuple[str, ...] = ()
-    if settings.torch_python is not None:
+    if compute.torch_python is not None:
         try:
-            other = OtherPythonEncoder(settings.torch_python, weights, _TORCH_DEVICES[settings.encoder_device])
+            other = OtherPythonEncoder(compute.torch_python, weights, _TORCH_DEVICES[compute.encoder_device])
         except SettingError as error:
-            if settings.encoder_device == GPU:
+            if compute.encoder_device == GPU:
                 raise
             warnings = (f"{error}. Encoding used PatchNet's own kernels instead, with the same result",)
         else:
             with other:
                 yield Encoding(other, f"torch {other.said['torch']} on {other.said['device']}, another Python")
             return
-    if settings.encoder_device == GPU or (settings.encoder_device == AUTO and torch_has_gpu()):
+    if compute.encoder_device == GPU or (compute.encoder_device == AUTO and torch_has_gpu()):
         yield Encoding(make_encoder(weights, "torch", "cuda"), "torch on a GPU", warnings)
         return
     yield Encoding(make_encoder(weights, "compiled"), _OWN, warnings)
 
 
-def encoder_text(settings: JobSettings) -> str:
+def encoder_text(compute: ComputeSettings) -> str:
     """Name of the encoder that would run, in a few words, without starting anything."""
-    if settings.torch_python is not None:
-        return f"torch of {settings.torch_python.name}"
-    if settings.encoder_device == GPU or (settings.encoder_device == AUTO and torch_has_gpu()):
+    if compute.torch_python is not None:
+        return f"torch of {compute.torch_python.name}"
+    if compute.encoder_device == GPU or (compute.encoder_device == AUTO and torch_has_gpu()):
         return "torch on a GPU"
     return _OWN
 

@@ -19,13 +19,13 @@ from ..scene.cameras import choose_cameras
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
-from ..schema.table import CYCLES
+from ..settings.groups import LightSettings, SurfaceSettings
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
 from ..state.watch import read_state
 from .encoder import encoder_text
+from .stages import lookahead_of
 
-_CODED_SHARE = 1.0 / 12.0  # of the leaves: nodes two levels up and above
 _BYTES_PER_CODED = 32 + 2.2 * 20  # its corners' rows, and codes that it shares with neighbours
 
 
@@ -71,10 +71,11 @@ class Estimate:
 def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Estimate]:
     """Look at the scene as the job would, and build nothing but a coarse octree; raises PatchNetError."""
     yield Progress(0, 1, "Reading the scene")
-    source, state = read_scene(context.evaluated_depsgraph_get(), settings.scope), read_state(context.scene)
+    source, state = read_scene(context.evaluated_depsgraph_get(), settings.surface.scope), read_state(context.scene)
     depsgraph = context.evaluated_depsgraph_get()
-    cameras = choose_cameras(depsgraph, settings.cameras, settings.size, settings.bounds_world(source))
-    device = device_text(context, settings.device) if settings.light == CYCLES else ""
+    views, bounds_world = settings.view, settings.surface.bounds_world(source)
+    cameras = choose_cameras(depsgraph, views.cameras, views.size, bounds_world)
+    device = device_text(context, settings.compute.device) if settings.light.is_baked else ""
     steps = run_in_worker(lambda: _estimate(source, cameras, settings, device), Progress(0, 1, "Estimating"))
     return replace((yield from steps), state=state)
 
@@ -82,54 +83,60 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
 def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings, device: str) -> Steps[Estimate]:
     from ...patchnet_addon.lod.depth import available_memory, choose_depth, coarse_octree, estimate, expected_share
 
-    bounds = settings.bounds_world(source)
+    surface, light = settings.surface, settings.light
+    bounds, lookahead = surface.bounds_world(source), lookahead_of(settings.network)
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds), "Estimating")
-    free = settings.memory_bytes or available_memory()
+    free = settings.compute.memory_bytes or available_memory()
     yield Progress(1, 3, "Estimating: what cameras see")
-    automatic = choose_depth(coarse, cameras, None, free, color=settings.color)
-    depth = _depth(settings, bounds, automatic.wanted if settings.fit else automatic.depth)
-    leaves, octree_bytes, peak = estimate(coarse, depth, color=settings.color)
+    automatic = choose_depth(coarse, cameras, None, free, color=light.color, lookahead=lookahead)
+    depth = _depth(surface, bounds, automatic.wanted if surface.fit else automatic.depth)
+    leaves, octree_bytes, peak = estimate(coarse, depth, color=light.color)
     yield Progress(2, 3, "Estimating: texels of the bake")
     grid = Grid.around(bounds, depth)
     texels = 0
-    if settings.light == CYCLES:
-        texels = yield from _texels(source, grid, settings)
+    if light.is_baked:
+        texels = yield from _texels(source, grid, light)
     found = Estimate(
         depth=depth,
         wanted=automatic.wanted,
-        fitted=settings.fit,
-        voxel_size_world=settings.voxel_size_world or grid.voxel_size_world,
+        fitted=surface.fit,
+        voxel_size_world=surface.voxel_size_world or grid.voxel_size_world,
         leaves=leaves,
         octree_bytes=octree_bytes,
-        codes_bytes=int(leaves * _CODED_SHARE * _BYTES_PER_CODED),
-        peak_bytes=min(peak, free) if settings.fit else peak,
+        codes_bytes=int(leaves * _coded_share(lookahead) * _BYTES_PER_CODED),
+        peak_bytes=min(peak, free) if surface.fit else peak,
         free_bytes=free,
-        lookahead_share=expected_share(coarse, cameras, depth),
+        lookahead_share=expected_share(coarse, cameras, depth, lookahead=lookahead),
         texels=texels,
-        paths=texels * settings.samples,
+        paths=texels * light.samples,
         device=device,
-        encoder=encoder_text(settings),
+        encoder=encoder_text(settings.compute),
         made_for=_made_for(source, cameras),
     )
     found.lines = estimate_lines(found)
     return found
 
 
-def _depth(settings: JobSettings, bounds: Any, automatic: int) -> int:
-    if settings.depth is not None:
-        return settings.depth
-    if settings.voxel_size_world is not None:
-        return Grid.with_voxel_size(bounds, settings.voxel_size_world).depth
+def _coded_share(lookahead: int) -> float:
+    """Nodes with look-ahead, `lookahead` levels above the leaves and further up, as a share of the leaves."""
+    return 1.0 / (3.0 * 4.0 ** (lookahead - 1))
+
+
+def _depth(surface: SurfaceSettings, bounds: Any, automatic: int) -> int:
+    if surface.depth is not None:
+        return surface.depth
+    if surface.voxel_size_world is not None:
+        return Grid.with_voxel_size(bounds, surface.voxel_size_world).depth
     return min(automatic, MAX_DEPTH)
 
 
-def _texels(source: SceneMesh, grid: Grid, settings: JobSettings) -> Steps[int]:
+def _texels(source: SceneMesh, grid: Grid, light: LightSettings) -> Steps[int]:
     """Texels of the bake; of fitted leaves as if all were on the deepest level, which is the most it can be."""
     from ...patchnet_addon.lightmap.charts import texels_wanted
     from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
     from ..cycles.bake.bake import MAX_TEXELS
 
-    texel_world = texel_sizes(source, grid, None, settings.texel_voxels)
+    texel_world = texel_sizes(source, grid, None, light.texel_voxels)
     return (yield from texels_wanted(source, texel_world, MAX_TEXELS))
 
 

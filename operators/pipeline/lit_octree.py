@@ -87,7 +87,7 @@ def build_lit_octree(
     with clock.stage("read"):
         yield Progress(0, 1, "Reading the scene")
         depsgraph = recipe.depsgraph or context.evaluated_depsgraph_get()
-        source = read_scene(depsgraph, settings.scope)
+        source = read_scene(depsgraph, settings.surface.scope)
         state = _state(context, recipe)
     with clock.stage("depth"):
         choice = yield from _choice(context, source, settings, recipe)
@@ -95,13 +95,20 @@ def build_lit_octree(
         with clock.stage("light"):
             assumed: tuple[str, ...] = ()
             if recipe.unlit:
-                shade = yield from unlit(source, settings)
+                shade = yield from unlit(source, settings.light)
             else:
                 shade, assumed = yield from lit(
-                    context, source, choice, settings, kept, recipe.depsgraph, rotation=recipe.rotation
+                    context,
+                    source,
+                    choice,
+                    settings.light,
+                    settings.compute,
+                    kept=kept,
+                    depsgraph=recipe.depsgraph,
+                    rotation=recipe.rotation,
                 )
         with clock.stage("voxelize"):
-            light = UNLIT if recipe.unlit else settings.light
+            light = UNLIT if recipe.unlit else settings.light.kind
             surface, grid = turned(source, choice.grid, recipe.rotation)
             octree = yield from build(
                 surface, replace(choice, grid=grid), shade, settings, light, _provenance(recipe, state)
@@ -115,10 +122,10 @@ def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: Scene
 
     Raises SceneError.
     """
-    wanted = settings.cameras, settings.size, settings.bounds_world(source)
-    if settings.track:
+    wanted = settings.view.cameras, settings.view.size, settings.surface.bounds_world(source)
+    if settings.surface.track:
         return track_cameras(context, *wanted)
-    if settings.depth is not None or settings.voxel_size_world is not None:
+    if settings.surface.has_given_depth:
         return []
     return choose_cameras(context.evaluated_depsgraph_get(), *wanted)
 

@@ -11,7 +11,7 @@ import bpy
 from ...patchnet_addon.network.weights import default_weights_path
 from ...patchnet_addon.runtime.file_kinds import CODES, EXR, OCTREE, PNG, REPORT, FileKind
 from ...patchnet_addon.runtime.outputs import check_outputs
-from ..schema.pictures import PICTURES, PRIORITY_NAME
+from ..scene_access.images import PICTURES, PRIORITY_NAME
 from ..settings.cycles_settings import CyclesSettings
 from ..settings.job_settings import JobSettings
 from .cycles_pictures import cycles_file_names
@@ -31,8 +31,9 @@ def job_files(folders: Iterable[str], cycles: CyclesSettings | None) -> dict[str
 
 def job_inputs(settings: JobSettings) -> list[Path]:
     """Files that a job reads: those of the open scene, weights, and a painted mask."""
-    mask = settings.importance.file if settings.importance is not None else None
-    return [*scene_inputs(), settings.weights or default_weights_path(), *([] if mask is None else [mask])]
+    importance = settings.view.importance
+    mask = importance.file if importance is not None else None
+    return [*scene_inputs(), settings.network.weights or default_weights_path(), *([] if mask is None else [mask])]
 
 
 def scene_inputs() -> Iterator[Path]:
@@ -48,6 +49,6 @@ def check_job(settings: JobSettings, scene: Path | None, *, frames: bool) -> Non
     scene: the file that will be opened. frames: results are frames in folders of their own.
     """
     assert settings.out is not None
-    files = {REPORT_NAME: REPORT} if frames else job_files((), settings.cycles)
+    files = {REPORT_NAME: REPORT} if frames else job_files((), settings.view.cycles)
     inputs = [*job_inputs(settings), *([] if scene is None else [scene])]
     check_outputs({settings.out / name: kind for name, kind in files.items()}, inputs, folder=settings.out)

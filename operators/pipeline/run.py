@@ -23,6 +23,7 @@ from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import choose_cameras
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.images import save_png
+from ..settings.groups import ViewSettings
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
 from .camera_folders import view_folders
@@ -64,11 +65,11 @@ def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResul
     """
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
-    folders = view_folders(context.scene, settings.cameras)
-    files, inputs = job_files(folders.values(), settings.cycles), job_inputs(settings)
+    folders = view_folders(context.scene, settings.view.cameras)
+    files, inputs = job_files(folders.values(), settings.view.cycles), job_inputs(settings)
     output = output_folder(settings.out, files, inputs) if settings.out else nullcontext()
     with BakePageCache() as kept, output as folder:  # pages stay until the files are there
-        weights = load_network(settings.weights)
+        weights = load_network(settings.network)
         result = yield from _compute(context, settings, weights, StageClock(), kept)
         for item in result.views:
             item.report["folder"] = folders[item.camera.name]
@@ -82,35 +83,37 @@ def _compute(
     context: bpy.types.Context, settings: JobSettings, weights: Weights, clock: StageClock, kept: BakePageCache
 ) -> Steps[JobResult]:
     cameras: list[Camera] = []
+    surface, wanted = settings.surface, settings.view
 
     def fit_to(source: SceneMesh) -> list[Camera]:
         cameras[:] = choose_cameras(
-            context.evaluated_depsgraph_get(), settings.cameras, settings.size, settings.bounds_world(source)
+            context.evaluated_depsgraph_get(), wanted.cameras, wanted.size, surface.bounds_world(source)
         )
-        return fit_cameras(context, settings, source) if settings.track else cameras
+        return fit_cameras(context, settings, source) if surface.track else cameras
 
     made = yield from build_lit_octree(context, settings, clock, kept, Recipe(cameras=fit_to))
     with clock.stage("codes"):
-        coded, encoding = yield from encode_as_set(made.octree, weights, settings)
+        coded, encoding = yield from encode_as_set(made.octree, weights, settings.compute)
     views: list[View] = []
     cycles: list[CyclesView] = []
     for camera in cameras:
         with clock.stage("views"):
-            views.append((yield from view(coded, camera, settings, compare=True)))
-        if settings.cycles is not None:
+            views.append((yield from view(coded, camera, wanted, surface.scope, compare=True)))
+        if wanted.cycles is not None:
             with clock.stage("cycles"):
-                cycles.append((yield from refine_view(context, views[-1], settings, settings.cycles)))
+                sun = settings.light.daylight
+                cycles.append((yield from refine_view(context, views[-1], wanted.cycles, sun=sun)))
             views[-1].report["cycles"] = cycles[-1].report
     unseen = [warning for item in views for warning in item.warnings]
     warnings = (*made.warnings, *encoding.warnings, *unseen)
-    report = job_report(coded, views, settings, clock.seconds, warnings) | {"encoder": encoding.text}
+    report = job_report(coded, views, wanted, clock.seconds, warnings) | {"encoder": encoding.text}
     return JobResult(coded, tuple(views), report, warnings, made.layout, tuple(cycles), made.state)
 
 
 def job_report(
     coded: CodedOctree,
     views: Sequence[View],
-    settings: JobSettings,
+    settings: ViewSettings,
     timings_s: dict[str, float],
     warnings: Sequence[str],
 ) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.runtime.bounds import MAX_DEPTH
+from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
 from ...patchnet_addon.surface.mesh import Material, MeshSource, ShadingFn
@@ -25,6 +25,7 @@ from ..cycles.daylight import has_light
 from ..scene.precision import light_warnings, place_warnings
 from ..scene.scene_mesh import SceneMesh
 from ..schema.table import CYCLES
+from ..settings.groups import ComputeSettings, LightSettings, NetworkSettings
 from ..settings.job_settings import JobSettings
 from .encoder import Encoding, chosen_encoder
 from .versions import versions
@@ -55,7 +56,7 @@ def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetti
     Raises MemoryEstimateError, before anything is built, if a given depth would not fit, and GeometryError for a
     surface whose place leaves it no precision.
     """
-    make = _fitted_grid if settings.fit else _even_grid
+    make = _fitted_grid if settings.surface.fit else _even_grid
     choice = yield from run_in_worker(lambda: make(source, cameras, settings), Progress(0, 1, "Finding the depth"))
     return replace(choice, warnings=(*place_warnings(source, choice.grid), *choice.warnings))
 
@@ -64,13 +65,16 @@ def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSetti
     """Choose a grid with all leaves on one level."""
     from ...patchnet_addon.lod.depth import choose_depth, coarse_octree
 
-    bounds_world = settings.bounds_world(source)
+    surface, memory, color = settings.surface, settings.compute.memory_bytes, settings.light.color
+    bounds_world = surface.bounds_world(source)
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Finding the depth")
-    if settings.voxel_size_world is not None:
-        grid = Grid.with_voxel_size(bounds_world, settings.voxel_size_world)
-        choose_depth(coarse, cameras, grid.depth, settings.memory_bytes, color=settings.color)
+    if surface.voxel_size_world is not None:
+        grid = Grid.with_voxel_size(bounds_world, surface.voxel_size_world)
+        choose_depth(coarse, cameras, grid.depth, memory, color=color)
         return GridChoice(grid)
-    choice = choose_depth(coarse, cameras, settings.depth, settings.memory_bytes, color=settings.color)
+    # A given depth asks for no look-ahead, and needs no weights yet.
+    lookahead = lookahead_of(settings.network) if surface.depth is None else DEFAULT_LOOKAHEAD
+    choice = choose_depth(coarse, cameras, surface.depth, memory, color=color, lookahead=lookahead)
     warnings: tuple[str, ...] = ()
     if choice.bounded_by_memory:
         warnings = (
@@ -87,10 +91,12 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
     from ...patchnet_addon.lod.fit import LAYOUT_BYTES, fit_leaf_levels
     from ...patchnet_addon.surface.opacity import opacity_shade
 
-    grid = Grid.around(settings.bounds_world(source), MAX_DEPTH)
-    memory = settings.memory_bytes or available_memory()
-    most = max_leaves(memory - LAYOUT_BYTES, color=settings.color)
-    fitted = yield from fit_leaf_levels(source, grid, cameras, opacity_shade(source), max_leaves=most)
+    grid = Grid.around(settings.surface.bounds_world(source), MAX_DEPTH)
+    memory = settings.compute.memory_bytes or available_memory()
+    most = max_leaves(memory - LAYOUT_BYTES, color=settings.light.color)
+    lookahead = lookahead_of(settings.network)
+    shade = opacity_shade(source)
+    fitted = yield from fit_leaf_levels(source, grid, cameras, shade, max_leaves=most, lookahead=lookahead)
     warnings: tuple[str, ...] = ()
     if fitted.lookahead_share < LOOK_AHEAD_SHARE:
         warnings = (
@@ -100,19 +106,20 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
     return GridChoice(replace(grid, depth=fitted.layout.deepest), fitted.layout, warnings)
 
 
-def unlit(source: MeshSource, settings: JobSettings) -> Steps[ShadingFn]:
+def unlit(source: MeshSource, light: LightSettings) -> Steps[ShadingFn]:
     """Colour of the surface itself, before any light is baked."""
-    return computed(lambda: _albedo(source, settings), Progress(0, 1, _TEXTURES))
+    return computed(lambda: _albedo(source, light), Progress(0, 1, _TEXTURES))
 
 
 def lit(
     context: bpy.types.Context,
     source: SceneMesh,
     choice: GridChoice,
-    settings: JobSettings,
+    light: LightSettings,
+    compute: ComputeSettings,
+    *,
     kept: BakePageCache | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
-    *,
     rotation: int = 0,
 ) -> Steps[tuple[ShadingFn, tuple[str, ...]]]:
     """Surface in the light of the settings, and sentences about what had to be assumed.
@@ -122,50 +129,41 @@ def lit(
     depsgraph: what `source` was read from; None takes the context's.
     rotation: seed of the direction of two lights, 0 for their usual one.
     """
-    if settings.light != CYCLES:
-        shining = computed(lambda: _two_lights(source, settings, rotation), Progress(0, 1, _TEXTURES))
+    if not light.is_baked:
+        shining = computed(lambda: _two_lights(source, light, rotation), Progress(0, 1, _TEXTURES))
         return (yield from shining), ()
     from ..cycles.bake import bake_luminance
 
     coarse = light_warnings(source, choice.grid)
-    added = settings.daylight
-    bright = has_light(depsgraph or context.evaluated_depsgraph_get()) if added is None else not added
+    if light.daylight is None:
+        light = replace(light, daylight=not has_light(depsgraph or context.evaluated_depsgraph_get()))
     texel_world = yield from computed(
-        lambda: _texel_sizes(source, choice, settings), Progress(0, 1, "Measuring the surface")
+        lambda: _texel_sizes(source, choice, light), Progress(0, 1, "Measuring the surface")
     )
     atlas = yield from bake_luminance(
-        context,
-        source,
-        texel_world,
-        settings.samples,
-        color=settings.color,
-        both_sides=settings.both_sides,
-        kept=kept,
-        device=settings.device,
-        with_daylight=not bright,
-        depsgraph=depsgraph,
+        context, source, texel_world, light, device=compute.device, kept=kept, depsgraph=depsgraph
     )
     shade = yield from computed(lambda: _baked(atlas, source), Progress(0, 1, _TEXTURES))
-    return shade, (*coarse, *atlas.warnings, *(() if bright else (NO_LIGHT,)))
+    return shade, (*coarse, *atlas.warnings, *((NO_LIGHT,) if light.daylight else ()))
 
 
-def _albedo(source: MeshSource, settings: JobSettings) -> ShadingFn:
+def _albedo(source: MeshSource, light: LightSettings) -> ShadingFn:
     from ...patchnet_addon.surface.albedo import albedo_shade
 
-    return albedo_shade(source, color=settings.color)
+    return albedo_shade(source, color=light.color)
 
 
-def _two_lights(source: MeshSource, settings: JobSettings, rotation: int) -> ShadingFn:
+def _two_lights(source: MeshSource, light: LightSettings, rotation: int) -> ShadingFn:
     from ...patchnet_addon.surface.two_lights import DIRECTION, two_lights_shade
 
     x, y, z = np.random.default_rng(rotation).normal(size=3).tolist() if rotation else DIRECTION
-    return two_lights_shade(source, (x, y, z), color=settings.color)
+    return two_lights_shade(source, (x, y, z), color=light.color)
 
 
-def _texel_sizes(source: SceneMesh, choice: GridChoice, settings: JobSettings) -> Any:
+def _texel_sizes(source: SceneMesh, choice: GridChoice, light: LightSettings) -> Any:
     from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
 
-    return texel_sizes(source, choice.grid, choice.layout, settings.texel_voxels)
+    return texel_sizes(source, choice.grid, choice.layout, light.texel_voxels)
 
 
 def _baked(atlas: Atlas, source: MeshSource) -> ShadingFn:
@@ -198,7 +196,7 @@ def build(
     """
     layout = choice.layout
     provenance = _provenance(source, settings, light) | {"fitted": layout is not None} | provenance
-    exposure = settings.exposure if light != UNLIT else None  # a colour without light is not exposed
+    exposure = settings.light.exposure if light != UNLIT else None  # a colour without light is not exposed
     if light != UNLIT:
         provenance["exposure"] = "automatic" if exposure is None else "given"
 
@@ -217,26 +215,33 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
         "scene": bpy.context.scene.name,
         "frame": bpy.context.scene.frame_current,
         "triangles": source.triangle_count,
-        "scope": settings.scope,
+        "scope": settings.surface.scope,
         "light": light,
-        "color": settings.color,
-        "both_sides": settings.both_sides,
+        "color": settings.light.color,
+        "both_sides": settings.light.both_sides,
         "versions": versions(),
     }
     if all(_is_black(material) for material in source.materials):
         values[BLACK_SURFACE] = True  # for a sentence about black pictures
-    return values | ({"samples": settings.samples, "texel_voxels": settings.texel_voxels} if light == CYCLES else {})
+    if light == CYCLES:
+        values |= {"samples": settings.light.samples, "texel_voxels": settings.light.texel_voxels}
+    return values
 
 
 def _is_black(material: Material) -> bool:
     return max(*material.base_color, *material.emission) <= 0.0
 
 
-def load_network(path: Path | None) -> Weights:
+def load_network(network: NetworkSettings) -> Weights:
     """Load the weights of the settings, or the shipped ones; raises WeightsFileError."""
     from ...patchnet_addon.network.weights import load_weights
 
-    return load_weights(path)
+    return load_weights(network.weights)
+
+
+def lookahead_of(network: NetworkSettings) -> int:
+    """Levels that the weights of the settings look ahead, for which depths are chosen; raises WeightsFileError."""
+    return load_network(network).lookahead
 
 
 def encode(octree: Octree, weights: Weights) -> Steps[CodedOctree]:
@@ -244,10 +249,10 @@ def encode(octree: Octree, weights: Weights) -> Steps[CodedOctree]:
     return (yield from run_in_worker(lambda: _encoded(octree, weights), Progress(0, 1, _ENCODING)))
 
 
-def encode_as_set(octree: Octree, weights: Weights, settings: JobSettings) -> Steps[tuple[CodedOctree, Encoding]]:
+def encode_as_set(octree: Octree, weights: Weights, compute: ComputeSettings) -> Steps[tuple[CodedOctree, Encoding]]:
     """Codes for all voxels with look-ahead, and the encoder that the settings' devices chose; raises SettingError."""
     yield Progress(0, 1, _ENCODING)
-    with chosen_encoder(weights, settings) as chosen:
+    with chosen_encoder(weights, compute) as chosen:
         steps = run_in_worker(lambda: _encoded(octree, weights, chosen.encoder), Progress(0, 1, _ENCODING))
         coded = yield from labelled(steps, f"{{}} with {chosen.text}")
     return coded, chosen

@@ -27,9 +27,8 @@ from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_frame
 from ...patchnet_addon.tracing.camera import Camera
 from ..importance.pixels import pixel_importance
-from ..scene_access.images import save_exr, save_png
-from ..schema.pictures import ERROR_MAXIMUM, PICTURES, PRIORITY_NAME
-from ..settings.job_settings import JobSettings
+from ..scene_access.images import ERROR_MAXIMUM, PICTURES, PRIORITY_NAME, save_exr, save_png
+from ..settings.groups import ViewSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +64,12 @@ class View:
         return self.frame.picture(self.ranking.priority)
 
 
-def view(coded: CodedOctree, camera: Camera, settings: JobSettings, *, compare: bool) -> Steps[View]:
+def view(coded: CodedOctree, camera: Camera, settings: ViewSettings, scope: str, *, compare: bool) -> Steps[View]:
     """Preview, priority, refinement, reference and errors of one camera.
 
-    compare: measure all strategies, the exact oracles too, not only the chosen one. All of them rank by what the
-    settings' importance makes of their scores. Raises SettingError if what was painted is not there.
+    scope: which objects were voxelized, for importance that is painted on them. compare: measure all strategies, the
+    exact oracles too, not only the chosen one. All of them rank by what the settings' importance makes of their scores.
+    Raises SettingError if what was painted is not there.
     """
     chosen = strategy(settings.strategy)
     strategies = list(STRATEGIES.values()) if compare else [chosen, STRATEGIES["optimal"]]
@@ -78,7 +78,7 @@ def view(coded: CodedOctree, camera: Camera, settings: JobSettings, *, compare: 
     )
     frame = yield from labelled(tracing, f"{camera.name}: {{}}")
     if settings.importance is not None:
-        looked_up = pixel_importance(settings.importance, settings.scope, coded.octree.grid, frame)
+        looked_up = pixel_importance(settings.importance, scope, coded.octree.grid, frame)
         frame = replace(frame, importance=(yield from labelled(looked_up, f"{camera.name}: {{}}")))
     measuring = computed(
         lambda: _measured(coded.octree, frame, camera, strategies, settings),
@@ -88,7 +88,7 @@ def view(coded: CodedOctree, camera: Camera, settings: JobSettings, *, compare: 
 
 
 def _measured(
-    octree: Octree, frame: Frame, camera: Camera, strategies: Sequence[Strategy], settings: JobSettings
+    octree: Octree, frame: Frame, camera: Camera, strategies: Sequence[Strategy], settings: ViewSettings
 ) -> View:
     """Figures and pictures of a traced frame."""
     from ...patchnet_addon.tracing.unseen import why_unseen
@@ -104,7 +104,7 @@ def _measured(
     return View(octree, camera, chosen, pictures, report, () if unseen is None else (unseen,))
 
 
-def _pictures(ranking: Ranking, settings: JobSettings, name: str) -> dict[str, np.ndarray]:
+def _pictures(ranking: Ranking, settings: ViewSettings, name: str) -> dict[str, np.ndarray]:
     """Pictures of a view; those with a legend are magnified, the others are as many pixels as the camera has.
 
     Preview, refined and reference are in colour if the octree is. The overlay stays gray, so that red means one thing.

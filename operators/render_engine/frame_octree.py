@@ -21,9 +21,8 @@ from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..pipeline.lit_octree import Recipe, build_lit_octree
 from ..pipeline.stages import encode, load_network
-from ..scene_access.quiet import quiet
+from ..scene_access.own import quiet
 from ..scene_access.temporary import scene_copy
-from ..schema.table import CYCLES
 from ..session import results
 from ..session.kept_results import result_or_kept
 from ..session.scene_result import SceneResult
@@ -78,7 +77,7 @@ def octree_of_frame(
 def _coded(scene: bpy.types.Scene, result: SceneResult, settings: JobSettings) -> Steps[CodedOctree]:
     """Codes of a result, which are kept with it where it is kept."""
     if result.coded is None:
-        coded = yield from encode(result.octree, load_network(settings.weights))
+        coded = yield from encode(result.octree, load_network(settings.network))
         if results.result_of(scene) is result:
             results.keep(scene, replace(result, coded=coded), "codes")
         return coded
@@ -95,11 +94,11 @@ def _compute(
 ) -> Steps[SceneResult]:
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
-    if settings.light == CYCLES and threading.current_thread() is not threading.main_thread():
+    if settings.light.is_baked and threading.current_thread() is not threading.main_thread():
         why = "There are no voxels yet" if nothing_there else "The scene is not what was voxelized and lit"
         raise SceneError(f"{why}, and Cycles cannot bake while a window renders: {_BUTTON}")
     scene = depsgraph.scene.original
-    weights = load_network(settings.weights)
+    weights = load_network(settings.network)
     recipe = Recipe(
         cameras=lambda _: [camera],
         depsgraph=depsgraph,
@@ -111,13 +110,13 @@ def _compute(
     coded = yield from encode(made.octree, weights)
     for warning in made.warnings:
         warn(warning)
-    return SceneResult(made.octree, settings.scope, made.layout, settings.light, coded, state=made.state)
+    return SceneResult(made.octree, settings.surface.scope, made.layout, settings.light.kind, coded, state=made.state)
 
 
 @contextmanager
 def _bake_context(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> Iterator[None]:
     """Let the context show a copy of the scene if Cycles bakes."""
-    if settings.light != CYCLES:
+    if not settings.light.is_baked:
         yield
         return
     with quiet(), scene_copy(scene) as copy:

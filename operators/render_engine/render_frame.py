@@ -37,12 +37,13 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     apply_preferences(bpy.context)
     scene = depsgraph.scene
     settings = scene_settings(scene.original)
-    chosen = strategy(settings.strategy)
+    wanted = settings.view
+    chosen = strategy(wanted.strategy)
     eye = engine.camera_override or (scene.camera and scene.camera.evaluated_get(depsgraph))
     camera, place = render_camera(scene, eye, (engine.resolution_x, engine.resolution_y))
     strokes = None
-    if settings.importance is not None:  # what is missing is said before anything is made
-        strokes = read_strokes(settings.importance, VISIBLE, depsgraph)  # what was voxelized may not be selected now
+    if wanted.importance is not None:  # what is missing is said before anything is made
+        strokes = read_strokes(wanted.importance, VISIBLE, depsgraph)  # what was voxelized may not be selected now
     world = None if scene.render.film_transparent else _background(engine, scene)
     _mention_left_out(engine, scene)
     making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
@@ -53,7 +54,7 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     try:
         pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)
         _warn_of_unseen(engine, picture)
-        pull(engine, output.shown_meanwhile(picture.refine(settings.budget)), 0.5, 1.0)
+        pull(engine, output.shown_meanwhile(picture.refine(wanted.budget)), 0.5, 1.0)
     finally:  # a render that was stopped shows how far it came
         output.end()
 

@@ -24,8 +24,9 @@ def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
     Cameras do not count, nor does the number of the frame unless an image is a film. Raises as `read_scene` does.
     """
     digest = Digest()
-    digest.text(*(getattr(settings, name) for name in result_fields(OCTREE, LIGHT, CODES)))
-    for scope in dict.fromkeys((settings.scope, VISIBLE)):  # what is not voxelized shadows nevertheless
+    values = settings.flat()
+    digest.text(*(values[name] for name in result_fields(OCTREE, LIGHT, CODES)))
+    for scope in dict.fromkeys((settings.surface.scope, VISIBLE)):  # what is not voxelized shadows nevertheless
         add_surface(digest, read_scene(depsgraph, scope))
     digest.block(depsgraph.scene.world)
     for instance in depsgraph.object_instances:

@@ -16,7 +16,7 @@ from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ..importance.image import painted_image
 from ..importance.painted import Importance
 from ..importance.pixels import Strokes, read_strokes
-from ..scene_access.quiet import quiet
+from ..scene_access.own import quiet
 from ..schema.table import VISIBLE
 
 _REST = 5.0  # between two looks at an image, in times that one takes

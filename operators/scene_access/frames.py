@@ -15,7 +15,7 @@ import bpy
 
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from .overrides import put_back_when_saved
-from .quiet import quiet
+from .own import quiet
 from .window_job import when_job_ended
 
 _UNREADABLE = (AttributeError, IndexError, KeyError, TypeError, ValueError)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Arrays as Blender images and as files that Blender writes.
+"""Arrays as Blender images and as files that Blender writes, and which of them a view has.
 
 Pictures are (H, W) or (H, W, 3) float32, row 0 at the bottom as Blender stores them.
 """
@@ -15,6 +15,11 @@ import numpy as np
 
 from ...patchnet_addon.runtime.errors import PatchNetError
 from .own import OWNER
+
+# Pictures of a view, each a file and a Blender image, in the order in which a user would look at them.
+PICTURES = ("preview", "heatmap", "overlay", "refined", "reference", "error")
+PRIORITY_NAME = "priority.exr"
+ERROR_MAXIMUM = 0.5  # luminance error at the end of an error picture's legend
 
 
 def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.types.Image:

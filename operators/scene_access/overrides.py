@@ -13,7 +13,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from .quiet import quiet
+from .own import quiet
 
 Act = Callable[[], object]
 _changes: list[tuple[Act, Act]] = []  # how to put a change back, and how to make it again; in the order they were made

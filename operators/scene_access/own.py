@@ -1,15 +1,37 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Data-blocks that operators leave in a file on purpose: pictures, and the object that shows voxels.
+"""Data-blocks and changes that are the extension's own: no part of the scene that is read, lit and watched for changes.
 
-They are no part of the scene that is read, lit and watched for changes."""
+The data-blocks are those that operators leave in a file on purpose: pictures, and the object that shows voxels.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import bpy
 
 OWNER = "patchnet_result"  # custom property that marks a data-block as ours to overwrite
+_blocks = 0  # of `quiet` that are open now
 
 
 def is_own(item: bpy.types.ID) -> bool:
     """Return whether an operator of ours made this data-block, original or evaluated, as a result."""
     return OWNER in item
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Mark changes within the block as the extension's own, undone in it: they make nothing stale."""
+    global _blocks
+    _blocks += 1
+    try:
+        yield
+    finally:
+        bpy.context.view_layer.update()
+        _blocks -= 1
+
+
+def is_quiet() -> bool:
+    """Return whether changes are our own now."""
+    return _blocks > 0

@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Temporary data-blocks, only there while a job runs: Blender never writes them into a file that is saved meanwhile."""
+"""Temporary data-blocks, only there while a job runs, and the temporary folder of this Blender process.
+
+Blender never writes such data-blocks into a file that is saved meanwhile.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import TypeVar
 
 import bpy
+
+from ...patchnet_addon.runtime.unfinished import goes_with_process
 
 Block = TypeVar("Block", bound=bpy.types.ID)
 
@@ -15,6 +22,7 @@ _COLLECTIONS = {
     "Camera": "cameras", "Collection": "collections", "Image": "images", "Material": "materials", "Mesh": "meshes",
     "Object": "objects", "Scene": "scenes", "ShaderNodeTree": "node_groups", "SunLight": "lights", "World": "worlds",
 }  # fmt: skip
+_FOLDER = re.compile(r"blender_\w{6}")  # without one of its own, Blender names the folder of all temporary files
 
 
 @contextmanager
@@ -49,3 +57,10 @@ def sync_view_layers() -> None:
     for scene in bpy.data.scenes:
         for layer in scene.view_layers:
             layer.objects.active  # noqa: B018  reading it is what brings the layer up to date
+
+
+def session_folder_goes() -> None:
+    """Let Blender's temporary folder go with a process that is ended at once, as Blender lets it go with itself."""
+    folder = Path(bpy.app.tempdir)
+    if _FOLDER.fullmatch(folder.name):
+        goes_with_process(folder)

@@ -13,7 +13,7 @@ import bpy
 
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from .quiet import quiet
+from .own import quiet
 
 BAKE, RENDER = "OBJECT_BAKE", "RENDER"
 _POLL_S = 0.1

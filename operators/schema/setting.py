@@ -42,9 +42,10 @@ class Setting:
     """Row of the table of settings.
 
     name: of the property of scenes and operators. label, description: as the panel shows them. stage: of the job.
-    bounds: of a number. choices: (value, label, description) of a CHOICE. field_name: in `JobSettings`, if it is
-    another one. effect: on the result. counts: whether it matters beside the other values. argument: of the command
-    line, "" for none or for one that means something else; help, unit: of it. widget: further options of the property.
+    bounds: of a number. choices: (value, label, description) of a CHOICE. field_name: its flat name in `JobSettings`,
+    if that is another one. effect: on the result. counts: whether it matters beside the other values. argument: of the
+    command line, "" for none or for one that means something else; help, unit: of it. widget: further options of the
+    property.
     """
 
     name: str
@@ -65,5 +66,5 @@ class Setting:
 
     @property
     def job_field(self) -> str:
-        """Its name in `JobSettings`."""
+        """Its flat name in `JobSettings`."""
         return self.field_name or self.name

@@ -2,7 +2,9 @@
 """Table of all settings of a job, each declared once.
 
 Properties of scenes and operators (`ui/properties`), arguments of commands (`commands/shared/job_arguments.py`), checks
-of numbers (`job_settings.py`), what makes a step stale (`step_settings.py`) and keys of caches are derived from it.
+of numbers (`settings/groups.py`), what makes a step stale (`step_settings.py`) and keys of caches are derived from it.
+The group of each row is that of the field that holds it: `GROUP_OF` of `settings/job_settings.py` (this module cannot
+import the groups, whose defaults and bounds it holds).
 """
 
 from __future__ import annotations
@@ -196,5 +198,5 @@ def rows(*stages: str) -> list[Setting]:
 
 
 def result_fields(*stages: str) -> list[str]:
-    """Fields of `JobSettings` on which the results of some stages may depend."""
+    """Flat names of `JobSettings` on which the results of some stages may depend."""
     return list(dict.fromkeys(row.job_field for row in rows(*stages) if row.effect is not Effect.NEVER))

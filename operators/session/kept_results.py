@@ -136,7 +136,7 @@ def _weights(scene: bpy.types.Scene) -> Weights:
     from ..pipeline.stages import load_network
     from ..ui.properties import scene_settings
 
-    return load_network(scene_settings(scene).weights)
+    return load_network(scene_settings(scene).network)
 
 
 @persistent

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..scene_access.images import drop_image, show_image
-from ..schema.pictures import PICTURES
+from ..scene_access.images import PICTURES, drop_image, show_image
 from .shown_view import COVERAGE, LEVEL, LUMINANCES, PRIORITY, ShownView
 
 if TYPE_CHECKING:

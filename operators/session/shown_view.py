@@ -15,8 +15,8 @@ from ...patchnet_addon.image.tone import to_bytes
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
-from ..schema.pictures import ERROR_MAXIMUM
-from ..settings.job_settings import JobSettings
+from ..scene_access.images import ERROR_MAXIMUM
+from ..settings.groups import ViewSettings
 
 if TYPE_CHECKING:
     from ..pipeline.views import View
@@ -105,7 +105,7 @@ class ShownView:
         ]
 
 
-def view_to_show(view: View, settings: JobSettings, chosen_maximum: float) -> ShownView:
+def view_to_show(view: View, settings: ViewSettings, chosen_maximum: float) -> ShownView:
     """Select what overlay and inspection need of a view that was made with `settings`."""
     from ...patchnet_addon.tracing.supersample import MAX_SAMPLES
 

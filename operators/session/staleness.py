@@ -16,7 +16,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..scene_access.images import is_shown
-from ..scene_access.quiet import is_quiet
+from ..scene_access.own import is_quiet
 from ..state.watch import watches_of
 from . import results
 from .scene_result import VIEW, SceneResult

@@ -9,8 +9,8 @@ import numpy as np
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import tracing_camera
+from ..scene_access.images import PICTURES
 from ..scene_access.own import OWNER
-from ..schema.pictures import PICTURES
 from .result_images import RAW, image_name
 from .scene_session import session_of
 from .shown_view import ShownView

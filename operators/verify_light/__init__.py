@@ -2,6 +2,6 @@
 """Light verification: an octree against a Cycles render from the same cameras (docs/light.md)."""
 
 from .check import CameraCheck, LightCheck, verify_light
-from .settings import CheckSettings
+from .check_settings import CheckSettings
 
 __all__ = ["CameraCheck", "CheckSettings", "LightCheck", "verify_light"]

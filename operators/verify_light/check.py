@@ -21,7 +21,7 @@ from ..cycles.daylight import daylight, has_light
 from ..pipeline.lit_octree import build_lit_octree
 from ..pipeline.versions import machine, versions
 from ..scene.cameras import camera_size_px, choose_cameras
-from .settings import CheckSettings
+from .check_settings import CheckSettings
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
@@ -84,13 +84,13 @@ def _why_unseen(octree: Octree, check: CameraCheck) -> str | None:
 def _cameras(
     context: bpy.types.Context, octree: Octree, settings: CheckSettings, bounds_world: np.ndarray
 ) -> Steps[list[Camera]]:
-    job = settings.job
+    wanted = settings.job.view
     if settings.viewpoints:
         from ...patchnet_addon.tracing.viewpoints import viewpoints
 
-        size = camera_size_px(context.scene, job.size)
+        size = camera_size_px(context.scene, wanted.size)
         return (yield from viewpoints(octree, settings.viewpoints, size))
-    return choose_cameras(context.evaluated_depsgraph_get(), job.cameras, job.size, bounds_world)
+    return choose_cameras(context.evaluated_depsgraph_get(), wanted.cameras, wanted.size, bounds_world)
 
 
 def check_camera(

@@ -18,6 +18,7 @@ from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.bake.baker import Baker
 from ..cycles.scene_copy import prepared
 from ..scene.scene_mesh import SceneMesh
+from ..settings.groups import LightSettings
 
 _MIN_PX, _MAX_PX = 64, 2048
 
@@ -48,7 +49,7 @@ def measure_rates(
     context: bpy.types.Context, source: SceneMesh, charts: Charts, cameras: Sequence[Camera], seed: int = 0
 ) -> Steps[Rates]:
     """Bake each page with something on it, and render about as many paths through one camera after the other."""
-    baker = Baker(context, source, charts, seed)
+    baker = Baker(context, source, charts, LightSettings(), seed=seed)
     pages: list[Turn] = []
     renders: list[Turn] = []
     for page in range(charts.page_count):

@@ -61,10 +61,10 @@ def saved(path: Path) -> Path:
     return path
 
 
-def random_weights(folder: Path) -> Path:
+def random_weights(folder: Path, lookahead: int = 2) -> Path:
     """A file of untrained weights."""
     path = folder / "random.safetensors"
-    save_weights(Weights.random(3, bias=0.1), path)
+    save_weights(Weights.random(3, bias=0.1, lookahead=lookahead), path)
     return path
 
 

@@ -15,6 +15,7 @@ from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
+from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments
@@ -58,7 +59,8 @@ def compare(samples: int = 128, names: Sequence[str] = ("Floor",)) -> Comparison
     select(names)
     source = read_scene(bpy.context.evaluated_depsgraph_get(), "SELECTED")
     texel_world, paths = 2.0 / PIXELS / FINER, -(-samples // FINER**2)
-    atlases = [drain(bake_luminance(bpy.context, source, texel_world, paths, seed)) for seed in (1, 2)]
+    light = LightSettings(samples=paths)
+    atlases = [drain(bake_luminance(bpy.context, source, texel_world, light, seed=seed)) for seed in (1, 2)]
     baked = [regions(luminance_at_points(source, atlas)) for atlas in atlases]
     rendered = [regions(picture(samples, seed)) for seed in (3, 4)]
     variance = sum(_smooth((one - other) ** 2) / 4.0 for one, other in (baked, rendered))

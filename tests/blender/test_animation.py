@@ -41,7 +41,7 @@ def keyed(owner: bpy.types.bpy_struct, path: str, values: dict[int, object]) -> 
 
 def bake(out: Path, weights: Path, frames: tuple[int, ...] = (1, 2, 3), **values: object) -> AnimationResult:
     plan = {name: values.pop(name) for name in ("overwrite", "one_grid", "scene_file") if name in values}
-    settings = JobSettings(weights=weights, **{**QUICK, **values})
+    settings = JobSettings.of(weights=weights, **{**QUICK, **values})
     return drain(bake_frames(bpy.context, JobMaker(settings), FramePlan(frames, out, **plan)))
 
 
@@ -212,7 +212,7 @@ def test_edits_without_keys_stay(tmp_path: Path, weights: Path, scene: bpy.types
 
 def test_stopping_and_failing_leave_the_scene_as_it_was(tmp_path: Path, weights: Path, scene: bpy.types.Scene) -> None:
     before = scene_snapshot()
-    maker = JobMaker(JobSettings(weights=weights, **QUICK))
+    maker = JobMaker(JobSettings.of(weights=weights, **QUICK))
     steps = bake_frames(bpy.context, maker, FramePlan((1, 2, 3), tmp_path))
     label = ""
     while label != "Frame 3, 3 of 3: Encoding":

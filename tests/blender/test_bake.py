@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from mathutils import Euler, Vector
 
-from patchnet.operators.cycles.bake import bake_luminance, bake_scene, baker
+from patchnet.operators.cycles.bake import bake, bake_luminance, bake_scene, baker
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.scene_access.devices import gpu_is_enabled
+from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -65,10 +66,11 @@ def sun(strength: float, rotation: tuple[float, float, float] = (0.0, 0.0, 0.0))
     return item
 
 
-def baked(texel_world: float = 0.25, samples: int = 16, **settings: int) -> tuple[SceneMesh, Atlas]:
+def baked(texel_world: float = 0.25, samples: int = 16, both_sides: bool = False) -> tuple[SceneMesh, Atlas]:
     bpy.context.view_layer.update()
     source = read_scene(bpy.context.evaluated_depsgraph_get())
-    return source, drain(bake_luminance(bpy.context, source, texel_world, samples, **settings))
+    light = LightSettings(samples=samples, both_sides=both_sides)
+    return source, drain(bake_luminance(bpy.context, source, texel_world, light))
 
 
 def shaded(source: SceneMesh, atlas: Atlas, grid: int = 6) -> dict[str, np.ndarray]:
@@ -250,7 +252,7 @@ def test_textures_and_unselected_occluders() -> None:
     item.select_set(True)
     cover.select_set(False)
     source = read_scene(bpy.context.evaluated_depsgraph_get(), "SELECTED")
-    atlas = drain(bake_luminance(bpy.context, source, 0.1, 16))
+    atlas = drain(bake_luminance(bpy.context, source, 0.1, LightSettings(samples=16)))
     shade = atlas_shade(atlas, source)
     (batch,) = source.batches()
     for triangle in range(2):
@@ -267,15 +269,16 @@ def test_textures_and_unselected_occluders() -> None:
         np.testing.assert_allclose(values[clear], expected[clear], atol=2e-3)
 
 
-def test_texels_are_bounded() -> None:
+def test_texels_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bake, "MAX_TEXELS", 300)
     square("Floor")
     sun(1.0)
-    source, atlas = baked(0.01, 1, max_texels=300)
+    _, atlas = baked(0.01, 1)
     assert atlas.charts.texel_world > 0.01
     assert len(atlas.texels) <= 1024
     assert "texels" in atlas.warnings[0]
     with pytest.raises(SettingError, match="Samples per texel 0 is outside"):
-        drain(bake_luminance(bpy.context, source, 0.1, 0))
+        LightSettings(samples=0)
 
 
 def user_scene() -> dict:
@@ -301,7 +304,7 @@ def test_scene_is_unchanged_at_every_step() -> None:
     source = read_scene(bpy.context.evaluated_depsgraph_get())
     assert_unchanged(before)
     reports = []
-    for report in bake_luminance(bpy.context, source, 0.2, 2):
+    for report in bake_luminance(bpy.context, source, 0.2, LightSettings(samples=2)):
         reports.append(report)
         assert_unchanged(before)
     assert reports[-1].fraction == 1.0
@@ -311,7 +314,7 @@ def test_scene_is_unchanged_at_every_step() -> None:
 def test_scene_is_unchanged_after_cancel_and_error(monkeypatch: pytest.MonkeyPatch) -> None:
     before = user_scene()
     source = read_scene(bpy.context.evaluated_depsgraph_get())
-    steps = bake_luminance(bpy.context, source, 0.2, 2)
+    steps = bake_luminance(bpy.context, source, 0.2, LightSettings(samples=2))
     while next(steps).label != "Baking light":
         pass
     steps.close()
@@ -323,7 +326,7 @@ def test_scene_is_unchanged_after_cancel_and_error(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(baker, "bake_now", fail)
     with pytest.raises(RuntimeError, match="device"):
-        drain(bake_luminance(bpy.context, source, 0.2, 2))
+        drain(bake_luminance(bpy.context, source, 0.2, LightSettings(samples=2)))
     assert_unchanged(before)
 
 
@@ -333,7 +336,7 @@ def test_tiles_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     for side in (4096, 8):
         monkeypatch.setattr(bake_scene, "tile_side", lambda side=side: side)
         source = read_scene(bpy.context.evaluated_depsgraph_get())
-        baked_with.append(drain(bake_luminance(bpy.context, source, 0.1, 3)))
+        baked_with.append(drain(bake_luminance(bpy.context, source, 0.1, LightSettings(samples=3))))
     assert baked_with[0].charts.page_side > 2 * 8
     np.testing.assert_array_equal(baked_with[0].texels, baked_with[1].texels)
 
@@ -352,7 +355,7 @@ def test_gpus_bake_where_they_are_enabled(enabled: bool, monkeypatch: pytest.Mon
     monkeypatch.setattr(baker, "bake_now", look)
     monkeypatch.setattr(baker, "bakes_on_gpu", lambda context, device: enabled or gpu_is_enabled(context))
     source = read_scene(bpy.context.evaluated_depsgraph_get())
-    drain(bake_luminance(bpy.context, source, 0.5, 1))
+    drain(bake_luminance(bpy.context, source, 0.5, LightSettings(samples=1)))
     assert set(devices) == {"GPU" if enabled or gpu_is_enabled(bpy.context) else "CPU"}
     assert_unchanged(before)
 

@@ -7,6 +7,7 @@ import pytest
 
 from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.scene.read import read_scene
+from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.light_scene import assert_agrees, compare, lamp, material, shader, shown, simple, slab
 
@@ -30,7 +31,7 @@ def warnings(surface: bpy.types.Material, turned: bool = False) -> tuple[str, ..
     slab(paint=surface).rotation_euler.z = 0.5 if turned else 0.0
     bpy.context.view_layer.update()
     source = read_scene(bpy.context.evaluated_depsgraph_get())
-    return drain(bake_luminance(bpy.context, source, 0.5, 1)).warnings
+    return drain(bake_luminance(bpy.context, source, 0.5, LightSettings(samples=1))).warnings
 
 
 LOST = [

@@ -11,6 +11,7 @@ from mathutils import Euler, Matrix
 from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
+from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments
@@ -57,7 +58,7 @@ def square(name: str, material: bpy.types.Material) -> bpy.types.Object:
 def baked(texel_world: float = 0.05) -> tuple[SceneMesh, Atlas]:
     bpy.context.view_layer.update()
     source = read_scene(bpy.context.evaluated_depsgraph_get())
-    return source, drain(bake_luminance(bpy.context, source, texel_world, 16))
+    return source, drain(bake_luminance(bpy.context, source, texel_world, LightSettings(samples=16)))
 
 
 def at_points(source: SceneMesh, atlas: Atlas) -> tuple[np.ndarray, np.ndarray]:

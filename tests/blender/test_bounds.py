@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import bpy
 import pytest
 
-from patchnet.operators.overlay.settings import PatchNetOverlaySettings
+from patchnet.operators.overlay.overlay_settings import PatchNetOverlaySettings
 from patchnet.operators.registration import _CLASSES
 from patchnet.operators.session.kept_results import VARIABLE, limit_bytes
 from patchnet.operators.ui.preferences import KEPT_GIB, PatchNetPreferences

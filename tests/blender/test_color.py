@@ -2,7 +2,6 @@
 """Colour from scene to picture: a red and a green wall under white light look as in Cycles; luminance is untouched."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -15,6 +14,7 @@ from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.session import results
+from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays
@@ -73,7 +73,7 @@ def stripe(wall: bpy.types.Object, shader: bpy.types.Node) -> None:
 
 
 def octree_of(settings: JobSettings, depth: int = 7) -> Octree:
-    made = drain(build_lit_octree(bpy.context, replace(settings, depth=depth), StageClock()))
+    made = drain(build_lit_octree(bpy.context, settings.changed(depth=depth), StageClock()))
     return made.octree
 
 
@@ -117,7 +117,7 @@ def regions() -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("light", ["cycles", "two-lights"])
 def test_luminance_is_the_same_with_and_without_colour(light: str) -> None:
-    gray, colored = (octree_of(JobSettings(light=light, samples=2, color=color), 6) for color in (False, True))
+    gray, colored = (octree_of(JobSettings.of(light=light, samples=2, color=color), 6) for color in (False, True))
     assert gray.chroma is None and colored.chroma is not None
     assert (gray.provenance["color"], colored.provenance["color"]) == (False, True)
     assert gray.exposure == colored.exposure
@@ -126,7 +126,7 @@ def test_luminance_is_the_same_with_and_without_colour(light: str) -> None:
 
 
 def test_pictures_agree_with_cycles_in_each_region(tmp_path: Path) -> None:
-    octree = octree_of(JobSettings(samples=64, color=True))
+    octree = octree_of(JobSettings.of(samples=64, color=True))
     (camera,) = choose_cameras(
         bpy.context.evaluated_depsgraph_get(), (), SIZE, octree.grid.to_world(np.array([[0.0] * 3, [1.0] * 3]))
     )
@@ -145,7 +145,7 @@ def test_pictures_agree_with_cycles_in_each_region(tmp_path: Path) -> None:
 
 def test_fine_texture_keeps_its_colours() -> None:
     """Texels of the bake as large as two stripes: voxels show the stripes' own colours."""
-    octree = octree_of(JobSettings(samples=16, color=True, texel_voxels=16.0))
+    octree = octree_of(JobSettings.of(samples=16, color=True, texel_voxels=16.0))
     level = octree.depth
     centres = octree.grid.to_world((octree.cells(level) + 0.5) / (1 << level))
     x, y, z = centres.T
@@ -162,7 +162,7 @@ def test_a_stopped_bake_in_colour_goes_on_and_is_not_taken_for_a_gray_one(tmp_pa
     source = read_scene(bpy.context.evaluated_depsgraph_get())
 
     def bake(color: bool, kept: BakePageCache) -> np.ndarray:
-        return drain(bake_luminance(bpy.context, source, 0.05, 1, color=color, kept=kept)).texels
+        return drain(bake_luminance(bpy.context, source, 0.05, LightSettings(samples=1, color=color), kept=kept)).texels
 
     with pytest.raises(KeyboardInterrupt), BakePageCache(tmp_path) as kept:
         first = bake(True, kept)

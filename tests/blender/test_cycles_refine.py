@@ -34,7 +34,7 @@ STOPS = 6
 
 def job(weights: Path, cycles: CyclesSettings | None = CYCLES, **values: object) -> JobSettings:
     given = {"depth": 7, "samples": 1, "size": SIZE, "weights": weights, "cycles": cycles}
-    return JobSettings(**{**given, **values})
+    return JobSettings.of(**{**given, **values})
 
 
 @pytest.mark.parametrize(("light", "color"), [(True, False), (False, True)])

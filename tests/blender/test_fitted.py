@@ -70,7 +70,7 @@ def test_a_track_serves_all_frames_and_leaves_the_scene_at_its_own(scene: bpy.ty
     move_camera(scene)
     scene.frame_set(4)
     before = scene_snapshot()
-    settings = JobSettings(fit=True, track=True, light="two-lights", size=SIZE, weights=weights)
+    settings = JobSettings.of(fit=True, track=True, light="two-lights", size=SIZE, weights=weights)
     result = drain(run_job(bpy.context, settings))
     assert scene.frame_current == 4
     assert_unchanged(before)
@@ -81,7 +81,7 @@ def test_a_track_serves_all_frames_and_leaves_the_scene_at_its_own(scene: bpy.ty
     for camera in cameras:
         hits = first_hits(octree, camera)
         assert hits.hit.mean() > 0.1 and octree.look_ahead()[hits.node[hits.hit]].mean() > 0.98
-    alone = drain(run_job(bpy.context, JobSettings(fit=True, light="two-lights", size=SIZE, weights=weights)))
+    alone = drain(run_job(bpy.context, JobSettings.of(fit=True, light="two-lights", size=SIZE, weights=weights)))
     assert alone.coded.octree.leaf_count < octree.leaf_count
 
 
@@ -105,7 +105,7 @@ def test_command(tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[st
 
 
 def test_a_small_memory_limit_is_said(scene: bpy.types.Scene, weights: Path) -> None:
-    settings = JobSettings(fit=True, light="two-lights", size=SIZE, weights=weights, memory_bytes=3_000_000)
+    settings = JobSettings.of(fit=True, light="two-lights", size=SIZE, weights=weights, memory_bytes=3_000_000)
     result = drain(run_job(bpy.context, settings))
     assert any("will have look-ahead" in warning for warning in result.warnings)
 
@@ -121,4 +121,4 @@ def test_a_small_memory_limit_is_said(scene: bpy.types.Scene, weights: Path) -> 
 )
 def test_settings_that_contradict_each_other(values: dict[str, object], said: str) -> None:
     with pytest.raises(SettingError, match=said):
-        JobSettings(**values)
+        JobSettings.of(**values)

@@ -27,7 +27,9 @@ WIDTH, HEIGHT = SMALL["size"]
 
 
 def look(weights: Path, importance: Importance | None, **values: object) -> View:
-    settings = JobSettings(**{"light": "two-lights", "weights": weights, **SMALL, "importance": importance, **values})
+    settings = JobSettings.of(
+        **{"light": "two-lights", "weights": weights, **SMALL, "importance": importance, **values}
+    )
     return drain(run_job(bpy.context, settings)).views[0]
 
 
@@ -91,7 +93,7 @@ def test_weights_are_interpolated_and_go_with_the_object(weights: Path) -> None:
     slab.vertex_groups["Matters"].add(right, 1.0, "REPLACE")
     slab.location.x = 0.4
     bpy.context.view_layer.update()
-    settings = JobSettings(
+    settings = JobSettings.of(
         light="two-lights", weights=weights, scope="SELECTED", importance=Importance(vertex_group="Matters"), **SMALL
     )
     result = drain(run_job(bpy.context, settings))
@@ -173,6 +175,6 @@ def test_pixels_outside_a_silhouette_take_their_neighbours(weights: Path) -> Non
     group("Matters", 1.0)
     view = look(weights, None, scope="SELECTED")
     settings = Importance(vertex_group="Matters")
-    grid = drain(run_job(bpy.context, JobSettings(light="two-lights", weights=weights, scope="SELECTED", **SMALL)))
+    grid = drain(run_job(bpy.context, JobSettings.of(light="two-lights", weights=weights, scope="SELECTED", **SMALL)))
     given = drain(pixel_importance(settings, "SELECTED", grid.coded.octree.grid, view.frame))
     np.testing.assert_array_equal(given > 0, view.frame.active)

@@ -20,6 +20,7 @@ from patchnet import commands
 from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.scene.files import open_scene
 from patchnet.operators.scene.read import read_scene
+from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder
 from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
@@ -158,7 +159,7 @@ def test_ctrl_c_in_what_blender_calls_is_no_error_of_theirs(
     source = read_scene(bpy.context.evaluated_depsgraph_get())
     before = scene_snapshot()
     with pytest.raises(KeyboardInterrupt), prompt_interrupt(lambda: None):
-        drain(bake_luminance(bpy.context, source, 0.5, 1))
+        drain(bake_luminance(bpy.context, source, 0.5, LightSettings(samples=1)))
     assert calls == ["interrupted", "went on"]
     said = capfd.readouterr()
     assert "Traceback" not in said.out + said.err

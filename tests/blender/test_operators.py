@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from patchnet.operators.pipeline.run import run_job
-from patchnet.operators.scene_access.images import show_image
-from patchnet.operators.schema.pictures import PICTURES
+from patchnet.operators.scene_access.images import PICTURES, show_image
 from patchnet.operators.session import results
 from patchnet.operators.session.result_images import image_name
 from patchnet.operators.session.scene_session import open_sessions
@@ -67,7 +66,7 @@ def test_operator_and_script_do_the_same(scene: bpy.types.Scene, weights: Path) 
     assert run_small() == {"FINISHED"}
     shown = {name: pixels(bpy.data.images[image_name("Eye", name)])[..., :3] for name in PICTURES}
     raw = pixels(bpy.data.images["PatchNet Eye priority"])[..., 0]
-    settings = JobSettings(depth=7, size=(24, 16), light="two-lights", weights=weights)
+    settings = JobSettings.of(depth=7, size=(24, 16), light="two-lights", weights=weights)
     view = drain(run_job(bpy.context, settings)).views[0]
     np.testing.assert_array_equal(raw, view.priority)
     for name, picture in shown.items():
@@ -236,11 +235,11 @@ def test_errors_keep_what_was_there(scene: bpy.types.Scene, tmp_path: Path) -> N
 def test_stopping_anywhere_leaves_nothing_behind(light: str, weights: Path, tmp_path: Path) -> None:
     build(light=False)
     before = scene_snapshot()
-    settings = JobSettings(depth=5, size=(16, 16), light=light, samples=1, weights=weights, out=tmp_path / "out")
+    settings = JobSettings.of(depth=5, size=(16, 16), light=light, samples=1, weights=weights, out=tmp_path / "out")
     count = len(list(run_job(bpy.context, settings)))
     assert count > 8 and (tmp_path / "out").is_dir()
     for stop in range(0, count, max(1, count // 6)):
-        steps = run_job(bpy.context, JobSettings(**{**vars(settings), "out": tmp_path / "stopped"}))
+        steps = run_job(bpy.context, settings.changed(out=tmp_path / "stopped"))
         reports = list(itertools.islice(steps, stop + 1))
         steps.close()
         assert_unchanged(before)

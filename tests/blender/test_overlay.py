@@ -12,11 +12,11 @@ from patchnet.operators.overlay import framed, handlers, open_pictures, places
 from patchnet.operators.overlay.places import Rect
 from patchnet.operators.pipeline.views import View, view
 from patchnet.operators.scene.cameras import tracing_camera
-from patchnet.operators.scene_access.quiet import quiet
-from patchnet.operators.schema.pictures import ERROR_MAXIMUM
+from patchnet.operators.scene_access.images import ERROR_MAXIMUM
+from patchnet.operators.scene_access.own import quiet
 from patchnet.operators.session import results, shown_view, views
 from patchnet.operators.session.result_images import RAW, image_name, show_images
-from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.operators.settings.groups import ViewSettings
 from patchnet.patchnet_addon.image.colormaps import colormap
 from patchnet.patchnet_addon.image.heatmap import heatmap, places_on_page, with_legend
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -29,15 +29,15 @@ SIZE = (24, 16)
 
 
 @pytest.fixture(scope="module")
-def made() -> tuple[View, JobSettings]:
+def made() -> tuple[View, ViewSettings]:
     """A view of the small scene; nothing of it is kept yet."""
     build()
-    job = JobSettings(depth=6, size=SIZE, light="two-lights", budget=0.4)
+    wanted = ViewSettings(size=SIZE, budget=0.4)
     scene = bpy.context.scene
     bpy.ops.patchnet.voxelize(depth=6)
     bpy.ops.patchnet.precompute_codes()
     camera = tracing_camera(scene.camera, scene, SIZE)
-    return drain(view(results.codes_of(scene), camera, job, compare=False)), job
+    return drain(view(results.codes_of(scene), camera, wanted, "VISIBLE", compare=False)), wanted
 
 
 def window_matrix(camera: bpy.types.Object, size: tuple[int, int]) -> np.ndarray:
@@ -145,9 +145,9 @@ def test_picture_is_found_on_its_page(size: tuple[int, int], count: int) -> None
     assert places_on_page((page.shape[1] + 1, page.shape[0]), size, count) == ()
 
 
-def test_what_is_known_of_a_pixel(made: tuple[View, JobSettings]) -> None:
-    result, job = made
-    shown = shown_view.view_to_show(result, job, 0.0)
+def test_what_is_known_of_a_pixel(made: tuple[View, ViewSettings]) -> None:
+    result, wanted = made
+    shown = shown_view.view_to_show(result, wanted, 0.0)
     frame = result.frame
     picture = {name: frame.picture(values) for name, values in (("l1", frame.preview), ("l32", frame.reference))}
     np.testing.assert_array_equal(shown.values["preview luminance"], picture["l1"])
@@ -163,13 +163,13 @@ def test_what_is_known_of_a_pixel(made: tuple[View, JobSettings]) -> None:
     assert said[2] == f"Coverage {frame.picture(frame.prediction.coverage)[row, column]:.3f}"
 
 
-def test_heatmap_ends_at_the_configured_maximum(made: tuple[View, JobSettings]) -> None:
-    result, job = made
-    own = STRATEGIES[job.strategy].maximum
-    shown = shown_view.view_to_show(result, dataclasses.replace(job, heatmap_maximum=0.1), 0.0)
+def test_heatmap_ends_at_the_configured_maximum(made: tuple[View, ViewSettings]) -> None:
+    result, wanted = made
+    own = STRATEGIES[wanted.strategy].maximum
+    shown = shown_view.view_to_show(result, dataclasses.replace(wanted, heatmap_maximum=0.1), 0.0)
     assert shown.maximum_now(0.0) == 0.1  # as it was made
     assert shown.maximum_now(0.3) == 0.3  # as it was set since
-    later = shown_view.view_to_show(result, dataclasses.replace(job, heatmap_maximum=0.1), 0.1)
+    later = shown_view.view_to_show(result, dataclasses.replace(wanted, heatmap_maximum=0.1), 0.1)
     assert later.maximum_now(0.1) == 0.1 and later.maximum_now(0.0) == own
     np.testing.assert_array_equal(
         shown.picture("HEATMAP", 0.3, "turbo"), colormap(result.priority / np.float32(0.3), "turbo")
@@ -180,9 +180,9 @@ def test_heatmap_ends_at_the_configured_maximum(made: tuple[View, JobSettings]) 
     np.testing.assert_allclose(shown.picture("REFINED", 1.0, "viridis"), result.pictures["refined"], atol=0.51 / 255)
 
 
-def test_images_are_named_after_the_camera(made: tuple[View, JobSettings]) -> None:
-    result, job = made
-    shown = shown_view.view_to_show(result, job, 0.0)
+def test_images_are_named_after_the_camera(made: tuple[View, ViewSettings]) -> None:
+    result, wanted = made
+    shown = shown_view.view_to_show(result, wanted, 0.0)
     images = show_images(result, shown)
     assert image_name("Eye", "priority") == "PatchNet Eye priority"
     for name in RAW:
@@ -204,10 +204,10 @@ def test_images_are_named_after_the_camera(made: tuple[View, JobSettings]) -> No
     assert image_name("C" * 60 + "1", "level") != image_name("C" * 60 + "2", "level")
 
 
-def test_views_say_when_they_are_out_of_date(made: tuple[View, JobSettings]) -> None:
-    result, job = made
+def test_views_say_when_they_are_out_of_date(made: tuple[View, ViewSettings]) -> None:
+    result, wanted = made
     scene = bpy.context.scene
-    shown = shown_view.view_to_show(result, job, 0.0)
+    shown = shown_view.view_to_show(result, wanted, 0.0)
     views.keep_view(scene, shown)
     assert views.why_stale(scene, shown) == ""
     where = scene.camera.location.x
@@ -229,10 +229,10 @@ def test_views_say_when_they_are_out_of_date(made: tuple[View, JobSettings]) -> 
     assert not views.has_views(scene)
 
 
-def test_nothing_is_shown_in_background(made: tuple[View, JobSettings]) -> None:
-    result, job = made
+def test_nothing_is_shown_in_background(made: tuple[View, ViewSettings]) -> None:
+    result, wanted = made
     overlay.forget(bpy.context)
-    overlay.show(bpy.context, [result], job)
+    overlay.show(bpy.context, [result], wanted)
     assert not views.has_views(bpy.context.scene) and not handlers.is_drawing()
     bpy.context.window_manager.patchnet_overlay.show_viewport = True
     assert not handlers.is_drawing()
@@ -249,14 +249,14 @@ def test_editors_with_a_picture_of_the_person_are_not_free() -> None:
     assert not open_pictures.is_free(bpy.data.images.new("Painting", 4, 4))
 
 
-def test_views_go_with_their_file(made: tuple[View, JobSettings]) -> None:
-    result, job = made
-    views.keep_view(bpy.context.scene, shown_view.view_to_show(result, job, 0.0))
+def test_views_go_with_their_file(made: tuple[View, ViewSettings]) -> None:
+    result, wanted = made
+    views.keep_view(bpy.context.scene, shown_view.view_to_show(result, wanted, 0.0))
     build()
     assert not views.has_views(bpy.context.scene)
 
 
-def test_a_page_has_the_same_places_as_its_image(made: tuple[View, JobSettings]) -> None:
+def test_a_page_has_the_same_places_as_its_image(made: tuple[View, ViewSettings]) -> None:
     result, _ = made
     for name, count in framed.PAGES.items():
         page = result.pictures[name]

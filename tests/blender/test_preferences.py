@@ -15,6 +15,7 @@ from patchnet.operators.pipeline.encoder import chosen_encoder
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.session import results
 from patchnet.operators.session.cache_size import cache_size, clear_cache
+from patchnet.operators.settings.groups import ComputeSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.ui import preferences
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
@@ -101,9 +102,9 @@ def test_diagnostics() -> None:
 
 def test_another_python_encodes(weights: Path) -> None:
     pytest.importorskip("torch")
-    settings = JobSettings(light="two-lights", weights=weights, **SMALL)
+    settings = JobSettings.of(light="two-lights", weights=weights, **SMALL)
     mine = drain(run_job(bpy.context, settings))
-    other = drain(run_job(bpy.context, JobSettings(**{**vars(settings), "torch_python": Path(sys.executable)})))
+    other = drain(run_job(bpy.context, settings.changed(torch_python=Path(sys.executable))))
     assert "another Python" in other.report["encoder"] and mine.report["encoder"] == "own kernels on the CPU"
     np.testing.assert_allclose(other.coded.codes.astype(float), mine.coded.codes.astype(float), atol=2e-2, rtol=2e-3)
     assert other.warnings == mine.warnings
@@ -112,7 +113,7 @@ def test_another_python_encodes(weights: Path) -> None:
 def test_python_that_cannot_encode_is_named_and_replaced(tmp_path: Path) -> None:
     missing = tmp_path / "python"
     weights = Weights.random(3)
-    with chosen_encoder(weights, JobSettings(torch_python=missing)) as chosen:
+    with chosen_encoder(weights, ComputeSettings(torch_python=missing)) as chosen:
         assert chosen.text == "own kernels on the CPU"
     (warning,) = chosen.warnings
     assert str(missing) in warning and "own kernels instead" in warning

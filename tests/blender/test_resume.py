@@ -19,6 +19,7 @@ from patchnet.operators.cycles.bake import baker as baking
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.cycles.bake.bake_key import bake_key, scene_key
 from patchnet.operators.scene.read import read_scene
+from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
@@ -53,7 +54,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def bake(kept: BakePageCache | None, stop_at: int | None = None) -> tuple[Atlas | None, list[Progress]]:
     """Bake the open scene; `stop_at` closes the bake when so many pages are finished."""
     source = read_scene(bpy.context.evaluated_depsgraph_get())
-    steps = bake_luminance(bpy.context, source, 0.1, 4, kept=kept)
+    steps = bake_luminance(bpy.context, source, 0.1, LightSettings(samples=4), kept=kept)
     reports: list[Progress] = []
     try:
         while True:

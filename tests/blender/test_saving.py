@@ -13,6 +13,7 @@ from patchnet.operators.cycles.region_renders import region_renders
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene_access.frames import kept_frame
 from patchnet.operators.scene_access.overrides import changed
+from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.sampling.regions import Region
 from patchnet.patchnet_addon.tracing.camera import Camera
@@ -62,7 +63,8 @@ def test_saved_while_cycles_bakes(prepare: Callable[[], None], tmp_path: Path, m
 
     monkeypatch.setattr(baker, "bake_now", save_and_run)
     source = read_scene(bpy.context.evaluated_depsgraph_get())
-    drain(bake_luminance(bpy.context, source, 0.3, 1, with_daylight=prepare is remove_light))
+    light = LightSettings(samples=1, daylight=prepare is remove_light)
+    drain(bake_luminance(bpy.context, source, 0.3, light))
     assert saves
     for path in saves:
         assert_same_file(before, path)

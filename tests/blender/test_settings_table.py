@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Table of settings, and what is derived from it: keys, what makes steps stale, properties and arguments."""
 
-from dataclasses import fields, replace
 from pathlib import Path
 
 import bpy
@@ -10,9 +9,18 @@ import pytest
 from patchnet.operators.render_engine.surface_key import surface_key
 from patchnet.operators.schema.setting import Effect
 from patchnet.operators.schema.table import CODES, LIGHT, OCTREE, TABLE, rows
-from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.operators.settings.cycles_settings import CyclesSettings
+from patchnet.operators.settings.groups import (
+    ComputeSettings,
+    LightSettings,
+    NetworkSettings,
+    SurfaceSettings,
+    ViewSettings,
+)
+from patchnet.operators.settings.job_settings import GROUP_OF, JobSettings, groups_of_rows, places
 from patchnet.operators.settings.step_settings import recorded
 from patchnet.operators.ui.properties import scene_settings
+from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.blender.job_scene import build
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -30,7 +38,7 @@ def test_renders_that_differ_in_a_setting_share_no_voxels(field: str) -> None:
         item.select_set(True)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     settings = JobSettings()
-    assert surface_key(depsgraph, replace(settings, **{field: OTHER[field]})) != surface_key(depsgraph, settings)
+    assert surface_key(depsgraph, settings.changed(**{field: OTHER[field]})) != surface_key(depsgraph, settings)
 
 
 def test_every_setting_of_the_octree_is_tried() -> None:
@@ -41,18 +49,72 @@ def test_every_setting_of_the_octree_is_tried() -> None:
 def test_devices_change_no_key() -> None:
     build()
     depsgraph, settings = bpy.context.evaluated_depsgraph_get(), JobSettings()
-    assert surface_key(depsgraph, replace(settings, device="CPU", encoder_device="CPU")) == surface_key(
-        depsgraph, settings
-    )
-    assert repr(replace(settings, device="CPU")) == repr(settings)
+    other = settings.changed(device="CPU", encoder_device="CPU", torch_python=Path("other"))
+    assert other != settings
+    assert surface_key(depsgraph, other) == surface_key(depsgraph, settings)
+    assert repr(other) == repr(settings)
 
 
 def test_every_setting_is_a_property_and_a_field() -> None:
     properties = bpy.context.scene.patchnet.bl_rna.properties
-    names = {field.name for field in fields(JobSettings)}
+    names = JobSettings().flat()
     for row in TABLE.values():
         assert (properties[row.name].name, properties[row.name].description) == (row.label, row.description)
         assert row.job_field in names
+
+
+def test_flat_names_are_sorted_into_groups() -> None:
+    assert {GROUP_OF[name] for name in TABLE} == {"surface", "light", "network", "view", "compute", ""}
+    of_groups = {
+        name: GROUP_OF[name] for name in ("resolution", "light", "weights", "importance_image", "device", "out")
+    }
+    assert list(of_groups.values()) == ["surface", "light", "network", "view", "compute", ""]
+    settings = JobSettings.of(depth=5, light="two-lights", weights=Path("w"), size=(3, 2), device="CPU", out=Path("o"))
+    assert settings == JobSettings(
+        SurfaceSettings(depth=5),
+        LightSettings(kind="two-lights"),
+        NetworkSettings(Path("w")),
+        ViewSettings(size=(3, 2)),
+        ComputeSettings(device="CPU"),
+        Path("o"),
+    )
+    assert JobSettings.of(**settings.flat()) == settings == settings.changed()
+    assert settings.changed(depth=None, voxel_size_world=0.1).surface.voxel_size_world == 0.1
+    with pytest.raises(TypeError, match=r"A job has no setting 'sample': its settings are .*samples"):
+        JobSettings.of(sample=3)
+
+
+def test_a_setting_stands_in_one_group() -> None:
+    known = places({"light": LightSettings}, ["out"])
+    assert known["light"] == ("light", "kind") and known["out"] == ("", "out")
+    with pytest.raises(TypeError, match="Setting 'samples' stands in 'light' and in 'cycles': rename one of them"):
+        places({"light": LightSettings, "cycles": CyclesSettings}, [])
+    with pytest.raises(TypeError, match="Setting 'scope' of the table has no field 'scope' in a group: add one"):
+        groups_of_rows(TABLE.values(), known)
+
+
+@pytest.mark.parametrize(
+    ("group", "values", "sentence"),
+    [
+        (SurfaceSettings, {"depth": 5, "voxel_size_world": 0.1}, "Depth and voxel size are both given"),
+        (SurfaceSettings, {"depth": 99}, "Depth 99 is outside"),
+        (LightSettings, {"kind": "moon"}, "There is no light 'moon': choose cycles or two-lights"),
+        (LightSettings, {"samples": 0}, "Samples per texel 0 is outside"),
+        (ViewSettings, {"strategy": "guess"}, "guess"),
+        (ViewSettings, {"size": (4, -1)}, "-1 is outside"),
+        (ViewSettings, {"colormap": "gray"}, "There is no colour map 'gray'"),
+        (ComputeSettings, {"encoder_device": "TPU"}, "There is no device 'TPU'"),
+        (ComputeSettings, {"memory_bytes": 1}, "is outside"),
+        (
+            JobSettings,
+            {"view": ViewSettings(cycles=CyclesSettings()), "light": LightSettings(kind="two-lights")},
+            "Regions by Cycles need voxels in Cycles' light, not two-lights: choose cycles",
+        ),
+    ],
+)
+def test_each_group_checks_its_own_values(group: type, values: dict, sentence: str) -> None:
+    with pytest.raises(SettingError, match=sentence):
+        group(**values)
 
 
 def test_settings_that_do_not_count_make_nothing_stale() -> None:
@@ -69,5 +131,5 @@ def test_scene_and_table_have_the_same_defaults() -> None:
     build()
     bpy.context.scene.property_unset("patchnet")
     found = scene_settings(bpy.context.scene)
-    assert found.budget == pytest.approx(0.3), "Blender keeps single precision"
-    assert replace(found, budget=JobSettings.budget) == JobSettings()
+    assert found.view.budget == pytest.approx(0.3), "Blender keeps single precision"
+    assert found.changed(budget=ViewSettings.budget) == JobSettings()

@@ -71,7 +71,7 @@ def test_black_materials_are_named_as_the_reason(weights: Path) -> None:
     build()
     for material in bpy.data.materials:
         principled(material.name).inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)
-    settings = JobSettings(depth=5, light="two-lights", size=(24, 16), weights=weights)
+    settings = JobSettings.of(depth=5, light="two-lights", size=(24, 16), weights=weights)
     assert drain(run_job(bpy.context, settings)).warnings == (
         "Camera 'Eye' sees only black: all materials of the surface are black",
     )
@@ -83,7 +83,7 @@ def test_lamp_that_reaches_nothing_is_named_as_the_reason(weights: Path) -> None
     lamp.data.type, lamp.data.energy = "SPOT", 10.0
     lamp.location, lamp.rotation_euler = (0.0, 0.0, 50.0), (np.pi, 0.0, 0.0)  # into the sky
     bpy.context.view_layer.update()
-    settings = JobSettings(depth=5, samples=1, texel_voxels=8.0, size=(24, 16), weights=weights)
+    settings = JobSettings.of(depth=5, samples=1, texel_voxels=8.0, size=(24, 16), weights=weights)
     (warning,) = drain(run_job(bpy.context, settings)).warnings
     assert warning.startswith("Camera 'Eye' sees only black: no light of the scene reaches the surface; add light")
 
@@ -95,7 +95,7 @@ def test_clipping_is_that_of_cycles(kind: str, weights: Path) -> None:
     eye = bpy.data.objects["Eye"]
     eye.location, eye.rotation_euler = (0.0, -5.0, 0.0), (np.pi / 2, 0.0, 0.0)
     eye.data.type, eye.data.ortho_scale = kind, 3.0
-    settings = JobSettings(depth=6, light="two-lights", size=(24, 16), weights=weights)
+    settings = JobSettings.of(depth=6, light="two-lights", size=(24, 16), weights=weights)
     for clip, seen in (((4.8, 100.0), "slab"), ((0.1, 5.0), "laths"), ((0.1, 100.0), "both")):
         eye.data.clip_start, eye.data.clip_end = clip
         bpy.context.view_layer.update()

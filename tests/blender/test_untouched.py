@@ -11,6 +11,7 @@ import pytest
 from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.scene.read import read_scene
+from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.errors import SceneError
@@ -99,11 +100,11 @@ def test_comparison_with_cycles(mode: str, tmp_path: Path) -> None:
 
 
 def job(**values: object) -> JobSettings:
-    return JobSettings(**{"depth": 5, "size": (16, 16), "samples": 1, **values})
+    return JobSettings.of(**{"depth": 5, "size": (16, 16), "samples": 1, **values})
 
 
 def bake() -> Steps[object]:
-    return bake_luminance(bpy.context, read_scene(bpy.context.evaluated_depsgraph_get()), 0.1, 1)
+    return bake_luminance(bpy.context, read_scene(bpy.context.evaluated_depsgraph_get()), 0.1, LightSettings(samples=1))
 
 
 @pytest.mark.parametrize("kind", ["run", "verify", "bake"])

@@ -27,7 +27,7 @@ RATIO = 0.04
 
 def settings(**job: object) -> CheckSettings:
     values = {"depth": 7, "size": (48, 48), "samples": 32, "cameras": ("Front",)} | job
-    return CheckSettings(JobSettings(**values), render_samples=128, rays=8)
+    return CheckSettings(JobSettings.of(**values), render_samples=128, rays=8)
 
 
 @pytest.fixture
@@ -134,7 +134,7 @@ def test_the_command_writes_pictures_and_report(tmp_path: Path, capsys: pytest.C
 
 
 def test_settings_outside_their_range_are_refused() -> None:
-    job = JobSettings(depth=6)
+    job = JobSettings.of(depth=6)
     for wrong in ({"render_samples": 1}, {"rays": 99}, {"difference": 0.0}):
         with pytest.raises(SettingError):
             CheckSettings(job, **wrong)

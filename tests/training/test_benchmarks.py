@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from patchnet.commands import bench, main
-from patchnet.commands.benches import voxelize as command
+from patchnet.commands.benches import voxel_grids as command
 from patchnet.patchnet_addon.runtime.errors import PatchNetError
 from patchnet.training.benchmarks.open3d_peer import Open3DVoxels, import_open3d
 from patchnet.training.benchmarks.timing import compare, one_core, take_turns

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from patchnet import commands
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
 from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_blocks
 from patchnet.patchnet_addon.network.weights import load_weights
@@ -113,3 +114,22 @@ def test_octree_that_is_not_deep_enough(dataset: Dataset) -> None:
     settings = SampleSettings(min_level=7 - dataset.lookahead, lookahead=dataset.lookahead)
     with pytest.raises(PatchNetError, match="use one of depth 7 or more"):
         drain(draw_samples(dataset.octree, 10, settings))
+
+
+@pytest.mark.parametrize("words", [[], ["--lookahead", "1"]])
+def test_command_draws_samples_of_a_look_ahead(words: list[str], tmp_path: Path) -> None:
+    octree = spheres_and_slats(6, seed=5)
+    save_octree(octree, tmp_path / "o.safetensors")
+    drawn = ["--samples", "64", "--views", "4", "--least-level", "2", "--held-out", "0", "--seed", "2"]
+    out = ["--out", str(tmp_path / "samples")]
+    assert commands.main(["dataset", str(tmp_path / "o.safetensors"), *drawn, *words, *out]) == 0
+    (path,) = (tmp_path / "samples").iterdir()
+    found, lookahead = load_dataset(path), 1 if words else 2
+    settings = SampleSettings(views=4, min_level=2, held_out=0.0, seed=2, lookahead=lookahead)
+    assert found.lookahead == lookahead
+    np.testing.assert_array_equal(found.samples.views, drain(draw_samples(octree, 64, settings)).views)
+
+
+def test_command_refuses_other_look_aheads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert commands.main(["dataset", "o.safetensors", "--lookahead", "4", "--out", str(tmp_path)]) == 2
+    assert "--lookahead 4 is outside" in capsys.readouterr().err

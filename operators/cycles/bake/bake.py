@@ -21,13 +21,13 @@ import bpy
 import numpy as np
 
 from ....patchnet_addon.lightmap.charts import Charts
-from ....patchnet_addon.runtime.bounds import SAMPLES
 from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import run_in_worker
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.devices import bakes_on_gpu
 from ...schema.table import AUTO
+from ...settings.groups import LightSettings
 from ...state.watch import check_unchanged
 from .bake_key import bake_key, scene_key
 from .baker import Baker
@@ -47,44 +47,38 @@ def bake_luminance(
     context: bpy.types.Context,
     source: SceneMesh,
     texel_world: float | np.ndarray,
-    samples: int,
-    seed: int = 0,
+    light: LightSettings,
     *,
-    color: bool = False,
-    both_sides: bool = False,
-    max_texels: int = MAX_TEXELS,
-    kept: BakePageCache | None = None,
+    seed: int = 0,
     device: str = AUTO,
-    with_daylight: bool = False,
+    kept: BakePageCache | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
 ) -> Steps[Atlas]:
     """Diffuse light with global illumination, and emission, on all triangles of `source`.
 
     texel_world: side of a texel, about that of a leaf, one for all or (T,); texels grow if there would be more than
-    `max_texels`.
-    color: whether the atlas has it (`Atlas.texels`). both_sides: of opaque sheets, both sides are lit.
-    samples: paths a texel and side. kept: finished pages are taken from there and left there.
+    MAX_TEXELS.
+    light: its `samples` are paths a texel and side; with `color` the atlas has it (`Atlas.texels`); with `both_sides`
+    those of opaque sheets are lit; with `daylight` sun and sky of ours shine in place of the scene's world.
     device: one of `DEVICES`; automatic is a GPU where the preferences of Cycles enable one.
-    with_daylight: sun and sky of ours shine in place of the scene's world.
+    kept: finished pages are taken from there and left there.
     depsgraph: what `source` was read from, for the pages' key; None takes the context's.
     Raises SceneError if Cycles is not there or cannot bake, SettingError for a GPU that is not enabled.
     """
-    from ....patchnet_addon.lightmap.atlas import COLOR_CHANNELS, Atlas
+    from ....patchnet_addon.lightmap.atlas import Atlas
 
-    SAMPLES.check(samples)
     side = page_side(source.triangle_count)
     scene = "" if kept is None else scene_key(depsgraph or context.evaluated_depsgraph_get())
     charts = yield from run_in_worker(
-        lambda: _charts(source, texel_world, samples, max_texels, side), Progress(0, 1, "Laying out charts")
+        lambda: _charts(source, texel_world, light.samples, side), Progress(0, 1, "Laying out charts")
     )
-    channels = COLOR_CHANNELS if color else 2
-    baker = Baker(context, source, charts, seed, channels, both_sides, device, with_daylight)
+    baker = Baker(context, source, charts, light, seed=seed, device=device)
+    channels = baker.channels
     pages = np.zeros((charts.page_count, charts.page_side**2, channels), np.float32)
     if kept is not None:
         yield Progress(0, 1, "Looking for finished pages")
-        on_gpu = bakes_on_gpu(context, device)
-        switches = (color, both_sides, on_gpu, with_daylight)
-        kept.open(bake_key(scene, source, charts, samples, seed, switches))
+        switches = (light.color, light.both_sides, bakes_on_gpu(context, device), bool(light.daylight))
+        kept.open(bake_key(scene, source, charts, light.samples, seed, switches))
         if there := len(kept.pages()):
             yield Progress(there, charts.page_count, f"Resuming: {there} of {charts.page_count} pages are there")
     for page in range(charts.page_count):
@@ -97,15 +91,13 @@ def bake_luminance(
         else:
             pages[page] = finished
     yield Progress(charts.page_count, charts.page_count, "Baking light")
-    return Atlas(charts, pages.reshape(-1, channels), samples, (*baker.warnings, *_coarse(charts, max_texels)))
+    return Atlas(charts, pages.reshape(-1, channels), light.samples, (*baker.warnings, *_coarse(charts)))
 
 
-def _charts(
-    source: SceneMesh, texel_world: float | np.ndarray, samples: int, max_texels: int, side: int
-) -> Steps[Charts]:
+def _charts(source: SceneMesh, texel_world: float | np.ndarray, samples: int, side: int) -> Steps[Charts]:
     from ....patchnet_addon.lightmap.charts import layout_charts
 
-    return layout_charts(source, texel_world, samples=samples, max_texels=max_texels, page_side=side)
+    return layout_charts(source, texel_world, samples=samples, max_texels=MAX_TEXELS, page_side=side)
 
 
 def page_side(triangle_count: int) -> int:
@@ -117,10 +109,10 @@ def page_side(triangle_count: int) -> int:
     return next(side for limit, side in _PAGE_SIDES if triangle_count <= limit)
 
 
-def _coarse(charts: Charts, max_texels: int) -> tuple[str, ...]:
+def _coarse(charts: Charts) -> tuple[str, ...]:
     if charts.growth < 1.01:
         return ()
     return (
         f"The light is baked with texels {charts.growth:.1f} times as large as asked for, since there would be more "
-        f"than {max_texels / 1e6:.0f} million: choose a smaller depth or fewer objects for finer light",
+        f"than {MAX_TEXELS / 1e6:.0f} million: choose a smaller depth or fewer objects for finer light",
     )

@@ -20,6 +20,7 @@ from ...scene_access.devices import bakes_on_gpu
 from ...scene_access.overrides import object_mode
 from ...scene_access.window_job import when_job_ended, window_is_alive
 from ...schema.table import AUTO
+from ...settings.groups import LightSettings
 from ..daylight import daylight
 from .bake_call import BakeTarget, bake_as_job, bake_now
 from .bake_materials import bake_materials
@@ -38,9 +39,10 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 class Baker:
     """Baker of pages' sides; holds nothing of Blender's between two calls but the context.
 
-    channels: of its texels, 2 or 4, see `Atlas`. both_sides: backs of opaque sheets count like fronts; else, and always
-    with materials that cull backfaces, only where fronts get no light. warnings: sentences about what cannot be baked.
-    paths_traced: how many paths the last page took. with_daylight: sun and sky of ours shine, not the scene's world.
+    With `both_sides` of the light, backs of opaque sheets count like fronts; else, and always with materials that cull
+    backfaces, only where fronts get no light. With its `daylight`, sun and sky of ours shine, not the scene's world.
+    channels: of its texels, 2, or 4 with colour, see `Atlas`. warnings: sentences about what cannot be baked.
+    paths_traced: how many paths the last page took.
     """
 
     def __init__(
@@ -48,20 +50,21 @@ class Baker:
         context: bpy.types.Context,
         source: SceneMesh,
         charts: Charts,
-        seed: int,
-        channels: int = 2,
-        both_sides: bool = False,
+        light: LightSettings,
+        *,
+        seed: int = 0,
         device: str = AUTO,
-        with_daylight: bool = False,
     ) -> None:
         """Prepare for `device`, one of `DEVICES`; raises SettingError for a GPU that is not there."""
+        from ....patchnet_addon.lightmap.atlas import COLOR_CHANNELS
+
         self._context = context
         self._source = source
         self._charts = charts
         self._seed = seed
-        self._channels = channels
+        self.channels = COLOR_CHANNELS if light.color else 2
         self._on_gpu = bakes_on_gpu(context, device)
-        self._with_daylight = with_daylight
+        self._with_daylight = bool(light.daylight)
         self._closed = ClosedPieces()
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
         self._attributes = attributes_needed(used)
@@ -69,7 +72,7 @@ class Baker:
         translucent = {material.name_full for material in used if is_translucent(material)}
         self._translucent = np.array([name in translucent for name in source.material_names])
         self._one_sided = np.array([name in culling for name in source.material_names])
-        if not both_sides:
+        if not light.both_sides:
             self._one_sided |= np.array([is_opaque(material) for material in source.materials]) & ~self._translucent
         self.paths_traced = 0
         turned = source.turned_materials
@@ -88,7 +91,7 @@ class Baker:
         at = Progress(page, count, "Baking light")
         part = yield from computed(lambda: self.triangles(page), at)
         if len(part) == 0:
-            return np.zeros((self._charts.page_side**2, self._channels), np.float32)
+            return np.zeros((self._charts.page_side**2, self.channels), np.float32)
         yield at  # what is baked is set up after it: between two steps the scene is as it was
         sheets = part.only(~part.closed & ~self._one_sided[part.materials])
         front, back = yield from self.bake(page, part, sheets, at)
@@ -145,7 +148,7 @@ class Baker:
 
         Objects that other lamps shine on are baked apart, and so is what shines through a surface from behind.
         """
-        sides = [np.zeros((self._charts.page_side**2, self._channels), np.float32) for _ in range(2)]
+        sides = [np.zeros((self._charts.page_side**2, self.channels), np.float32) for _ in range(2)]
         for number in np.unique(np.concatenate([fronts.links, backs.links])):
             links = self._source.light_links[number]
             front, back = (part.only(part.links == number) for part in (fronts, backs))
@@ -196,7 +199,7 @@ class Baker:
                 yield from bake_as_job(self._context, target, at)
             else:
                 bake_now(self._context, target)
-            sides = _shine(image, int(size[1]), self._charts.page_side, self._channels)
+            sides = _shine(image, int(size[1]), self._charts.page_side, self.channels)
             dark = np.zeros_like(sides[0])
             return [sides[0] if len(fronts) else dark, sides[-1] if len(backs) else dark]
         finally:

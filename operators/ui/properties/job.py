@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -31,7 +30,7 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
     scope = VISIBLE if bpy.app.background else SELECTED
     mine = preferences(context)
     settings = _job_settings(value, _resolution(operator, value("resolution")), scope, mine.colormap)
-    return replace(settings, torch_python=absolute_path(mine.torch_python))
+    return settings.changed(torch_python=absolute_path(mine.torch_python))
 
 
 def scene_settings(scene: bpy.types.Scene) -> JobSettings:
@@ -53,7 +52,7 @@ _TOGETHER = frozenset(
 def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope: str, colormap: str) -> JobSettings:
     scope = value("scope")
     plain = {row.job_field: _plain(row, value(row.name)) for row in TABLE.values() if row.name not in _TOGETHER}
-    return JobSettings(
+    return JobSettings.of(
         scope=automatic_scope if scope == AUTO else scope,
         depth=value("depth") if resolution == DEPTH else None,
         voxel_size_world=value("voxel_size") if resolution == VOXEL_SIZE else None,

@@ -29,7 +29,7 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         made = yield from build_lit_octree(context, settings, clock, recipe=Recipe(unlit=True))
         seconds = {name: clock.seconds[name] for name in ("depth", "voxelize")}
         octree = made.octree
-        result = SceneResult(octree, settings.scope, made.layout, seconds=seconds, state=made.state)
+        result = SceneResult(octree, settings.surface.scope, made.layout, seconds=seconds, state=made.state)
         results.keep(context.scene, result, "octree")
         for warning in made.warnings:
             tell(self, "WARNING", warning)

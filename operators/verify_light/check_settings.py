@@ -27,7 +27,7 @@ class CheckSettings:
     difference: float = 0.2
 
     def __post_init__(self) -> None:
-        if self.job.depth is None and self.job.voxel_size_world is None:
+        if not self.job.surface.has_given_depth:
             raise SettingError("A comparison needs a depth: give one")
         bounds.RENDER_SAMPLES.check(self.render_samples)
         bounds.RAYS.check(self.rays)

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Groups of a job's settings: surface, light, network, view, compute; each checks its values when it is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...patchnet_addon.image.colormaps import COLORMAPS
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.sampling.registry import strategy
+from ...patchnet_addon.surface.mesh import MeshSource
+from ..importance.painted import Importance
+from ..scene_access.devices import DEVICES
+from ..schema.setting import Kind
+from ..schema.table import CYCLES, TABLE, TWO_LIGHTS, VISIBLE
+from .cycles_settings import CyclesSettings
+
+Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
+_FLAT = "flat name"  # of a field whose own name says too little among all settings
+
+
+@dataclass(frozen=True)
+class SurfaceSettings:
+    """Settings of what is voxelized, and how finely.
+
+    scope: SELECTED objects or all VISIBLE renderable ones.
+    depth: of the octree; None chooses it by the cameras (methods 4.1b). voxel_size_world: leaf side instead of a depth.
+    fit: leaves only as deep as the cameras need them, coarse elsewhere, instead of one depth. track: the cameras are
+    looked through at all frames of the scene for that, not only at the present one.
+    bounds: lower and upper corner, in world units, that the octree's cube is put around; None takes the surface's own.
+    """
+
+    scope: str = VISIBLE
+    depth: int | None = None
+    voxel_size_world: float | None = None
+    fit: bool = False
+    track: bool = False
+    bounds: Bounds | None = None
+
+    def __post_init__(self) -> None:
+        if self.depth is not None and self.voxel_size_world is not None:
+            raise SettingError("Depth and voxel size are both given: choose one of them")
+        if self.fit and self.has_given_depth:
+            raise SettingError("Leaves that fit the cameras have no one depth or voxel size: choose one of them")
+        if self.track and not self.fit:
+            raise SettingError("Only leaves that fit the cameras can follow a track: choose fit, or no track")
+        _check_numbers(self)
+
+    @property
+    def has_given_depth(self) -> bool:
+        """Return whether a depth or a voxel size is given, so that no camera is asked for it."""
+        return self.depth is not None or self.voxel_size_world is not None
+
+    def bounds_world(self, source: MeshSource) -> np.ndarray:
+        """(2, 3): what the octree's cube is put around."""
+        return source.bounds_world if self.bounds is None else np.array(self.bounds, np.float64)
+
+
+@dataclass(frozen=True)
+class LightSettings:
+    """Settings of the light in the voxels.
+
+    kind: "cycles" bakes global illumination with `samples` per texel, "two-lights" is methods 7.3.
+    exposure: factor on luminance; None chooses it by the surface (methods 7.1).
+    both_sides: of opaque sheets, voxels hold the mean of both sides; else the light of the side that normals show.
+    color: keep colour beside luminance, for pictures and exports; two bytes a node (methods 7.2d).
+    texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
+    daylight: whether sun and sky are added for the bake; None adds them to a scene without light.
+    """
+
+    kind: str = field(default=TABLE["light"].default, metadata={_FLAT: "light"})
+    samples: int = TABLE["samples"].default
+    exposure: float | None = None
+    both_sides: bool = TABLE["both_sides"].default
+    color: bool = TABLE["color"].default
+    texel_voxels: float = TABLE["texel_voxels"].default
+    daylight: bool | None = None
+
+    def __post_init__(self) -> None:
+        _check_numbers(self)
+        if self.kind not in (CYCLES, TWO_LIGHTS):
+            raise SettingError(f"There is no light {self.kind!r}: choose {CYCLES} or {TWO_LIGHTS}")
+
+    @property
+    def is_baked(self) -> bool:
+        """Return whether Cycles computes the light."""
+        return self.kind == CYCLES
+
+
+@dataclass(frozen=True)
+class NetworkSettings:
+    """Settings of the network that looks ahead.
+
+    weights: file; None for the shipped ones.
+    """
+
+    weights: Path | None = None
+
+
+@dataclass(frozen=True)
+class ViewSettings:
+    """Settings of the views: who looks, what is refined first, and how it is shown.
+
+    cameras: names, or ("all",), or ("auto",); empty for the scene's active camera.
+    size: pictures in pixels; a height of 0 follows the render aspect, (0, 0) is the render resolution.
+    budget: share of active pixels to refine. heatmap_maximum: None takes the strategy's own.
+    importance: what was painted to matter; None where all pixels matter alike.
+    cycles: how Cycles renders the worst regions over the preview; None renders none.
+    """
+
+    cameras: tuple[str, ...] = ()
+    size: tuple[int, int] = TABLE["size"].default
+    budget: float = TABLE["budget"].default
+    strategy: str = TABLE["strategy"].default
+    heatmap_maximum: float | None = None
+    colormap: str = COLORMAPS[0]
+    importance: Importance | None = None
+    cycles: CyclesSettings | None = None
+
+    def __post_init__(self) -> None:
+        strategy(self.strategy)
+        _check_numbers(self)
+        if self.colormap not in COLORMAPS:
+            raise SettingError(f"There is no colour map {self.colormap!r}: choose one of {', '.join(COLORMAPS)}")
+
+
+@dataclass(frozen=True)
+class ComputeSettings:
+    """Settings of what computes.
+
+    memory_bytes: what the octree may take while it is built; None for all that is free. It bounds the depth, so it is
+    in keys. device: of the bake; encoder_device: of the network where torch is there. torch_python: another Python
+    that has torch. They decide which device computes, and not what: they count for no frame's key.
+    """
+
+    memory_bytes: int | None = None
+    device: str = field(default=TABLE["device"].default, repr=False)
+    encoder_device: str = field(default=TABLE["encoder_device"].default, repr=False)
+    torch_python: Path | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        _check_numbers(self)
+        for name in (self.device, self.encoder_device):
+            if name not in DEVICES:
+                raise SettingError(f"There is no device {name!r}: choose one of {', '.join(DEVICES)}")
+
+
+def fields_by_flat_name(group: Any) -> dict[str, str]:
+    """Names of a group's fields, by the names that they have among all settings."""
+    return {item.metadata.get(_FLAT, item.name): item.name for item in fields(group)}
+
+
+def _check_numbers(group: Any) -> None:
+    """Raise SettingError for a number outside the table's bounds; None is automatic."""
+    names = fields_by_flat_name(group)
+    for row in TABLE.values():
+        if row.bounds is None or row.job_field not in names:
+            continue
+        value = getattr(group, names[row.job_field])
+        if value is None:
+            continue
+        if row.name == "memory":
+            value = value / 2**30
+        for number in value if row.kind is Kind.PAIR else (value,):
+            row.bounds.check(number)
