@@ -16,7 +16,7 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.frame import Frame
-from ..scene.placements import surface_instances
+from ..scene.surface_instances import surface_instances
 
 _LABEL = "Looking up importance"
 _PER_STEP = 4096

@@ -20,9 +20,9 @@ from .local_mesh import LocalMesh, read_local_mesh
 from .materials import read_material
 from .missing_files import missing_files, missing_libraries
 from .object_random import object_random
-from .placements import surface_instances
 from .render_geometry import render_geometry
 from .scene_mesh import MeshInstances, SceneMesh
+from .surface_instances import surface_instances
 
 _NO_MATERIAL = ""
 
@@ -72,7 +72,7 @@ class _Placed:
 
 
 class _Reader:
-    """Collector of placements; each mesh and each material once."""
+    """Collector of instances; each mesh and each material once."""
 
     def __init__(self) -> None:
         self.material_names: dict[str, int] = {}

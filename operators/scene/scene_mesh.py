@@ -49,9 +49,9 @@ class MeshInstances:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Triangles first to last of the placements lo to hi of one mesh; several placements only with all triangles."""
+    """Triangles first to last of the instances lo to hi of one mesh; several instances only with all triangles."""
 
-    placements: MeshInstances
+    instances: MeshInstances
     lo: int
     hi: int
     first: int
@@ -62,12 +62,12 @@ class Run:
 
     @property
     def mirrored(self) -> np.ndarray:
-        """(placements,) bool, see `MeshInstances.mirrored`."""
-        return self.placements.mirrored[self.lo : self.hi]
+        """(instances,) bool, see `MeshInstances.mirrored`."""
+        return self.instances.mirrored[self.lo : self.hi]
 
     def corners_world(self) -> np.ndarray:
         """(N, 3, 3) float64, wound so that normals are those of Blender also under mirroring transforms."""
-        mesh, matrices = self.placements.mesh, self.placements.matrices_world[self.lo : self.hi]
+        mesh, matrices = self.instances.mesh, self.instances.matrices_world[self.lo : self.hi]
         triangles = mesh.triangles[self.first : self.last]
         if self.first == 0 and self.last == len(mesh):
             points = mesh.vertices.astype(np.float64) @ matrices[:, :3, :3].transpose(0, 2, 1)  # (P, V, 3)
@@ -91,8 +91,8 @@ class Run:
 
     def materials(self) -> np.ndarray:
         """(N,) int32 index into the scene's materials."""
-        table = self.placements.materials[self.lo : self.hi]  # (P, S)
-        slots = self.placements.mesh.slots
+        table = self.instances.materials[self.lo : self.hi]  # (P, S)
+        slots = self.instances.mesh.slots
         count = self.last - self.first
         if slots is None:
             return np.repeat(table[:, 0], count)
@@ -101,10 +101,10 @@ class Run:
 
     def normals_world(self) -> np.ndarray | None:
         """Shading normals (N, 3, 3) float32, unit length, or None if the mesh is flat."""
-        normals = self.placements.mesh.corner_normals(self.first, self.last)
+        normals = self.instances.mesh.corner_normals(self.first, self.last)
         if normals is None:
             return None
-        linear = self.placements.matrices_world[self.lo : self.hi, :3, :3]
+        linear = self.instances.matrices_world[self.lo : self.hi, :3, :3]
         # The cofactor matrix turns normals also where the transform cannot be inverted; its sign follows mirroring.
         cofactors = np.stack([np.cross(linear[:, :, (i + 1) % 3], linear[:, :, (i + 2) % 3]) for i in range(3)], -1)
         cofactors = np.where(self.mirrored[:, None, None], -cofactors, cofactors)
@@ -171,7 +171,7 @@ class SceneMesh:
 
 
 def _runs(part: MeshInstances) -> Iterator[Run]:
-    """Runs of at most BATCH_TRIANGLES triangles that cover all placements of a mesh."""
+    """Runs of at most BATCH_TRIANGLES triangles that cover all instances of a mesh."""
     size = len(part.mesh)
     together = max(1, BATCH_TRIANGLES // size)
     for lo in range(0, len(part.objects), together):
@@ -184,11 +184,11 @@ def _runs(part: MeshInstances) -> Iterator[Run]:
 
 def _batch(runs: tuple[Run, ...], first_triangle: int) -> TriangleBatch:
     uvs = [
-        np.zeros((len(run), 3, 2), np.float32) if run.placements.mesh.uvs is None
-        else run.per_corner(run.placements.mesh.uvs)
+        np.zeros((len(run), 3, 2), np.float32) if run.instances.mesh.uvs is None
+        else run.per_corner(run.instances.mesh.uvs)
         for run in runs
     ]  # fmt: skip
-    names = dict.fromkeys(name for run in runs for name in run.placements.objects[run.lo : run.hi])
+    names = dict.fromkeys(name for run in runs for name in run.instances.objects[run.lo : run.hi])
     return TriangleBatch(
         corners_world=np.concatenate([run.corners_world() for run in runs]),
         uvs=np.concatenate(uvs),

@@ -21,7 +21,7 @@ class ClosedPieces:
         """(N,) int64 for the triangles of a run: the number of the closed piece, different in each place; -1: open."""
         from ....patchnet_addon.surface.closed import closed_pieces
 
-        places, mesh = run.placements, run.placements.mesh
+        places, mesh = run.instances, run.instances.mesh
         if id(mesh) not in self._known:
             self._known[id(mesh)] = mesh, closed_pieces(mesh.vertices, mesh.triangles)
         if id(places) not in self._first:

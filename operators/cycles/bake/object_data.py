@@ -92,16 +92,16 @@ def _asks_whole_object(node: bpy.types.Node, turned: bool, divided: bool) -> boo
 
 def attribute_values(run: Run, name: str) -> np.ndarray:
     """Values (N, 3, C) float32 of one of `attributes_needed` for the triangles of a run."""
-    placements, part = run.placements, slice(run.lo, run.hi)
+    instances, part = run.instances, slice(run.lo, run.hi)
     if name == OBJECT:
-        mesh = placements.mesh
+        mesh = instances.mesh
         return run.per_corner(mesh.vertices[mesh.triangles])
     values = {
-        "patchnet_location": placements.matrices_world[part, :3, 3],
-        "patchnet_color": placements.colors[part],
-        "patchnet_alpha": placements.colors[part, 3:],
-        "patchnet_object_index": placements.indices[part, None],
-        "patchnet_random": placements.random[part, None],
+        "patchnet_location": instances.matrices_world[part, :3, 3],
+        "patchnet_color": instances.colors[part],
+        "patchnet_alpha": instances.colors[part, 3:],
+        "patchnet_object_index": instances.indices[part, None],
+        "patchnet_random": instances.random[part, None],
     }[name].astype(np.float32)  # (P, C)
     triangles = run.last - run.first
     return np.repeat(np.repeat(values, triangles, axis=0)[:, None], 3, axis=1)

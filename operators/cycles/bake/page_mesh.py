@@ -110,7 +110,7 @@ def _part(
     corners = run.corners_world()
     flat = geometric_normals(corners)
     mask = mask & flat.any(axis=1)
-    mesh = run.placements.mesh
+    mesh = run.instances.mesh
     normals = run.normals_world()
     if normals is None:
         smooth = np.repeat(flat[mask, None], 3, axis=1).astype(np.float32)
@@ -126,7 +126,7 @@ def _part(
         chart_uvs=_on_page(charts, triangles),
         materials=run.materials()[mask],
         pieces=closed.of(run)[mask],
-        links=np.repeat(run.placements.links[run.lo : run.hi], run.last - run.first)[mask],
+        links=np.repeat(run.instances.links[run.lo : run.hi], run.last - run.first)[mask],
         layers={name: run.per_corner(values)[mask] for name, values in mesh.layers.items()}
         | {name: attribute_values(run, name)[mask] for name in sorted(attributes)},
     )
