@@ -26,7 +26,7 @@ def materials() -> tuple[Material, ...]:
     alpha = Texture("alpha", (np.kron(rng.random((8, 8)), np.ones((5, 5))) > 0.4).astype(np.float32)[..., None])
     return (
         Material("wall", (0.5, 1.0, 0.25), color),
-        Material("clipped", WHITE, replace(color, extension="CLIP")),
+        Material("clipped", WHITE, replace(color, wrap="CLIP")),
         Material("cut", WHITE, color, alpha_texture=alpha, alpha_threshold=0.5),
         Material("soft", (0.9, 0.2, 0.1), alpha_texture=alpha),
         Material("two mappings", WHITE, turned, alpha_texture=alpha, alpha_threshold=0.5),
