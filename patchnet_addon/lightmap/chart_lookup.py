@@ -41,8 +41,8 @@ class _Half(NamedTuple):
 
     x: int
     y: int
-    log_width: int
-    log_height: int
+    log_width: np.int64
+    log_height: np.int64
     kind: int
     leg_x: float
     leg_y: float
