@@ -71,11 +71,11 @@ def _material(name: str, surface: _Surface, images: ImageReader) -> Material:
         opacity = 1.0
         if (alpha.scale, alpha.offset) != (1.0, 0.0):
             pixels = np.clip(pixels * np.float32(alpha.scale) + np.float32(alpha.offset), 0.0, 1.0)
-        texture = Texture(alpha.texture.image.name, pixels, alpha.texture.extension, alpha.texture.transform)
+        texture = Texture(alpha.texture.image.name, pixels, alpha.texture.wrap, alpha.texture.transform)
     base_texture = None
     if base.texture is not None:
         pixels = images.color(base.texture.image)
-        base_texture = Texture(base.texture.image.name, pixels, base.texture.extension, base.texture.transform)
+        base_texture = Texture(base.texture.image.name, pixels, base.texture.wrap, base.texture.transform)
     return Material(
         name=name,
         base_color=base.factor,

@@ -19,10 +19,10 @@ WHITE: Rgb = (1.0, 1.0, 1.0)
 
 @dataclass(frozen=True)
 class TextureUse:
-    """Image and how it lies on the surface: uv' = transform (2, 3) of (u, v, 1)."""
+    """Image and how it lies on the surface: uv' = transform (2, 3) of (u, v, 1); wrap: the node's `extension`."""
 
     image: bpy.types.Image
-    extension: str = "REPEAT"
+    wrap: str = "REPEAT"
     transform: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
 
 

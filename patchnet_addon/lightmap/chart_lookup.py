@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -13,9 +14,49 @@ from .charts import Charts
 from .packing import FIRST, SECOND, SINGLE
 
 
+class _Rectangles(NamedTuple):
+    """Rectangles of all charts and the triangles' halves of them, as kernels read them; shapes as in `Charts`."""
+
+    x: np.ndarray
+    y: np.ndarray
+    log_width: np.ndarray
+    log_height: np.ndarray
+    kind: np.ndarray
+    page_side: int
+
+    @classmethod
+    def of_charts(cls, charts: Charts) -> _Rectangles:
+        return cls(charts.x, charts.y, charts.log_width, charts.log_height, charts.kind, charts.page_side)
+
+
+class _Corners(NamedTuple):
+    """Corners of triangles in their charts: at the right angle, and at the end of the leg along x, (T,) int8 each."""
+
+    origin: np.ndarray
+    along: np.ndarray
+
+
+class _Half(NamedTuple):
+    """Half of a rectangle that belongs to one triangle, on a page of `page_side` texels; legs in texels."""
+
+    x: int
+    y: int
+    log_width: np.int64
+    log_height: np.int64
+    kind: int
+    leg_x: float
+    leg_y: float
+    page_side: int
+
+
 @device
 def _leg(log_side, square, kind):  # type: ignore[no-untyped-def]
-    """Leg in texels: the diagonal texels of a square belong to the first of its two triangles."""
+    """Leg in texels; the diagonal texels of a square belong to the first of its two triangles.
+
+    Two for a single texel, so that its triangle owns it.
+    """
+    if kind == SINGLE:
+        return 2.0
     side = float(1 << log_side)
     if square:
         return side + 0.5 if kind == FIRST else side - 0.5
@@ -23,73 +64,81 @@ def _leg(log_side, square, kind):  # type: ignore[no-untyped-def]
 
 
 @device
-def _owns(i, j, leg_x, leg_y):  # type: ignore[no-untyped-def]
+def _half(rectangles, t):  # type: ignore[no-untyped-def]
+    """Half that belongs to the triangle t."""
+    kind = rectangles.kind[t]
+    width = np.int64(rectangles.log_width[t])
+    height = np.int64(rectangles.log_height[t])
+    leg_x = _leg(width, width == height, kind)
+    leg_y = _leg(height, width == height, kind)
+    return _Half(rectangles.x[t], rectangles.y[t], width, height, kind, leg_x, leg_y, rectangles.page_side)
+
+
+@device
+def _owns(half, i, j):  # type: ignore[no-untyped-def]
     """Return whether the texel (i, j), counted from the right angle, has its centre in the triangle."""
-    return i >= 0 and j >= 0 and (i + 0.5) / leg_x + (j + 0.5) / leg_y < 1.0
+    return i >= 0 and j >= 0 and (i + 0.5) / half.leg_x + (j + 0.5) / half.leg_y < 1.0
 
 
 @device
-def _place(i, j, kind, page, x, y, log_width, log_height, page_side):  # type: ignore[no-untyped-def]
-    """Index of the texel (i, j), counted from the right angle, among all texels."""
-    if kind == SECOND:
-        column = x + (1 << log_width) - 1 - i
-        row = y + (1 << log_height) - 1 - j
+def _place(half, page, i, j):  # type: ignore[no-untyped-def]
+    """Index of the texel (i, j) of a half, counted from the right angle, among the texels of all pages."""
+    if half.kind == SECOND:
+        column = half.x + (1 << half.log_width) - 1 - i
+        row = half.y + (1 << half.log_height) - 1 - j
     else:
-        column = x + i
-        row = y + j
-    return (np.int64(page) * page_side + row) * page_side + column
+        column = half.x + i
+        row = half.y + j
+    return (np.int64(page) * half.page_side + row) * half.page_side + column
 
 
 @device
-def _nearest(u, v, leg_x, leg_y):  # type: ignore[no-untyped-def]
+def _nearest(half, u, v):  # type: ignore[no-untyped-def]
     """Own texel nearest to a point (u, v) texels from the right angle, along rows."""
-    last_row = math.ceil(leg_y * (1.0 - 0.5 / leg_x) - 0.5) - 1
+    last_row = math.ceil(half.leg_y * (1.0 - 0.5 / half.leg_x) - 0.5) - 1
     j = min(max(math.floor(v), 0), last_row)
-    last_column = math.ceil(leg_x * (1.0 - (j + 0.5) / leg_y) - 0.5) - 1
+    last_column = math.ceil(half.leg_x * (1.0 - (j + 0.5) / half.leg_y) - 0.5) - 1
     return min(max(math.floor(u), 0), last_column), j
 
 
 @kernel
-def _lookup(  # type: ignore[no-untyped-def]
-    triangle, barycentric, page, x, y, log_width, log_height, kind, origin, along, page_side, texels, out
-):
+def _lookup(triangle, barycentric, pages, rectangles, corners, texels, out):  # type: ignore[no-untyped-def]
     channels = texels.shape[1]
+    origin, along = corners.origin, corners.along
     for index in numba.prange(len(triangle)):
         t = triangle[index]
-        side_x = np.int64(log_width[t])
-        side_y = np.int64(log_height[t])
-        if kind[t] == SINGLE:
-            place = _place(0, 0, kind[t], page[t], x[t], y[t], side_x, side_y, page_side)
+        half = _half(rectangles, t)
+        page = pages[t]
+        if half.kind == SINGLE:
+            place = _place(half, page, 0, 0)
             for channel in range(channels):
                 out[index, channel] = texels[place, channel]
             continue
-        leg_x = _leg(side_x, side_x == side_y, kind[t])
-        leg_y = _leg(side_y, side_x == side_y, kind[t])
         b1 = barycentric[index, 0]
         b2 = barycentric[index, 1]
         upward = 3 - origin[t] - along[t]
         weight_x = b1 if along[t] == 1 else (b2 if along[t] == 2 else 1.0 - b1 - b2)
         weight_y = b1 if upward == 1 else (b2 if upward == 2 else 1.0 - b1 - b2)
-        u = weight_x * leg_x
-        v = weight_y * leg_y
+        u = weight_x * half.leg_x
+        v = weight_y * half.leg_y
         left = max(u - 0.5, 0.0)
         low = max(v - 0.5, 0.0)
         i = math.floor(left)
         j = math.floor(low)
         fx = left - i
         fy = low - j
-        own_00 = _owns(i, j, leg_x, leg_y)
-        own_10 = _owns(i + 1, j, leg_x, leg_y)
-        own_01 = _owns(i, j + 1, leg_x, leg_y)
-        own_11 = _owns(i + 1, j + 1, leg_x, leg_y)
+        own_00 = _owns(half, i, j)
+        own_10 = _owns(half, i + 1, j)
+        own_01 = _owns(half, i, j + 1)
+        own_11 = _owns(half, i + 1, j + 1)
         if not own_00:
-            i, j = _nearest(u, v, leg_x, leg_y)
+            i, j = _nearest(half, u, v)
             fx = 0.0
             fy = 0.0
-        at_00 = _place(i, j, kind[t], page[t], x[t], y[t], side_x, side_y, page_side)
-        at_10 = _place(i + 1, j, kind[t], page[t], x[t], y[t], side_x, side_y, page_side)
-        at_01 = _place(i, j + 1, kind[t], page[t], x[t], y[t], side_x, side_y, page_side)
-        at_11 = _place(i + 1, j + 1, kind[t], page[t], x[t], y[t], side_x, side_y, page_side)
+        at_00 = _place(half, page, i, j)
+        at_10 = _place(half, page, i + 1, j)
+        at_01 = _place(half, page, i, j + 1)
+        at_11 = _place(half, page, i + 1, j + 1)
         for channel in range(channels):
             value_00 = texels[at_00, channel]
             value_10 = texels[at_10, channel] if own_10 and fx > 0.0 else value_00
@@ -110,30 +159,25 @@ def lookup(charts: Charts, texels: np.ndarray, triangles: np.ndarray, barycentri
     Within half a texel of the legs the value is that of the nearest texels; along the hypotenuse it is extrapolated.
     """
     out = np.empty((len(triangles), texels.shape[1]), np.float32)
-    _lookup(
-        triangles, barycentric, charts.page, charts.x, charts.y, charts.log_width, charts.log_height, charts.kind,
-        charts.origin, charts.along, charts.page_side, texels, out,
-    )  # fmt: skip
+    corners = _Corners(charts.origin, charts.along)
+    _lookup(triangles, barycentric, charts.page, _Rectangles.of_charts(charts), corners, texels, out)
     return out
 
 
 @kernel
-def _means(triangle, page, x, y, log_width, log_height, kind, page_side, texels, out):  # type: ignore[no-untyped-def]
+def _means(triangle, pages, rectangles, texels, out):  # type: ignore[no-untyped-def]
     channels = texels.shape[1]
     for index in numba.prange(len(triangle)):
-        t = triangle[index]
-        side_x = np.int64(log_width[t])
-        side_y = np.int64(log_height[t])
-        single = kind[t] == SINGLE
-        leg_x = 2.0 if single else _leg(side_x, side_x == side_y, kind[t])
-        leg_y = 2.0 if single else _leg(side_y, side_x == side_y, kind[t])
+        half = _half(rectangles, triangle[index])
+        page = pages[triangle[index]]
+        single = half.kind == SINGLE
         count = 0
         out[index] = 0.0
         j = 0
-        while _owns(0, j, leg_x, leg_y):
+        while _owns(half, 0, j):
             i = 0
-            while _owns(i, j, leg_x, leg_y):
-                place = _place(i, j, kind[t], page[t], x[t], y[t], side_x, side_y, page_side)
+            while _owns(half, i, j):
+                place = _place(half, page, i, j)
                 for channel in range(channels):
                     out[index, channel] += texels[place, channel]
                 count += 1
@@ -154,10 +198,7 @@ def triangle_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, pa
     """
     out = np.empty((len(triangles), texels.shape[1]), np.float64)
     pages = charts.page if page is None else np.zeros_like(charts.page)
-    _means(
-        triangles, pages, charts.x, charts.y, charts.log_width, charts.log_height, charts.kind,
-        charts.page_side, texels, out,
-    )  # fmt: skip
+    _means(triangles, pages, _Rectangles.of_charts(charts), texels, out)
     return out
 
 
@@ -174,21 +215,18 @@ def group_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, page:
 
 
 @kernel
-def _owners(triangle, x, y, log_width, log_height, kind, page_side, out):  # type: ignore[no-untyped-def]
+def _owners(triangle, rectangles, out):  # type: ignore[no-untyped-def]
     for index in numba.prange(len(triangle)):
         t = triangle[index]
-        side_x = np.int64(log_width[t])
-        side_y = np.int64(log_height[t])
-        if kind[t] == SINGLE:
-            out[_place(0, 0, kind[t], 0, x[t], y[t], side_x, side_y, page_side)] = t
+        half = _half(rectangles, t)
+        if half.kind == SINGLE:
+            out[_place(half, 0, 0, 0)] = t
             continue
-        leg_x = _leg(side_x, side_x == side_y, kind[t])
-        leg_y = _leg(side_y, side_x == side_y, kind[t])
         j = 0
-        while _owns(0, j, leg_x, leg_y):
+        while _owns(half, 0, j):
             i = 0
-            while _owns(i, j, leg_x, leg_y):
-                out[_place(i, j, kind[t], 0, x[t], y[t], side_x, side_y, page_side)] = t
+            while _owns(half, i, j):
+                out[_place(half, 0, i, j)] = t
                 i += 1
             j += 1
 
@@ -196,8 +234,5 @@ def _owners(triangle, x, y, log_width, log_height, kind, page_side, out):  # typ
 def texel_owners(charts: Charts, page: int) -> np.ndarray:
     """Triangle (side * side,) int32 to which each texel of a page belongs, -1 for none."""
     out = np.full(charts.page_side**2, -1, np.int32)
-    _owners(
-        np.flatnonzero(charts.page == page), charts.x, charts.y, charts.log_width, charts.log_height, charts.kind,
-        charts.page_side, out,
-    )  # fmt: skip
+    _owners(np.flatnonzero(charts.page == page), _Rectangles.of_charts(charts), out)
     return out

@@ -69,8 +69,8 @@ def hue_detail(
 
 def _textured(table: TextureTable, batch: TriangleBatch, fragments: Fragments, opacity: np.ndarray) -> np.ndarray:
     """Indices (n,) of fragments with a texture, without gaps, that emit nothing."""
-    materials = batch.materials[fragments.triangle]
-    plain = (table.material_pyramid[materials] < 0) | (table.material_emission[materials] > 0.0) | (opacity < _SOLID)
+    materials, known = batch.materials[fragments.triangle], table.materials
+    plain = (known.chain[materials] < 0) | (known.emission[materials] > 0.0) | (opacity < _SOLID)
     return np.flatnonzero(~plain)
 
 

@@ -96,20 +96,20 @@ def _multiply(values, bits, tiles, panels, bias, least, result, parts):
     for part in numba.prange(parts):
         for first in range(part * _TILES, len(tiles), parts * _TILES):
             last = min(first + _TILES, len(tiles))
-            _multiply_block(values, bits, tiles, first, last, panels, bias, least, result)
+            _multiply_block(values, bits, tiles[first:last], panels, bias, least, result)
 
 
 @device
-def _multiply_block(values, bits, tiles, first, last, panels, bias, least, result):
-    """Rows tiles[first:last] (T, 4) of the values; bits: the values as integers, which are compared faster."""
+def _multiply_block(values, bits, tiles, panels, bias, least, result):
+    """Multiply the rows `tiles` (t, 4) of the values; bits: the values as integers, which are compared faster."""
     steps = np.empty((_TILES, values.shape[1] + 1), np.int64)
     counts = np.empty(_TILES, np.int64)
-    for tile in range(first, last):
-        counts[tile - first] = _find_steps(bits, tiles[tile], steps[tile - first])
+    for tile in range(len(tiles)):
+        counts[tile] = _find_steps(bits, tiles[tile], steps[tile])
     for panel in range(len(panels)):
-        for tile in range(first, last):
-            count = counts[tile - first]
-            _multiply_tile(values, tiles[tile], steps[tile - first], count, panels, panel, bias, least, result)
+        for tile in range(len(tiles)):
+            sums = _sum_products(values, tiles[tile], steps[tile], counts[tile], panels, panel, bias)
+            _write(result, tiles[tile], panel, sums, least)
 
 
 @device
@@ -127,8 +127,8 @@ def _find_steps(bits, rows, steps):
 
 
 @device
-def _multiply_tile(values, rows, steps, count, panels, panel, bias, least, result):
-    """Multiply four rows by one panel, with the bias and the least value."""
+def _sum_products(values, rows, steps, count, panels, panel, bias):
+    """Sums of products of four rows with one panel, on top of the bias: left and right vector of each row."""
     depth = values.shape[1]
     row0, row1, row2, row3 = rows[0] * depth, rows[1] * depth, rows[2] * depth, rows[3] * depth
     left0 = left1 = left2 = left3 = load(bias, panel * WIDTH)
@@ -141,10 +141,7 @@ def _multiply_tile(values, rows, steps, count, panels, panel, bias, least, resul
         left1, right1 = _add(left1, right1, spread(values, row1 + column), left, right)
         left2, right2 = _add(left2, right2, spread(values, row2 + column), left, right)
         left3, right3 = _add(left3, right3, spread(values, row3 + column), left, right)
-    _write(result, rows[0], panel, left0, right0, least)
-    _write(result, rows[1], panel, left1, right1, least)
-    _write(result, rows[2], panel, left2, right2, least)
-    _write(result, rows[3], panel, left3, right3, least)
+    return left0, right0, left1, right1, left2, right2, left3, right3
 
 
 @device
@@ -153,8 +150,10 @@ def _add(left_sum, right_sum, value, left, right):
 
 
 @device
-def _write(result, row, panel, left, right, least):
-    place = row * result.shape[1] + panel * WIDTH
+def _write(result, rows, panel, sums, least):
+    """Write the sums of four rows, at least `least`, into a panel's columns of the result."""
     low = spread(least, 0)
-    store(result, place, at_least(left, low))
-    store(result, place + LANES, at_least(right, low))
+    for row in range(ROWS):
+        place = rows[row] * result.shape[1] + panel * WIDTH
+        store(result, place, at_least(sums[2 * row], low))
+        store(result, place + LANES, at_least(sums[2 * row + 1], low))

@@ -7,6 +7,8 @@ so most lookups stay in cache, and only bricks are sorted at the end, not fragme
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..runtime.kernels import device, serial_kernel
@@ -28,21 +30,43 @@ _COLOR_COLUMNS = _COLUMNS + 4  # and red and blue, each in whole parts and the r
 _NO_COLOR = np.empty((0, 3), np.float32)
 
 
+class _Shading(NamedTuple):
+    """Luminance (F,) and opacity (F,) float32 of fragments, and their colour (F, 3) float32, or (0, 3) without."""
+
+    luminance: np.ndarray
+    opacity: np.ndarray
+    color: np.ndarray
+
+
+class _Bricks(NamedTuple):
+    """Bricks of leaves, and the leaves' sums.
+
+    table: (a power of two,) int32 hash table of bricks, -1 where empty. keys: (B,) uint64 of the bricks.
+    rows: (B * 64,) int32, 1 + row of each cell, 0: none yet. sums: (R * columns,) int64 of the leaves.
+    used: (2,) int64, how many bricks and leaves there are.
+    """
+
+    table: np.ndarray
+    keys: np.ndarray
+    rows: np.ndarray
+    sums: np.ndarray
+    used: np.ndarray
+
+
 class LeafAccumulator:
     """Sums over fragments of leaves of side `voxel_size_world`, until `take` hands them out in order of their key."""
 
     def __init__(self, voxel_size_world: float) -> None:
         self._area_unit = voxel_size_world**2 / _AREA_UNITS
-        self._count = np.zeros(2, np.int64)  # bricks, leaves
-        self._brick_key = np.zeros(1 << 10, np.uint64)
-        self._brick_rows = np.zeros(_BRICK_CELLS << 10, np.int32)  # 1 + row of each cell, 0: none yet
         self._columns = _COLUMNS
-        self._rows = np.zeros(_COLUMNS << 12, np.int64)
-        self._table = _table_of(self._brick_key, 0)
+        keys = np.zeros(1 << 10, np.uint64)
+        rows = np.zeros(_BRICK_CELLS << 10, np.int32)
+        sums = np.zeros(_COLUMNS << 12, np.int64)
+        self._bricks = _Bricks(_table_of(keys, 0), keys, rows, sums, np.zeros(2, np.int64))
 
     def __len__(self) -> int:
         """Leaves so far."""
-        return int(self._count[1])
+        return int(self._bricks.used[1])
 
     def add(
         self,
@@ -58,36 +82,37 @@ class LeafAccumulator:
         Fragments with less than 1/255 of opacity leave no trace.
         """
         if color is not None and len(self) == 0 and self._columns == _COLUMNS:
-            self._columns, self._rows = _COLOR_COLUMNS, np.zeros(_COLOR_COLUMNS << 12, np.int64)
-        hue = _NO_COLOR if color is None else np.asarray(color, np.float32)
-        shine, cover = np.asarray(luminance, np.float32), np.asarray(opacity, np.float32)
+            self._columns = _COLOR_COLUMNS
+            self._bricks = self._bricks._replace(sums=np.zeros(_COLOR_COLUMNS << 12, np.int64))
+        shading = _Shading(
+            np.asarray(luminance, np.float32),
+            np.asarray(opacity, np.float32),
+            _NO_COLOR if color is None else np.asarray(color, np.float32),
+        )
         first = 0
         while first < len(fragments):
-            first = _add(
-                first, fragments.keys, fragments.triangle, fragments.area_world, shine, cover, hue, normals,
-                1.0 / self._area_unit, self._table, self._brick_key, self._brick_rows, self._rows, self._count,
-            )  # fmt: skip
+            first = _add(first, fragments.arrays, shading, normals, 1.0 / self._area_unit, self._bricks)
             if first < len(fragments):
                 self._grow()
 
     def _grow(self) -> None:
         """Grow the room by half; the arrays grow in place, so that the old ones do not stand beside the new."""
-        bricks, leaves = (int(value) for value in self._count)
-        if bricks == len(self._brick_key):
+        bricks, leaves = (int(value) for value in self._bricks.used)
+        if bricks == len(self._bricks.keys):
             more = bricks + bricks // 2
-            self._brick_key.resize(more, refcheck=False)
-            self._brick_rows.resize(more * _BRICK_CELLS, refcheck=False)
-            self._table = _table_of(self._brick_key, bricks)
-        if leaves * self._columns == len(self._rows):
-            self._rows.resize((leaves + leaves // 2) * self._columns, refcheck=False)
+            self._bricks.keys.resize(more, refcheck=False)
+            self._bricks.rows.resize(more * _BRICK_CELLS, refcheck=False)
+            self._bricks = self._bricks._replace(table=_table_of(self._bricks.keys, bricks))
+        if leaves * self._columns == len(self._bricks.sums):
+            self._bricks.sums.resize((leaves + leaves // 2) * self._columns, refcheck=False)
 
     def take(self) -> tuple[np.ndarray, np.ndarray]:
         """Keys (n,) uint64, ascending, and sums (n, 5 or 7) float32 in world units, as `LeafSums` holds them."""
-        bricks, leaves = (int(value) for value in self._count)
+        bricks, leaves = (int(value) for value in self._bricks.used)
         keys = np.empty(leaves, np.uint64)
         sums = np.empty((leaves, 5 if self._columns == _COLUMNS else 7), np.float32)
-        order = np.argsort(self._brick_key[:bricks])
-        _emit(order, self._brick_key, self._brick_rows, self._rows, self._area_unit, keys, sums)
+        order = np.argsort(self._bricks.keys[:bricks])
+        _emit(order, self._bricks, self._area_unit, keys, sums)
         return keys, sums
 
 
@@ -140,23 +165,24 @@ def _add_large(rows, row, product):  # type: ignore[no-untyped-def]
 
 
 @device
-def _red_and_blue(color, shine):  # type: ignore[no-untyped-def]
-    """Red and blue of a colour (3,) brought to the luminance `shine`; gray for black and what is no number."""
+def _red_and_blue(color, luminance):  # type: ignore[no-untyped-def]
+    """Red and blue of a colour (3,) brought to a luminance; gray for black and what is no number."""
     red = float(color[0]) if color[0] > 0.0 else 0.0
     green = float(color[1]) if color[1] > 0.0 else 0.0
     blue = float(color[2]) if color[2] > 0.0 else 0.0
-    luminance = RED * red + GREEN * green + BLUE * blue
-    if not 0.0 < luminance < np.inf:
-        return shine, shine
-    scale = shine / luminance
+    own = RED * red + GREEN * green + BLUE * blue
+    if not 0.0 < own < np.inf:
+        return luminance, luminance
+    scale = luminance / own
     return min(red * scale, _MAX_LUMINANCE), min(blue * scale, _MAX_LUMINANCE)
 
 
 @serial_kernel
-def _add(
-    first, keys, triangle, area, luminance, opacity, color, normals, units, table, brick_key, brick_rows, rows, count
-):  # type: ignore[no-untyped-def]
+def _add(first, fragments, shading, normals, units, bricks):  # type: ignore[no-untyped-def]
     """Add fragments from `first` on; returns the first that found no room, or their number."""
+    keys, triangle, area = fragments.keys, fragments.triangle, fragments.area_world
+    opacity, color = shading.opacity, shading.color
+    table, brick_key, brick_rows, rows, count = bricks
     brick = np.int64(-1)
     columns = _COLOR_COLUMNS if len(color) else _COLUMNS
     for i in range(first, len(keys)):
@@ -175,22 +201,23 @@ def _add(
             brick_rows[cell] = count[1]
         row = (np.int64(brick_rows[cell]) - 1) * columns
         weight = max(np.rint(area[i] * opacity[i] * units), 1.0)
-        shine = float(luminance[i])
-        shine = min(max(shine, -_MAX_LUMINANCE), _MAX_LUMINANCE) if shine == shine else 0.0
+        luminance = float(shading.luminance[i])
+        luminance = min(max(luminance, -_MAX_LUMINANCE), _MAX_LUMINANCE) if luminance == luminance else 0.0
         rows[row] += np.int64(weight)
-        _add_large(rows, row + 1, weight * shine)
+        _add_large(rows, row + 1, weight * luminance)
         for axis in range(3):
             rows[row + 3 + axis] += np.int64(np.rint(weight * normals[triangle[i], axis]))
         if columns == _COLOR_COLUMNS:
-            red, blue = _red_and_blue(color[i], shine)
+            red, blue = _red_and_blue(color[i], luminance)
             _add_large(rows, row + 6, weight * red)
             _add_large(rows, row + 8, weight * blue)
     return len(keys)
 
 
 @serial_kernel
-def _emit(order, brick_key, brick_rows, rows, area_unit, keys, sums):  # type: ignore[no-untyped-def]
+def _emit(order, bricks, area_unit, keys, sums):  # type: ignore[no-untyped-def]
     """Leaves of the bricks in `order`, in Morton order, from fixed point to world units."""
+    _, brick_key, brick_rows, rows, _ = bricks
     leaf = 0
     columns = _COLUMNS if sums.shape[1] == 5 else _COLOR_COLUMNS
     for brick in order:

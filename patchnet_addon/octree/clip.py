@@ -9,6 +9,8 @@ way, always at the same planes, so that unwanted bricks cost next to nothing and
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..cells.morton_kernels import cell_key
@@ -27,6 +29,29 @@ _INITIAL_CAPACITY = 4096
 _split_bricks_x, _split_bricks_y, _split_bricks_z = (splitter(axis, 0) for axis in range(3))
 
 
+class _Brick(NamedTuple):
+    """Brick of `side` cells along each axis, from the cell (x, y, z) on."""
+
+    x: int
+    y: int
+    z: int
+    side: int
+
+
+class _Wanted(NamedTuple):
+    """Fragments that are asked for: of a triangle, in cells x_first..x_end-1 along x.
+
+    last: the grid's last cell along an axis. near, block: see `clip_triangles`.
+    """
+
+    triangle: int
+    x_first: int
+    x_end: int
+    last: int
+    near: tuple[np.ndarray, np.uint64]
+    block: tuple[np.ndarray, np.uint64]
+
+
 @device
 def _put(sink, count, key, triangle, area, u, v):  # type: ignore[no-untyped-def]
     """Write one fragment where there is room for it; it counts in any case."""
@@ -40,16 +65,17 @@ def _put(sink, count, key, triangle, area, u, v):  # type: ignore[no-untyped-def
     return count + 1
 
 
-# In the peels, `low` is the first cell (x, y, z) of the brick of `side` cells along each axis that they stay in, and
-# `block` says which cells are wanted, by their key. They append to `sink` and return the number of fragments.
+# The peels stay in `brick`, and the block of `wanted` says which cells are wanted, by their key. They append to `sink`
+# and return the number of fragments.
 
 
 @device
-def _clip_column(rows, column, n_column, key, low, side, triangle, block, sink, count):  # type: ignore[no-untyped-def]
+def _clip_column(rows, column, n_column, key, brick, wanted, sink, count):  # type: ignore[no-untyped-def]
     """Append the cells of one column along z; `key` is that of the cell z = 0."""
-    wanted, shift = block
+    triangle = wanted.triangle
+    cells, shift = wanted.block
     rest, free, n_rest = column, _REST_Z, n_column
-    z, last = cell_range(rows, column, n_column, 2, low[2], low[2] + side - 1)
+    z, last = cell_range(rows, column, n_column, 2, brick.z, brick.z + brick.side - 1)
     while z <= last and n_rest >= 3:
         if z == last:
             piece, n_piece, n_rest = rest, n_rest, 0
@@ -58,7 +84,7 @@ def _clip_column(rows, column, n_column, key, low, side, triangle, block, sink, 
             n_piece, n_rest = split_z(rows, rest, n_rest, z + 1.0, piece, free)
             rest, free = free, rest
         cell = key | cell_key(0, 0, z)
-        if n_piece >= 3 and wanted[cell >> shift]:
+        if n_piece >= 3 and cells[cell >> shift]:
             area, u, v = moments(rows, piece, n_piece)
             if area > 0.0:
                 count = _put(sink, count, cell, triangle, area, u, v)
@@ -67,10 +93,10 @@ def _clip_column(rows, column, n_column, key, low, side, triangle, block, sink, 
 
 
 @device
-def _clip_slab(rows, slab, n_slab, x, low, side, triangle, block, sink, count):  # type: ignore[no-untyped-def]
+def _clip_slab(rows, slab, n_slab, x, brick, wanted, sink, count):  # type: ignore[no-untyped-def]
     """Append the cells of one slab, column by column along y."""
     rest, free, n_rest = slab, _REST_Y, n_slab
-    y, last = cell_range(rows, slab, n_slab, 1, low[1], low[1] + side - 1)
+    y, last = cell_range(rows, slab, n_slab, 1, brick.y, brick.y + brick.side - 1)
     while y <= last and n_rest >= 3:
         if y == last:
             column, n_column, n_rest = rest, n_rest, 0
@@ -80,16 +106,16 @@ def _clip_slab(rows, slab, n_slab, x, low, side, triangle, block, sink, count): 
             rest, free = free, rest
         if n_column >= 3:
             key = cell_key(x, y, 0)
-            count = _clip_column(rows, column, n_column, key, low, side, triangle, block, sink, count)
+            count = _clip_column(rows, column, n_column, key, brick, wanted, sink, count)
         y += 1
     return count
 
 
 @device
-def _clip_piece(rows, piece, n_piece, low, side, triangle, x_first, x_last, block, sink, count):  # type: ignore[no-untyped-def]
+def _clip_piece(rows, piece, n_piece, brick, wanted, sink, count):  # type: ignore[no-untyped-def]
     """Append the fragments of a polygon within a brick, slab by slab along x."""
     rest, free, n_rest = piece, _REST_X, n_piece
-    x, last = cell_range(rows, piece, n_piece, 0, low[0], low[0] + side - 1)
+    x, last = cell_range(rows, piece, n_piece, 0, brick.x, brick.x + brick.side - 1)
     while x <= last and n_rest >= 3:
         if x == last:
             slab, n_slab, n_rest = rest, n_rest, 0
@@ -97,21 +123,21 @@ def _clip_piece(rows, piece, n_piece, low, side, triangle, x_first, x_last, bloc
             slab = _SLAB
             n_slab, n_rest = split_x(rows, rest, n_rest, x + 1.0, slab, free)
             rest, free = free, rest
-        if n_slab >= 3 and x_first <= x < x_last:
-            count = _clip_slab(rows, slab, n_slab, x, low, side, triangle, block, sink, count)
+        if n_slab >= 3 and wanted.x_first <= x < wanted.x_end:
+            count = _clip_slab(rows, slab, n_slab, x, brick, wanted, sink, count)
         x += 1
     return count
 
 
-# The same peels, brick by brick; `near` says in which bricks any cell is wanted, by the brick's key.
+# The same peels, brick by brick; `near` of `wanted` says in which bricks any cell is wanted, by the brick's key.
 
 
 @device
-def _bricks_of_column(rows, column, n_column, x, y, z_end, triangle, slabs, near, block, sink, count):  # type: ignore[no-untyped-def]
+def _bricks_of_column(rows, column, n_column, x, y, wanted, sink, count):  # type: ignore[no-untyped-def]
     """Append what lies in one column of bricks."""
-    wanted, shift = near
+    bricks, shift = wanted.near
     rest, free, n_rest = column, _BRICKS_REST_Z, n_column
-    z, last = cell_range(rows, column, n_column, 2, 0, z_end)
+    z, last = cell_range(rows, column, n_column, 2, 0, wanted.last)
     z, last = z >> BRICK_LEVELS, last >> BRICK_LEVELS
     while z <= last and n_rest >= 3:
         if z == last:
@@ -120,18 +146,18 @@ def _bricks_of_column(rows, column, n_column, x, y, z_end, triangle, slabs, near
             piece = _PIECE
             n_piece, n_rest = _split_bricks_z(rows, rest, n_rest, (z + 1.0) * _BRICK, piece, free)
             rest, free = free, rest
-        if n_piece >= 3 and wanted[cell_key(x, y, z) >> shift]:
-            low = (x * _BRICK, y * _BRICK, z * _BRICK)
-            count = _clip_piece(rows, piece, n_piece, low, _BRICK, triangle, slabs[0], slabs[1], block, sink, count)
+        if n_piece >= 3 and bricks[cell_key(x, y, z) >> shift]:
+            brick = _Brick(x * _BRICK, y * _BRICK, z * _BRICK, _BRICK)
+            count = _clip_piece(rows, piece, n_piece, brick, wanted, sink, count)
         z += 1
     return count
 
 
 @device
-def _bricks_of_slab(rows, slab, n_slab, x, end, triangle, slabs, near, block, sink, count):  # type: ignore[no-untyped-def]
+def _bricks_of_slab(rows, slab, n_slab, x, wanted, sink, count):  # type: ignore[no-untyped-def]
     """Append what lies in one slab of bricks, column by column."""
     rest, free, n_rest = slab, _BRICKS_REST_Y, n_slab
-    y, last = cell_range(rows, slab, n_slab, 1, 0, end)
+    y, last = cell_range(rows, slab, n_slab, 1, 0, wanted.last)
     y, last = y >> BRICK_LEVELS, last >> BRICK_LEVELS
     while y <= last and n_rest >= 3:
         if y == last:
@@ -141,17 +167,14 @@ def _bricks_of_slab(rows, slab, n_slab, x, end, triangle, slabs, near, block, si
             n_column, n_rest = _split_bricks_y(rows, rest, n_rest, (y + 1.0) * _BRICK, column, free)
             rest, free = free, rest
         if n_column >= 3:
-            count = _bricks_of_column(rows, column, n_column, x, y, end, triangle, slabs, near, block, sink, count)
+            count = _bricks_of_column(rows, column, n_column, x, y, wanted, sink, count)
         y += 1
     return count
 
 
 @device
-def _clip_bricks(rows, x, last, end, triangle, slabs, near, block, sink, count):  # type: ignore[no-untyped-def]
-    """Append the fragments of the triangle in `rows`, which reaches over the bricks x..last along x and others.
-
-    end: the grid's last cell along an axis. slabs: first and end of the cells along x that are asked for.
-    """
+def _clip_bricks(rows, x, last, wanted, sink, count):  # type: ignore[no-untyped-def]
+    """Append the fragments of the triangle in `rows`, which reaches over the bricks x..last along x and others."""
     rest, free, n_rest = _TRIANGLE, _BRICKS_REST_X, 3
     while x <= last and n_rest >= 3:
         if x == last:
@@ -160,31 +183,34 @@ def _clip_bricks(rows, x, last, end, triangle, slabs, near, block, sink, count):
             slab = _BRICKS_SLAB
             n_slab, n_rest = _split_bricks_x(rows, rest, n_rest, (x + 1.0) * _BRICK, slab, free)
             rest, free = free, rest
-        if n_slab >= 3 and slabs[0] < (x + 1) * _BRICK and x * _BRICK < slabs[1]:
-            count = _bricks_of_slab(rows, slab, n_slab, x, end, triangle, slabs, near, block, sink, count)
+        if n_slab >= 3 and wanted.x_first < (x + 1) * _BRICK and x * _BRICK < wanted.x_end:
+            count = _bricks_of_slab(rows, slab, n_slab, x, wanted, sink, count)
         x += 1
     return count
 
 
 @device
-def _clip_triangle(rows, triangle, slabs, end, near, block, sink, count):  # type: ignore[no-untyped-def]
-    """Append the fragments of the triangle in `rows` in the cells slabs[0]..slabs[1] - 1 along x."""
-    x, x_last = cell_range(rows, _TRIANGLE, 3, 0, 0, end)
-    y, y_last = cell_range(rows, _TRIANGLE, 3, 1, 0, end)
-    z, z_last = cell_range(rows, _TRIANGLE, 3, 2, 0, end)
-    brick = x >> BRICK_LEVELS, y >> BRICK_LEVELS, z >> BRICK_LEVELS
-    if brick[0] != x_last >> BRICK_LEVELS or brick[1] != y_last >> BRICK_LEVELS or brick[2] != z_last >> BRICK_LEVELS:
-        return _clip_bricks(rows, brick[0], x_last >> BRICK_LEVELS, end, triangle, slabs, near, block, sink, count)
-    if not near[0][cell_key(brick[0], brick[1], brick[2]) >> near[1]]:
+def _clip_triangle(rows, wanted, sink, count):  # type: ignore[no-untyped-def]
+    """Append the fragments of the triangle in `rows`."""
+    last = wanted.last
+    x, x_last = cell_range(rows, _TRIANGLE, 3, 0, 0, last)
+    y, y_last = cell_range(rows, _TRIANGLE, 3, 1, 0, last)
+    z, z_last = cell_range(rows, _TRIANGLE, 3, 2, 0, last)
+    i, j, k = x >> BRICK_LEVELS, y >> BRICK_LEVELS, z >> BRICK_LEVELS
+    if i != x_last >> BRICK_LEVELS or j != y_last >> BRICK_LEVELS or k != z_last >> BRICK_LEVELS:
+        return _clip_bricks(rows, i, x_last >> BRICK_LEVELS, wanted, sink, count)
+    bricks, shift = wanted.near
+    if not bricks[cell_key(i, j, k) >> shift]:
         return count
     if x == x_last and y == y_last and z == z_last:
         key = cell_key(x, y, z)
         third = 1.0 / 3.0
-        wanted = block[0][key >> block[1]] and slabs[0] <= x < slabs[1]
-        return _put(sink, count, key, triangle, 0.5, third, third) if wanted else count
-    low = brick[0] * _BRICK, brick[1] * _BRICK, brick[2] * _BRICK
-    side = min(_BRICK, end + 1)
-    return _clip_piece(rows, _TRIANGLE, 3, low, side, triangle, slabs[0], slabs[1], block, sink, count)
+        cells, shift = wanted.block
+        if cells[key >> shift] and wanted.x_first <= x < wanted.x_end:
+            return _put(sink, count, key, wanted.triangle, 0.5, third, third)
+        return count
+    brick = _Brick(i * _BRICK, j * _BRICK, k * _BRICK, min(_BRICK, last + 1))
+    return _clip_piece(rows, _TRIANGLE, 3, brick, wanted, sink, count)
 
 
 @serial_kernel
@@ -208,7 +234,8 @@ def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, n
         total = count
         if areas_world[triangle] > 0.0:
             load_triangle(corners_voxel, triangle, rows)
-            total = _clip_triangle(rows, triangle, slabs, resolution - 1, near, block, (cells, measures), count)
+            wanted = _Wanted(triangle, slabs[0], slabs[1], resolution - 1, near, block)
+            total = _clip_triangle(rows, wanted, (cells, measures), count)
         if total > len(cells):  # too many for the room there was: this triangle once more
             more_cells = np.empty((2 * total, 2), np.uint64)
             more_measures = np.empty((2 * total, 3), np.float64)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..runtime.kernels import serial_kernel
-from .chroma_kernels import decode_color, encode_shares
+from ..surface.chroma_kernels import decode_color, encode_shares
 from .octree import LUMINANCE_SCALE, NORMAL_SCALE
 
 

@@ -28,9 +28,9 @@ def albedo_shade(source: MeshSource, *, color: bool = False) -> ShadingFn:
 
 def emission_of_fragments(table: TextureTable, batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
     """Emitted luminance (F,) float32."""
-    return table.material_emission[batch.materials[fragments.triangle]]
+    return table.materials.emission[batch.materials[fragments.triangle]]
 
 
 def glow_of_fragments(table: TextureTable, batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
     """Emitted colour (F, 3) float32."""
-    return table.material_glow[batch.materials[fragments.triangle]]
+    return table.materials.glow[batch.materials[fragments.triangle]]

@@ -2,17 +2,19 @@
 """Opacity integrated over the outline of a fragment (methods 7.2a); functions that kernels call.
 
 The outline is the triangle cut by its cell once more, laid on the texture. There it is cut by the lines of a raster:
-squares of the pyramid's level on which it covers up to `MAX_SQUARES`, or parts of the finest texels where it is small.
+texels of the level of the mip chain on which it covers up to `MAX_SQUARES`, or parts of the finest texels where it is
+small.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from ..cells.morton_kernels import cell_coordinate
 from ..runtime.kernels import device
 from .polygon import load_triangle, moments, split_x, split_y, split_z
-from .texels import bilinear, cut, opacity_range, wrapped
+from .texels import bilinear, cut, mip_level, opacity_range, wrapped
 from .textures import CUT_SAMPLES, MIRROR, REPEAT
 
 MAX_SQUARES = 64  # of a fragment's bounding box
@@ -24,6 +26,23 @@ _EVEN = 1e-6
 # Polygons by their first row. A triangle cut by six planes has at most 9 vertices, a square of the raster 4 more.
 _TRIANGLE, _BELOW, _ABOVE, _PIECE, _REST, _SLAB, _FREE, _SQUARE = (24 * place for place in range(8))
 ROWS = 8 * 24
+
+
+class Raster(NamedTuple):
+    """Raster on a texture: `parts` along a finest texel, 0 for whole texels; `columns` * `lines` squares in all."""
+
+    parts: int
+    columns: int
+    lines: int
+
+
+class Squares(NamedTuple):
+    """Squares of a raster that an outline reaches."""
+
+    x_first: int
+    x_last: int
+    y_first: int
+    y_last: int
 
 
 @device
@@ -80,14 +99,14 @@ def piece_on_texture(rows, corners_voxel, key, triangle, uvs, m):  # type: ignor
 
 
 @device
-def _span(low, high, size, margin, extension):  # type: ignore[no-untyped-def]
+def _span(low, high, size, margin, wrap):  # type: ignore[no-untyped-def]
     """First and last square that [low, high] (in squares) reaches.
 
     Beyond a border that does not repeat, one stands for all.
     """
     first = math.floor(low)
     last = math.floor(high)
-    if extension in (REPEAT, MIRROR):
+    if wrap in (REPEAT, MIRROR):
         return first, last
     return min(max(first, -margin), size + margin - 1), min(max(last, -margin), size + margin - 1)
 
@@ -116,55 +135,54 @@ def _scale(rows, count, columns, lines):  # type: ignore[no-untyped-def]
 
 
 @device
-def _square(x, y, columns, lines, texels, offset, height, width, parts, extension, threshold):  # type: ignore[no-untyped-def]
-    """Opacity * luminance, and opacity, of one square; `parts` 0: a texel, otherwise a part of a finest one."""
-    if parts == 0:
-        column = wrapped(x, width, extension)
-        row = wrapped(y, height, extension)
+def _square(texels, level, raster, x, y, threshold):  # type: ignore[no-untyped-def]
+    """Opacity * luminance, and opacity, of one square of a raster."""
+    if raster.parts == 0:
+        column = wrapped(x, level.width, level.wrap)
+        row = wrapped(y, level.height, level.wrap)
         if column < 0 or row < 0:
             return 0.0, 0.0
-        place = offset + row * width + column
+        place = level.offset + row * level.width + column
         return float(texels[place, 0]), float(texels[place, 1])
     # Where the threshold cuts, the samples of `cut_coverage`, so that all levels say the same of an area. Without it
     # the centre is the mean, as no part crosses a line between the centres of texels.
-    side = 1 if math.isnan(threshold) else max(CUT_SAMPLES // parts, 2)
-    shine = 0.0
+    side = 1 if math.isnan(threshold) else max(CUT_SAMPLES // raster.parts, 2)
+    premultiplied = 0.0
     opacity = 0.0
     for j in range(side):
-        v = (y + (j + 0.5) / side) / lines
+        v = (y + (j + 0.5) / side) / raster.lines
         for i in range(side):
-            u = (x + (i + 0.5) / side) / columns
-            one, other = bilinear(texels, offset, height, width, extension, u, v)
-            one, other = cut(one, other, threshold)
-            shine += one
-            opacity += other
-    return shine / (side * side), opacity / (side * side)
+            u = (x + (i + 0.5) / side) / raster.columns
+            sample, sample_opacity = bilinear(texels, level, u, v)
+            sample, sample_opacity = cut(sample, sample_opacity, threshold)
+            premultiplied += sample
+            opacity += sample_opacity
+    return premultiplied / (side * side), opacity / (side * side)
 
 
 @device
-def _integrate(  # type: ignore[no-untyped-def]
-    rows, count, x, x_last, y_low, y_high, columns, lines, texels, offset, height, width, parts, extension, threshold
-):
-    """Cut the outline at _REST into the raster's squares and add them up; returns means over the outline, or -1."""
+def _integrate(rows, count, texels, level, raster, squares, threshold):  # type: ignore[no-untyped-def]
+    """Cut the outline at _REST into squares of the raster and add them up; returns means over the outline, or -1."""
     area = 0.0
-    shine = 0.0
+    premultiplied = 0.0
     opacity = 0.0
     rest = _REST
     free = _FREE
-    while x <= x_last and count >= 3:
-        if x == x_last:
+    x = squares.x_first
+    while x <= squares.x_last and count >= 3:
+        if x == squares.x_last:
             slab, n_slab, count = rest, count, 0
         else:
             slab = _SLAB
             n_slab, count = split_y(rows, rest, count, x + 1.0, slab, free)
             rest, free = free, rest
         column, spare = slab, _BELOW
-        y = y_low
+        y = squares.y_first
         if n_slab >= 3:
             low, _ = _bounds(rows, slab, n_slab, 2)
-            y = min(max(y_low, math.floor(low)), y_high)
-        while y <= y_high and n_slab >= 3:
-            if y == y_high:
+            y = min(max(squares.y_first, math.floor(low)), squares.y_last)
+        while y <= squares.y_last and n_slab >= 3:
+            if y == squares.y_last:
                 piece, n_piece, n_slab = column, n_slab, 0
             else:
                 piece = _SQUARE
@@ -173,23 +191,19 @@ def _integrate(  # type: ignore[no-untyped-def]
             if n_piece >= 3:
                 part, _, _ = moments(rows, piece, n_piece)
                 if part > 0.0:
-                    one, other = _square(
-                        x, y, columns, lines, texels, offset, height, width, parts, extension, threshold
-                    )
+                    square, square_opacity = _square(texels, level, raster, x, y, threshold)
                     area += part
-                    shine += part * one
-                    opacity += part * other
+                    premultiplied += part * square
+                    opacity += part * square_opacity
             y += 1
         x += 1
     if area <= 0.0:
         return -1.0, -1.0
-    return shine / area, opacity / area
+    return premultiplied / area, opacity / area
 
 
 @device
-def footprint_means(  # type: ignore[no-untyped-def]
-    rows, count, u, v, texels, level_offset, level_height, level_width, first, levels, extension, threshold
-):  # fmt: skip
+def footprint_means(rows, count, u, v, texels, levels, chain, threshold):  # type: ignore[no-untyped-def]
     """Means of opacity * luminance, and of opacity, over the outline at _PIECE, whose centroid is (u, v).
 
     Opacity is -1 where the outline has no area on the texture. Luminance times opacity is -1 where opacity is even, so
@@ -197,44 +211,41 @@ def footprint_means(  # type: ignore[no-untyped-def]
     """
     u_low, u_high = _bounds(rows, _PIECE, count, 3)
     v_low, v_high = _bounds(rows, _PIECE, count, 4)
-    level = first
+    step = 0
+    level = mip_level(levels, chain, step)
     soft = math.isnan(threshold)
-    if soft and max((u_high - u_low) * level_width[first], (v_high - v_low) * level_height[first]) <= SMALL:
-        return bilinear(texels, level_offset[first], level_height[first], level_width[first], extension, u, v)
+    if soft and max((u_high - u_low) * level.width, (v_high - v_low) * level.height) <= SMALL:
+        return bilinear(texels, level, u, v)
     parts = SOFT_PARTS if soft else CUT_PARTS
     while True:
-        height = level_height[level]
-        width = level_width[level]
-        columns = width * max(parts, 1)
-        lines = height * max(parts, 1)
+        columns = level.width * max(parts, 1)
+        lines = level.height * max(parts, 1)
         margin = max(parts, 1)
-        x_low, x_high = _span(u_low * columns, u_high * columns, columns, margin, extension)
-        y_low, y_high = _span(v_low * lines, v_high * lines, lines, margin, extension)
-        if (x_high - x_low + 1.0) * (y_high - y_low + 1.0) <= MAX_SQUARES:
+        x_first, x_last = _span(u_low * columns, u_high * columns, columns, margin, level.wrap)
+        y_first, y_last = _span(v_low * lines, v_high * lines, lines, margin, level.wrap)
+        if (x_last - x_first + 1.0) * (y_last - y_first + 1.0) <= MAX_SQUARES:
             break
         parts //= 2
         if parts == 0:
-            level += 1
-        if level >= first + levels:  # many times the whole texture
-            place = level_offset[first + levels - 1]
-            one, other = float(texels[place, 0]), float(texels[place, 1])
-            return cut(one, other, threshold) if levels == 1 else (one, other)
-    offset = level_offset[level]
+            step += 1
+        if step >= chain.level_count:  # many times the whole texture
+            place = level.offset
+            premultiplied, opacity = float(texels[place, 0]), float(texels[place, 1])
+            return cut(premultiplied, opacity, threshold) if step == 1 else (premultiplied, opacity)
+        level = mip_level(levels, chain, step)
     if parts > 0:
         least, most = opacity_range(
-            texels, offset, height, width, extension,
-            math.floor(u_low * width - 0.5), math.floor(u_high * width - 0.5) + 1,
-            math.floor(v_low * height - 0.5), math.floor(v_high * height - 0.5) + 1,
+            texels, level,
+            math.floor(u_low * level.width - 0.5), math.floor(u_high * level.width - 0.5) + 1,
+            math.floor(v_low * level.height - 0.5), math.floor(v_high * level.height - 0.5) + 1,
         )  # fmt: skip
         if not soft:
             least = 1.0 if least >= threshold else 0.0
             most = 1.0 if most >= threshold else 0.0
     else:
-        least, most = opacity_range(texels, offset, height, width, extension, x_low, x_high, y_low, y_high)
+        least, most = opacity_range(texels, level, x_first, x_last, y_first, y_last)
     if most - least <= _EVEN:
         return -1.0, most
     _scale(rows, count, columns, lines)
-    return _integrate(
-        rows, count, x_low, x_high, y_low, y_high, columns, lines, texels, offset, height, width, parts, extension,
-        threshold,
-    )  # fmt: skip
+    squares = Squares(x_first, x_last, y_first, y_last)
+    return _integrate(rows, count, texels, level, Raster(parts, columns, lines), squares, threshold)

@@ -5,11 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from ..runtime.errors import GeometryError
+
+_NO_KEYS = np.empty(0, np.uint64)
+_NO_CORNERS = np.empty((0, 3, 3), np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,13 +20,13 @@ class Texture:
     """Image in linear Rec. 709 (colour) or raw values (alpha).
 
     pixels: (H, W, C) float32, row 0 at v = 0, C = 1 (alpha) or 3 (colour).
-    extension: "REPEAT", "EXTEND", "MIRROR" or "CLIP" (nothing outside the image), as Blender names them.
+    wrap: what is outside the image: "REPEAT", "EXTEND", "MIRROR" or "CLIP" (nothing), as Blender names them.
     transform: image coordinates are this (2, 3) matrix times (u, v, 1); None for (u, v) themselves.
     """
 
     name: str
     pixels: np.ndarray
-    extension: str = "REPEAT"
+    wrap: str = "REPEAT"
     transform: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
 
 
@@ -38,6 +41,14 @@ class Material:
     alpha_texture: Texture | None = None  # multiplied with alpha
     alpha_threshold: float | None = None  # opacity becomes 0 or 1 at this value; None: partial opacity
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class TriangleArrays(NamedTuple):
+    """Triangles of a batch as kernels read them; shapes as in `TriangleBatch`."""
+
+    corners_world: np.ndarray
+    uvs: np.ndarray
+    materials: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +70,11 @@ class TriangleBatch:
     def __len__(self) -> int:
         return len(self.corners_world)
 
+    @property
+    def arrays(self) -> TriangleArrays:
+        """Triangles for kernels."""
+        return TriangleArrays(self.corners_world, self.uvs, self.materials)
+
 
 class MeshSource(Protocol):
     """Surface that can be read batch by batch, any number of times, always in the same order."""
@@ -77,6 +93,17 @@ class MeshSource(Protocol):
 
     def batches(self) -> Iterator[TriangleBatch]:
         """Batches of all triangles."""
+
+
+class FragmentArrays(NamedTuple):
+    """Fragments as kernels read them; shapes as in `Fragments`, but (0,) and (0, 3, 3) of outlines that are unknown."""
+
+    keys: np.ndarray
+    triangle: np.ndarray
+    barycentric: np.ndarray
+    area_world: np.ndarray
+    cut_keys: np.ndarray
+    corners_voxel: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +126,14 @@ class Fragments:
 
     def __len__(self) -> int:
         return len(self.keys)
+
+    @property
+    def arrays(self) -> FragmentArrays:
+        """Fragments for kernels."""
+        outlines = (_NO_KEYS, _NO_CORNERS)
+        if self.cut_keys is not None and self.corners_voxel is not None:
+            outlines = (self.cut_keys, self.corners_voxel)
+        return FragmentArrays(self.keys, self.triangle, self.barycentric, self.area_world, *outlines)
 
 
 ShadingFn = Callable[[TriangleBatch, Fragments], tuple[np.ndarray, ...]]

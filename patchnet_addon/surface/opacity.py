@@ -13,11 +13,11 @@ from .textures import TextureTable
 def opacity_shade(source: MeshSource) -> ShadingFn:
     """Shading without luminance, by the very opacity of the lit surface; only cut-outs are looked up (methods 7.2a)."""
     table = TextureTable.from_materials(source.materials)
-    cut_out = ~np.append(table.pyramid_solid.astype(bool), True)[table.material_pyramid]  # the last: no texture
+    cut_out = ~np.append(table.chains.solid.astype(bool), True)[table.materials.chain]  # the last: no texture
 
     def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
         materials = batch.materials[fragments.triangle]
-        opacity = table.material_opacity[materials].astype(np.float32)
+        opacity = table.materials.opacity[materials].astype(np.float32)
         chosen = np.flatnonzero(cut_out[materials])
         if len(chosen):
             part = _only(fragments, chosen)

@@ -1,76 +1,103 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texel lookup in a texture pyramid at points and squares; functions that kernels call."""
+"""Texel lookup in a mip chain at points and squares; functions that kernels call."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from ..runtime.kernels import device
 from .textures import CLIP, EXTEND, MIRROR
 
+# Numbers only: the compiler counts references to each array of a tuple at each use, which costs more than a lookup.
+
+
+class MipChain(NamedTuple):
+    """Mip chain of one texture: its levels from `first` on, finest first; wrap: of `WRAP_MODES`."""
+
+    first: int
+    level_count: int
+    wrap: int
+
+
+class MipLevel(NamedTuple):
+    """Level of a mip chain: `height` rows of `width` texels, from `offset` on among all texels."""
+
+    offset: int
+    height: int
+    width: int
+    wrap: int
+
 
 @device
-def wrapped(index, size, extension):  # type: ignore[no-untyped-def]
-    """Texel index by the texture's extension; -1 outside of a clipped one."""
+def wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
+    """Texel index by the texture's wrap mode; -1 outside of a clipped one."""
     if 0 <= index < size:
         return index
-    if extension == EXTEND:
+    if wrap == EXTEND:
         return min(max(index, 0), size - 1)
-    if extension == CLIP:
+    if wrap == CLIP:
         return -1
-    if extension == MIRROR:
+    if wrap == MIRROR:
         index = index % (2 * size)
         return index if index < size else 2 * size - 1 - index
     return index % size
 
 
 @device
-def bilinear(texels, offset, height, width, extension, u, v):  # type: ignore[no-untyped-def]
+def mip_level(levels, chain, step):  # type: ignore[no-untyped-def]
+    """Level `step` of a chain, 0 the finest, of all levels (V, 3) as `MipChains` holds them."""
+    at = chain.first + step
+    return MipLevel(levels[at, 0], levels[at, 1], levels[at, 2], chain.wrap)
+
+
+@device
+def bilinear(texels, level, u, v):  # type: ignore[no-untyped-def]
     """Opacity * luminance, and opacity, at (u, v) in units of the texture."""
-    x = u * width - 0.5
-    y = v * height - 0.5
+    x = u * level.width - 0.5
+    y = v * level.height - 0.5
     left = math.floor(x)
     low = math.floor(y)
     fx = x - left
     fy = y - low
-    shine = 0.0
+    premultiplied = 0.0
     opacity = 0.0
     for dy in range(2):
-        row = wrapped(int(low) + dy, height, extension)
+        row = wrapped(int(low) + dy, level.height, level.wrap)
         weight_y = fy if dy else 1.0 - fy
         for dx in range(2):
-            column = wrapped(int(left) + dx, width, extension)
+            column = wrapped(int(left) + dx, level.width, level.wrap)
             if row < 0 or column < 0:
                 continue
             weight = weight_y * (fx if dx else 1.0 - fx)
-            place = offset + row * width + column
-            shine += weight * texels[place, 0]
+            place = level.offset + row * level.width + column
+            premultiplied += weight * texels[place, 0]
             opacity += weight * texels[place, 1]
-    return shine, opacity
+    return premultiplied, opacity
 
 
 @device
-def cut(shine, opacity, threshold):  # type: ignore[no-untyped-def]
+def cut(premultiplied, opacity, threshold):  # type: ignore[no-untyped-def]
     """Cut the opacity of the finest level, which keeps it uncut; NaN for no threshold."""
     if math.isnan(threshold):
-        return shine, opacity
+        return premultiplied, opacity
     if opacity >= threshold and opacity > 0.0:
-        return shine / opacity, 1.0
+        return premultiplied / opacity, 1.0
     return 0.0, 0.0
 
 
 @device
-def opacity_range(texels, offset, height, width, extension, x_first, x_last, y_first, y_last):  # type: ignore[no-untyped-def]
+def opacity_range(texels, level, x_first, x_last, y_first, y_last):  # type: ignore[no-untyped-def]
     """Least and greatest opacity of the texels (x_first..x_last, y_first..y_last) of one level."""
     least = math.inf
     most = -math.inf
     for y in range(y_first, y_last + 1):
-        row = wrapped(y, height, extension)
+        row = wrapped(y, level.height, level.wrap)
         for x in range(x_first, x_last + 1):
-            column = wrapped(x, width, extension)
+            column = wrapped(x, level.width, level.wrap)
             value = 0.0
             if row >= 0 and column >= 0:
-                value = float(texels[offset + row * width + column, 1])
+                value = float(texels[level.offset + row * level.width + column, 1])
             least = min(least, value)
             most = max(most, value)
     return least, most

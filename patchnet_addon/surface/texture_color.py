@@ -15,8 +15,8 @@ import numpy as np
 from ..runtime.kernels import device, kernel
 from .chroma import BLUE, GREEN, RED
 from .mesh import Fragments, TriangleBatch
-from .texels import wrapped
-from .texture_lookup import on_texture, pyramid_level, uv_at
+from .texels import MipChain, mip_level, wrapped
+from .texture_lookup import level_of_size, on_texture, uv_at
 from .textures import TextureTable
 
 
@@ -28,34 +28,30 @@ def color_of_fragments(
     The table must have been made with colour.
     """
     out = np.empty((len(fragments), 3), np.float32)
-    _colors(
-        batch.corners_world, batch.uvs, batch.materials, fragments.triangle, fragments.barycentric,
-        fragments.area_world, np.asarray(luminance, np.float32), table.colors, table.level_offset, table.level_height,
-        table.level_width, table.pyramid_first, table.pyramid_levels, table.pyramid_extension,
-        table.pyramid_transform, table.material_pyramid, table.material_color, table.material_base, out,
-    )  # fmt: skip
+    given = np.asarray(luminance, np.float32)
+    _colors(batch.arrays, fragments.arrays, table.chains, table.materials, given, out)
     return out
 
 
 @device
-def _bilinear(colors, offset, height, width, extension, u, v):  # type: ignore[no-untyped-def]
+def _bilinear(colors, level, u, v):  # type: ignore[no-untyped-def]
     """Opacity * red, green, blue at (u, v) in units of the texture."""
-    x = u * width - 0.5
-    y = v * height - 0.5
+    x = u * level.width - 0.5
+    y = v * level.height - 0.5
     left = math.floor(x)
     low = math.floor(y)
     red = 0.0
     green = 0.0
     blue = 0.0
     for dy in range(2):
-        row = wrapped(int(low) + dy, height, extension)
+        row = wrapped(int(low) + dy, level.height, level.wrap)
         weight_y = y - low if dy else 1.0 - (y - low)
         for dx in range(2):
-            column = wrapped(int(left) + dx, width, extension)
+            column = wrapped(int(left) + dx, level.width, level.wrap)
             if row < 0 or column < 0:
                 continue
             weight = weight_y * (x - left if dx else 1.0 - (x - left))
-            place = offset + row * width + column
+            place = level.offset + row * level.width + column
             red += weight * colors[place, 0]
             green += weight * colors[place, 1]
             blue += weight * colors[place, 2]
@@ -63,15 +59,13 @@ def _bilinear(colors, offset, height, width, extension, u, v):  # type: ignore[n
 
 
 @device
-def _trilinear(colors, level_offset, level_height, level_width, first, level, extension, u, v):  # type: ignore[no-untyped-def]
+def _trilinear(colors, levels, chain, level, u, v):  # type: ignore[no-untyped-def]
     """Trilinear colour between the two nearest levels."""
     fine = int(level)
     weight = level - fine
-    at = first + fine
-    red, green, blue = _bilinear(colors, level_offset[at], level_height[at], level_width[at], extension, u, v)
+    red, green, blue = _bilinear(colors, mip_level(levels, chain, fine), u, v)
     if weight > 0.0:
-        at += 1
-        r, g, b = _bilinear(colors, level_offset[at], level_height[at], level_width[at], extension, u, v)
+        r, g, b = _bilinear(colors, mip_level(levels, chain, fine + 1), u, v)
         red += weight * (r - red)
         green += weight * (g - green)
         blue += weight * (b - blue)
@@ -79,30 +73,28 @@ def _trilinear(colors, level_offset, level_height, level_width, first, level, ex
 
 
 @kernel
-def _colors(  # type: ignore[no-untyped-def]
-    corners, uvs, materials, triangle, barycentric, area, luminance, colors, level_offset, level_height, level_width,
-    pyramid_first, pyramid_levels, pyramid_extension, pyramid_transform, material_pyramid, material_color,
-    material_base, out,
-):  # fmt: skip
+def _colors(triangles, fragments, chains, materials, luminance, out):  # type: ignore[no-untyped-def]
+    corners, uvs, material_of = triangles.corners_world, triangles.uvs, triangles.materials
+    triangle, barycentric, area = fragments.triangle, fragments.barycentric, fragments.area_world
+    colors, levels, transform = chains.colors, chains.levels, chains.transform
+    first, level_count, wrap = chains.first, chains.level_count, chains.wrap
+    chain_of, color_chain_of, base_color = materials.chain, materials.color_chain, materials.base_color
     for index in numba.prange(len(triangle)):
         t = triangle[index]
-        material = materials[t]
-        pyramid = material_color[material] if material_color[material] >= 0 else material_pyramid[material]
-        red = float(material_base[material, 0])
-        green = float(material_base[material, 1])
-        blue = float(material_base[material, 2])
-        if pyramid >= 0:
-            m = pyramid_transform[pyramid]
+        material = material_of[t]
+        k = color_chain_of[material] if color_chain_of[material] >= 0 else chain_of[material]
+        red = float(base_color[material, 0])
+        green = float(base_color[material, 1])
+        blue = float(base_color[material, 2])
+        if k >= 0:
+            m = transform[k]
             s, r = uv_at(uvs[t], barycentric[index])
             u, v = on_texture(m, s, r)
-            first = pyramid_first[pyramid]
-            size = level_height[first] * level_width[first]
-            level = pyramid_level(corners[t], uvs[t], m, area[index], size, pyramid_levels[pyramid])
+            chain = MipChain(first[k], level_count[k], wrap[k])
+            level = level_of_size(levels, chain, m, corners[t], uvs[t], area[index])
             while True:
-                red, green, blue = _trilinear(
-                    colors, level_offset, level_height, level_width, first, level, pyramid_extension[pyramid], u, v
-                )
-                if red + green + blue > 0.0 or level + 1.0 > pyramid_levels[pyramid] - 1 or luminance[index] <= 0.0:
+                red, green, blue = _trilinear(colors, levels, chain, level, u, v)
+                if red + green + blue > 0.0 or level + 1.0 > chain.level_count - 1 or luminance[index] <= 0.0:
                     break
                 level += 1.0
         own = RED * red + GREEN * green + BLUE * blue

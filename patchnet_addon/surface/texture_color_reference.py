@@ -8,9 +8,9 @@ import numpy as np
 from .chroma import BLUE, GREEN, RED
 from .footprint_reference import bilinear_reference
 from .mesh import Fragments, TriangleBatch
-from .textures import EXTENSIONS, TextureTable
+from .textures import WRAP_MODES, MipChains, TextureTable
 
-_NAMES = {number: name for name, number in EXTENSIONS.items()}
+_NAMES = {number: name for name, number in WRAP_MODES.items()}
 
 
 def colors_reference(
@@ -27,25 +27,26 @@ def _hue(table: TextureTable, batch: TriangleBatch, fragments: Fragments, index:
     """Colour (3,) of any brightness."""
     triangle = int(fragments.triangle[index])
     material = batch.materials[triangle]
-    pyramid = max(int(table.material_color[material]), -1)
-    pyramid = pyramid if pyramid >= 0 else int(table.material_pyramid[material])
-    if pyramid < 0:
-        return table.material_base[material].astype(float)
+    chains, materials = table.chains, table.materials
+    chain = int(materials.color_chain[material])
+    chain = chain if chain >= 0 else int(materials.chain[material])
+    if chain < 0:
+        return materials.base_color[material].astype(float)
     b1, b2 = fragments.barycentric[index].astype(float)
     uvs = batch.uvs[triangle].astype(float)
-    matrix = table.pyramid_transform[pyramid]
+    matrix = chains.transform[chain]
     point = matrix @ [*(np.array([1 - b1 - b2, b1, b2]) @ uvs), 1.0]
     on_image = uvs @ matrix[:, :2].T
-    first, count = int(table.pyramid_first[pyramid]), int(table.pyramid_levels[pyramid])
-    texels = _area(on_image) * table.level_height[first] * table.level_width[first]
+    first, count = int(chains.first[chain]), int(chains.level_count[chain])
+    texels = _area(on_image) * chains.levels[first, 1:].prod()
     share = fragments.area_world[index] / _area(batch.corners_world[triangle])
     level = np.clip(0.5 * np.log2(max(texels * share, 1e-12)) - 0.5 * np.log2(3.0), 0, count - 1)
-    extension = _NAMES[int(table.pyramid_extension[pyramid])]
+    wrap = _NAMES[int(chains.wrap[chain])]
     fine, weight = int(level), level - int(level)
     mixed = np.zeros(3)
     while fine < count and mixed.sum() <= 0.0:
         near, far = (
-            bilinear_reference(_raster(table, first + at), point[None], extension)[0]
+            bilinear_reference(_raster(chains, first + at), point[None], wrap)[0]
             for at in (fine, min(fine + 1, count - 1))
         )
         mixed = near + weight * (far - near)
@@ -53,10 +54,9 @@ def _hue(table: TextureTable, batch: TriangleBatch, fragments: Fragments, index:
     return mixed
 
 
-def _raster(table: TextureTable, level: int) -> np.ndarray:
-    height, width = int(table.level_height[level]), int(table.level_width[level])
-    offset = int(table.level_offset[level])
-    return table.colors[offset : offset + height * width].reshape(height, width, 3)
+def _raster(chains: MipChains, level: int) -> np.ndarray:
+    offset, height, width = chains.levels[level]
+    return chains.colors[offset : offset + height * width].reshape(height, width, 3)
 
 
 def _area(corners: np.ndarray) -> float:

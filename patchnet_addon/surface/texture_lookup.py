@@ -11,14 +11,12 @@ import numpy as np
 from ..runtime.kernels import device, kernel
 from .footprint import ROWS, footprint_means, piece_on_texture
 from .mesh import Fragments, TriangleBatch
-from .texels import bilinear, cut
+from .texels import MipChain, bilinear, cut, mip_level
 from .textures import TextureTable
 
 # A bilinear lookup in a box-filtered level has the variance of a box sqrt(3) times as wide as its texels.
 _LEVEL_BIAS = 0.5 * math.log2(3.0)
 _CHUNK = 1024  # fragments that share the room for their outlines
-_NO_KEYS = np.empty(0, np.uint64)
-_NO_CORNERS = np.empty((0, 3, 3), np.float64)
 
 
 def surface_of_fragments(
@@ -28,18 +26,10 @@ def surface_of_fragments(
 
     Where fragments know their outline, opacity is integrated over it; otherwise over a square of their size.
     """
-    shine = np.empty(len(fragments), np.float32)
+    luminance = np.empty(len(fragments), np.float32)
     opacity = np.empty(len(fragments), np.float32)
-    outlined = fragments.cut_keys is not None and fragments.corners_voxel is not None
-    _surface(
-        batch.corners_world, batch.uvs, batch.materials, fragments.triangle, fragments.barycentric,
-        fragments.area_world, fragments.cut_keys if outlined else _NO_KEYS,
-        fragments.corners_voxel if outlined else _NO_CORNERS, table.texels, table.level_offset, table.level_height,
-        table.level_width, table.pyramid_first, table.pyramid_levels, table.pyramid_extension,
-        table.pyramid_transform, table.pyramid_solid, table.material_pyramid, table.material_color,
-        table.material_luminance, table.material_opacity, table.material_threshold, shine, opacity,
-    )  # fmt: skip
-    return shine, opacity
+    _surface(batch.arrays, fragments.arrays, table.chains, table.materials, luminance, opacity)
+    return luminance, opacity
 
 
 @device
@@ -57,37 +47,41 @@ def _triangle_area(corners):  # type: ignore[no-untyped-def]
 
 
 @device
-def pyramid_level(corners, uvs, m, area, size, levels):  # type: ignore[no-untyped-def]
-    """Level whose texels are as large as a fragment on a texture of `size` texels, as a fraction between levels."""
+def level_of_size(levels, chain, m, corners, uvs, area):  # type: ignore[no-untyped-def]
+    """Level of a mip chain whose texels are as large as a fragment on the texture, as a fraction between levels.
+
+    m: (2, 3) transform of the texture. corners: (3, 3) and uvs: (3, 2) of the triangle. area: of the fragment, in the
+    unit of the corners.
+    """
+    finest = mip_level(levels, chain, 0)
     du = uvs[1, 0] - uvs[0, 0]
     dv = uvs[1, 1] - uvs[0, 1]
     eu = uvs[2, 0] - uvs[0, 0]
     ev = uvs[2, 1] - uvs[0, 1]
-    scale = abs(m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]) * size
+    scale = abs(m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]) * (finest.height * finest.width)
     whole = _triangle_area(corners)
     footprint = 0.5 * abs(du * ev - dv * eu) * scale * (area / whole if whole > 0.0 else 1.0)
     level = 0.5 * math.log2(max(footprint, 1e-12)) - _LEVEL_BIAS
-    return min(max(level, 0.0), float(levels - 1))
+    return min(max(level, 0.0), float(chain.level_count - 1))
 
 
 @device
-def _trilinear(texels, level_offset, level_height, level_width, first, level, extension, threshold, u, v):  # type: ignore[no-untyped-def]
+def _trilinear(texels, levels, chain, level, threshold, u, v):  # type: ignore[no-untyped-def]
     """Opacity * luminance, and opacity, around (u, v), between the two nearest levels."""
     fine = int(level)
     weight = level - fine
-    shine = 0.0
+    premultiplied = 0.0
     opacity = 0.0
     for step in range(2):
         share = weight if step else 1.0 - weight
         if share <= 0.0:
             continue
-        at = first + fine + step
-        one, other = bilinear(texels, level_offset[at], level_height[at], level_width[at], extension, u, v)
+        part, part_opacity = bilinear(texels, mip_level(levels, chain, fine + step), u, v)
         if fine + step == 0:
-            one, other = cut(one, other, threshold)
-        shine += share * one
-        opacity += share * other
-    return shine, opacity
+            part, part_opacity = cut(part, part_opacity, threshold)
+        premultiplied += share * part
+        opacity += share * part_opacity
+    return premultiplied, opacity
 
 
 @device
@@ -106,63 +100,51 @@ def on_texture(m, s, r):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _surface(  # type: ignore[no-untyped-def]
-    corners, uvs, materials, triangle, barycentric, area, cut_keys, corners_voxel,
-    texels, level_offset, level_height, level_width,
-    pyramid_first, pyramid_levels, pyramid_extension, pyramid_transform, pyramid_solid,
-    material_pyramid, material_color, material_luminance, material_opacity, material_threshold,
-    shine_out, opacity_out,
-):  # fmt: skip
+def _surface(triangles, fragments, chains, materials, luminance_out, opacity_out):  # type: ignore[no-untyped-def]
+    corners, uvs, material_of = triangles.corners_world, triangles.uvs, triangles.materials
+    triangle, barycentric, area = fragments.triangle, fragments.barycentric, fragments.area_world
+    cut_keys, corners_voxel = fragments.cut_keys, fragments.corners_voxel
+    texels, levels, transform, solid = chains.texels, chains.levels, chains.transform, chains.solid
+    first, level_count, wrap = chains.first, chains.level_count, chains.wrap
+    chain_of, color_chain_of = materials.chain, materials.color_chain
+    plain_luminance, plain_opacity, thresholds = materials.luminance, materials.opacity, materials.threshold
     for chunk in numba.prange((len(triangle) + _CHUNK - 1) // _CHUNK):
         rows = np.empty((ROWS, 5), np.float64)
         for index in range(chunk * _CHUNK, min((chunk + 1) * _CHUNK, len(triangle))):
             t = triangle[index]
-            material = materials[t]
-            pyramid = material_pyramid[material]
-            if pyramid < 0:
-                shine_out[index] = material_luminance[material]
-                opacity_out[index] = material_opacity[material]
+            material = material_of[t]
+            k = chain_of[material]
+            if k < 0:
+                luminance_out[index] = plain_luminance[material]
+                opacity_out[index] = plain_opacity[material]
                 continue
             s, r = uv_at(uvs[t], barycentric[index])
-            m = pyramid_transform[pyramid]
+            m = transform[k]
             u, v = on_texture(m, s, r)
-            first = pyramid_first[pyramid]
-            levels = pyramid_levels[pyramid]
-            extension = pyramid_extension[pyramid]
-            threshold = material_threshold[material] / material_opacity[material]
-            shine = -1.0
-            cover = -1.0
-            if len(cut_keys) and not pyramid_solid[pyramid]:
+            chain = MipChain(first[k], level_count[k], wrap[k])
+            threshold = thresholds[material] / plain_opacity[material]
+            premultiplied = -1.0
+            opacity = -1.0
+            if len(cut_keys) and not solid[k]:
                 count = piece_on_texture(rows, corners_voxel, cut_keys[index], t, uvs[t], m)
                 if count >= 3:
-                    shine, cover = footprint_means(
-                        rows, count, u, v, texels, level_offset, level_height, level_width, first, levels, extension,
-                        threshold,
-                    )  # fmt: skip
-            if shine < 0.0 and cover != 0.0:
-                level = pyramid_level(
-                    corners[t], uvs[t], m, area[index], level_height[first] * level_width[first], levels
-                )
-                shine, other = _trilinear(
-                    texels, level_offset, level_height, level_width, first, level, extension, threshold, u, v
-                )  # fmt: skip
-                shine = shine / other if other > 1e-6 else 0.0
-                cover = other if cover < 0.0 else cover
+                    premultiplied, opacity = footprint_means(rows, count, u, v, texels, levels, chain, threshold)
+            if premultiplied < 0.0 and opacity != 0.0:
+                level = level_of_size(levels, chain, m, corners[t], uvs[t], area[index])
+                premultiplied, around = _trilinear(texels, levels, chain, level, threshold, u, v)
+                luminance = premultiplied / around if around > 1e-6 else 0.0
+                opacity = around if opacity < 0.0 else opacity
             else:
-                shine = shine / cover if cover > 1e-6 else 0.0
-            color = material_color[material]
-            if color >= 0:  # laid out in its own way
-                m = pyramid_transform[color]
+                luminance = premultiplied / opacity if opacity > 1e-6 else 0.0
+            k = color_chain_of[material]
+            if k >= 0:  # the colour is laid out in its own way
+                m = transform[k]
                 u, v = on_texture(m, s, r)
-                first = pyramid_first[color]
-                size = level_height[first] * level_width[first]
-                level = pyramid_level(corners[t], uvs[t], m, area[index], size, pyramid_levels[color])
-                shine, other = _trilinear(
-                    texels, level_offset, level_height, level_width, first, level, pyramid_extension[color], math.nan,
-                    u, v,
-                )  # fmt: skip
-                shine = shine / other if other > 1e-6 else 0.0
-            shine_out[index] = shine
+                chain = MipChain(first[k], level_count[k], wrap[k])
+                level = level_of_size(levels, chain, m, corners[t], uvs[t], area[index])
+                premultiplied, around = _trilinear(texels, levels, chain, level, math.nan, u, v)
+                luminance = premultiplied / around if around > 1e-6 else 0.0
+            luminance_out[index] = luminance
             if math.isnan(threshold):
-                cover *= material_opacity[material]
-            opacity_out[index] = min(cover, 1.0)
+                opacity *= plain_opacity[material]
+            opacity_out[index] = min(opacity, 1.0)

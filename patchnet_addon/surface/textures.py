@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Colour and opacity of textured surfaces, averaged over the size of a fragment.
 
-Each textured material has a pyramid of box-filtered means. A fragment reads the level whose texels are about as large
+Each textured material has a mip chain of box-filtered means. A fragment reads the level whose texels are about as large
 as the fragment is on the texture, so that coarse voxels get means instead of single texels. Opacity that a threshold
 cuts out is cut on the finest level, before it is averaged, so that coverage stays right; luminance is averaged with
 opacity as its weight, so that what is cut away does not colour what stays.
@@ -10,14 +10,16 @@ opacity as its weight, so that what is cut away does not colour what stays.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from .chroma import BLUE, GREEN, RED
 from .mesh import Material, Texture
 
-REC709 = np.array([0.2126, 0.7152, 0.0722], np.float32)
+REC709 = np.array([RED, GREEN, BLUE], np.float32)
 REPEAT, EXTEND, MIRROR, CLIP = range(4)
-EXTENSIONS = {"REPEAT": REPEAT, "EXTEND": EXTEND, "MIRROR": MIRROR, "CLIP": CLIP}
+WRAP_MODES = {"REPEAT": REPEAT, "EXTEND": EXTEND, "MIRROR": MIRROR, "CLIP": CLIP}
 CUT_SAMPLES = 4  # along a texel that a threshold cuts
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
@@ -27,95 +29,109 @@ def luminance(rgb: np.ndarray) -> np.ndarray:
     return np.asarray(rgb, np.float32) @ REC709
 
 
-@dataclass(frozen=True, eq=False)
-class TextureTable:
-    """Table of all materials as flat arrays for the kernels; M materials, K pyramids, V levels altogether.
+class MipChains(NamedTuple):
+    """Mip chains of textures as kernels read them: K chains, V levels altogether, N texels one after the other.
 
     texels: (N, 2) float32, opacity times luminance, and opacity. On level 0 opacity is not cut yet.
-    level_offset, level_height, level_width: (V,) int64.
-    pyramid_first: (K,) int64 first of its levels. pyramid_levels: (K,) int64.
-    pyramid_extension: (K,) int64. pyramid_transform: (K, 2, 3) float64. pyramid_solid: (K,) bool, opaque everywhere.
-    material_pyramid: (M,) int64, -1 for no texture. material_luminance: (M,) float32, without texture.
-    material_color: (M,) int64, pyramid of the base colour where that is laid out unlike the opacity, otherwise -1.
-    material_opacity: (M,) float32, a factor on the texture's. material_threshold: (M,) float32, NaN for none.
-    material_emission: (M,) float32.
-    Only with colour: colors (N, 3) float32, opacity times red, green and blue, opacity not cut on level 0;
-    material_base and material_glow (M, 3) float32, the colours of material_luminance and material_emission.
+    colors: (N, 3) float32, opacity times red, green and blue, opacity not cut on level 0; only with colour.
+    levels: (V, 3) int64, first texel, height and width of each level.
+    first: (K,) int64 first of a chain's levels, finest first. level_count: (K,) int64 how many they are.
+    wrap: (K,) int64 of `WRAP_MODES`. transform: (K, 2, 3) float64. solid: (K,) bool, opaque everywhere.
     """
 
     texels: np.ndarray
-    level_offset: np.ndarray
-    level_height: np.ndarray
-    level_width: np.ndarray
-    pyramid_first: np.ndarray
-    pyramid_levels: np.ndarray
-    pyramid_extension: np.ndarray
-    pyramid_transform: np.ndarray
-    pyramid_solid: np.ndarray
-    material_pyramid: np.ndarray
-    material_color: np.ndarray
-    material_luminance: np.ndarray
-    material_opacity: np.ndarray
-    material_threshold: np.ndarray
-    material_emission: np.ndarray
     colors: np.ndarray
-    material_base: np.ndarray
-    material_glow: np.ndarray
+    levels: np.ndarray
+    first: np.ndarray
+    level_count: np.ndarray
+    wrap: np.ndarray
+    transform: np.ndarray
+    solid: np.ndarray
+
+
+class MaterialTable(NamedTuple):
+    """Materials as kernels read them, M altogether.
+
+    chain: (M,) int64 mip chain, -1 for no texture.
+    color_chain: (M,) int64, that of the base colour where it is laid out unlike the opacity, otherwise -1.
+    luminance: (M,) float32, without texture. base_color: (M, 3) float32, the colour of that luminance.
+    opacity: (M,) float32, a factor on the texture's. threshold: (M,) float32, NaN for none.
+    emission: (M,) float32. glow: (M, 3) float32, the colour of that luminance.
+    """
+
+    chain: np.ndarray
+    color_chain: np.ndarray
+    luminance: np.ndarray
+    base_color: np.ndarray
+    opacity: np.ndarray
+    threshold: np.ndarray
+    emission: np.ndarray
+    glow: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class TextureTable:
+    """Table of all materials and their mip chains, as flat arrays for the kernels."""
+
+    chains: MipChains
+    materials: MaterialTable
 
     @classmethod
     def from_materials(cls, materials: tuple[Material, ...], *, color: bool = False) -> TextureTable:
-        """Pyramids of all textured materials, in colour if wanted; equal ones are shared."""
-        pyramids: dict[tuple[object, ...], int] = {}
+        """Mip chains of all textured materials, in colour if wanted; equal ones are shared."""
+        numbers: dict[tuple[object, ...], int] = {}
         levels: list[list[np.ndarray]] = []
         styles: list[Texture] = []
 
-        def pyramid_of(material: Material) -> int:
+        def chain_of(material: Material) -> int:
             main = material.base_texture or material.alpha_texture
             if main is None:
                 return -1
-            key = _pyramid_key(material)
-            if key not in pyramids:
-                pyramids[key] = len(levels)
-                levels.append(_pyramid(material, color))
+            key = _chain_key(material)
+            if key not in numbers:
+                numbers[key] = len(levels)
+                levels.append(_mip_chain(material, color))
                 styles.append(main)
-            return pyramids[key]
+            return numbers[key]
 
         parts = [_parts(material) for material in materials]
-        index = np.array([pyramid_of(surface) for surface, _ in parts], np.int64)
-        other_color = np.array([-1 if other is None else pyramid_of(other) for _, other in parts], np.int64)
-        flat = [level for pyramid in levels for level in pyramid]
-        counts = np.array([len(pyramid) for pyramid in levels], np.int64)
-        sizes = np.array([level.shape[0] * level.shape[1] for level in flat], np.int64)
-        return cls(
-            texels=_joined(flat, slice(0, 2)),
-            level_offset=np.cumsum(sizes) - sizes,
-            level_height=np.array([level.shape[0] for level in flat], np.int64),
-            level_width=np.array([level.shape[1] for level in flat], np.int64),
-            pyramid_first=np.cumsum(counts) - counts,
-            pyramid_levels=counts,
-            pyramid_extension=np.array([EXTENSIONS[style.extension] for style in styles], np.int64),
-            pyramid_transform=np.array([style.transform or _IDENTITY for style in styles], np.float64).reshape(
-                -1, 2, 3
-            ),
-            pyramid_solid=np.array(
-                [
-                    style.extension != "CLIP" and bool(pyramid[0][..., 1].min() >= 1.0)
-                    for style, pyramid in zip(styles, levels, strict=True)
-                ],
-                np.bool_,
-            ),
-            material_pyramid=index,
-            material_color=other_color,
-            material_luminance=luminance(np.array([m.base_color for m in materials])),
-            material_opacity=np.array([m.alpha for m in materials], np.float32),
-            material_threshold=np.array(
+        chain = np.array([chain_of(surface) for surface, _ in parts], np.int64)
+        color_chain = np.array([-1 if other is None else chain_of(other) for _, other in parts], np.int64)
+        table = MaterialTable(
+            chain=chain,
+            color_chain=color_chain,
+            luminance=luminance(np.array([m.base_color for m in materials])),
+            base_color=np.array([m.base_color for m in materials], np.float32),
+            opacity=np.array([m.alpha for m in materials], np.float32),
+            threshold=np.array(
                 [np.nan if m.alpha_threshold is None else m.alpha_threshold for m in materials], np.float32
             ),
-            material_emission=luminance(np.array([m.emission for m in materials])),
-            colors=_joined(flat if color else [], slice(2, 5)),
-            material_base=np.array([m.base_color for m in materials], np.float32),
-            material_glow=np.array([m.emission for m in materials], np.float32),
+            emission=luminance(np.array([m.emission for m in materials])),
+            glow=np.array([m.emission for m in materials], np.float32),
         )
+        return cls(_joined_chains(levels, styles, color), table)
+
+
+def _joined_chains(chains: list[list[np.ndarray]], styles: list[Texture], color: bool) -> MipChains:
+    """Mip chains with levels (h, w, 2 or 5), laid on surfaces like the textures `styles`."""
+    flat = [level for chain in chains for level in chain]
+    counts = np.array([len(chain) for chain in chains], np.int64)
+    sizes = np.array([level.shape[:2] for level in flat], np.int64).reshape(-1, 2)
+    ends = np.cumsum(sizes.prod(axis=1))
+    solid = [
+        style.wrap != "CLIP" and bool(chain[0][..., 1].min() >= 1.0)
+        for style, chain in zip(styles, chains, strict=True)
+    ]
+    return MipChains(
+        texels=_joined(flat, slice(0, 2)),
+        colors=_joined(flat if color else [], slice(2, 5)),
+        levels=np.column_stack([ends - sizes.prod(axis=1), sizes]),
+        first=np.cumsum(counts) - counts,
+        level_count=counts,
+        wrap=np.array([WRAP_MODES[style.wrap] for style in styles], np.int64),
+        transform=np.array([style.transform or _IDENTITY for style in styles], np.float64).reshape(-1, 2, 3),
+        solid=np.array(solid, np.bool_),
+    )
 
 
 def _joined(levels: list[np.ndarray], channels: slice) -> np.ndarray:
@@ -125,7 +141,7 @@ def _joined(levels: list[np.ndarray], channels: slice) -> np.ndarray:
 
 
 def _style(texture: Texture) -> tuple[object, ...]:
-    return texture.extension, texture.transform or _IDENTITY
+    return texture.wrap, texture.transform or _IDENTITY
 
 
 def _parts(material: Material) -> tuple[Material, Material | None]:
@@ -136,7 +152,7 @@ def _parts(material: Material) -> tuple[Material, Material | None]:
     return replace(material, base_texture=None), replace(material, alpha_texture=None, alpha_threshold=None)
 
 
-def _pyramid_key(material: Material) -> tuple[object, ...]:
+def _chain_key(material: Material) -> tuple[object, ...]:
     base, alpha = material.base_texture, material.alpha_texture
     style = _style(base or alpha)  # type: ignore[arg-type]
     factor = material.base_color
@@ -144,15 +160,15 @@ def _pyramid_key(material: Material) -> tuple[object, ...]:
     return base and id(base.pixels), alpha and id(alpha.pixels), style, factor, threshold
 
 
-def _pyramid(material: Material, color: bool) -> list[np.ndarray]:
+def _mip_chain(material: Material, color: bool) -> list[np.ndarray]:
     """Levels (h, w, 2) float32, (h, w, 5) with colour, finest first, each half as large as the one before."""
-    shine, opacity = _finest(material)
+    luminance, opacity = _finest(material)
     hue = _finest_color(material, opacity.shape) if color else ()
-    levels = [_weighed(shine, opacity, hue)]
+    levels = [_premultiplied(luminance, opacity, hue)]
     if material.alpha_threshold is not None and material.alpha_texture is not None:
-        extension = (material.base_texture or material.alpha_texture).extension
-        opacity = cut_coverage(opacity, material.alpha_threshold / max(material.alpha, 1e-6), extension)
-    below = _weighed(shine, opacity, hue)
+        wrap = (material.base_texture or material.alpha_texture).wrap
+        opacity = cut_coverage(opacity, material.alpha_threshold / max(material.alpha, 1e-6), wrap)
+    below = _premultiplied(luminance, opacity, hue)
     while max(below.shape[:2]) > 1:
         below = _halved(_halved(below, 0), 1)
         levels.append(below)
@@ -165,11 +181,11 @@ def _finest(material: Material) -> tuple[np.ndarray, np.ndarray]:
     shape = tuple(np.max([texture.pixels.shape[:2] for texture in (base, alpha) if texture is not None], axis=0))
     factor = np.asarray(material.base_color, np.float32)
     if base is None:
-        shine = np.full(shape, luminance(factor), np.float32)
+        values = np.full(shape, luminance(factor), np.float32)
     else:
-        shine = _resized(base.pixels @ (REC709 * factor), shape)
+        values = _resized(base.pixels @ (REC709 * factor), shape)
     opacity = np.ones(shape, np.float32) if alpha is None else _resized(alpha.pixels[..., 0], shape)
-    return shine, opacity
+    return values, opacity
 
 
 def _finest_color(material: Material, shape: tuple[int, ...]) -> tuple[np.ndarray, ...]:
@@ -180,9 +196,9 @@ def _finest_color(material: Material, shape: tuple[int, ...]) -> tuple[np.ndarra
     return tuple(_resized(material.base_texture.pixels[..., channel] * factor[channel], shape) for channel in range(3))
 
 
-def _weighed(shine: np.ndarray, opacity: np.ndarray, hue: tuple[np.ndarray, ...]) -> np.ndarray:
-    """Channels (h, w, 2 or 5) of a level."""
-    return np.stack([shine * opacity, opacity, *(channel * opacity for channel in hue)], axis=-1)
+def _premultiplied(luminance: np.ndarray, opacity: np.ndarray, hue: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Channels (h, w, 2 or 5) of a level: luminance and colour times opacity, and opacity in the second."""
+    return np.stack([luminance * opacity, opacity, *(channel * opacity for channel in hue)], axis=-1)
 
 
 def _resized(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
@@ -197,9 +213,9 @@ def _resized(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     return values.astype(np.float32)
 
 
-def cut_coverage(opacity: np.ndarray, threshold: float, extension: str = "REPEAT") -> np.ndarray:
+def cut_coverage(opacity: np.ndarray, threshold: float, wrap: str = "REPEAT") -> np.ndarray:
     """Share of each texel (h, w) on which bilinear opacity reaches the threshold, from CUT_SAMPLES^2 samples in it."""
-    around = {"REPEAT": "wrap", "CLIP": "constant"}.get(extension, "edge")
+    around = {"REPEAT": "wrap", "CLIP": "constant"}.get(wrap, "edge")
     padded = np.pad(opacity, 1, mode=around)  # type: ignore[call-overload]
     total = np.zeros_like(opacity)
     offsets = (np.arange(CUT_SAMPLES, dtype=np.float32) + 0.5) / CUT_SAMPLES - 0.5

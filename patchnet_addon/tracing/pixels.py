@@ -9,9 +9,9 @@ import numba
 import numpy as np
 
 from ..cells.contract import MAX_LEVELS
-from ..octree.chroma_kernels import decode_color
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.kernels import kernel
+from ..surface.chroma_kernels import decode_color
 from .camera import Camera
 from .supersample import MAX_SAMPLES, NO_CHROMA, finer_rays
 from .traverse import first_seen, pixel_ray

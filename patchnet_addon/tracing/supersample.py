@@ -7,11 +7,11 @@ import numba
 import numpy as np
 
 from ..cells.contract import MAX_LEVELS
-from ..octree.chroma_kernels import decode_color
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bounds import RAYS
 from ..runtime.kernels import kernel
 from ..runtime.progress import Progress, Steps
+from ..surface.chroma_kernels import decode_color
 from .camera import Camera, CameraUnit, camera_in_unit_cube
 from .traverse import first_seen, pixel_ray
 

@@ -127,8 +127,8 @@ def luminance_at_points(source: SceneMesh, atlas: Atlas) -> np.ndarray:
 def regions(pixels: np.ndarray) -> np.ndarray:
     """(REGIONS, REGIONS) means of luminance (2, N, N) over what is covered; zero where next to nothing is."""
     side = pixels.shape[-1] // REGIONS
-    shine, cover = pixels.reshape(2, REGIONS, side, REGIONS, side).mean(axis=(2, 4))
-    return np.where(cover > 0.05, shine / np.maximum(cover, 0.05), 0.0)
+    premultiplied, alpha = pixels.reshape(2, REGIONS, side, REGIONS, side).mean(axis=(2, 4))
+    return np.where(alpha > 0.05, premultiplied / np.maximum(alpha, 0.05), 0.0)
 
 
 def material(name: str = "Grey") -> tuple[bpy.types.Material, bpy.types.NodeTree]:

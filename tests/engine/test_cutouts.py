@@ -46,7 +46,7 @@ class Quad:
     threshold: float | None = 0.5
     tiles: float = 1.0
     split: int = 1
-    extension: str = "REPEAT"
+    wrap: str = "REPEAT"
     transform: tuple | None = None
 
     @property
@@ -54,7 +54,7 @@ class Quad:
         return foliage(self.texels)
 
     def mesh(self) -> TriangleMesh:
-        texture = Texture("leaves", self.alpha[..., None], self.extension, self.transform)
+        texture = Texture("leaves", self.alpha[..., None], self.wrap, self.transform)
         material = Material("leaves", (1.0, 1.0, 1.0), alpha_texture=texture, alpha_threshold=self.threshold)
         lines = np.linspace(0, 1, self.split + 1)
         low, high = lines[:-1], lines[1:]
@@ -85,7 +85,7 @@ class Quad:
         uv = st * self.tiles
         if self.transform is not None:
             uv = np.column_stack([uv, np.ones(len(uv))]) @ np.array(self.transform).T
-        values = bilinear_reference(self.alpha[..., None], uv, self.extension)[:, 0]
+        values = bilinear_reference(self.alpha[..., None], uv, self.wrap)[:, 0]
         return values if self.threshold is None else (values >= self.threshold).astype(float)
 
     def points(self, samples: int) -> tuple[np.ndarray, float]:
@@ -127,11 +127,11 @@ QUADS = {
     "tilted, 338 triangles": Quad(TILTED, 64, 5, split=13),
     "tilted, 800 triangles, small voxels": Quad(TILTED, 32, 6, split=20),
     "repeated": Quad(TILTED, 128, 4, tiles=4.0),
-    "mirrored": Quad(TILTED, 100, 4, tiles=3.0, split=2, extension="MIRROR"),
-    "extended": Quad(TILTED, 37, 5, tiles=2.5, extension="EXTEND"),
-    "clipped": Quad(TILTED, 128, 5, tiles=1.3, split=3, extension="CLIP"),
+    "mirrored": Quad(TILTED, 100, 4, tiles=3.0, split=2, wrap="MIRROR"),
+    "extended": Quad(TILTED, 37, 5, tiles=2.5, wrap="EXTEND"),
+    "clipped": Quad(TILTED, 128, 5, tiles=1.3, split=3, wrap="CLIP"),
     "turned on the quad": Quad(TILTED, 48, 5, transform=TURNED),
-    "voxels of 70 texels": Quad(UPRIGHT, 256, 2, extension="CLIP"),
+    "voxels of 70 texels": Quad(UPRIGHT, 256, 2, wrap="CLIP"),
 }
 
 
@@ -211,26 +211,26 @@ def test_opacity_alone_is_that_of_the_lit_surface() -> None:
     assert (found.sums[:, 1] == 0).all()
 
 
-@pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "MIRROR", "CLIP"])
+@pytest.mark.parametrize("wrap", ["REPEAT", "EXTEND", "MIRROR", "CLIP"])
 @pytest.mark.parametrize("threshold", [0.4, None])
 @pytest.mark.parametrize("depth", [2, 4])
-def test_kernel_equals_the_plain_twin(extension: str, threshold: float | None, depth: int) -> None:
+def test_kernel_equals_the_plain_twin(wrap: str, threshold: float | None, depth: int) -> None:
     rng = np.random.default_rng(depth)
     count = 24
     alpha = np.clip(np.kron(rng.random((11, 9)), np.ones((2, 3))) * 1.6 - 0.3, 0, 1).astype(np.float32)[..., None]
-    base = Texture("base", rng.random((22, 27, 3)).astype(np.float32), extension, TURNED)
-    leaf = Texture("A", alpha, extension, TURNED)
+    base = Texture("base", rng.random((22, 27, 3)).astype(np.float32), wrap, TURNED)
+    leaf = Texture("A", alpha, wrap, TURNED)
     material = Material("M", (1.0, 1.0, 1.0), base, alpha_texture=leaf, alpha_threshold=threshold)
     uvs = rng.uniform(-0.5, 1.5, (count, 3, 2)) * rng.choice([0.02, 0.3, 1.0, 9.0], (count, 1, 1))
     batch = TriangleBatch(rng.random((count, 3, 3)), uvs.astype(np.float32), np.zeros(count, np.int32), 0)
     mesh = TriangleMesh((batch,), (material,))
     grid = Grid((0.0, 0.0, 0.0), 1.0, depth)
     table = TextureTable.from_materials(mesh.materials)
-    sizes = zip(table.level_offset, table.level_height, table.level_width, strict=True)
-    levels = [table.texels[start : start + h * w].reshape(h, w, 2).astype(float) for start, h, w in sizes]
+    chains = table.chains
+    levels = [chains.texels[start : start + h * w].reshape(h, w, 2).astype(float) for start, h, w in chains.levels]
     areas, _ = triangle_areas_and_normals(batch.corners_world)
     (fragments,) = clip_batch(batch, grid, areas, grid.depth)
-    shine, opacity = albedo_shade(mesh)(batch, fragments)
+    luminance, opacity = albedo_shade(mesh)(batch, fragments)
     chosen = rng.permutation(np.flatnonzero(fragments.area_world > 1e-9))[:250]
     cells = morton_decode(fragments.keys)
     for index in chosen:
@@ -238,7 +238,7 @@ def test_kernel_equals_the_plain_twin(extension: str, threshold: float | None, d
         piece = piece_reference(batch.corners_world[triangle] * 2.0**depth, tuple(cells[index]))
         weights = np.array([weights for _, weights in piece])
         uv = np.column_stack([weights @ batch.uvs[triangle].astype(float), np.ones(len(weights))])
-        expected, coverage = footprint_reference(levels, uv @ np.array(TURNED).T, extension, threshold)
+        expected, coverage = footprint_reference(levels, uv @ np.array(TURNED).T, wrap, threshold)
         assert opacity[index] == pytest.approx(coverage, abs=2e-5)
         if expected is not None and coverage > 0.01:
-            assert shine[index] == pytest.approx(expected / coverage, abs=2e-3)
+            assert luminance[index] == pytest.approx(expected / coverage, abs=2e-3)

@@ -44,39 +44,39 @@ def points(batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
     return np.einsum("fc,fcx->fx", weights, batch.corners_world[fragments.triangle])[:, :2]
 
 
-def wrapped(index: np.ndarray, size: int, extension: str) -> tuple[np.ndarray, np.ndarray]:
+def wrapped(index: np.ndarray, size: int, wrap: str) -> tuple[np.ndarray, np.ndarray]:
     """Reference: texel of an index, and whether there is one."""
     inside = (index >= 0) & (index < size)
-    if extension == "EXTEND":
+    if wrap == "EXTEND":
         return np.clip(index, 0, size - 1), np.ones_like(inside)
-    if extension == "CLIP":
+    if wrap == "CLIP":
         return np.clip(index, 0, size - 1), inside
-    if extension == "MIRROR":
+    if wrap == "MIRROR":
         index = index % (2 * size)
         return np.where(index < size, index, 2 * size - 1 - index), np.ones_like(inside)
     return index % size, np.ones_like(inside)
 
 
-def bilinear(pixels: np.ndarray, uv: np.ndarray, extension: str) -> np.ndarray:
+def bilinear(pixels: np.ndarray, uv: np.ndarray, wrap: str) -> np.ndarray:
     """Reference lookup (F, C)."""
     height, width, channels = pixels.shape
     x, y = uv[:, 0] * width - 0.5, uv[:, 1] * height - 0.5
     total = np.zeros((len(uv), channels))
     for dy in (0, 1):
         for dx in (0, 1):
-            column, there_x = wrapped(np.floor(x).astype(int) + dx, width, extension)
-            row, there_y = wrapped(np.floor(y).astype(int) + dy, height, extension)
+            column, there_x = wrapped(np.floor(x).astype(int) + dx, width, wrap)
+            row, there_y = wrapped(np.floor(y).astype(int) + dy, height, wrap)
             weight = (1 - abs(x - np.floor(x) - dx)) * (1 - abs(y - np.floor(y) - dy)) * there_x * there_y
             total += weight[:, None] * pixels[row, column]
     return total
 
 
-@pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "MIRROR", "CLIP"])
+@pytest.mark.parametrize("wrap", ["REPEAT", "EXTEND", "MIRROR", "CLIP"])
 @pytest.mark.parametrize("transform", [None, ((0.0, -1.5, 0.25), (2.0, 0.0, -0.5))])
-def test_small_fragments_read_the_finest_texels(extension: str, transform: tuple | None) -> None:
+def test_small_fragments_read_the_finest_texels(wrap: str, transform: tuple | None) -> None:
     rng = np.random.default_rng(0)
     pixels = rng.random((5, 7, 3)).astype(np.float32)
-    material = Material("M", (0.5, 1.0, 0.25), Texture("T", pixels, extension, transform))
+    material = Material("M", (0.5, 1.0, 0.25), Texture("T", pixels, wrap, transform))
     mesh = square(material, tiles=2.5)
     batch, fragments = pieces(mesh, 5)
     fragments = replace(fragments, area_world=fragments.area_world * 1e-6)
@@ -84,8 +84,8 @@ def test_small_fragments_read_the_finest_texels(extension: str, transform: tuple
     uv = points(batch, fragments) * 2.5
     if transform is not None:
         uv = np.column_stack([uv, np.ones(len(uv))]) @ np.array(transform).T
-    expected = bilinear(pixels, uv, extension) @ (REC709 * (0.5, 1.0, 0.25))
-    if extension == "CLIP":  # nothing is outside of a clipped texture
+    expected = bilinear(pixels, uv, wrap) @ (REC709 * (0.5, 1.0, 0.25))
+    if wrap == "CLIP":  # nothing is outside of a clipped texture
         assert (opacity[(uv < -0.2).any(axis=1) | (uv > 1.2).any(axis=1)] == 0).all()
         inside = opacity > 0.999
         np.testing.assert_allclose(values[inside], expected[inside], atol=1e-5)
@@ -190,17 +190,17 @@ def test_two_lights() -> None:
         two_lights_shade(mesh, (0.0, 0.0, 0.0))
 
 
-def test_pyramids_keep_the_mean_and_are_shared() -> None:
+def test_mip_chains_keep_the_mean_and_are_shared() -> None:
     rng = np.random.default_rng(4)
     texture = Texture("T", rng.random((37, 22, 3)).astype(np.float32))
     one = Material("One", WHITE, texture)
     table = TextureTable.from_materials((one, replace(one, name="Two"), Material("Plain")))
-    assert table.material_pyramid.tolist() == [0, 0, -1]
-    assert table.level_height.tolist() == [37, 18, 9, 4, 2, 1, 1][: len(table.level_height)]
+    assert table.materials.chain.tolist() == [0, 0, -1]
+    chains = table.chains
+    assert chains.levels[:, 1].tolist() == [37, 18, 9, 4, 2, 1, 1][: len(chains.levels)]
     mean = float((texture.pixels @ REC709).mean())
-    for level in range(len(table.level_offset)):
-        size = table.level_height[level] * table.level_width[level]
-        part = table.texels[table.level_offset[level] : table.level_offset[level] + size]
+    for offset, height, width in chains.levels:
+        part = chains.texels[offset : offset + height * width]
         assert part[:, 0].mean() == pytest.approx(mean, rel=1e-5)
 
 

@@ -26,7 +26,7 @@ def materials() -> tuple[Material, ...]:
     alpha = Texture("alpha", (np.kron(rng.random((8, 8)), np.ones((5, 5))) > 0.4).astype(np.float32)[..., None])
     return (
         Material("wall", (0.5, 1.0, 0.25), color),
-        Material("clipped", WHITE, replace(color, extension="CLIP")),
+        Material("clipped", WHITE, replace(color, wrap="CLIP")),
         Material("cut", WHITE, color, alpha_texture=alpha, alpha_threshold=0.5),
         Material("soft", (0.9, 0.2, 0.1), alpha_texture=alpha),
         Material("two mappings", WHITE, turned, alpha_texture=alpha, alpha_threshold=0.5),
@@ -83,8 +83,8 @@ def test_emission_mixes_with_the_surface(mesh: TriangleMesh, pieces) -> None:
     np.testing.assert_allclose(color[plain], np.broadcast_to((2.1, 0.8, 1.3), color[plain].shape), rtol=1e-5)
 
 
-def test_pyramids_have_the_same_luminance_with_and_without_colour() -> None:
-    gray, colored = (TextureTable.from_materials(materials(), color=color) for color in (False, True))
+def test_mip_chains_have_the_same_luminance_with_and_without_colour() -> None:
+    gray, colored = (TextureTable.from_materials(materials(), color=color).chains for color in (False, True))
     np.testing.assert_array_equal(gray.texels, colored.texels)
     np.testing.assert_allclose(colored.colors @ REC709, colored.texels[:, 0], atol=1e-5)
     assert gray.colors.shape == (1, 3)

@@ -30,8 +30,8 @@ def lit(material: Material, xs: np.ndarray, opacity: float = 1.0) -> np.ndarray:
     """Luminance at points (xs, 2) of a surface whose bake has texels of 2 units, two pairs of stripes each."""
     source = mesh(material)
     charts = drain(layout_charts(source, 2.0))
-    shine = LIGHT * (DARK + BRIGHT) / 2.0
-    texels = np.tile(np.array([shine * opacity, opacity], np.float32), (charts.texel_count, 1))
+    baked = LIGHT * (DARK + BRIGHT) / 2.0
+    texels = np.tile(np.array([baked * opacity, opacity], np.float32), (charts.texel_count, 1))
     barycentric = np.stack([xs / 8.0, np.full_like(xs, 2.0 / 8.0)], axis=-1).astype(np.float32)
     count = len(xs)
     fragments = Fragments(np.zeros(count, np.uint64), np.zeros(count, np.int32), barycentric, np.full(count, 0.02**2))

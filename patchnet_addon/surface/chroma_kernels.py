@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.kernels import device
-from ..surface.chroma import BLUE, GRAY_SHARE, GREEN, RED, SHARE_SCALE
+from .chroma import BLUE, GRAY_SHARE, GREEN, RED, SHARE_SCALE
 
 
 @device
