@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import prange
 
-from ..patchnet_addon.codes.brick import gathered_brick
-from ..patchnet_addon.codes.patch_rays import PatchRay, empty_viewport, render_patch
+from ..patchnet_addon.codes.brick import Brick, fill_brick
+from ..patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRay, Viewport, render_patch
 from ..patchnet_addon.octree.octree import Octree
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
 from ..patchnet_addon.runtime.errors import PatchNetError
@@ -172,8 +172,9 @@ def _is_first_hit(counts, origin, direction, enter):
 @kernel
 def _draw_views(nodes, luminance, voxels, start, first_hit, lookahead, views, good):
     for group in prange(len(voxels)):
-        brick = gathered_brick(nodes, voxels[group, 0], voxels[group, 1:], lookahead)
-        viewport = empty_viewport()
+        brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
+        viewport = Viewport(np.empty((6, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
+        fill_brick(nodes, 0, voxels[group, 0], voxels[group, 1:], lookahead, brick)
         state = np.empty(1, np.uint64)
         origin, direction, up = np.empty(3), np.empty(3), np.empty(3)
         state[0] = _mix(_mix(start + np.uint64(group)))

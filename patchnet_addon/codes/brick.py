@@ -111,21 +111,14 @@ def _divide(nodes, side, half, corner, cells):
 def fill_brick(nodes, root, level, cell, lookahead, brick):
     """Write the brick of the voxel at `cell` (x, y, z) of a level below `root` into `brick`, a `Brick`."""
     x, y, z = cell
+    cells, counts = brick.nodes, brick.counts  # taken out here once: each time counts references
     for block in range(27):
         nx, ny, nz = x + block % 3 - 1, y + block // 3 % 3 - 1, z + block // 9 - 1
         node = covering_node(nodes, root, level, nx, ny, nz)
         if node < 0:
-            brick.counts[block] = 0
+            counts[block] = 0
         else:
-            brick.counts[block] = fill_block(nodes, node, lookahead, brick.nodes[block])
-
-
-@device
-def gathered_brick(nodes, level, cell, lookahead):
-    """Allocate the brick of the voxel at `cell` (x, y, z) of a level, and fill it."""
-    brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
-    fill_brick(nodes, 0, level, cell, lookahead, brick)
-    return brick
+            counts[block] = fill_block(nodes, node, lookahead, cells[block])
 
 
 def brick_nodes(octree: Octree, level: int, cell: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:

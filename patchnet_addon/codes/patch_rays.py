@@ -17,7 +17,7 @@ from numba import prange
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel
-from .brick import gathered_brick
+from .brick import Brick, fill_brick
 
 VIEWPORT_PX = 64
 
@@ -80,23 +80,13 @@ class PatchRay(NamedTuple):
 
 
 class Viewport(NamedTuple):
-    """Scratch to render patches in: projection (6, 3) float64 of `_set_view`; pixels that are taken, (64,) uint64."""
+    """Scratch to render patches in.
+
+    projection: (6, 3) float64, see `_set_view`. taken: (64,) uint64, a bit for each pixel that shows a cell.
+    """
 
     projection: np.ndarray
     taken: np.ndarray
-
-
-@device
-def empty_viewport():
-    """Allocate a viewport."""
-    return Viewport(np.empty((6, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
-
-
-@device
-def render_patch(luminance, brick, ray, lookahead, viewport):
-    """Coverage and mean luminance (65535 = 1) of a `Brick` around a `PatchRay`; luminance (n,) is that of the nodes."""
-    _set_view(ray, lookahead, viewport.projection)
-    return _rasterize(luminance, brick, ray.direction, lookahead, viewport)
 
 
 @device
@@ -159,13 +149,17 @@ def _draw(view, centre_u, centre_v, rows):
 
 
 @device
-def _rasterize(luminance, brick, direction, lookahead, viewport):
-    """Coverage and mean luminance (65535 = 1) of a brick in a view.
+def render_patch(luminance, brick, ray, lookahead, viewport):
+    """Coverage and mean luminance (65535 = 1) of a `Brick` around a `PatchRay`; luminance (n,) is that of the nodes.
+
+    viewport: `Viewport` to draw in, whatever it held.
 
     Along parallel rays, a cell can only hide cells that lie further along each axis in the direction's sign: running
     through blocks and cells in that order is front to back.
     """
+    cells, counts, direction = brick.nodes, brick.counts, ray.direction
     view, rows = viewport.projection, viewport.taken
+    _set_view(ray, lookahead, view)
     rows[:] = 0
     flip_x, flip_y, flip_z = direction[0] < 0, direction[1] < 0, direction[2] < 0
     mask = (1 << lookahead) - 1
@@ -177,7 +171,7 @@ def _rasterize(luminance, brick, direction, lookahead, viewport):
         bx, by, bz = turn % 3, turn // 3 % 3, turn // 9
         bx, by, bz = 2 - bx if flip_x else bx, 2 - by if flip_y else by, 2 - bz if flip_z else bz
         block = bx + 3 * by + 9 * bz
-        if brick.counts[block] == 0:
+        if counts[block] == 0:
             continue
         block_u = view[2, 0] + side * (bx * view[0, 0] + by * view[0, 1] + bz * view[0, 2])
         block_v = view[2, 1] + side * (bx * view[1, 0] + by * view[1, 1] + bz * view[1, 2])
@@ -185,9 +179,9 @@ def _rasterize(luminance, brick, direction, lookahead, viewport):
         middle_v = block_v + 0.5 * side * (view[1, 0] + view[1, 1] + view[1, 2])
         if abs(middle_u - 31.5) > 31.5 + side * width or abs(middle_v - 31.5) > 31.5 + side * height:
             continue
-        for place in range(brick.nodes.shape[1]):
+        for place in range(cells.shape[1]):
             cell = place ^ flip
-            node = brick.nodes[block, cell]
+            node = cells[block, cell]
             if node < 0:
                 continue
             x = (cell & mask) + 0.5
@@ -208,8 +202,9 @@ def _rasterize(luminance, brick, direction, lookahead, viewport):
 @kernel
 def _render(nodes, luminance, rays, lookahead, coverage_out, luminance_out):
     for group in prange(len(rays.level)):
-        brick = gathered_brick(nodes, rays.level[group], rays.cell[group], lookahead)
-        viewport = empty_viewport()
+        brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
+        viewport = Viewport(np.empty((6, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
+        fill_brick(nodes, 0, rays.level[group], rays.cell[group], lookahead, brick)
         for at in range(rays.group_start[group], rays.group_start[group + 1]):
             ray = PatchRay(rays.entry_voxel[at], rays.direction[at], rays.up[at], rays.ratio[at])
             sigma, mean = render_patch(luminance, brick, ray, lookahead, viewport)

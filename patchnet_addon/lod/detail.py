@@ -92,26 +92,28 @@ def _stops(
 @kernel
 def _trace(nodes, camera, first_row, offset, finer, lookahead, stops):  # type: ignore[no-untyped-def]
     for row in numba.prange(len(stops.wanted) // camera.width_px):
-        stack = np.empty(MAX_LEVELS, np.int64)
-        shrink = 1.0 / (1 << finer)
-        for column in range(camera.width_px):
-            x = 2.0 * (column + 0.5 + offset[0]) / camera.width_px - 1.0
-            y = 2.0 * (first_row + row + 0.5 + offset[1]) / camera.height_px - 1.0
-            ray = pixel_ray(camera, x, y)
-            hit = first_seen(nodes, camera, ray, shrink, stack)
-            if hit.node >= 0:
-                pixel = camera.side_at_0 + camera.side_per_z * hit.t * ray.speed
-                ahead = has_lookahead(nodes.child_mask, nodes.first_child, hit.node, lookahead)
-                _write_stop(stops, row * camera.width_px + column, hit, fitting_level(pixel) + lookahead, ahead)
+        y = 2.0 * (first_row + row + 0.5 + offset[1]) / camera.height_px - 1.0
+        _trace_row(nodes, camera, y, row * camera.width_px, offset[0], 1.0 / (1 << finer), lookahead, stops)
 
 
 @device
-def _write_stop(stops, index, hit, wanted, ahead):  # type: ignore[no-untyped-def]
-    for axis in range(3):
-        stops.cell[index, axis] = hit.cell[axis]
-    stops.level[index] = hit.level
-    stops.wanted[index] = wanted
-    stops.ahead[index] = ahead
+def _trace_row(nodes, camera, y, first, offset, shrink, lookahead, stops):  # type: ignore[no-untyped-def]
+    """Trace the pixels of a row, which are `first` and those after it in `stops`; a parallel kernel cannot write there.
+
+    offset: from the pixels' centres to the right, in pixels. shrink: of the footprint.
+    """
+    stack = np.empty(MAX_LEVELS, np.int64)
+    for column in range(camera.width_px):
+        x = 2.0 * (column + 0.5 + offset) / camera.width_px - 1.0
+        ray = pixel_ray(camera, x, y)
+        hit = first_seen(nodes, camera, ray, shrink, stack)
+        if hit.node >= 0:
+            pixel = camera.side_at_0 + camera.side_per_z * hit.t * ray.speed
+            stops.level[first + column] = hit.level
+            stops.wanted[first + column] = fitting_level(pixel) + lookahead
+            stops.ahead[first + column] = has_lookahead(nodes.child_mask, nodes.first_child, hit.node, lookahead)
+            for axis in range(3):
+                stops.cell[first + column, axis] = hit.cell[axis]
 
 
 @serial_kernel

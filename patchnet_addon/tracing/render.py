@@ -118,37 +118,39 @@ def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
 @kernel
 def _first_hits(nodes, camera, traced):  # type: ignore[no-untyped-def]
     for row in numba.prange(camera.height_px):
-        stack = np.empty(MAX_LEVELS, np.int64)
-        for column in range(camera.width_px):
-            pixel = row * camera.width_px + column
-            x = (2.0 * column + 1.0) / camera.width_px - 1.0
-            y = (2.0 * row + 1.0) / camera.height_px - 1.0
-            ray = pixel_ray(camera, x, y)
-            _write_hit(traced, pixel, camera, ray, first_seen(nodes, camera, ray, 1.0, stack))
+        _trace_row(nodes, camera, row, traced)
 
 
 @device
-def _write_hit(traced, pixel, camera, ray, hit):  # type: ignore[no-untyped-def]
-    traced.node[pixel] = hit.node
-    traced.level[pixel] = hit.level
-    for axis in range(3):
-        traced.direction[pixel, axis] = ray.direction[axis]
-    if hit.node >= 0:
-        scale = np.float64(1 << hit.level)
-        side = camera.side_at_0 + camera.side_per_z * hit.t * ray.speed
-        traced.ratio[pixel] = pixel_voxel_ratio(side, scale)
-        traced.t_unit[pixel, 0] = hit.t
-        traced.t_unit[pixel, 1] = hit.t * ray.speed
+def _trace_row(nodes, camera, row, traced):  # type: ignore[no-untyped-def]
+    """Trace the pixels of a row and write into `traced`, which a parallel kernel cannot."""
+    stack = np.empty(MAX_LEVELS, np.int64)
+    for column in range(camera.width_px):
+        pixel = row * camera.width_px + column
+        x = (2.0 * column + 1.0) / camera.width_px - 1.0
+        y = (2.0 * row + 1.0) / camera.height_px - 1.0
+        ray = pixel_ray(camera, x, y)
+        hit = first_seen(nodes, camera, ray, 1.0, stack)
+        traced.node[pixel] = hit.node
+        traced.level[pixel] = hit.level
         for axis in range(3):
-            traced.cell[pixel, axis] = hit.cell[axis]
-            local = (ray.origin[axis] + hit.t * ray.direction[axis]) * scale - hit.cell[axis]
-            traced.entry[pixel, axis] = min(max(local, 0.0), 1.0)
-    else:
-        traced.ratio[pixel] = 1.0
-        traced.t_unit[pixel, :] = 0.0
-        for axis in range(3):
-            traced.cell[pixel, axis] = -1
-            traced.entry[pixel, axis] = 0.0
+            traced.direction[pixel, axis] = ray.direction[axis]
+        if hit.node >= 0:
+            scale = np.float64(1 << hit.level)
+            side = camera.side_at_0 + camera.side_per_z * hit.t * ray.speed
+            traced.ratio[pixel] = pixel_voxel_ratio(side, scale)
+            traced.t_unit[pixel, 0] = hit.t
+            traced.t_unit[pixel, 1] = hit.t * ray.speed
+            for axis in range(3):
+                traced.cell[pixel, axis] = hit.cell[axis]
+                local = (ray.origin[axis] + hit.t * ray.direction[axis]) * scale - hit.cell[axis]
+                traced.entry[pixel, axis] = min(max(local, 0.0), 1.0)
+        else:
+            traced.ratio[pixel] = 1.0
+            traced.t_unit[pixel, :] = 0.0
+            for axis in range(3):
+                traced.cell[pixel, axis] = -1
+                traced.entry[pixel, axis] = 0.0
 
 
 def behind(

@@ -44,6 +44,9 @@ class Hit(NamedTuple):
     cell: tuple[np.int64, np.int64, np.int64]
 
 
+_MISS = Hit(np.int64(-1), np.int64(0), _FAR, (np.int64(0), np.int64(0), np.int64(0)))
+
+
 @device
 def _bit_length(value):  # type: ignore[no-untyped-def]
     length = 0
@@ -76,12 +79,6 @@ def _upwards(origin, direction):  # type: ignore[no-untyped-def]
 
 
 @device
-def _miss():  # type: ignore[no-untyped-def]
-    nowhere = np.int64(0)
-    return Hit(np.int64(-1), nowhere, _FAR, (nowhere, nowhere, nowhere))
-
-
-@device
 def first_hit(nodes, ray, t_start, pixel_side, stack):  # type: ignore[no-untyped-def]
     """First voxel (a `Hit`) that the ray meets from t_start on and that fits its pixel, or is a leaf.
 
@@ -95,7 +92,7 @@ def first_hit(nodes, ray, t_start, pixel_side, stack):  # type: ignore[no-untype
     t = max(max(-ox * inv_x, -oy * inv_y), max(-oz * inv_z, t_start))
     t_leave = min(min((1.0 - ox) * inv_x, (1.0 - oy) * inv_y), (1.0 - oz) * inv_z)
     if not t < t_leave:
-        return _miss()
+        return _MISS
     level = np.int64(0)
     size = 1.0
     ix = np.int64(0)
@@ -141,7 +138,7 @@ def first_hit(nodes, ray, t_start, pixel_side, stack):  # type: ignore[no-untype
             t = max(t, t_exit)
             climb = _bit_length(changed) - 1
             if climb >= level:
-                return _miss()
+                return _MISS
             level -= climb
             ix >>= climb
             iy >>= climb
@@ -157,7 +154,7 @@ def first_seen(nodes, camera, ray, footprint, stack):  # type: ignore[no-untyped
     pixel_side = PixelSide(footprint * camera.side_at_0, footprint * camera.side_per_z)
     hit = first_hit(nodes, ray, camera.nearest / ray.speed, pixel_side, stack)
     if hit.node >= 0 and hit.t * ray.speed > camera.farthest:
-        return _miss()
+        return _MISS
     return hit
 
 
@@ -170,17 +167,15 @@ def pixel_ray(camera, x, y):  # type: ignore[no-untyped-def]
     frame = camera.frame
     sx = x + camera.shift_x
     sy = y + camera.shift_y
-    ox, dx = _along(frame[0, 0], frame[3, 0], sx * frame[1, 0] + sy * frame[2, 0], camera.perspective)
-    oy, dy = _along(frame[0, 1], frame[3, 1], sx * frame[1, 1] + sy * frame[2, 1], camera.perspective)
-    oz, dz = _along(frame[0, 2], frame[3, 2], sx * frame[1, 2] + sy * frame[2, 2], camera.perspective)
+    ox, oy, oz = frame[0, 0], frame[0, 1], frame[0, 2]
+    dx, dy, dz = frame[3, 0], frame[3, 1], frame[3, 2]
+    across_x = sx * frame[1, 0] + sy * frame[2, 0]
+    across_y = sx * frame[1, 1] + sy * frame[2, 1]
+    across_z = sx * frame[1, 2] + sy * frame[2, 2]
+    if camera.perspective:
+        dx, dy, dz = dx + across_x, dy + across_y, dz + across_z
+    else:
+        ox, oy, oz = ox + across_x, oy + across_y, oz + across_z
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
     speed = 1.0 / length if camera.perspective else 1.0
     return Ray((ox, oy, oz), (dx / length, dy / length, dz / length), speed)
-
-
-@device
-def _along(position, forward, offset, perspective):  # type: ignore[no-untyped-def]
-    """One axis of a ray's origin and direction; offset: of the picture's point from its middle."""
-    if perspective:
-        return position, forward + offset
-    return position + offset, forward
