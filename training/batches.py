@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from ..patchnet_addon.codes.brick import fill_brick
+from ..patchnet_addon.codes.brick import Brick, fill_brick
 from ..patchnet_addon.network.weights import CHANNELS
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
@@ -94,36 +94,27 @@ def gather_batch(
     ahead."""
     symmetries = _symmetries(lookahead)
     count = len(tree)
-    nodes = np.empty((count, 27, 8**lookahead), np.int32)
-    counts = np.empty((count, 27), np.int32)
+    bricks = Brick(np.empty((count, 27, 8**lookahead), np.int32), np.empty((count, 27), np.int32))
     linear = np.empty((count, 2), np.float32)  # gain and offset of luminance
     _gather_nodes(
-        forest.child_mask,
-        forest.first_child,
+        forest.nodes,
         forest.luminance,
         forest.root[tree],
         voxel.astype(np.int32),
         augmentation.remap,
         lookahead,
-        nodes,
-        counts,
+        bricks,
         linear,
     )
-    place = np.cumsum(counts.reshape(-1) > 0).reshape(count, 27) - 1
-    blocks = np.zeros((int(place[-1, -1]) + 1, CHANNELS * 8**lookahead), np.float32)
+    blocks = np.zeros((np.count_nonzero(bricks.counts), CHANNELS * 8**lookahead), np.float32)
     moved = np.full((count, 27), -1, np.int32)  # rows of `blocks` by position after the symmetry
     _write_blocks(
         forest.luminance,
         forest.normal,
-        nodes,
-        counts,
-        place,
+        bricks,
         linear,
         augmentation.symmetry,
-        symmetries.axis,
-        symmetries.sign,
-        symmetries.block,
-        symmetries.cell,
+        symmetries,
         blocks,
         moved,
     )
@@ -148,28 +139,18 @@ def _move_views(
 
 
 @serial_kernel
-def _gather_nodes(child_mask, first_child, luminance, root, voxel, remap, lookahead, nodes, counts, linear):
+def _gather_nodes(nodes, luminance, root, voxel, remap, lookahead, bricks, linear):
     for v in range(len(root)):
-        fill_brick(
-            child_mask,
-            first_child,
-            root[v],
-            voxel[v, 0],
-            voxel[v, 1],
-            voxel[v, 2],
-            voxel[v, 3],
-            lookahead,
-            nodes[v],
-            counts[v],
-        )
+        brick = Brick(bricks.nodes[v], bricks.counts[v])
+        fill_brick(nodes, root[v], voxel[v, 0], voxel[v, 1:], lookahead, brick)
         linear[v, 0], linear[v, 1] = 1.0, 0.0
         if remap[v, 3] == 0:
             continue
         low, high = 65535.0, 0.0
         for block in range(27):
-            if counts[v, block] > 0:
-                for cell in range(nodes.shape[2]):
-                    node = nodes[v, block, cell]
+            if brick.counts[block] > 0:
+                for cell in range(brick.nodes.shape[1]):
+                    node = brick.nodes[block, cell]
                     if node >= 0:
                         low = min(low, luminance[node])
                         high = max(high, luminance[node])
@@ -183,30 +164,30 @@ def _gather_nodes(child_mask, first_child, luminance, root, voxel, remap, lookah
 
 
 @serial_kernel
-def _write_blocks(
-    luminance, normal, nodes, counts, place, linear, symmetry, axis, sign, to_block, to_cell, blocks, moved
-):
-    for v in range(len(nodes)):
+def _write_blocks(luminance, normal, bricks, linear, symmetry, symmetries, blocks, moved):
+    row = 0
+    for v in range(len(symmetry)):
+        axis, sign = symmetries.axis, symmetries.sign
         turn = symmetry[v]
         gain, offset = linear[v, 0] / np.float32(LUMINANCE_SCALE), linear[v, 1]
         ax, ay, az = axis[turn, 0], axis[turn, 1], axis[turn, 2]
         scale = np.float32(1.0 / NORMAL_SCALE)
         sx, sy, sz = sign[turn, 0] * scale, sign[turn, 1] * scale, sign[turn, 2] * scale
         for block in range(27):
-            if counts[v, block] == 0:
+            if bricks.counts[v, block] == 0:
                 continue
-            row = place[v, block]
-            moved[v, to_block[turn, block]] = row
-            for cell in range(nodes.shape[2]):
-                node = nodes[v, block, cell]
+            moved[v, symmetries.block[turn, block]] = row
+            for cell in range(bricks.nodes.shape[2]):
+                node = bricks.nodes[v, block, cell]
                 if node < 0:
                     continue
-                at = CHANNELS * to_cell[turn, cell]
+                at = CHANNELS * symmetries.cell[turn, cell]
                 blocks[row, at] = 1.0
                 blocks[row, at + 1] = gain * luminance[node] + offset
                 blocks[row, at + 2] = sx * normal[node, ax]
                 blocks[row, at + 3] = sy * normal[node, ay]
                 blocks[row, at + 4] = sz * normal[node, az]
+            row += 1
 
 
 @serial_kernel

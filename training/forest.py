@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..patchnet_addon.octree.nodes import Nodes
 from ..patchnet_addon.octree.octree import Octree
 from ..patchnet_addon.runtime.errors import PatchNetError
 
@@ -17,8 +18,7 @@ class Forest:
     """Node arrays of all octrees, one after the other; `root` (T,) int64 is where each begins."""
 
     root: np.ndarray
-    child_mask: np.ndarray
-    first_child: np.ndarray
+    nodes: Nodes
     luminance: np.ndarray
     normal: np.ndarray
 
@@ -35,8 +35,10 @@ def concatenate(octrees: Sequence[Octree]) -> Forest:
     shifted = [octree.first_child + np.uint32(start) for octree, start in zip(octrees, root, strict=True)]
     return Forest(
         root=root,
-        child_mask=np.concatenate([octree.child_mask for octree in octrees]),
-        first_child=np.concatenate(shifted).astype(np.uint32),
+        nodes=Nodes(
+            child_mask=np.concatenate([octree.child_mask for octree in octrees]),
+            first_child=np.concatenate(shifted).astype(np.uint32),
+        ),
         luminance=np.concatenate([octree.luminance for octree in octrees]),
         normal=np.concatenate([octree.normal for octree in octrees]),
     )

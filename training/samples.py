@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import prange
 
-from ..patchnet_addon.codes.brick import fill_brick
-from ..patchnet_addon.codes.patch_rays import rasterize_brick, set_view
+from ..patchnet_addon.codes.brick import Brick, fill_brick
+from ..patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRay, Viewport, render_patch
 from ..patchnet_addon.octree.octree import Octree
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
 from ..patchnet_addon.runtime.errors import PatchNetError
@@ -100,15 +100,13 @@ def _views(octree: Octree, voxels: np.ndarray, settings: SampleSettings, number:
     good = np.zeros(len(voxels), np.bool_)
     start = np.uint64((settings.seed * 0x9E3779B97F4A7C15 + number) & 0xFFFFFFFFFFFFFFFF)
     _draw_views(
-        octree.child_mask,
-        octree.first_child,
+        octree.nodes,
         octree.luminance,
         voxels.astype(np.int32),
         start,
         settings.first_hit,
         settings.lookahead,
         views,
-        views.view(np.int16),
         good,
     )
     return views, good
@@ -172,37 +170,36 @@ def _is_first_hit(counts, origin, direction, enter):
 
 
 @kernel
-def _draw_views(child_mask, first_child, luminance, voxels, start, first_hit, lookahead, views, views_signed, good):
+def _draw_views(nodes, luminance, voxels, start, first_hit, lookahead, views, good):
     for group in prange(len(voxels)):
-        brick = np.empty((27, 1 << 3 * lookahead), np.int32)
-        counts = np.empty(27, np.int32)
-        view = np.empty((6, 3), np.float64)
-        rows = np.empty(64, np.uint64)
+        brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
+        viewport = Viewport(np.empty((6, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
+        fill_brick(nodes, 0, voxels[group, 0], voxels[group, 1:], lookahead, brick)
         state = np.empty(1, np.uint64)
         origin, direction, up = np.empty(3), np.empty(3), np.empty(3)
         state[0] = _mix(_mix(start + np.uint64(group)))
-        voxel = voxels[group]
-        fill_brick(child_mask, first_child, 0, voxel[0], voxel[1], voxel[2], voxel[3], lookahead, brick, counts)
         found = 0
         for _ in range(_ATTEMPTS):
             if found == views.shape[1]:
                 break
             _draw_line(state, origin, direction, up)
             enter = _enter_box(origin, direction, 0.0, 0.0, 0.0)
-            if enter > 1e29 or (first_hit and not _is_first_hit(counts, origin, direction, enter)):
+            if enter > 1e29 or (first_hit and not _is_first_hit(brick.counts, origin, direction, enter)):
                 continue
             # Round first and render what is stored, so that the sample is exact.
             ratio = np.uint16(np.rint((0.5 + 0.5 * _uniform(state)) * _UNIT))
             for axis in range(3):
                 entry = min(max(origin[axis] + enter * direction[axis], 0.0), 1.0)
                 views[group, found, axis] = np.uint16(np.rint(entry * _UNIT))
-                views_signed[group, found, 3 + axis] = np.int16(np.rint(direction[axis] * _SIGNED))
-                views_signed[group, found, 6 + axis] = np.int16(np.rint(up[axis] * _SIGNED))
+                along = np.int16(np.rint(direction[axis] * _SIGNED))
+                across = np.int16(np.rint(up[axis] * _SIGNED))
+                views[group, found, 3 + axis] = np.uint16(along)
+                views[group, found, 6 + axis] = np.uint16(across)
                 origin[axis] = views[group, found, axis] / _UNIT
-                direction[axis] = views_signed[group, found, 3 + axis] / _SIGNED
-                up[axis] = views_signed[group, found, 6 + axis] / _SIGNED
-            set_view(origin, direction, up, ratio / _UNIT, lookahead, view)
-            sigma, mean = rasterize_brick(luminance, brick, counts, direction, lookahead, view, rows)
+                direction[axis] = along / _SIGNED
+                up[axis] = across / _SIGNED
+            ray = PatchRay(origin, direction, up, float(ratio) / _UNIT)
+            sigma, mean = render_patch(luminance, brick, ray, lookahead, viewport)
             views[group, found, 9] = ratio
             views[group, found, 10] = np.uint16(np.rint(sigma * COVERAGE_SCALE))
             views[group, found, 11] = np.uint16(np.rint(mean))

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,7 @@ from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 COUNT = 48
 
 
-@dataclass(frozen=True)
-class Symmetries:
+class Symmetries(NamedTuple):
     """Tables of the 48 symmetries; number 0 is the identity.
 
     axis: (48, 3) int32 and sign: (48, 3) float32: component i of a mapped vector is sign[i] * v[axis[i]].

@@ -9,6 +9,8 @@ all its cells.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..octree.octree import POPCOUNT, Octree
@@ -18,17 +20,28 @@ from ..runtime.kernels import device
 EMPTY = -1
 
 
+class Brick(NamedTuple):
+    """Fine cells around a voxel, or with one more axis in front, around each of several.
+
+    nodes: (27, 8^n) int32, valid only in blocks whose count is not 0; the others keep what they had.
+    counts: (27,) int32, occupied cells of each block.
+    """
+
+    nodes: np.ndarray
+    counts: np.ndarray
+
+
 @device
-def child_at(child_mask, first_child, node, octant):
+def child_at(nodes, node, octant):
     """Child of `node` in `octant`, -1 if there is none."""
-    mask = np.int64(child_mask[node])
+    mask = np.int64(nodes.child_mask[node])
     if (mask >> octant) & 1 == 0:
         return np.int64(-1)
-    return np.int64(first_child[node]) + np.int64(POPCOUNT[mask & ((1 << octant) - 1)])
+    return np.int64(nodes.first_child[node]) + np.int64(POPCOUNT[mask & ((1 << octant) - 1)])
 
 
 @device
-def covering_node(child_mask, first_child, root, level, x, y, z):
+def covering_node(nodes, root, level, x, y, z):
     """Node below `root` at cell (x, y, z) of a level, the coarser leaf that covers it, or -1; the cell may lie
     outside."""
     side = np.int64(1) << level
@@ -36,22 +49,22 @@ def covering_node(child_mask, first_child, root, level, x, y, z):
         return np.int64(-1)
     node = np.int64(root)
     for shift in range(level - 1, -1, -1):
-        if child_mask[node] == 0:
+        if nodes.child_mask[node] == 0:
             return node
         octant = ((x >> shift) & 1) | (((y >> shift) & 1) << 1) | (((z >> shift) & 1) << 2)
-        node = child_at(child_mask, first_child, node, octant)
+        node = child_at(nodes, node, octant)
         if node < 0:
             return node
     return node
 
 
 @device
-def fill_block(child_mask, first_child, node, lookahead, cells):
+def fill_block(nodes, node, lookahead, cells):
     """Write the nodes of a voxel's fine cells into `cells` (8^lookahead,) and return how many are occupied.
 
     From the voxel down, level by level: the first of the cells that a node fills holds it until it is divided.
     """
-    if child_mask[node] == 0:
+    if nodes.child_mask[node] == 0:
         cells[:] = node
         return len(cells)
     cells[:] = -1
@@ -65,13 +78,13 @@ def fill_block(child_mask, first_child, node, lookahead, cells):
             for y in range(0, side, width):
                 for x in range(0, side, width):
                     corner = x + side * (y + side * z)
-                    count += _divide(child_mask, first_child, side, width >> 1, corner, cells)
+                    count += _divide(nodes, side, width >> 1, corner, cells)
         width >>= 1
     return count
 
 
 @device
-def _divide(child_mask, first_child, side, half, corner, cells):
+def _divide(nodes, side, half, corner, cells):
     """Give what the node at a corner of a block fills to its eight parts, `half` cells wide; how many are occupied.
 
     A leaf is all of its parts.
@@ -79,11 +92,11 @@ def _divide(child_mask, first_child, side, half, corner, cells):
     node = np.int64(cells[corner])
     if node < 0:
         return 0
-    mask = np.int64(child_mask[node])
+    mask = np.int64(nodes.child_mask[node])
     is_leaf = mask == 0
     if is_leaf:
         mask = np.int64(255)
-    part = node if is_leaf else np.int64(first_child[node])
+    part = node if is_leaf else np.int64(nodes.first_child[node])
     cells[corner] = -1
     count = 0
     for octant in range(8):
@@ -95,18 +108,17 @@ def _divide(child_mask, first_child, side, half, corner, cells):
 
 
 @device
-def fill_brick(child_mask, first_child, root, level, x, y, z, lookahead, brick, counts):
-    """Write the brick of the voxel (x, y, z) of a level into `brick` (27, 8^lookahead), and its blocks' `counts` (27,).
-
-    `brick` holds nodes only in blocks whose count is not 0; the others keep what they had.
-    """
+def fill_brick(nodes, root, level, cell, lookahead, brick):
+    """Write the brick of the voxel at `cell` (x, y, z) of a level below `root` into `brick`, a `Brick`."""
+    x, y, z = cell
+    cells, counts = brick.nodes, brick.counts  # taken out here once: each time counts references
     for block in range(27):
         nx, ny, nz = x + block % 3 - 1, y + block // 3 % 3 - 1, z + block // 9 - 1
-        node = covering_node(child_mask, first_child, root, level, nx, ny, nz)
+        node = covering_node(nodes, root, level, nx, ny, nz)
         if node < 0:
             counts[block] = 0
         else:
-            counts[block] = fill_block(child_mask, first_child, node, lookahead, brick[block])
+            counts[block] = fill_block(nodes, node, lookahead, cells[block])
 
 
 def brick_nodes(octree: Octree, level: int, cell: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:

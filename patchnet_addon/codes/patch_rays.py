@@ -9,7 +9,7 @@ than following them cell by cell.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
@@ -17,13 +17,12 @@ from numba import prange
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel
-from .brick import fill_brick
+from .brick import Brick, fill_brick
 
 VIEWPORT_PX = 64
 
 
-@dataclass(frozen=True)
-class PatchRays:
+class PatchRays(NamedTuple):
     """Centre rays of N viewports, grouped by voxel.
 
     level (G,) int32 and cell (G, 3) int32 name the voxels; rays group_start[g] to group_start[g + 1] belong to voxel g.
@@ -49,21 +48,16 @@ def render_patches(
     """
     count = len(rays.ratio)
     coverage, luminance = np.zeros(count, np.float32), np.zeros(count, np.float32)
-    _render(
-        octree.child_mask,
-        octree.first_child,
-        octree.luminance,
-        np.ascontiguousarray(rays.level, np.int32),
-        np.ascontiguousarray(rays.cell, np.int32),
-        np.ascontiguousarray(rays.group_start, np.int64),
-        np.ascontiguousarray(rays.entry_voxel, np.float32),
-        np.ascontiguousarray(rays.direction, np.float32),
-        np.ascontiguousarray(rays.up, np.float32),
-        np.ascontiguousarray(rays.ratio, np.float32),
-        lookahead,
-        coverage,
-        luminance,
+    rays = PatchRays(
+        level=np.ascontiguousarray(rays.level, np.int32),
+        cell=np.ascontiguousarray(rays.cell, np.int32),
+        group_start=np.ascontiguousarray(rays.group_start, np.int64),
+        entry_voxel=np.ascontiguousarray(rays.entry_voxel, np.float32),
+        direction=np.ascontiguousarray(rays.direction, np.float32),
+        up=np.ascontiguousarray(rays.up, np.float32),
+        ratio=np.ascontiguousarray(rays.ratio, np.float32),
     )
+    _render(octree.nodes, octree.luminance, rays, lookahead, coverage, luminance)
     return coverage, luminance
 
 
@@ -76,16 +70,36 @@ def _popcount(bits):
     return (bits * np.uint64(0x0101010101010101)) >> np.uint64(56)
 
 
+class PatchRay(NamedTuple):
+    """Centre ray of one viewport: entry_voxel, direction and up (3,), and ratio, as in `PatchRays`."""
+
+    entry_voxel: np.ndarray
+    direction: np.ndarray
+    up: np.ndarray
+    ratio: float
+
+
+class Viewport(NamedTuple):
+    """Scratch to render patches in.
+
+    projection: (6, 3) float64, see `_set_view`. taken: (64,) uint64, a bit for each pixel that shows a cell.
+    """
+
+    projection: np.ndarray
+    taken: np.ndarray
+
+
 @device
-def set_view(entry, direction, up, ratio, lookahead, view):
+def _set_view(ray, lookahead, view):
     """Fill `view` (6, 3) float64: how the brick's cells project onto the pixels of the viewport.
 
     Rows 0 and 1: pixels to the right and up per cell along x, y, z. Row 2: pixel of the brick's lowest corner, and
     the outline's half height. Rows 3 and 4: slope and half width of the three slabs whose intersection the outline is.
     Row 5: half width of the outline.
     """
+    direction, up = ray.direction, ray.up
     side = float(1 << lookahead)
-    scale = 64.0 / (side * ratio)
+    scale = 64.0 / (side * ray.ratio)
     right = (
         direction[1] * up[2] - direction[2] * up[1],
         direction[2] * up[0] - direction[0] * up[2],
@@ -96,8 +110,8 @@ def set_view(entry, direction, up, ratio, lookahead, view):
     for axis in range(3):
         view[0, axis] = right[axis] * scale
         view[1, axis] = up[axis] * scale
-        view[2, 0] -= side * (entry[axis] + 1.0) * view[0, axis]
-        view[2, 1] -= side * (entry[axis] + 1.0) * view[1, axis]
+        view[2, 0] -= side * (ray.entry_voxel[axis] + 1.0) * view[0, axis]
+        view[2, 1] -= side * (ray.entry_voxel[axis] + 1.0) * view[1, axis]
     view[2, 2] = 0.5 * (abs(view[1, 0]) + abs(view[1, 1]) + abs(view[1, 2]))
     view[5, 0] = 0.5 * (abs(view[0, 0]) + abs(view[0, 1]) + abs(view[0, 2]))
     for axis in range(3):
@@ -135,12 +149,17 @@ def _draw(view, centre_u, centre_v, rows):
 
 
 @device
-def rasterize_brick(luminance, brick, counts, direction, lookahead, view, rows):
-    """Coverage and mean luminance (65535 = 1) of a brick in a view; `rows` (64,) uint64 is scratch.
+def render_patch(luminance, brick, ray, lookahead, viewport):
+    """Coverage and mean luminance (65535 = 1) of a `Brick` around a `PatchRay`; luminance (n,) is that of the nodes.
+
+    viewport: `Viewport` to draw in, whatever it held.
 
     Along parallel rays, a cell can only hide cells that lie further along each axis in the direction's sign: running
     through blocks and cells in that order is front to back.
     """
+    cells, counts, direction = brick.nodes, brick.counts, ray.direction
+    view, rows = viewport.projection, viewport.taken
+    _set_view(ray, lookahead, view)
     rows[:] = 0
     flip_x, flip_y, flip_z = direction[0] < 0, direction[1] < 0, direction[2] < 0
     mask = (1 << lookahead) - 1
@@ -160,9 +179,9 @@ def rasterize_brick(luminance, brick, counts, direction, lookahead, view, rows):
         middle_v = block_v + 0.5 * side * (view[1, 0] + view[1, 1] + view[1, 2])
         if abs(middle_u - 31.5) > 31.5 + side * width or abs(middle_v - 31.5) > 31.5 + side * height:
             continue
-        for place in range(brick.shape[1]):
+        for place in range(cells.shape[1]):
             cell = place ^ flip
-            node = brick[block, cell]
+            node = cells[block, cell]
             if node < 0:
                 continue
             x = (cell & mask) + 0.5
@@ -181,30 +200,13 @@ def rasterize_brick(luminance, brick, counts, direction, lookahead, view, rows):
 
 
 @kernel
-def _render(
-    child_mask,
-    first_child,
-    luminance,
-    level,
-    cell,
-    group_start,
-    entry,
-    direction,
-    up,
-    ratio,
-    lookahead,
-    coverage_out,
-    luminance_out,
-):
-    for group in prange(len(level)):
-        brick = np.empty((27, 1 << 3 * lookahead), np.int32)
-        counts = np.empty(27, np.int32)
-        view = np.empty((6, 3), np.float64)
-        rows = np.empty(64, np.uint64)
-        x, y, z = cell[group]
-        fill_brick(child_mask, first_child, 0, level[group], x, y, z, lookahead, brick, counts)
-        for ray in range(group_start[group], group_start[group + 1]):
-            set_view(entry[ray], direction[ray], up[ray], ratio[ray], lookahead, view)
-            sigma, mean = rasterize_brick(luminance, brick, counts, direction[ray], lookahead, view, rows)
-            coverage_out[ray] = sigma
-            luminance_out[ray] = mean / LUMINANCE_SCALE
+def _render(nodes, luminance, rays, lookahead, coverage_out, luminance_out):
+    for group in prange(len(rays.level)):
+        brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
+        viewport = Viewport(np.empty((6, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
+        fill_brick(nodes, 0, rays.level[group], rays.cell[group], lookahead, brick)
+        for at in range(rays.group_start[group], rays.group_start[group + 1]):
+            ray = PatchRay(rays.entry_voxel[at], rays.direction[at], rays.up[at], rays.ratio[at])
+            sigma, mean = render_patch(luminance, brick, ray, lookahead, viewport)
+            coverage_out[at] = sigma
+            luminance_out[at] = mean / LUMINANCE_SCALE

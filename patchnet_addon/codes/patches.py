@@ -33,10 +33,8 @@ def voxel_blocks(octree: Octree, nodes: np.ndarray, lookahead: int = DEFAULT_LOO
     """
     side = 1 << lookahead
     blocks = np.zeros((len(nodes), side**3, CHANNELS), np.float32)
-    _fill_blocks(
-        octree.child_mask, octree.first_child, octree.luminance, octree.normal, np.asarray(nodes, np.int64), lookahead,
-        blocks,
-    )  # fmt: skip
+    voxels = np.asarray(nodes, np.int64)
+    _fill_blocks(octree.nodes, octree.luminance, octree.normal, voxels, lookahead, blocks)
     return blocks.reshape(-1, side, side, side, CHANNELS)
 
 
@@ -62,7 +60,7 @@ def covering_nodes(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
     """Node (N,) int64 at each cell (N, 3) of a level, or the coarser leaf that covers it; -1 where it is empty."""
     cells = np.ascontiguousarray(cells, np.int32)
     nodes = np.empty(len(cells), np.int64)
-    _find_covering(octree.child_mask, octree.first_child, level, cells, nodes)
+    _find_covering(octree.nodes, level, cells, nodes)
     return nodes
 
 
@@ -109,21 +107,21 @@ def corner_blocks(octree: Octree, level: int, corners: np.ndarray, lookahead: in
 
 
 @serial_kernel
-def _find_covering(child_mask, first_child, level, cells, nodes):
+def _find_covering(nodes, level, cells, found):
     for row in range(len(cells)):
         x, y, z = np.int64(cells[row, 0]), np.int64(cells[row, 1]), np.int64(cells[row, 2])
-        nodes[row] = covering_node(child_mask, first_child, 0, level, x, y, z)
+        found[row] = covering_node(nodes, 0, level, x, y, z)
 
 
 @serial_kernel
-def _fill_blocks(child_mask, first_child, luminance, normal, nodes, lookahead, blocks):
-    """blocks: (N, 8^lookahead, 5), all zero."""
+def _fill_blocks(nodes, luminance, normal, voxels, lookahead, blocks):
+    """Write the blocks of nodes `voxels` (N,) into `blocks` (N, 8^lookahead, 5), all zero."""
     cells = np.empty(blocks.shape[1], np.int32)
     luminance_scale, normal_scale = np.float32(LUMINANCE_SCALE), np.float32(NORMAL_SCALE)
-    for row in range(len(nodes)):
-        if nodes[row] < 0:
+    for row in range(len(voxels)):
+        if voxels[row] < 0:
             continue
-        fill_block(child_mask, first_child, nodes[row], lookahead, cells)
+        fill_block(nodes, voxels[row], lookahead, cells)
         for cell in range(len(cells)):
             node = cells[cell]
             if node < 0:

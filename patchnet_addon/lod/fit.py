@@ -16,6 +16,7 @@ import numpy as np
 from ..octree.grid import Grid
 from ..octree.leaf_levels import LeafLevels
 from ..octree.levels import hierarchy
+from ..octree.nodes import Nodes
 from ..octree.voxelize import voxelize
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ..runtime.errors import GeometryError
@@ -81,13 +82,13 @@ def fit_leaf_levels(
         if last:
             break
         last = needed.max(initial=0) <= cap or cap == deepest
-    child_mask, first_child = hierarchy(leaves, max(leaves))
+    nodes = Nodes(*hierarchy(leaves, max(leaves)))
     return FittedLevels(
         layout,
         wanted=int(needed.max(initial=block_level)),
         leaves=sum(len(keys) for keys in leaves.values()),
         lookahead_share=min(
-            (lookahead_share(child_mask, first_child, grid, camera, lookahead=lookahead) for camera in cameras),
+            (lookahead_share(nodes, grid, camera, lookahead=lookahead) for camera in cameras),
             default=1,
         ),
     )
@@ -128,9 +129,9 @@ def _look(
     With them: how many pixels (blocks,) uint32 show each block.
     """
     needed, pixels = np.zeros(len(layout.levels), np.uint8), np.zeros(len(layout.levels), np.uint32)
-    child_mask, first_child = hierarchy(leaves, max(leaves))
+    nodes = Nodes(*hierarchy(leaves, max(leaves)))
     for camera in cameras:
-        steps = needed_levels(child_mask, first_child, grid, camera, needed, pixels, lookahead=lookahead)
+        steps = needed_levels(nodes, grid, camera, needed, pixels, lookahead=lookahead)
         yield from labelled(steps, f"{LABEL}: {camera.name}")
     return needed, pixels
 

@@ -12,6 +12,7 @@ from ..cells.morton import morton_decode, morton_encode
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
 from .grid import Grid
+from .nodes import Nodes
 
 LUMINANCE_SCALE = 65535.0
 NORMAL_SCALE = 127.0
@@ -50,6 +51,11 @@ class Octree:
     def depth(self) -> int:
         """Level of the finest leaves; the root is level 0."""
         return self.grid.depth
+
+    @property
+    def nodes(self) -> Nodes:
+        """Arrays that lead from a node to its children, for kernels."""
+        return Nodes(self.child_mask, self.first_child)
 
     @property
     def node_count(self) -> int:

@@ -91,18 +91,28 @@ class Camera:
 
 
 class CameraUnit(NamedTuple):
-    """Camera in the octree's unit cube, as plain arrays for kernels.
+    """Camera in the octree's unit cube, for kernels.
 
     frame: (4, 3) float64 position, right * half_x, up * half_y, forward.
-    lens: (6,) float64 shift_x, shift_y, pixel side at z = 0, its growth per unit of z, and the z where sight begins and
-    ends.
+    shift_x, shift_y: offset of the picture's centre, in half extents.
+    side_at_0, side_per_z: side of a pixel at axial distance z is side_at_0 + side_per_z * z (methods 4.1b).
+    nearest, farthest: axial distances where sight begins and ends.
     """
 
     frame: np.ndarray
-    lens: np.ndarray
+    shift_x: float
+    shift_y: float
+    side_at_0: float
+    side_per_z: float
+    nearest: float
+    farthest: float
     perspective: bool
     width_px: int
     height_px: int
+
+    def finer(self, factor: float) -> CameraUnit:
+        """Shrink the footprint of rays to pixel / factor; the rays stay where they are."""
+        return self._replace(side_at_0=self.side_at_0 / factor, side_per_z=self.side_per_z / factor)
 
 
 def camera_in_unit_cube(camera: Camera, grid: Grid) -> CameraUnit:
@@ -117,8 +127,16 @@ def camera_in_unit_cube(camera: Camera, grid: Grid) -> CameraUnit:
             np.asarray(camera.forward, np.float64),
         ]
     ).astype(np.float64)
-    side = 2.0 * camera.half_y * scale / camera.height_px
-    sides = (0.0, side) if perspective else (side, 0.0)
-    clip = camera.clip_start / grid.side_world, camera.clip_end / grid.side_world
-    lens = np.array([camera.shift_x, camera.shift_y, *sides, *clip])
-    return CameraUnit(frame, lens, perspective, camera.width_px, camera.height_px)
+    side = float(2.0 * camera.half_y * scale / camera.height_px)
+    return CameraUnit(
+        frame,
+        shift_x=float(camera.shift_x),
+        shift_y=float(camera.shift_y),
+        side_at_0=0.0 if perspective else side,
+        side_per_z=side if perspective else 0.0,
+        nearest=float(camera.clip_start / grid.side_world),
+        farthest=float(camera.clip_end / grid.side_world),
+        perspective=perspective,
+        width_px=int(camera.width_px),
+        height_px=int(camera.height_px),
+    )

@@ -24,7 +24,7 @@ def pixel_rays(
     """Origins (N, 3), unit directions (N, 3) in the cube and axial speeds (N,) through picture points in [-1, 1]."""
     unit = camera_in_unit_cube(camera, octree.grid)
     position, right, up, forward = unit.frame
-    offset = (x + unit.lens[0])[:, None] * right + (y + unit.lens[1])[:, None] * up  # (N, 3)
+    offset = (x + unit.shift_x)[:, None] * right + (y + unit.shift_y)[:, None] * up  # (N, 3)
     if not unit.perspective:
         return position + offset, np.broadcast_to(forward, offset.shape), np.ones(len(x))
     direction = forward + offset
@@ -37,9 +37,9 @@ def first_hits_reference(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Node (N,) int64 (-1: miss) and t (N,) of rays through picture points; footprint scales the pixel side."""
     origin, direction, speed = pixel_rays(octree, camera, x, y)
-    lens = camera_in_unit_cube(camera, octree.grid).lens
-    (side_at_0, side_per_z), (nearest, farthest) = lens[2:4] * footprint, lens[4:]
-    start = nearest / speed
+    unit = camera_in_unit_cube(camera, octree.grid)
+    side_at_0, side_per_z = unit.side_at_0 * footprint, unit.side_per_z * footprint
+    start = unit.nearest / speed
     with np.errstate(divide="ignore"):
         inverse = 1.0 / direction
     best_t = np.full(len(x), np.inf)
@@ -58,7 +58,7 @@ def first_hits_reference(
             if t < best_t[r]:
                 best_t[r], best_node[r] = t, n
         ray, node, cell = _children(octree, ray[~stops], node[~stops], cell[~stops])
-    seen = best_t * speed <= farthest
+    seen = best_t * speed <= unit.farthest
     return np.where(seen, best_node, -1), np.where(seen, best_t, np.inf)
 
 
@@ -120,8 +120,8 @@ def needed_levels_reference(
         node, t = first_hits_reference(octree, camera, sx, sy, 0.5**finer)
         hit = node >= 0
         speed = pixel_rays(octree, camera, sx, sy)[2]
-        side_at_0, side_per_z = camera_in_unit_cube(camera, octree.grid).lens[2:4]
-        pixel = side_at_0 + side_per_z * t[hit] * speed[hit]
+        unit = camera_in_unit_cube(camera, octree.grid)
+        pixel = unit.side_at_0 + unit.side_per_z * t[hit] * speed[hit]
         wanted = fitting_level_of(pixel).astype(int) + lookahead
         for level, index, depth in zip(octree.level_of(node[hit]), node[hit], wanted, strict=True):
             cell = octree.cells(level)[index - octree.level_start[level]]

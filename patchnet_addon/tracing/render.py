@@ -7,6 +7,7 @@ All pictures are (H * W,) with row 0 at the bottom, as Blender stores them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -14,9 +15,24 @@ import numpy as np
 from ..cells.contract import MAX_LEVELS, pixel_voxel_ratio
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.kernels import kernel
+from ..runtime.kernels import device, kernel
 from .camera import Camera, camera_in_unit_cube
-from .traverse import first_hit, first_seen, pixel_ray
+from .traverse import PixelSide, first_hit, first_seen, pixel_ray
+
+
+class _Traced(NamedTuple):
+    """Hits of P pixels as the kernel writes them: those of `Hits`, and t_unit.
+
+    t_unit: (P, 2) float64, length of the ray and axial distance in the unit cube; 0 for a miss.
+    """
+
+    node: np.ndarray
+    level: np.ndarray
+    cell: np.ndarray
+    t_unit: np.ndarray
+    ratio: np.ndarray
+    entry: np.ndarray
+    direction: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,24 +70,34 @@ def first_hits(octree: Octree, camera: Camera, background: float = 0.0) -> Hits:
     """Trace a ray through every pixel centre, stopped by the level-of-detail contract."""
     unit = camera_in_unit_cube(camera, octree.grid)
     pixels = camera.pixel_count
-    node = np.empty(pixels, np.int64)
-    level = np.empty(pixels, np.int32)
-    cell = np.empty((pixels, 3), np.int32)
-    t_unit = np.empty((pixels, 2), np.float64)  # along the ray, along the axis
-    ratio = np.empty(pixels, np.float32)
-    entry = np.empty((pixels, 3), np.float32)
-    direction = np.empty((pixels, 3), np.float32)
-    _first_hits(
-        octree.child_mask, octree.first_child, *unit, node, level, cell, t_unit, ratio, entry, direction,
-    )  # fmt: skip
+    traced = _Traced(
+        node=np.empty(pixels, np.int64),
+        level=np.empty(pixels, np.int32),
+        cell=np.empty((pixels, 3), np.int32),
+        t_unit=np.empty((pixels, 2), np.float64),
+        ratio=np.empty(pixels, np.float32),
+        entry=np.empty((pixels, 3), np.float32),
+        direction=np.empty((pixels, 3), np.float32),
+    )
+    _first_hits(octree.nodes, unit, traced)
     luminance = np.full(pixels, background, np.float32)
-    hit = node >= 0
-    luminance[hit] = octree.luminance_float(node[hit])
-    t_world = np.where(hit[:, None], t_unit * octree.grid.side_world, np.inf).astype(np.float32)
+    hit = traced.node >= 0
+    luminance[hit] = octree.luminance_float(traced.node[hit])
+    t_world = np.where(hit[:, None], traced.t_unit * octree.grid.side_world, np.inf).astype(np.float32)
     return Hits(
-        camera.width_px, camera.height_px, node, level, cell, t_world[:, 0], t_world[:, 1], ratio, entry, direction,
-        ray_up(direction, camera.up), luminance,
-    )  # fmt: skip
+        width_px=camera.width_px,
+        height_px=camera.height_px,
+        node=traced.node,
+        level=traced.level,
+        cell=traced.cell,
+        t_world=t_world[:, 0],
+        z_world=t_world[:, 1],
+        ratio=traced.ratio,
+        entry_voxel=traced.entry,
+        direction=traced.direction,
+        up=ray_up(traced.direction, camera.up),
+        luminance=luminance,
+    )
 
 
 def hit_colors(octree: Octree, hits: Hits, background: float = 0.0) -> np.ndarray:
@@ -90,40 +116,41 @@ def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _first_hits(
-    child_mask, first_child, frame, lens, perspective, width, height, node, level, cell, t_unit, ratio, entry, direction
-):  # type: ignore[no-untyped-def]
-    for row in numba.prange(height):
-        stack = np.empty(MAX_LEVELS, np.int64)
-        found = np.empty(3, np.int64)
-        ray_o = np.empty(3, np.float64)
-        ray_d = np.empty(3, np.float64)
-        for column in range(width):
-            pixel = row * width + column
-            x = (2.0 * column + 1.0) / width - 1.0
-            y = (2.0 * row + 1.0) / height - 1.0
-            speed = pixel_ray(frame, lens, perspective, x, y, ray_o, ray_d)
-            hit, depth, t = first_seen(child_mask, first_child, ray_o, ray_d, speed, lens, 1.0, stack, found)
-            node[pixel] = hit
-            level[pixel] = depth
+def _first_hits(nodes, camera, traced):  # type: ignore[no-untyped-def]
+    for row in numba.prange(camera.height_px):
+        _trace_row(nodes, camera, row, traced)
+
+
+@device
+def _trace_row(nodes, camera, row, traced):  # type: ignore[no-untyped-def]
+    """Trace the pixels of a row and write into `traced`, which a parallel kernel cannot."""
+    stack = np.empty(MAX_LEVELS, np.int64)
+    for column in range(camera.width_px):
+        pixel = row * camera.width_px + column
+        x = (2.0 * column + 1.0) / camera.width_px - 1.0
+        y = (2.0 * row + 1.0) / camera.height_px - 1.0
+        ray = pixel_ray(camera, x, y)
+        hit = first_seen(nodes, camera, ray, 1.0, stack)
+        traced.node[pixel] = hit.node
+        traced.level[pixel] = hit.level
+        for axis in range(3):
+            traced.direction[pixel, axis] = ray.direction[axis]
+        if hit.node >= 0:
+            scale = np.float64(1 << hit.level)
+            side = camera.side_at_0 + camera.side_per_z * hit.t * ray.speed
+            traced.ratio[pixel] = pixel_voxel_ratio(side, scale)
+            traced.t_unit[pixel, 0] = hit.t
+            traced.t_unit[pixel, 1] = hit.t * ray.speed
             for axis in range(3):
-                direction[pixel, axis] = ray_d[axis]
-            if hit >= 0:
-                scale = np.float64(1 << depth)
-                side = lens[2] + lens[3] * t * speed
-                ratio[pixel] = pixel_voxel_ratio(side, scale)
-                t_unit[pixel, 0] = t
-                t_unit[pixel, 1] = t * speed
-                for axis in range(3):
-                    cell[pixel, axis] = found[axis]
-                    local = (ray_o[axis] + t * ray_d[axis]) * scale - found[axis]
-                    entry[pixel, axis] = min(max(local, 0.0), 1.0)
-            else:
-                ratio[pixel] = 1.0
-                t_unit[pixel, :] = 0.0
-                for axis in range(3):
-                    cell[pixel, axis] = -1
-                    entry[pixel, axis] = 0.0
+                traced.cell[pixel, axis] = hit.cell[axis]
+                local = (ray.origin[axis] + hit.t * ray.direction[axis]) * scale - hit.cell[axis]
+                traced.entry[pixel, axis] = min(max(local, 0.0), 1.0)
+        else:
+            traced.ratio[pixel] = 1.0
+            traced.t_unit[pixel, :] = 0.0
+            for axis in range(3):
+                traced.cell[pixel, axis] = -1
+                traced.entry[pixel, axis] = 0.0
 
 
 def behind(
@@ -139,35 +166,25 @@ def behind(
     It runs with the footprint of a patch's fine voxels, `lookahead` levels below the pixel's: a coarse one would meet
     the grown outline of the very surface whose gaps it is to look through.
     """
-    unit = camera_in_unit_cube(camera, octree.grid)
-    lens = unit.lens.copy()
-    lens[2:4] /= 2.0**lookahead
+    unit = camera_in_unit_cube(camera, octree.grid).finer(2.0**lookahead)
     out = np.full(camera.pixel_count, background, np.float32)
     t_unit = np.where(hits.hit, hits.t_world / octree.grid.side_world, 0.0).astype(np.float64)
-    _behind(
-        octree.child_mask, octree.first_child, octree.luminance, unit.frame, lens, unit.perspective,
-        unit.width_px, unit.height_px, hits.node, hits.level, t_unit, out,
-    )  # fmt: skip
+    _behind(octree.nodes, octree.luminance, unit, hits.node, hits.level, t_unit, out)
     return out
 
 
 @kernel
-def _behind(child_mask, first_child, luminance, frame, lens, perspective, width, height, node, level, t_unit, out):  # type: ignore[no-untyped-def]
-    for row in numba.prange(height):
+def _behind(nodes, luminance, camera, node, level, t_unit, out):  # type: ignore[no-untyped-def]
+    for row in numba.prange(camera.height_px):
         stack = np.empty(MAX_LEVELS, np.int64)
-        found = np.empty(3, np.int64)
-        ray_o = np.empty(3, np.float64)
-        ray_d = np.empty(3, np.float64)
-        for column in range(width):
-            pixel = row * width + column
+        for column in range(camera.width_px):
+            pixel = row * camera.width_px + column
             if node[pixel] < 0:
                 continue
-            x = (2.0 * column + 1.0) / width - 1.0
-            y = (2.0 * row + 1.0) / height - 1.0
-            speed = pixel_ray(frame, lens, perspective, x, y, ray_o, ray_d)
+            x = (2.0 * column + 1.0) / camera.width_px - 1.0
+            y = (2.0 * row + 1.0) / camera.height_px - 1.0
+            ray = pixel_ray(camera, x, y)
             start = t_unit[pixel] + 1.5 / np.float64(1 << level[pixel])
-            hit, _, t = first_hit(
-                child_mask, first_child, ray_o, ray_d, start, 0.0, speed, lens[2], lens[3], stack, found
-            )
-            if hit >= 0 and t * speed <= lens[5]:
-                out[pixel] = luminance[hit] / LUMINANCE_SCALE
+            hit = first_hit(nodes, ray, start, PixelSide(camera.side_at_0, camera.side_per_z), stack)
+            if hit.node >= 0 and hit.t * ray.speed <= camera.farthest:
+                out[pixel] = luminance[hit.node] / LUMINANCE_SCALE

@@ -12,24 +12,13 @@ from ..runtime.bounds import RAYS
 from ..runtime.kernels import kernel
 from ..runtime.progress import Progress, Steps
 from ..surface.chroma_kernels import decode_color
-from .camera import Camera, CameraUnit, camera_in_unit_cube
+from .camera import Camera, camera_in_unit_cube
 from .traverse import first_seen, pixel_ray
 
 MAX_SAMPLES = int(RAYS.high)  # per pixel side
 NO_CHROMA = np.empty((0, 2), np.uint8)
+MEANS = 5  # luminance, red, green, blue, coverage
 _ROWS_PER_STEP = 8
-
-
-def finer_rays(octree: Octree, camera: Camera, samples: int) -> tuple[CameraUnit, np.ndarray]:
-    """Camera in the octree's cube, and the lens of rays that have the footprint pixel / samples.
-
-    Raises SettingError for sample counts outside 1 to MAX_SAMPLES.
-    """
-    RAYS.check(samples)
-    unit = camera_in_unit_cube(camera, octree.grid)
-    lens = unit.lens.copy()
-    lens[2:4] /= samples
-    return unit, lens
 
 
 def supersample(
@@ -55,55 +44,60 @@ def _supersampled(
     octree: Octree, chroma: np.ndarray, camera: Camera, samples: int, background: float, same_lod: bool
 ) -> Steps[tuple[np.ndarray, np.ndarray]]:
     """Luminance (P,), and colours (P, 3) unless `chroma` is empty."""
-    unit, lens = finer_rays(octree, camera, samples)
-    if same_lod:
-        lens = unit.lens
-    out = np.empty(camera.pixel_count, np.float32)
+    RAYS.check(samples)
+    unit = camera_in_unit_cube(camera, octree.grid)
+    unit = unit if same_lod else unit.finer(samples)
+    luminance = np.empty(camera.pixel_count, np.float32)
     colors = np.empty((camera.pixel_count if len(chroma) else 0, 3), np.float32)
     for row in range(0, camera.height_px, _ROWS_PER_STEP):
         last = min(row + _ROWS_PER_STEP, camera.height_px)
-        _supersample(
-            octree.child_mask, octree.first_child, octree.luminance, chroma, unit.frame, lens, unit.perspective,
-            unit.width_px, unit.height_px, row, last, samples, np.float64(background), out, colors,
-        )  # fmt: skip
+        here = slice(row * camera.width_px, last * camera.width_px)
+        pixels = np.arange(here.start, here.stop, dtype=np.int64)
+        means = np.empty((len(pixels), MEANS), np.float32)
+        mean_of_rays(octree.nodes, octree.luminance, chroma, unit, pixels, samples, np.float64(background), means)
+        luminance[here] = means[:, 0]
+        if len(chroma):
+            colors[here] = means[:, 1:4]
         yield Progress(last, camera.height_px, f"Sampling {samples}x{samples}")
-    return out, colors
+    return luminance, colors
 
 
 @kernel
-def _supersample(  # type: ignore[no-untyped-def]
-    child_mask, first_child, luminance, chroma, frame, lens, perspective, width, height, first, last, samples,
-    background, out, colors,
-):  # fmt: skip
-    for index in numba.prange((last - first) * width):
-        row = first + index // width
-        column = index % width
+def mean_of_rays(nodes, luminance, chroma, camera, pixels, samples, background, means):  # type: ignore[no-untyped-def]
+    """Write what samples x samples rays of each pixel (N,) see into `means` (N, MEANS) float32.
+
+    Means are those of luminance, red, green, blue, and the share of the rays that met something. Without chroma (0, 2),
+    red, green and blue are the luminance.
+    """
+    for index in numba.prange(len(pixels)):
+        row = pixels[index] // camera.width_px
+        column = pixels[index] % camera.width_px
         stack = np.empty(MAX_LEVELS, np.int64)
-        found = np.empty(3, np.int64)
-        ray_o = np.empty(3, np.float64)
-        ray_d = np.empty(3, np.float64)
         total = 0.0
         red = 0.0
         green = 0.0
         blue = 0.0
+        met = 0
         for j in range(samples):
-            y = 2.0 * (row + (j + 0.5) / samples) / height - 1.0
+            y = 2.0 * (row + (j + 0.5) / samples) / camera.height_px - 1.0
             for i in range(samples):
-                x = 2.0 * (column + (i + 0.5) / samples) / width - 1.0
-                speed = pixel_ray(frame, lens, perspective, x, y, ray_o, ray_d)
-                hit, _, _ = first_seen(child_mask, first_child, ray_o, ray_d, speed, lens, 1.0, stack, found)
-                shine = luminance[hit] / LUMINANCE_SCALE if hit >= 0 else background
+                x = 2.0 * (column + (i + 0.5) / samples) / camera.width_px - 1.0
+                node = first_seen(nodes, camera, pixel_ray(camera, x, y), 1.0, stack).node
+                met += node >= 0
+                shine = luminance[node] / LUMINANCE_SCALE if node >= 0 else background
                 total += shine
                 if len(chroma):
-                    if hit >= 0:
-                        r, g, b = decode_color(shine, chroma[hit, 0], chroma[hit, 1])
+                    if node >= 0:
+                        r, g, b = decode_color(shine, chroma[node, 0], chroma[node, 1])
                     else:
                         r, g, b = background, background, background
                     red += r
                     green += g
                     blue += b
-        out[row * width + column] = total / (samples * samples)
-        if len(chroma):
-            colors[row * width + column, 0] = red / (samples * samples)
-            colors[row * width + column, 1] = green / (samples * samples)
-            colors[row * width + column, 2] = blue / (samples * samples)
+        if len(chroma) == 0:
+            red, green, blue = total, total, total
+        means[index, 0] = total / (samples * samples)
+        means[index, 1] = red / (samples * samples)
+        means[index, 2] = green / (samples * samples)
+        means[index, 3] = blue / (samples * samples)
+        means[index, 4] = met / (samples * samples)

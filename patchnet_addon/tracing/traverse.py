@@ -9,6 +9,8 @@ cell changes.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..cells.contract import fits_pixel
@@ -16,6 +18,33 @@ from ..runtime.kernels import device
 
 _FAR = 1e300
 _TINY = 1e-150
+
+
+class Ray(NamedTuple):
+    """Ray in the unit cube: origin, direction of unit length, and axial distance per unit of its length."""
+
+    origin: tuple[float, float, float]
+    direction: tuple[float, float, float]
+    speed: float
+
+
+class PixelSide(NamedTuple):
+    """Side of a pixel at axial distance z, at_0 + per_z * z: a voxel below twice that stops a ray (methods 4.1b)."""
+
+    at_0: float
+    per_z: float
+
+
+class Hit(NamedTuple):
+    """Voxel that a ray met: its node, -1 for none, its level, the ray's length to it, and its cell on that level."""
+
+    node: np.int64
+    level: np.int64
+    t: float
+    cell: tuple[np.int64, np.int64, np.int64]
+
+
+_MISS = Hit(np.int64(-1), np.int64(0), _FAR, (np.int64(0), np.int64(0), np.int64(0)))
 
 
 @device
@@ -28,9 +57,9 @@ def _bit_length(value):  # type: ignore[no-untyped-def]
 
 
 @device
-def _child(child_mask, first_child, node, octant):  # type: ignore[no-untyped-def]
+def _child(nodes, node, octant):  # type: ignore[no-untyped-def]
     """Index of a child, -1 if it does not exist."""
-    mask = child_mask[node]
+    mask = nodes.child_mask[node]
     if (mask >> octant) & 1 == 0:
         return np.int64(-1)
     below = mask & ((1 << octant) - 1)
@@ -38,7 +67,7 @@ def _child(child_mask, first_child, node, octant):  # type: ignore[no-untyped-de
     while below:
         below &= below - 1
         count += 1
-    return np.int64(first_child[node]) + count
+    return np.int64(nodes.first_child[node]) + count
 
 
 @device
@@ -50,22 +79,21 @@ def _upwards(origin, direction):  # type: ignore[no-untyped-def]
 
 
 @device
-def first_hit(child_mask, first_child, origin, direction, t_start, z0, dz, side0, side_per_z, stack, cell):  # type: ignore[no-untyped-def]
-    """Node, level and t of the first voxel that the ray meets and that fits its pixel, or is a leaf; node -1 if none.
+def first_hit(nodes, ray, t_start, pixel_side, stack):  # type: ignore[no-untyped-def]
+    """First voxel (a `Hit`) that the ray meets from t_start on and that fits its pixel, or is a leaf.
 
-    origin, direction: (3,) float64 in the unit cube; t in units of the direction. t_start: where the walk begins.
-    z0 + t * dz is the axial distance at t; side0 + side_per_z * z the pixel side there. A voxel of side s stops the ray
-    if s < 2 * pixel side at its entry point. stack: (MAX_LEVELS,) int64 scratch. cell: (3,) int64, becomes the voxel's.
+    A voxel of side s stops the ray if s < 2 * pixel side at its entry point. nodes: `Nodes`. pixel_side: `PixelSide`.
+    stack: (MAX_LEVELS,) int64 scratch.
     """
-    ox, inv_x, mirror_x = _upwards(origin[0], direction[0])
-    oy, inv_y, mirror_y = _upwards(origin[1], direction[1])
-    oz, inv_z, mirror_z = _upwards(origin[2], direction[2])
+    ox, inv_x, mirror_x = _upwards(ray.origin[0], ray.direction[0])
+    oy, inv_y, mirror_y = _upwards(ray.origin[1], ray.direction[1])
+    oz, inv_z, mirror_z = _upwards(ray.origin[2], ray.direction[2])
     mirror = mirror_x | mirror_y << 1 | mirror_z << 2
     t = max(max(-ox * inv_x, -oy * inv_y), max(-oz * inv_z, t_start))
     t_leave = min(min((1.0 - ox) * inv_x, (1.0 - oy) * inv_y), (1.0 - oz) * inv_z)
     if not t < t_leave:
-        return np.int64(-1), 0, _FAR
-    level = 0
+        return _MISS
+    level = np.int64(0)
     size = 1.0
     ix = np.int64(0)
     iy = np.int64(0)
@@ -73,13 +101,13 @@ def first_hit(child_mask, first_child, origin, direction, t_start, z0, dz, side0
     node = np.int64(0)
     while True:
         if node >= 0:
-            pixel = side0 + side_per_z * (z0 + t * dz)
-            if child_mask[node] == 0 or fits_pixel(size, pixel):
+            pixel = pixel_side.at_0 + pixel_side.per_z * (t * ray.speed)
+            if nodes.child_mask[node] == 0 or fits_pixel(size, pixel):
                 top = (np.int64(1) << level) - 1
-                cell[0] = top - ix if mirror_x else ix
-                cell[1] = top - iy if mirror_y else iy
-                cell[2] = top - iz if mirror_z else iz
-                return node, level, t
+                x = top - ix if mirror_x else ix
+                y = top - iy if mirror_y else iy
+                z = top - iz if mirror_z else iz
+                return Hit(node, level, t, (x, y, z))
             stack[level] = node
             level += 1
             size *= 0.5
@@ -110,47 +138,44 @@ def first_hit(child_mask, first_child, origin, direction, t_start, z0, dz, side0
             t = max(t, t_exit)
             climb = _bit_length(changed) - 1
             if climb >= level:
-                return np.int64(-1), 0, _FAR
+                return _MISS
             level -= climb
             ix >>= climb
             iy >>= climb
             iz >>= climb
             size *= 1.0 * (1 << climb)
         octant = ((ix & 1) | ((iy & 1) << 1) | ((iz & 1) << 2)) ^ mirror
-        node = _child(child_mask, first_child, stack[level - 1], octant)
+        node = _child(nodes, stack[level - 1], octant)
 
 
 @device
-def first_seen(child_mask, first_child, origin, direction, speed, lens, footprint, stack, cell):  # type: ignore[no-untyped-def]
-    """Find `first_hit` of a ray of `pixel_ray` between the lens's planes of sight; footprint scales the pixel side."""
-    node, level, t = first_hit(
-        child_mask, first_child, origin, direction, lens[4] / speed, 0.0, speed, footprint * lens[2],
-        footprint * lens[3], stack, cell,
-    )  # fmt: skip
-    if node >= 0 and t * speed > lens[5]:
-        return np.int64(-1), 0, _FAR
-    return node, level, t
+def first_seen(nodes, camera, ray, footprint, stack):  # type: ignore[no-untyped-def]
+    """Find `first_hit` of a ray of `pixel_ray` where the camera sees; footprint scales the pixel side."""
+    pixel_side = PixelSide(footprint * camera.side_at_0, footprint * camera.side_per_z)
+    hit = first_hit(nodes, ray, camera.nearest / ray.speed, pixel_side, stack)
+    if hit.node >= 0 and hit.t * ray.speed > camera.farthest:
+        return _MISS
+    return hit
 
 
 @device
-def pixel_ray(frame, lens, perspective, x, y, origin, direction):  # type: ignore[no-untyped-def]
-    """Ray through picture coordinates x, y in [-1, 1] (right and up); returns its axial speed.
+def pixel_ray(camera, x, y):  # type: ignore[no-untyped-def]
+    """Ray of a `CameraUnit` through picture coordinates x, y in [-1, 1] (right and up).
 
-    A perspective ray starts at the camera; an orthographic one in the camera's plane. direction has unit length.
+    A perspective ray starts at the camera; an orthographic one in the camera's plane.
     """
-    sx = x + lens[0]
-    sy = y + lens[1]
-    length = 0.0
-    for axis in range(3):
-        offset = sx * frame[1, axis] + sy * frame[2, axis]
-        if perspective:
-            origin[axis] = frame[0, axis]
-            direction[axis] = frame[3, axis] + offset
-        else:
-            origin[axis] = frame[0, axis] + offset
-            direction[axis] = frame[3, axis]
-        length += direction[axis] * direction[axis]
-    length = np.sqrt(length)
-    for axis in range(3):
-        direction[axis] /= length
-    return 1.0 / length if perspective else 1.0
+    frame = camera.frame
+    sx = x + camera.shift_x
+    sy = y + camera.shift_y
+    ox, oy, oz = frame[0, 0], frame[0, 1], frame[0, 2]
+    dx, dy, dz = frame[3, 0], frame[3, 1], frame[3, 2]
+    across_x = sx * frame[1, 0] + sy * frame[2, 0]
+    across_y = sx * frame[1, 1] + sy * frame[2, 1]
+    across_z = sx * frame[1, 2] + sy * frame[2, 2]
+    if camera.perspective:
+        dx, dy, dz = dx + across_x, dy + across_y, dz + across_z
+    else:
+        ox, oy, oz = ox + across_x, oy + across_y, oz + across_z
+    length = np.sqrt(dx * dx + dy * dy + dz * dz)
+    speed = 1.0 / length if camera.perspective else 1.0
+    return Ray((ox, oy, oz), (dx / length, dy / length, dz / length), speed)

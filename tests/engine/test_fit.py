@@ -64,7 +64,7 @@ def cameras():
 def test_needed_levels_equal_the_reference(camera, block_level):
     octree = random_octree(seed=3, depth=6, count=500, adaptive=True)
     needed, pixels = np.zeros(8**block_level, np.uint8), np.zeros(8**block_level, np.uint32)
-    drain(needed_levels(octree.child_mask, octree.first_child, octree.grid, camera, needed, pixels))
+    drain(needed_levels(octree.nodes, octree.grid, camera, needed, pixels))
     expected = needed_levels_reference(octree, camera, block_level, np.array(FINE_OFFSETS))
     assert expected.max() > block_level
     np.testing.assert_array_equal(needed, expected)

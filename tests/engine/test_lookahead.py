@@ -203,13 +203,13 @@ def test_arrays_of_another_look_ahead_than_stated(tmp_path):
 def test_contract(octree, camera, lookahead):
     """Look-ahead that is asked for, what there is, and the depth that gives it."""
     needed, pixels = np.zeros(8**3, np.uint8), np.zeros(8**3, np.uint32)
-    arrays = octree.child_mask, octree.first_child, octree.grid, camera
-    drain(needed_levels(*arrays, needed, pixels, lookahead=lookahead))
+    seen = octree.nodes, octree.grid, camera
+    drain(needed_levels(*seen, needed, pixels, lookahead=lookahead))
     wanted = needed_levels_reference(octree, camera, 3, np.array(FINE_OFFSETS), lookahead=lookahead)
     np.testing.assert_array_equal(needed, wanted)
     hits = first_hits(octree, camera)
     share = octree.look_ahead(lookahead)[hits.node[hits.hit]].mean()
-    assert lookahead_share(*arrays, lookahead=lookahead) == pytest.approx(share)
+    assert lookahead_share(*seen, lookahead=lookahead) == pytest.approx(share)
     assert wanted_depth(octree, [camera], lookahead=lookahead) == max(
         wanted_depth(octree, [camera], lookahead=3) - 3 + lookahead, 5
     )

@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.brick import brick_nodes
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
+from patchnet.patchnet_addon.codes.patch_rays_reference import render_patches_reference
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.training.procedural import prune, spheres_and_slats
 
@@ -33,35 +33,17 @@ def random_rays(octree: Octree, level: int, voxels: int, views: int, seed: int) 
     return PatchRays(np.full(voxels, level, np.int32), cell, start, *arrays)
 
 
-def march(octree: Octree, rays: PatchRays, group: int, ray: int) -> tuple[float, float]:
-    """Coverage and luminance by the slab test of 4096 rays against every occupied cube, in float64."""
-    nodes = brick_nodes(octree, int(rays.level[group]), rays.cell[group])
-    there = np.argwhere(nodes >= 0)[:, ::-1] / 4 - 1.0  # lowest corners in voxels, x y z
-    luminance = octree.luminance_float(nodes[nodes >= 0])
-    direction, up = rays.direction[ray].astype(np.float64), rays.up[ray].astype(np.float64)
-    along = (np.arange(64) + 0.5) / 64 - 0.5
-    across, upward = np.meshgrid(along * rays.ratio[ray], along * rays.ratio[ray])
-    origin = rays.entry_voxel[ray] + across.reshape(-1, 1) * np.cross(direction, up) + upward.reshape(-1, 1) * up
-    middle = np.abs((there + 0.125 - rays.entry_voxel[ray]) @ np.stack([np.cross(direction, up), up], 1)).max(1)
-    there, luminance = there[middle < 0.75], luminance[middle < 0.75]  # the rest is outside of the viewport
-    with np.errstate(divide="ignore", invalid="ignore"):
-        first = (there - origin[:, None]) / direction
-        second = (there + 0.25 - origin[:, None]) / direction
-    enter, leave = np.minimum(first, second).max(2), np.maximum(first, second).min(2)
-    enter = np.where(enter <= leave, enter, np.inf)
-    hit = np.isfinite(enter).any(1)
-    return float(hit.mean()), float(luminance[enter.argmin(1)][hit].mean()) if hit.any() else 0.0
+def assert_as_followed(octree: Octree, rays: PatchRays, lookahead: int = 2) -> None:
+    coverage, luminance = render_patches(octree, rays, lookahead)
+    expected_coverage, expected_luminance = render_patches_reference(octree, rays, lookahead)
+    # A ray that grazes an edge may fall to either side: 2 of 4096.
+    np.testing.assert_allclose(coverage, expected_coverage, rtol=0, atol=2 / 4096)
+    np.testing.assert_allclose(luminance, expected_luminance, rtol=0, atol=2e-3)
 
 
-@pytest.mark.parametrize("level", [1, 3, 4])
-def test_equals_rays_followed_one_by_one(octree: Octree, level: int) -> None:
-    rays = random_rays(octree, level, voxels=3, views=2, seed=level)
-    coverage, luminance = render_patches(octree, rays)
-    for ray in range(6):
-        expected = march(octree, rays, ray // 2, ray)
-        # A ray that grazes an edge may fall to either side: 2 of 4096.
-        assert abs(coverage[ray] - expected[0]) <= 2 / 4096
-        assert abs(luminance[ray] - expected[1]) < 2e-3
+@pytest.mark.parametrize(("level", "lookahead"), [(1, 2), (3, 2), (4, 2), (4, 1), (3, 3)])
+def test_equals_rays_followed_one_by_one(octree: Octree, level: int, lookahead: int) -> None:
+    assert_as_followed(octree, random_rays(octree, level, voxels=3, views=2, seed=level), lookahead)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -72,11 +54,7 @@ def test_views_along_an_axis(octree: Octree, axis: int, sign: float) -> None:
     rays.direction[:] = sign * np.eye(3)[axis]
     rays.up[:] = np.eye(3)[(axis + 1) % 3]
     rays.entry_voxel[:] = 0.5371
-    coverage, luminance = render_patches(octree, rays)
-    for ray in range(2):
-        expected = march(octree, rays, ray, ray)
-        assert abs(coverage[ray] - expected[0]) <= 2 / 4096
-        assert abs(luminance[ray] - expected[1]) < 2e-3
+    assert_as_followed(octree, rays)
 
 
 def test_coarser_leaf_is_solid() -> None:

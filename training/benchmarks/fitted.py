@@ -57,7 +57,7 @@ def benchmark_fit(
 
 
 def _row(name: str, octree: Octree, built: Built, cameras: Sequence[Camera]) -> dict[str, Any]:
-    shares = [lookahead_share(octree.child_mask, octree.first_child, octree.grid, camera) for camera in cameras]
+    shares = [lookahead_share(octree.nodes, octree.grid, camera) for camera in cameras]
     return {
         "name": name,
         "depth": octree.depth,
