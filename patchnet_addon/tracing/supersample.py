@@ -84,11 +84,11 @@ def mean_of_rays(nodes, luminance, chroma, camera, pixels, samples, background, 
                 x = 2.0 * (column + (i + 0.5) / samples) / camera.width_px - 1.0
                 node = first_seen(nodes, camera, pixel_ray(camera, x, y), 1.0, stack).node
                 met += node >= 0
-                shine = luminance[node] / LUMINANCE_SCALE if node >= 0 else background
-                total += shine
+                seen = luminance[node] / LUMINANCE_SCALE if node >= 0 else background
+                total += seen
                 if len(chroma):
                     if node >= 0:
-                        r, g, b = decode_color(shine, chroma[node, 0], chroma[node, 1])
+                        r, g, b = decode_color(seen, chroma[node, 0], chroma[node, 1])
                     else:
                         r, g, b = background, background, background
                     red += r
