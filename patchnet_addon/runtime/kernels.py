@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import hashlib
 import logging
 import pickle
 import threading
@@ -37,7 +38,16 @@ def _with_kernels() -> list[str]:
     return [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in found]
 
 
-numba.config.CACHE_DIR = str(kernel_folder(user_cache_folder(), source_hash(*_with_kernels())))
+def _version() -> str:
+    """16 hex digits over the sources of kernels and the package's name.
+
+    Cached signatures hold the classes of NamedTuples by their module, and Blender has the package under another name
+    than Python, which may change with the name of a repository of extensions.
+    """
+    return hashlib.sha256(f"{__package__} {source_hash(*_with_kernels())}".encode()).hexdigest()[:16]
+
+
+numba.config.CACHE_DIR = str(kernel_folder(user_cache_folder(), _version()))
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]

@@ -130,6 +130,29 @@ def test_what_others_may_have_planted_is_not_used(
     assert chosen != place and chosen.parent == temporary and not chosen.stat().st_mode & 0o077
 
 
+RENAMED = """
+import importlib.util
+import sys
+from pathlib import Path
+
+name, folder = sys.argv[1:]
+spec = importlib.util.spec_from_file_location(name, Path(folder) / "__init__.py", submodule_search_locations=[folder])
+sys.modules[name] = importlib.util.module_from_spec(spec)
+print(importlib.import_module(f"{name}.patchnet_addon.runtime.kernels").numba.config.CACHE_DIR)
+"""
+
+
+def test_kernels_of_a_renamed_package_are_kept_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Signatures name the classes of their NamedTuples, which cannot be imported by another package's name."""
+    monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path))
+    folder = Path(cache_folder.__file__).parents[2]
+    folders = [
+        subprocess.run([sys.executable, "-c", RENAMED, name, folder], capture_output=True, text=True, check=True).stdout
+        for name in ("one", "other", "one")
+    ]
+    assert folders[0] == folders[2] != folders[1]
+
+
 def test_kernels_that_are_there_are_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted, place = tmp_path / "wanted", tmp_path / "place"
     module = wanted / "kernels" / "0123456789abcdef" / "tracing_1"
