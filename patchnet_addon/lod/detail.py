@@ -93,7 +93,8 @@ def _stops(
 def _trace(nodes, camera, first_row, offset, finer, lookahead, stops):  # type: ignore[no-untyped-def]
     for row in numba.prange(len(stops.wanted) // camera.width_px):
         y = 2.0 * (first_row + row + 0.5 + offset[1]) / camera.height_px - 1.0
-        _trace_row(nodes, camera, y, row * camera.width_px, offset[0], 1.0 / (1 << finer), lookahead, stops)
+        first = np.int64(row) * camera.width_px  # prange's own integers would compile the row twice
+        _trace_row(nodes, camera, y, first, offset[0], 1.0 / (1 << finer), lookahead, stops)
 
 
 @device

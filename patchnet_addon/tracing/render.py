@@ -118,7 +118,7 @@ def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
 @kernel
 def _first_hits(nodes, camera, traced):  # type: ignore[no-untyped-def]
     for row in numba.prange(camera.height_px):
-        _trace_row(nodes, camera, row, traced)
+        _trace_row(nodes, camera, np.int64(row), traced)  # prange's own integers would compile it twice
 
 
 @device
