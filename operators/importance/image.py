@@ -9,8 +9,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import SettingError
-
-_GRAY = np.array([0.2126, 0.7152, 0.0722], np.float32)
+from ...patchnet_addon.surface.chroma import REC709
 
 
 def painted_image(name: str) -> np.ndarray:
@@ -45,5 +44,5 @@ def _values(image: bpy.types.Image) -> np.ndarray:
     pixels = np.empty(width * height * channels, np.float32)
     image.pixels.foreach_get(pixels)
     pixels = pixels.reshape(height, width, channels)
-    gray = pixels[..., :3] @ _GRAY if channels >= 3 else pixels[..., 0]
+    gray = pixels[..., :3] @ REC709 if channels >= 3 else pixels[..., 0]
     return gray * pixels[..., -1] if channels in (2, 4) else gray

@@ -6,7 +6,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+from ...patchnet_addon.surface.chroma import REC709
+
 CHANNELS = {"R": 0, "G": 1, "B": 2, "A": 3}
 _RAW_SPACES = frozenset({"Non-Color", "Raw"})
 
@@ -31,7 +32,7 @@ class ImageReader:
             self._read(image)
         if key not in self._channels:
             color = self.color(image)
-            values = color @ _LUMINANCE if channel == "Y" else color[..., CHANNELS[channel]]
+            values = color @ REC709 if channel == "Y" else color[..., CHANNELS[channel]]
             self._channels[key] = np.ascontiguousarray(values[..., None])
         return self._channels[key]
 

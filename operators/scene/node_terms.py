@@ -9,10 +9,11 @@ from typing import Protocol
 import bpy
 import numpy as np
 
+from ...patchnet_addon.surface.chroma import BLUE, GREEN, RED
 from .images import ImageReader
 from .node_links import Input
 
-REC709 = (0.2126, 0.7152, 0.0722)
+REC709 = (RED, GREEN, BLUE)
 Rgb = tuple[float, float, float]
 WHITE: Rgb = (1.0, 1.0, 1.0)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 RED, GREEN, BLUE = 0.2126, 0.7152, 0.0722  # of luminance
+REC709 = np.array([RED, GREEN, BLUE], np.float32)
 SHARE_SCALE = 255.0
 GRAY_SHARE = 85
 

@@ -14,10 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .chroma import BLUE, GREEN, RED
+from .chroma import REC709
 from .mesh import Material, Texture
 
-REC709 = np.array([RED, GREEN, BLUE], np.float32)
 REPEAT, EXTEND, MIRROR, CLIP = range(4)
 WRAP_MODES = {"REPEAT": REPEAT, "EXTEND": EXTEND, "MIRROR": MIRROR, "CLIP": CLIP}
 CUT_SAMPLES = 4  # along a texel that a threshold cuts

@@ -12,6 +12,7 @@ import numpy as np
 from ....patchnet_addon.lightmap.charts import Charts
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import computed
+from ....patchnet_addon.surface.chroma import REC709
 from ....patchnet_addon.surface.mesh import Material
 from ...scene.light_links import Links
 from ...scene.precision import LIFT_SHARE
@@ -33,7 +34,6 @@ from .translucency import is_translucent
 
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
 _DIM = 0.02  # of the median light on a page: perhaps an enclosed side, into which a little light finds its way
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 class Baker:
@@ -221,7 +221,7 @@ def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> lis
     image.pixels.foreach_get(pixels)
     pixels = np.nan_to_num(pixels.reshape(-1, height, width, 4), posinf=0.0, neginf=0.0)
     pages = np.zeros((len(pixels), side, side, channels), np.float32)
-    pages[:, :height, :width, 0] = np.maximum(pixels[..., :3] @ _LUMINANCE, 0.0)
+    pages[:, :height, :width, 0] = np.maximum(pixels[..., :3] @ REC709, 0.0)
     pages[:, :height, :width, 1] = np.clip(pixels[..., 3], 0.0, 1.0)
     if channels > 2:
         pages[:, :height, :width, 2:] = np.maximum(pixels[..., (0, 2)], 0.0)
