@@ -23,6 +23,7 @@ class LocalMesh:
     normals: (T, 3, 3) int16 shading normals, 32767 = 1, or None if all faces are flat.
     layers: further corner layers that materials name, (T, 3, C) float32: C = 1 for numbers, 2 for UV, 3 for vectors,
         4 for colours.
+    origin: what UVs and layers are made from, as a hash, where their own last bits are unsteady; otherwise "".
     """
 
     name: str
@@ -32,6 +33,7 @@ class LocalMesh:
     slots: np.ndarray | None
     normals: np.ndarray | None
     layers: dict[str, np.ndarray] = field(default_factory=dict)
+    origin: str = ""
 
     def __len__(self) -> int:
         return len(self.triangles)
@@ -41,10 +43,12 @@ class LocalMesh:
         return None if self.normals is None else self.normals[first:last].astype(np.float32) / np.float32(_NORMAL_SCALE)
 
 
-def read_local_mesh(mesh: bpy.types.Mesh, name: str, layer_names: frozenset[str] = frozenset()) -> LocalMesh | None:
+def read_local_mesh(
+    mesh: bpy.types.Mesh, name: str, layer_names: frozenset[str] = frozenset(), origin: str = ""
+) -> LocalMesh | None:
     """Arrays of an evaluated mesh, or None if it has no faces; `name` is the object's, for messages.
 
-    layer_names: UV maps and colour attributes that materials ask for by name.
+    layer_names: UV maps and colour attributes that materials ask for by name. origin: see `LocalMesh`.
     Raises GeometryError if a coordinate is not finite.
     """
     mesh.calc_loop_triangles()
@@ -69,6 +73,7 @@ def read_local_mesh(mesh: bpy.types.Mesh, name: str, layer_names: frozenset[str]
         slots=slots if slots.any() else None,
         normals=_normals(mesh, loops),
         layers={key: values[loops] for key in sorted(layer_names) if (values := _layer(mesh, key)) is not None},
+        origin=origin,
     )
 
 

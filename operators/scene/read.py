@@ -13,6 +13,7 @@ import numpy as np
 from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError, SettingError
 from ...patchnet_addon.surface.mesh import Material
 from ..schema.table import SELECTED, VISIBLE
+from ..state.unsteady import origin_of_corners
 from .images import ImageReader
 from .layer_names import layer_names
 from .light_links import LightLinks
@@ -92,7 +93,8 @@ class _Reader:
         key = self._key(instance)
         if key not in self._meshes:
             with _evaluated_mesh(instance) as mesh:
-                self._meshes[key] = mesh and read_local_mesh(mesh, item.name, self._layers_of(item))
+                origin = origin_of_corners(item)
+                self._meshes[key] = mesh and read_local_mesh(mesh, item.name, self._layers_of(item), origin)
         if self._meshes[key] is not None:
             slots = tuple(self._material(slot.material) for slot in item.material_slots)
             self._placed.setdefault(key, []).append(

@@ -200,12 +200,18 @@ class Digest:
             return
         self.text(path, state.st_size, state.st_mtime_ns)
 
-    def geometry(self, data: Any, without: str = "") -> None:
-        """Mesh, hair or points: attributes, `without` one, and faces; not what is selected or hidden in edit mode."""
+    def geometry(self, data: Any, without: str = "", *, corners: bool = True) -> None:
+        """Mesh, hair or points: attributes, `without` one, and faces; not what is selected or hidden in edit mode.
+
+        corners: with the values of attributes at the corners of faces; otherwise with their names alone.
+        """
         for attribute in data.attributes:
             if attribute.name.startswith(".") or attribute.name == without or attribute.data_type not in _ATTRIBUTES:
                 continue
-            self.attribute(attribute)
+            if corners or attribute.domain != "CORNER":
+                self.attribute(attribute)
+            else:
+                self.text(attribute.name, attribute.data_type)
         self.faces(data)
         for material in data.materials:
             self.block(material)

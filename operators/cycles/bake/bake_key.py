@@ -13,6 +13,7 @@ from ....patchnet_addon.runtime.source_hash import source_hash
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.own import is_own
 from ...state.digest import Digest, names
+from ...state.unsteady import origin_of_corners
 
 _CHART_ARRAYS = (
     "page", "x", "y", "log_width", "log_height", "kind", "origin", "along", "page_samples", "page_size"
@@ -68,11 +69,15 @@ def add_surface(digest: Digest, source: SceneMesh) -> None:
     digest.text(source.material_names, [sorted(links) for links in source.light_links])
     for part in source.parts:
         mesh = part.mesh
-        for name in ("vertices", "triangles", "slots", "uvs"):
+        for name in ("vertices", "triangles", "slots"):
             digest.array(name, getattr(mesh, name))
         digest.array("normals", mesh.corner_normals(0, len(mesh)))
-        for name, values in sorted(mesh.layers.items()):
-            digest.array(name, values)
+        if mesh.origin:
+            digest.text(mesh.origin, mesh.uvs is not None, sorted(mesh.layers))
+        else:
+            digest.array("uvs", mesh.uvs)
+            for name, values in sorted(mesh.layers.items()):
+                digest.array(name, values)
         for name in ("matrices_world", "materials", "random", "colors", "indices", "links"):
             digest.array(name, getattr(part, name))
 
@@ -130,7 +135,12 @@ def _add_object(digest: Digest, item: bpy.types.Object, data: bpy.types.ID | Non
     for system in item.particle_systems:
         digest.text(system.name, system.seed, len(system.particles))
         digest.block(system.settings)
-    digest.block(data)
+    if data is not None and (origin := origin_of_corners(item)):
+        digest.text(type(data).__name__, data.name_full, origin)
+        if isinstance(data, bpy.types.Mesh):
+            digest.geometry(data, corners=False)
+    else:
+        digest.block(data)
     if isinstance(data, bpy.types.Volume):
         digest.file(bpy.path.abspath(data.filepath, library=data.library))
 
