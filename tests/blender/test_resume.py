@@ -307,9 +307,9 @@ def test_bevels_have_one_key() -> None:
             item.update_tag()
         keys.add(key())
         uvs.update(map(evaluated_uvs, items))
-    if bpy.app.version < (5, 0, 0):  # later ones differ in larger scenes alone
-        assert len(uvs) > 1, "what this test is about does not happen"
     assert len(keys) == 1
+    if len(uvs) == 1:  # most often in Blender 5.2, where they differ in larger scenes
+        pytest.skip("the bevel evaluated to the same bits each time")
 
 
 @pytest.mark.parametrize("change", ["UV", "bevel", "vertex", "array"])
