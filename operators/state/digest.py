@@ -36,6 +36,10 @@ _IMAGE_KEYS = (
     "source", "alpha_mode", "generated_type", "generated_width", "generated_height", "use_half_precision",
     "use_deinterlace",
 )  # fmt: skip
+# Of modifiers: how the interface shows them. Inputs of geometry nodes are asked on their own.
+_SKIPPED_OF_MODIFIERS = names(
+    "show_expanded show_in_editmode show_on_cage is_active use_pin_to_last persistent_uid properties node_warnings"
+)
 _ATTRIBUTES = {
     "FLOAT": ("value", 1, np.float32), "FLOAT2": ("vector", 2, np.float32), "FLOAT_VECTOR": ("vector", 3, np.float32),
     "FLOAT_COLOR": ("color", 4, np.float32), "BYTE_COLOR": ("color", 4, np.float32), "INT": ("value", 1, np.int32),
@@ -129,6 +133,32 @@ class Digest:
                 continue  # not readable in this state
             self.text(key)
             self._value(kind, is_array, value, depth)
+
+    def modifier(self, modifier: bpy.types.Modifier, depth: int = _DEPTH) -> None:
+        """Hash a modifier, and what it gives to geometry nodes."""
+        self.struct(modifier, _SKIPPED_OF_MODIFIERS, depth)
+        if modifier.type != "NODES":
+            return
+        inputs = getattr(getattr(modifier, "properties", None), "inputs", None)
+        if inputs is None:  # custom properties until Blender 5.1
+            for key in sorted(modifier.keys()):
+                self.text(key)
+                self._input(modifier[key])
+            return
+        for socket in inputs.bl_rna.properties:  # of each node group others: not for `_properties_of`
+            if socket.type == "POINTER" and socket.identifier != "rna_type":
+                given = getattr(inputs, socket.identifier)
+                self.text(socket.identifier)
+                for prop in given.bl_rna.properties:
+                    if prop.identifier != "rna_type":
+                        self._input(getattr(given, prop.identifier))
+
+    def _input(self, value: Any) -> None:
+        if isinstance(value, bpy.types.ID):
+            self.block(value)
+        else:
+            plain = value is None or isinstance(value, bool | int | float | str)
+            self.text(value if plain else tuple(value))
 
     def _value(self, kind: str, is_array: bool, value: Any, depth: int) -> None:
         if kind == "POINTER":

@@ -245,9 +245,12 @@ class _Reader:
         surface.text(*(getattr(item, name) for name in _OF_OBJECTS), tuple(item.color))
         for name in _REFERRED:
             surface.block(getattr(item, name))
-        for owner in (*item.modifiers, *item.constraints):
-            surface.struct(owner, depth=2)
-            self.animated |= owner.type in MOVES_BY_ITSELF
+        for modifier in item.modifiers:
+            surface.modifier(modifier, depth=2)
+            self.animated |= modifier.type in MOVES_BY_ITSELF
+        for constraint in item.constraints:
+            surface.struct(constraint, depth=2)
+            self.animated |= constraint.type in MOVES_BY_ITSELF
         for system in item.particle_systems:
             surface.text(system.name, system.seed)
             surface.block(system.settings)

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import bpy
 
-from .digest import Digest, names
+from .digest import Digest
 
 _UNSTEADY = frozenset({"BEVEL"})
-_SKIPPED = names("show_expanded show_in_editmode show_on_cage is_active use_pin_to_last persistent_uid")
 
 
 def origin_of_corners(item: bpy.types.Object) -> str:
@@ -23,11 +22,5 @@ def origin_of_corners(item: bpy.types.Object) -> str:
     digest = Digest()
     digest.block(item.original.data)
     for modifier in item.modifiers:
-        digest.struct(modifier, _SKIPPED)
-        for key in sorted(modifier.keys()) if modifier.type == "NODES" else ():  # what the nodes are given
-            value = modifier[key]
-            if isinstance(value, bpy.types.ID):
-                digest.block(value)
-            else:
-                digest.text(key, value.to_list() if hasattr(value, "to_list") else value)
+        digest.modifier(modifier)
     return digest.hexdigest()

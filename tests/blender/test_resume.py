@@ -20,6 +20,7 @@ from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.cycles.bake.bake_key import bake_key, scene_key
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings
+from patchnet.operators.state.watch import read_state
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
@@ -275,6 +276,26 @@ def test_killed_command_resumes(tmp_path: Path, cache: Path) -> None:
     assert list((cache / "bakes").iterdir()) == []
 
 
+def passing_nodes() -> bpy.types.NodeTree:
+    """Geometry nodes that pass their geometry on, with a number as another input."""
+    tree = bpy.data.node_groups.new("Pass", "GeometryNodeTree")
+    for name, kind in (("Geometry", "NodeSocketGeometry"), ("Number", "NodeSocketFloat")):
+        tree.interface.new_socket(name, in_out="INPUT", socket_type=kind)
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    tree.links.new(tree.nodes.new("NodeGroupInput").outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    return tree
+
+
+def give_number(item: bpy.types.Object, value: float) -> None:
+    """Set the number that the nodes of `passing_nodes` are given."""
+    modifier = item.modifiers["Nodes"]
+    name = modifier.node_group.interface.items_tree["Number"].identifier
+    if hasattr(modifier, "properties"):
+        getattr(modifier.properties.inputs, name).value = value
+    else:
+        modifier[name] = value
+
+
 def bevelled(count: int = 1) -> list[bpy.types.Object]:
     """Cuboids with a bevel: Blender takes the means of their UVs in the order of addresses."""
     first = bpy.data.objects["Lath 1"]
@@ -285,6 +306,7 @@ def bevelled(count: int = 1) -> list[bpy.types.Object]:
     first.modifiers.new("Bevel", "BEVEL").width = 0.02
     first.modifiers["Bevel"].segments = 3
     first.modifiers.new("Array", "ARRAY").count = 3
+    first.modifiers.new("Nodes", "NODES").node_group = passing_nodes()
     copies = [first.copy() for _ in range(count - 1)]
     for item in copies:
         bpy.context.scene.collection.objects.link(item)
@@ -312,7 +334,16 @@ def test_bevels_have_one_key() -> None:
         pytest.skip("the bevel evaluated to the same bits each time")
 
 
-@pytest.mark.parametrize("change", ["UV", "bevel", "vertex", "array"])
+def test_the_state_of_a_scene_knows_what_nodes_are_given() -> None:
+    (item,) = bevelled()
+    before = read_state(bpy.context.scene).identity()
+    give_number(item, 0.5)
+    assert read_state(bpy.context.scene).identity() != before
+    give_number(item, 0.0)
+    assert read_state(bpy.context.scene).identity() == before
+
+
+@pytest.mark.parametrize("change", ["UV", "bevel", "vertex", "array", "nodes"])
 def test_a_change_of_what_is_bevelled_changes_the_key(change: str) -> None:
     (item,) = bevelled()
     before = key()
@@ -322,6 +353,8 @@ def test_a_change_of_what_is_bevelled_changes_the_key(change: str) -> None:
         item.modifiers["Bevel"].loop_slide = False
     elif change == "vertex":
         move_vertex(item.name)
+    elif change == "nodes":
+        give_number(item, 0.5)
     else:
         item.modifiers["Array"].count = 9
     item.data.update()
