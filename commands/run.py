@@ -86,19 +86,19 @@ def print_result(result: JobResult, settings: JobSettings) -> None:
         f"{(octree['bytes'] + octree['codes_bytes']) / 2**20:.1f} MiB with codes"
     )
     wanted = settings.view
-    for frame in result.report["frames"]:
-        width, height = frame["size"]
+    for view in result.report["frames"]:
+        width, height = view["size"]
         print(
-            f"{frame['camera']} {width} x {height}: look-ahead on {frame['lookahead_share']:.1%} of hits, "
-            f"error {frame['mse_unrefined']:.2e}, after refining {wanted.budget:.0%} of {frame['active_pixels']}:"
+            f"{view['camera']} {width} x {height}: look-ahead on {view['lookahead_share']:.1%} of hits, "
+            f"error {view['mse_unrefined']:.2e}, after refining {wanted.budget:.0%} of {view['active_pixels']}:"
         )
-        for name, value in sorted(frame["mse"].items(), key=lambda item: item[1]):
+        for name, value in sorted(view["mse"].items(), key=lambda item: item[1]):
             marker = " <" if name == wanted.strategy else ""
             print(f"  {name:<24} {value:.2e}{marker}")
-        print_cycles(frame.get("cycles"))
+        print_cycles(view.get("cycles"))
     views = [
-        {"camera": frame["camera"], "mse_unrefined": frame["mse_unrefined"], "mse": frame["mse"][wanted.strategy]}
-        for frame in result.report["frames"]
+        {"camera": view["camera"], "mse_unrefined": view["mse_unrefined"], "mse": view["mse"][wanted.strategy]}
+        for view in result.report["frames"]
     ]
     figures = {"depth": octree["depth"], "leaves": octree["leaves"], "views": views}
     say_result(f"Results are in {settings.out}", file=settings.out, **figures)

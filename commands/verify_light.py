@@ -115,12 +115,12 @@ def print_check(check: LightCheck) -> None:
     print(f"Octree: depth {octree['depth']}, {octree['leaves']:,} voxels, exposure {octree['exposure']:.4g}")
     shares = "  ".join(f"{name:>11}" for name in _COLUMNS)
     print(f"{'camera':<12} {'PSNR dB':>7} {'ratio':>6} {'both hit':>8} {'noise dB':>8} {'FLIP':>7}  {shares}")
-    for frame in check.report["cameras"]:
-        regions = "  ".join(f"{frame['regions'][name]['error']:>11.1%}" for name in _COLUMNS)
+    for view in check.report["cameras"]:
+        regions = "  ".join(f"{view['regions'][name]['error']:>11.1%}" for name in _COLUMNS)
         print(
-            f"{frame['camera']:<12} {frame['psnr_db']:>7.2f} {_ratio(frame['mean_ratio']):>6} "
-            f"{_ratio(frame['mean_ratio_where_both_hit']):>8} {frame['reference_noise_db']:>8.1f} "
-            f"{'not run' if frame['flip'] is None else format(frame['flip'], '.4f'):>7}  {regions}"
+            f"{view['camera']:<12} {view['psnr_db']:>7.2f} {_ratio(view['mean_ratio']):>6} "
+            f"{_ratio(view['mean_ratio_where_both_hit']):>8} {view['reference_noise_db']:>8.1f} "
+            f"{'not run' if view['flip'] is None else format(view['flip'], '.4f'):>7}  {regions}"
         )
     mean = check.report["mean"]
     print(f"{'all':<12} {mean['psnr_db']:>7.2f} {_ratio(mean['mean_ratio']):>6}")

@@ -12,8 +12,8 @@ import numpy as np
 
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.progress import Steps
-from ...patchnet_addon.sampling.frame import Frame
-from ...patchnet_addon.sampling.importance import Place, beside_hits, picture_weights
+from ...patchnet_addon.sampling.importance import PixelRect, beside_hits, picture_weights
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ..scene.render_geometry import render_geometry
 from .image import painted_file, painted_image
 from .painted import Importance
@@ -32,15 +32,15 @@ class Strokes:
     picture: np.ndarray | None = None
     surface: PaintedSurface | None = None
 
-    def weights(self, grid: Grid, frame: Frame, place: Place | None = None) -> Steps[np.ndarray]:
-        """(P,) float32 in [0, 1] for the pixels of a frame of an octree; `place`: what an image is stretched over."""
+    def weights(self, grid: Grid, buffers: PixelBuffers, rect: PixelRect | None = None) -> Steps[np.ndarray]:
+        """(P,) float32 in [0, 1] for the pixels of a view of an octree; `rect`: what an image is stretched over."""
         if self.surface is not None:
             from .vertex_group import vertex_group_weights
 
-            weights = yield from vertex_group_weights(self.surface, grid, frame)
-            return beside_hits(frame.picture(weights), frame.picture(frame.hit)).ravel()
+            weights = yield from vertex_group_weights(self.surface, grid, buffers)
+            return beside_hits(buffers.picture(weights), buffers.picture(buffers.hit)).ravel()
         assert self.picture is not None
-        return picture_weights(self.picture, frame.height, frame.width, place)
+        return picture_weights(self.picture, buffers.height, buffers.width, rect)
 
 
 def read_strokes(importance: Importance, scope: str, depsgraph: bpy.types.Depsgraph) -> Strokes:
@@ -60,10 +60,10 @@ def read_strokes(importance: Importance, scope: str, depsgraph: bpy.types.Depsgr
     return Strokes(picture=painted_image(importance.image) if file is None else painted_file(file))
 
 
-def pixel_importance(importance: Importance, scope: str, grid: Grid, frame: Frame) -> Steps[np.ndarray]:
-    """(P,) float32 in [0, 1] for the pixels of a frame of the open scene, as `read_strokes` finds them."""
+def pixel_importance(importance: Importance, scope: str, grid: Grid, buffers: PixelBuffers) -> Steps[np.ndarray]:
+    """(P,) float32 in [0, 1] for the pixels of a view of the open scene, as `read_strokes` finds them."""
     strokes = read_strokes(importance, scope, bpy.context.evaluated_depsgraph_get())
-    return (yield from strokes.weights(grid, frame))
+    return (yield from strokes.weights(grid, buffers))
 
 
 def importance_key(importance: Importance | None) -> str:

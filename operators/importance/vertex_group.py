@@ -15,7 +15,7 @@ from mathutils.bvhtree import BVHTree
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from ...patchnet_addon.sampling.frame import Frame
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ..scene.surface_instances import surface_instances
 
 _LABEL = "Looking up importance"
@@ -52,12 +52,12 @@ class PaintedSurface:
         return float(_barycentric(np.array(found), self._points[corners]) @ self._weights[corners])
 
 
-def vertex_group_weights(surface: PaintedSurface, grid: Grid, frame: Frame) -> Steps[np.ndarray]:
+def vertex_group_weights(surface: PaintedSurface, grid: Grid, buffers: PixelBuffers) -> Steps[np.ndarray]:
     """(P,) float32: the weight of the surface in each pixel's voxel; 0 for a miss."""
-    weights = np.zeros(len(frame.preview), np.float32)
-    pixels = np.flatnonzero(frame.hit)
-    nodes, pick, rows = np.unique(frame.hits.node[pixels], return_index=True, return_inverse=True)
-    levels, cells = frame.hits.level[pixels][pick], frame.hits.cell[pixels][pick]
+    weights = np.zeros(len(buffers.preview), np.float32)
+    pixels = np.flatnonzero(buffers.hit)
+    nodes, pick, rows = np.unique(buffers.hits.node[pixels], return_index=True, return_inverse=True)
+    levels, cells = buffers.hits.level[pixels][pick], buffers.hits.cell[pixels][pick]
     sides = np.exp2(-levels.astype(np.float64))[:, None]
     centres = grid.to_world((cells + 0.5) * sides)
     reaches = sides[:, 0] * grid.side_world * _HALF_DIAGONAL

@@ -6,9 +6,9 @@ from __future__ import annotations
 import bpy
 
 from ..session import views
-from .framed import framed, place_under
+from .framed import framed, position_under
+from .layout import wipe_at
 from .overlay_settings import overlay_settings
-from .places import wipe_at
 from .toggle import NO_VIEW
 
 
@@ -62,10 +62,10 @@ class PATCHNET_OT_drag_wipe(bpy.types.Operator):
         context.workspace.status_text_set(None)
 
     def _follow(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
-        place = place_under(context.window, event.mouse_x, event.mouse_y)
-        found = framed(context.scene, place.area, place.region) if place else None
-        if place is not None and found is not None and found.rect is not None:
-            overlay_settings(context).wipe = wipe_at(found.rect, place.x)
+        cursor = position_under(context.window, event.mouse_x, event.mouse_y)
+        found = framed(context.scene, cursor.area, cursor.region) if cursor else None
+        if cursor is not None and found is not None and found.rect is not None:
+            overlay_settings(context).wipe = wipe_at(found.rect, cursor.x)
 
 
 CLASSES = (PATCHNET_OT_drag_wipe,)

@@ -15,8 +15,8 @@ from ..session.shown_view import TITLES, ShownView
 from ..ui.preferences import preferences
 from . import paint
 from .framed import EDITORS, Framed, framed, free_rect
+from .layout import Rect, beside, sides_of_wipe, tick_values
 from .overlay_settings import NOTHING, overlay_settings
-from .places import Rect, beside, sides_of_wipe, tick_values
 from .textures import texture_of
 
 _LEGEND_PX = 190
@@ -112,11 +112,11 @@ def _draw_legend(look: _Look, legend: tuple[float, str], seen: Rect, right_side:
     bar = Rect(ground.left + 2 * gap, ground.top - gap - _BAR_PX * scale, ground.right - 2 * gap, ground.top - gap)
     paint.ramp(bar, colormap(np.linspace(0, 1, _RAMP_STOPS), look.colormap))
     for share, text in tick_values(maximum):
-        place = bar.left + share * bar.width
-        paint.fill(Rect(place - 0.5 * scale, bar.bottom - 3 * scale, place + 0.5 * scale, bar.bottom), paint.INK)
+        tick = bar.left + share * bar.width
+        paint.fill(Rect(tick - 0.5 * scale, bar.bottom - 3 * scale, tick + 0.5 * scale, bar.bottom), paint.INK)
         if share in (0.0, 0.5, 1.0):
             width = paint.text_size(text, scale)[0]
-            x = min(max(place - width / 2, ground.left + 2), ground.right - width - 2)
+            x = min(max(tick - width / 2, ground.left + 2), ground.right - width - 2)
             paint.write(text, x, bar.bottom - 4 * scale - 0.8 * line, scale)
     width = paint.text_size(quantity, scale)[0]
     paint.write(quantity, ground.left + (ground.right - ground.left - width) / 2, ground.bottom + 0.6 * gap, scale)

@@ -12,7 +12,7 @@ from ..scene.cameras import camera_size_px
 from ..session import views
 from ..session.result_images import PAGES
 from ..session.shown_view import ShownView
-from .places import Rect, frame_rect, image_rect, visible_rect
+from .layout import Rect, frame_rect, image_rect, visible_rect
 
 EDITORS = frozenset({"VIEW_3D", "IMAGE_EDITOR"})
 _BARS = frozenset({"HEADER", "TOOL_HEADER", "TOOLS", "UI", "ASSET_SHELF", "ASSET_SHELF_HEADER"})
@@ -30,7 +30,7 @@ class Framed(NamedTuple):
         return self.rects[0] if len(self.rects) == 1 else None
 
 
-class Place(NamedTuple):
+class CursorPosition(NamedTuple):
     """Region under the mouse, and the mouse in its pixels."""
 
     area: bpy.types.Area
@@ -95,14 +95,14 @@ def _of_render(scene: bpy.types.Scene, image: bpy.types.Image) -> ShownView | No
     return view if abs(full[0] / full[1] * own[1] - own[0]) <= 1.0 else None  # within a pixel of the same aspect
 
 
-def place_under(window: bpy.types.Window, x: int, y: int) -> Place | None:
+def position_under(window: bpy.types.Window, x: int, y: int) -> CursorPosition | None:
     """Viewport or Image Editor under the mouse at x, y in the window; None over bars and other editors."""
     for area in window.screen.areas:
         if area.type not in EDITORS or not _holds(area, x, y):
             continue
         for region in sorted(area.regions, key=lambda item: item.type == "WINDOW"):  # bars lie above
             if _holds(region, x, y):
-                return Place(area, region, x - region.x, y - region.y) if region.type == "WINDOW" else None
+                return CursorPosition(area, region, x - region.x, y - region.y) if region.type == "WINDOW" else None
     return None
 
 

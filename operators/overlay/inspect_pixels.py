@@ -11,8 +11,8 @@ from ..session import views
 from ..session.scene_session import InspectedPixel, open_sessions, session_of
 from . import handlers
 from .drawing import maximum_of
-from .framed import Place, framed, place_under
-from .places import pixel_at
+from .framed import CursorPosition, framed, position_under
+from .layout import pixel_at
 from .toggle import NO_VIEW
 
 
@@ -87,27 +87,27 @@ class PATCHNET_OT_inspect_pixels(bpy.types.Operator):
 
     def _is_click_away(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
         """Test for a right click over an editor in which pixels are inspected; elsewhere it opens menus as ever."""
-        return event.type == "RIGHTMOUSE" and place_under(context.window, event.mouse_x, event.mouse_y) is not None
+        return event.type == "RIGHTMOUSE" and position_under(context.window, event.mouse_x, event.mouse_y) is not None
 
     def _look(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
-        place = place_under(context.window, event.mouse_x, event.mouse_y)
-        said = self._said(context, place) if place is not None else None
+        cursor = position_under(context.window, event.mouse_x, event.mouse_y)
+        said = self._said(context, cursor) if cursor is not None else None
         inspected = session_of(context.scene).inspected
         before = inspected.pop(self._window, None)
-        if place is not None and said:
-            inspected[self._window] = InspectedPixel(place.region.as_pointer(), place.x, place.y, said)
+        if cursor is not None and said:
+            inspected[self._window] = InspectedPixel(cursor.region.as_pointer(), cursor.x, cursor.y, said)
         if (before is None) != (not said):
             handlers.refresh(context)
-        elif place is not None and said:
-            place.region.tag_redraw()
-            if before is not None and before.region != place.region.as_pointer():
+        elif cursor is not None and said:
+            cursor.region.tag_redraw()
+            if before is not None and before.region != cursor.region.as_pointer():
                 handlers.redraw(context)
 
-    def _said(self, context: bpy.types.Context, place: Place) -> list[str]:
-        found = framed(context.scene, place.area, place.region)
+    def _said(self, context: bpy.types.Context, cursor: CursorPosition) -> list[str]:
+        found = framed(context.scene, cursor.area, cursor.region)
         if found is None:
             return []
-        pixels = (pixel_at(rect, found.view.size_px, place.x, place.y) for rect in found.rects)
+        pixels = (pixel_at(rect, found.view.size_px, cursor.x, cursor.y) for rect in found.rects)
         pixel = next((item for item in pixels if item is not None), None)
         return found.view.describe_pixel(*pixel, maximum_of(context.scene, found.view)) if pixel is not None else []
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .places import Rect
+from .layout import Rect
 
 Color = tuple[float, float, float, float]
 INK: Color = (0.92, 0.92, 0.92, 1.0)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...patchnet_addon.sampling.frame import Frame
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.regions import Region
 from ...patchnet_addon.surface.textures import luminance
 from ..settings.cycles_settings import REFERENCE_FACTOR, CyclesSettings
@@ -63,7 +63,7 @@ def cycles_report(
 
 
 def squared_errors(
-    frame: Frame, mask: np.ndarray, renders: Renders, exposure: float, refined: np.ndarray | None
+    buffers: PixelBuffers, mask: np.ndarray, renders: Renders, exposure: float, refined: np.ndarray | None
 ) -> dict[str, np.ndarray]:
     """Squared luminance errors (H, W) float64 against the reference, by name of the picture.
 
@@ -73,9 +73,9 @@ def squared_errors(
     reference, cycles, full = (
         shown_light(light, exposure, False) for light in (renders.reference, renders.regions, renders.full)
     )
-    preview = frame.picture(frame.preview)
+    preview = buffers.picture(buffers.preview)
     pictures = {PREVIEW: preview, COMPOSITED: np.where(mask, cycles, preview), FULL: full}
     if refined is not None:
-        octree = frame.picture(refined)
+        octree = buffers.picture(refined)
         pictures |= {REFINED: octree, OVER_REFINED: np.where(mask, cycles, octree)}
     return {name: (picture.astype(np.float64) - reference) ** 2 for name, picture in pictures.items()}

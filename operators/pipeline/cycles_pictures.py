@@ -22,7 +22,7 @@ _NAMES, _COMPARISON_NAMES = ("cycles", "regions"), ("cycles full", "cycles error
 
 
 def cycles_file_names(compare: bool) -> list[str]:
-    """Names of the files of `save_cycles`, with a comparison or without one."""
+    """Names of the files of `save_cycles`, with the full render or without it."""
     names = [_file_name(name) for name in (*_NAMES, *(_COMPARISON_NAMES if compare else ()))]
     return [*names, _SHEET_NAME] if compare else names
 
@@ -32,7 +32,7 @@ def _file_name(picture: str) -> str:
 
 
 def cycles_pictures(view: CyclesView) -> dict[str, np.ndarray]:
-    """Name -> (h, w, 3) encoded colours; with a comparison also the full render and the errors.
+    """Name -> (h, w, 3) encoded colours; with `compare` also the full render and the errors.
 
     "cycles" and "regions", the mask in black and white, have the camera's size.
     """

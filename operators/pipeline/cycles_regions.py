@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Refinement by Cycles: from a traced frame and its priority to a picture whose worst regions are Cycles'."""
+"""Refinement by Cycles: from a traced view and its priority to a picture whose worst regions are Cycles'."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed
-from ...patchnet_addon.sampling.frame import Frame
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.refine import refined_picture
 from ...patchnet_addon.sampling.regions import Region, choose_regions, region_mask
 from ...patchnet_addon.tracing.camera import Camera
@@ -33,7 +33,7 @@ class CyclesView:
     """View with Cycles' regions in it.
 
     priority: (H, W) float32 that chose them. mask: (H, W) bool, their pixels. preview, composited, full: (H, W), or
-    (H, W, 3) in colour, linear, exposed, in [0, 1]; `full` is of Cycles alone, None without a comparison.
+    (H, W, 3) in colour, linear, exposed, in [0, 1]; `full` is of Cycles alone, None unless `compare` is set.
     errors: name -> (H, W) absolute luminance error against the reference; empty without one. report: figures.
     """
 
@@ -52,7 +52,7 @@ def cycles_view(
     context: bpy.types.Context,
     octree: Octree,
     camera: Camera,
-    frame: Frame,
+    buffers: PixelBuffers,
     score: np.ndarray,
     settings: CyclesSettings,
     *,
@@ -61,11 +61,11 @@ def cycles_view(
 ) -> Steps[CyclesView]:
     """Render the worst regions by `score` (P,) with Cycles; the scene is as before afterwards, also when closed.
 
-    refined: (P,) luminance of the refined octree picture, which a comparison measures too. sun: whether the octree was
+    refined: (P,) luminance of the refined octree picture, which is measured too. sun: whether the octree was
     lit by a sun and a sky of ours; None if it was where the scene has no light. Raises PatchNetError.
     """
     check_light(octree)
-    priority = frame.picture(np.where(frame.active, np.nan_to_num(np.maximum(score, 0.0)), np.float32(0.0)))
+    priority = buffers.picture(np.where(buffers.active, np.nan_to_num(np.maximum(score, 0.0)), np.float32(0.0)))
     choosing = Progress(0, 1, f"{camera.name}: choosing regions")
     regions = yield from computed(lambda: _chosen(priority, settings), choosing)
     added = not has_light(context.evaluated_depsgraph_get()) if sun is None else sun
@@ -73,7 +73,7 @@ def cycles_view(
     exposure = octree.exposure
     return (
         yield from computed(
-            lambda: _composited(exposure, camera, frame, priority, regions, renders, settings, refined),
+            lambda: _composited(exposure, camera, buffers, priority, regions, renders, settings, refined),
             Progress(0, 1, f"{camera.name}: measuring Cycles' pictures" if settings.compare else choosing.label),
         )
     )
@@ -83,13 +83,13 @@ def refine_view(
     context: bpy.types.Context, view: View, settings: CyclesSettings, *, sun: bool | None
 ) -> Steps[CyclesView]:
     """Refine a view as `cycles_view` does, with its `sun`; the refined octree picture is that of the view's budget."""
-    frame = view.frame
+    buffers = view.buffers
     refined = yield from computed(
-        lambda: refined_picture(frame, view.ranking.mask),
+        lambda: refined_picture(buffers, view.ranking.mask),
         Progress(0, 1, f"{view.camera.name}: choosing regions"),
     )
     steps = cycles_view(
-        context, view.octree, view.camera, frame, view.ranking.priority, settings, refined=refined, sun=sun
+        context, view.octree, view.camera, buffers, view.ranking.priority, settings, refined=refined, sun=sun
     )
     return (yield from steps)
 
@@ -108,7 +108,7 @@ def _chosen(priority: np.ndarray, settings: CyclesSettings) -> Sequence[Region]:
 def _rendered(
     context: bpy.types.Context, camera: Camera, regions: Sequence[Region], settings: CyclesSettings, sun: bool
 ) -> Steps[Renders]:
-    """Render the regions, for a comparison then the whole picture, and the reference.
+    """Render the regions, then, to measure against, the whole picture and the reference.
 
     The whole picture comes from a scene copy of its own, so that it pays for all it needs; the reference finds the
     scene read.
@@ -135,7 +135,7 @@ def _rendered(
 def _composited(
     exposure: float,
     camera: Camera,
-    frame: Frame,
+    buffers: PixelBuffers,
     priority: np.ndarray,
     regions: Sequence[Region],
     renders: Renders,
@@ -146,14 +146,14 @@ def _composited(
     report = cycles_report(priority, regions, renders, settings)
     errors: dict[str, np.ndarray] = {}
     if renders.reference is not None:
-        squared = squared_errors(frame, mask, renders, exposure, refined)
-        active = frame.picture(frame.active)
+        squared = squared_errors(buffers, mask, renders, exposure, refined)
+        active = buffers.picture(buffers.active)
         report["mse"] = {
             name: float(values[active].mean()) if active.any() else 0.0 for name, values in squared.items()
         }
         errors = {name: np.sqrt(values) for name, values in squared.items()}
-    colored = frame.preview_color is not None
-    preview = frame.picture(frame.preview if frame.preview_color is None else frame.preview_color)
+    colored = buffers.preview_color is not None
+    preview = buffers.picture(buffers.preview if buffers.preview_color is None else buffers.preview_color)
     cycles = shown_light(renders.regions, exposure, colored)
     composited = np.where(mask[..., None] if colored else mask, cycles, preview)
     full = None if renders.full is None else shown_light(renders.full, exposure, colored)

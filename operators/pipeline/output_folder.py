@@ -79,15 +79,15 @@ def _move(source: Path, out: Path) -> None:
     names = {path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()}
     renames = {folder: _can_be_renamed(source, folder) for folder in {(out / name).parent for name in names}}
     with ExitStack() as stack:
-        places: dict[Path, Path] = {}
+        sources: dict[Path, Path] = {}
         for name in sorted(names, key=lambda name: (name == REPORT_NAME, name)):
-            place = places[out / name] = source / name
+            temporary = sources[out / name] = source / name
             if not renames[(out / name).parent]:
-                place = places[out / name] = temporary_path(out / name)
-                stack.callback(place.unlink, missing_ok=True)
-                shutil.copyfile(source / name, place)
-        for target, place in places.items():
-            os.replace(place, target)
+                temporary = sources[out / name] = temporary_path(out / name)
+                stack.callback(temporary.unlink, missing_ok=True)
+                shutil.copyfile(source / name, temporary)
+        for target, temporary in sources.items():
+            os.replace(temporary, target)
 
 
 def _can_be_renamed(source: Path, folder: Path) -> bool:

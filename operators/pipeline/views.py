@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""View of a lit and coded octree by one camera: its frame, its pictures, its figures."""
+"""View of a lit and coded octree by one camera: its buffers, its pictures, its figures."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from ...patchnet_addon.image.tone import shown
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
-from ...patchnet_addon.sampling.frame import Frame
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.ranking import Ranking, rank
 from ...patchnet_addon.sampling.refine import refinable, refined_colors, refined_picture
 from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
-from ...patchnet_addon.sampling.report import frame_report
+from ...patchnet_addon.sampling.report import view_report
 from ...patchnet_addon.sampling.strategy import Strategy
-from ...patchnet_addon.sampling.trace import trace_frame
+from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
 from ..importance.pixels import pixel_importance
 from ..scene_access.images import ERROR_MAXIMUM, PICTURES, PRIORITY_NAME, save_exr, save_png
@@ -54,14 +54,14 @@ class View:
         return self.ranking.strategy.name
 
     @property
-    def frame(self) -> Frame:
+    def buffers(self) -> PixelBuffers:
         """Traced pixels, and all that strategies read of them."""
-        return self.ranking.frame
+        return self.ranking.buffers
 
     @property
     def priority(self) -> np.ndarray:
         """(H, W) float32: what pixels are ranked by."""
-        return self.frame.picture(self.ranking.priority)
+        return self.buffers.picture(self.ranking.priority)
 
 
 def view(coded: CodedOctree, camera: Camera, settings: ViewSettings, scope: str, *, compare: bool) -> Steps[View]:
@@ -74,31 +74,31 @@ def view(coded: CodedOctree, camera: Camera, settings: ViewSettings, scope: str,
     chosen = strategy(settings.strategy)
     strategies = list(STRATEGIES.values()) if compare else [chosen, STRATEGIES["optimal"]]
     tracing = run_in_worker(
-        lambda: trace_frame(coded.octree, camera, strategies, coded=coded), Progress(0, 1, "Tracing the preview")
+        lambda: trace_view(coded.octree, camera, strategies, coded=coded), Progress(0, 1, "Tracing the preview")
     )
-    frame = yield from labelled(tracing, f"{camera.name}: {{}}")
+    buffers = yield from labelled(tracing, f"{camera.name}: {{}}")
     if settings.importance is not None:
-        looked_up = pixel_importance(settings.importance, scope, coded.octree.grid, frame)
-        frame = replace(frame, importance=(yield from labelled(looked_up, f"{camera.name}: {{}}")))
+        looked_up = pixel_importance(settings.importance, scope, coded.octree.grid, buffers)
+        buffers = replace(buffers, importance=(yield from labelled(looked_up, f"{camera.name}: {{}}")))
     measuring = computed(
-        lambda: _measured(coded.octree, frame, camera, strategies, settings),
+        lambda: _measured(coded.octree, buffers, camera, strategies, settings),
         Progress(0, 1, f"{camera.name}: Measuring errors"),
     )
     return (yield from measuring)
 
 
 def _measured(
-    octree: Octree, frame: Frame, camera: Camera, strategies: Sequence[Strategy], settings: ViewSettings
+    octree: Octree, buffers: PixelBuffers, camera: Camera, strategies: Sequence[Strategy], settings: ViewSettings
 ) -> View:
-    """Figures and pictures of a traced frame."""
+    """Figures and pictures of a traced view."""
     from ...patchnet_addon.tracing.unseen import why_unseen
 
-    assert frame.reference is not None
-    unseen = why_unseen(octree, camera, frame.hits, max(float(frame.preview.max()), float(frame.reference.max())))
-    rankings = {item.name: rank(item, frame, settings.budget) for item in strategies}
-    report = frame_report(frame, camera.name, settings.budget, rankings.values())
+    assert buffers.reference is not None
+    unseen = why_unseen(octree, camera, buffers.hits, max(float(buffers.preview.max()), float(buffers.reference.max())))
+    rankings = {item.name: rank(item, buffers, settings.budget) for item in strategies}
+    report = view_report(buffers, camera.name, settings.budget, rankings.values())
     if settings.importance is not None:
-        report["refinable_pixels"] = refinable(frame)
+        report["refinable_pixels"] = refinable(buffers)
     chosen = rankings[settings.strategy]
     pictures = _pictures(chosen, settings, camera.name)
     return View(octree, camera, chosen, pictures, report, () if unseen is None else (unseen,))
@@ -109,17 +109,17 @@ def _pictures(ranking: Ranking, settings: ViewSettings, name: str) -> dict[str, 
 
     Preview, refined and reference are in colour if the octree is. The overlay stays gray, so that red means one thing.
     """
-    frame, chosen = ranking.frame, ranking.strategy
-    assert frame.reference is not None
-    refined = refined_picture(frame, ranking.mask)
-    before, after = (np.abs(values - frame.reference) for values in (frame.preview, refined))
-    picture, ramp = frame.picture, settings.colormap
+    buffers, chosen = ranking.buffers, ranking.strategy
+    assert buffers.reference is not None
+    refined = refined_picture(buffers, ranking.mask)
+    before, after = (np.abs(values - buffers.reference) for values in (buffers.preview, refined))
+    picture, ramp = buffers.picture, settings.colormap
     maximum = settings.heatmap_maximum or chosen.maximum
-    preview, first, urgent = picture(frame.preview), picture(ranking.urgency), picture(ranking.priority)
-    looks = {"preview": frame.preview, "refined": refined, "reference": frame.reference}
-    if frame.preview_color is not None and frame.reference_color is not None:
-        colors = refined_colors(frame, ranking.mask)
-        looks = {"preview": frame.preview_color, "refined": colors, "reference": frame.reference_color}
+    preview, first, urgent = picture(buffers.preview), picture(ranking.urgency), picture(ranking.priority)
+    looks = {"preview": buffers.preview, "refined": refined, "reference": buffers.reference}
+    if buffers.preview_color is not None and buffers.reference_color is not None:
+        colors = refined_colors(buffers, ranking.mask)
+        looks = {"preview": buffers.preview_color, "refined": colors, "reference": buffers.reference_color}
     return {
         "preview": shown(picture(looks["preview"])),
         "priority": colormap(urgent / np.float32(maximum), ramp),

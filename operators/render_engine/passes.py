@@ -20,7 +20,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from ...patchnet_addon.sampling.adaptive import AdaptivePicture
-    from ...patchnet_addon.sampling.frame import Frame
+    from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 
 NO_DEPTH = 1e10  # what Cycles writes
 
@@ -64,14 +64,14 @@ def pass_pixels(picture: AdaptivePicture, world: np.ndarray | None) -> dict[str,
     """Pixels (P, C) float32 of each pass that is known by now: only Combined as long as pixels are being traced."""
     known = {"Combined": combined(picture, world)}
     priority = picture.priority
-    if picture.frame is None or priority is None:
+    if picture.buffers is None or priority is None:
         return known
-    hits = picture.frame.hits
+    hits = picture.buffers.hits
     values = {
         "Depth": np.where(hits.hit, hits.z_world, np.float32(NO_DEPTH)),
         "Normal": _normals(picture),
         "Priority": priority,
-        "Coverage": _coverage(picture.frame),
+        "Coverage": _coverage(picture.buffers),
         "Sample Count": picture.samples,
         "Level": np.where(hits.hit, hits.level, -1),
     }
@@ -80,8 +80,8 @@ def pass_pixels(picture: AdaptivePicture, world: np.ndarray | None) -> dict[str,
 
 def _normals(picture: AdaptivePicture) -> np.ndarray:
     """(P, 3): a sheet is seen from both sides, so its normal is turned towards the camera, as Cycles does."""
-    assert picture.frame is not None
-    hits = picture.frame.hits
+    assert picture.buffers is not None
+    hits = picture.buffers.hits
     normals = np.zeros((len(hits.hit), 3), np.float32)
     mean = picture.octree.normal_float(hits.node[hits.hit])
     away = np.einsum("pc,pc->p", mean, hits.direction[hits.hit]) > 0.0
@@ -90,7 +90,7 @@ def _normals(picture: AdaptivePicture) -> np.ndarray:
     return normals
 
 
-def _coverage(frame: Frame) -> np.ndarray:
-    if frame.prediction is None:
-        return frame.hit
-    return np.where(frame.hit, frame.prediction.coverage, np.float32(0.0))
+def _coverage(buffers: PixelBuffers) -> np.ndarray:
+    if buffers.prediction is None:
+        return buffers.hit
+    return np.where(buffers.hit, buffers.prediction.coverage, np.float32(0.0))

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import SceneError
-from ...patchnet_addon.sampling.importance import Place
+from ...patchnet_addon.sampling.importance import PixelRect
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
 from ...patchnet_addon.tracing.part import camera_part
 from ..scene.cameras import tracing_camera
@@ -18,7 +18,7 @@ from ..scene.cameras import tracing_camera
 
 def render_camera(
     scene: bpy.types.Scene, camera: bpy.types.Object | None, size_px: tuple[int, int]
-) -> tuple[Camera, Place]:
+) -> tuple[Camera, PixelRect]:
     """View of an evaluated camera object at the render resolution, and where the whole picture lies on it.
 
     The view is what the render border leaves of the picture. scene: evaluated. Raises SceneError without a camera and
@@ -29,10 +29,10 @@ def render_camera(
     whole = tracing_camera(camera, scene, size_px)
     render = scene.render
     if not render.use_border:
-        return whole, Place(0, 0, *size_px)
+        return whole, PixelRect(0, 0, *size_px)
     left, right = (int(side * size_px[0]) for side in (render.border_min_x, render.border_max_x))  # as Blender rounds
     bottom, top = (int(side * size_px[1]) for side in (render.border_min_y, render.border_max_y))
-    return camera_part(whole, left, bottom, right - left, top - bottom), Place(-left, -bottom, *size_px)
+    return camera_part(whole, left, bottom, right - left, top - bottom), PixelRect(-left, -bottom, *size_px)
 
 
 def viewport_camera(
@@ -69,8 +69,8 @@ def viewport_camera(
     return camera if perspective else _before_all(camera, bounds_world)
 
 
-def camera_place(context: bpy.types.Context) -> Place | None:
-    """Place of the picture in a viewport that looks through a camera; None for one that does not."""
+def camera_rect(context: bpy.types.Context) -> PixelRect | None:
+    """Rectangle of the picture in a viewport that looks through a camera; None for one that does not."""
     view, region = context.region_data, context.region
     item = context.space_data.camera
     if view.view_perspective != "CAMERA" or item is None or item.type != "CAMERA":
@@ -79,7 +79,7 @@ def camera_place(context: bpy.types.Context) -> Place | None:
     seen = np.concatenate([corners, np.ones((4, 1))], axis=1) @ np.array(view.window_matrix, np.float64).T
     pixels = (seen[:, :2] / seen[:, 3:] + 1.0) / 2.0 * (region.width, region.height)
     (left, bottom), (right, top) = (np.rint(pixels.min(axis=0)).astype(int), np.rint(pixels.max(axis=0)).astype(int))
-    return Place(int(left), int(bottom), max(int(right - left), 1), max(int(top - bottom), 1))
+    return PixelRect(int(left), int(bottom), max(int(right - left), 1), max(int(top - bottom), 1))
 
 
 def _before_all(camera: Camera, bounds_world: np.ndarray) -> Camera:

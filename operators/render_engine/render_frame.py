@@ -40,7 +40,7 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     wanted = settings.view
     chosen = strategy(wanted.strategy)
     eye = engine.camera_override or (scene.camera and scene.camera.evaluated_get(depsgraph))
-    camera, place = render_camera(scene, eye, (engine.resolution_x, engine.resolution_y))
+    camera, rect = render_camera(scene, eye, (engine.resolution_x, engine.resolution_y))
     strokes = None
     if wanted.importance is not None:  # what is missing is said before anything is made
         strokes = read_strokes(wanted.importance, VISIBLE, depsgraph)  # what was voxelized may not be selected now
@@ -48,7 +48,7 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     _mention_left_out(engine, scene)
     making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
     coded = pull(engine, making, 0.0, 0.3)
-    importance = None if strokes is None else partial(strokes.weights, coded.octree.grid, place=place)
+    importance = None if strokes is None else partial(strokes.weights, coded.octree.grid, rect=rect)
     picture = AdaptivePicture(coded.octree, camera, chosen, coded, importance)
     output = _Output(engine, depsgraph.view_layer.name, camera, picture, world)
     try:
@@ -130,8 +130,8 @@ def _warn_of_unseen(engine: bpy.types.RenderEngine, picture: AdaptivePicture) ->
     """Say why the picture shows nothing or is black; its world is black behind what is meant to be seen, too."""
     from ...patchnet_addon.tracing.unseen import why_unseen
 
-    assert picture.frame is not None
-    warning = why_unseen(picture.octree, picture.camera, picture.frame.hits, float(picture.frame.preview.max()))
+    assert picture.buffers is not None
+    warning = why_unseen(picture.octree, picture.camera, picture.buffers.hits, float(picture.buffers.preview.max()))
     if warning is not None:
         warn(engine, warning)
 

@@ -19,7 +19,7 @@ from ..session import results
 from ..session.scene_result import SceneResult
 from ..ui.preferences import apply_preferences
 from .drawing import PictureTexture, draw_message
-from .render_camera import camera_place, viewport_camera
+from .render_camera import camera_rect, viewport_camera
 from .viewport_mask import ViewportMask
 from .viewport_preview import Preparation, ViewportPreview
 from .world import world_color
@@ -89,10 +89,10 @@ class Viewport:
         values, strokes = context.scene.patchnet, self.mask.strokes
         world = None if context.scene.render.film_transparent else world_color(context.scene.world)
         background = None if world is None else world.tobytes()
-        place = None if strokes is None else camera_place(context)
-        state = (id(result), values.strategy, values.budget, background, self.mask.version, place, *_view(camera))
+        rect = None if strokes is None else camera_rect(context)
+        state = (id(result), values.strategy, values.budget, background, self.mask.version, rect, *_view(camera))
         if state != self._state or self._preview is None:
-            importance = None if strokes is None else partial(strokes.weights, result.octree.grid, place=place)
+            importance = None if strokes is None else partial(strokes.weights, result.octree.grid, rect=rect)
             picture = AdaptivePicture(result.octree, camera, strategy(values.strategy), result.coded, importance)
             self._state, self._preview = state, ViewportPreview(picture, values.budget, world)
             self._asked = time.perf_counter()  # the first picture comes soon

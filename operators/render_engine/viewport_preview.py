@@ -86,7 +86,7 @@ class ViewportPreview:
         """Double or halve what one step does; that of the other kind of work is not known by this one's time."""
         factor = 0.5 if took > slice_s else 2.0 if took < slice_s / 4 else 1.0
         pace = self.pace
-        if self.picture.frame is None:
+        if self.picture.buffers is None:
             pace.band_pixels = int(np.clip(pace.band_pixels * factor, _SMALLEST_PACE[0], _LARGEST_PACE[0]))
         else:
             pace.batch_rays = int(np.clip(pace.batch_rays * factor, _SMALLEST_PACE[1], _LARGEST_PACE[1]))

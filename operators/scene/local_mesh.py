@@ -89,8 +89,8 @@ def _used(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.n
     used[triangles.ravel()] = True
     if used.all():
         return vertices, triangles
-    place = (np.cumsum(used) - 1).astype(np.int32)
-    return vertices[used], place[triangles]
+    renumbered = (np.cumsum(used) - 1).astype(np.int32)
+    return vertices[used], renumbered[triangles]
 
 
 def _uvs(layer: bpy.types.MeshUVLoopLayer, loop_count: int) -> np.ndarray:

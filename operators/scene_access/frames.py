@@ -91,8 +91,8 @@ def _get(owner: bpy.types.ID, path: str, index: int) -> Any:
 
 def _set(owner: bpy.types.ID, path: str, index: int, value: Any) -> None:
     if path.endswith("]"):  # a custom property, or the input of a modifier
-        place, key = path[: path.rindex("[")], path[path.rindex("[") + 1 : -1].strip("\"'")
-        values = owner.path_resolve(place) if place else owner
+        owner_path, key = path[: path.rindex("[")], path[path.rindex("[") + 1 : -1].strip("\"'")
+        values = owner.path_resolve(owner_path) if owner_path else owner
         present = values[key]
         if hasattr(present, "__len__"):
             present[index] = value
@@ -100,8 +100,8 @@ def _set(owner: bpy.types.ID, path: str, index: int, value: Any) -> None:
             values[key] = value
         owner.update_tag()
         return
-    place, _, name = path.rpartition(".")
-    holder = owner.path_resolve(place) if place else owner
+    owner_path, _, name = path.rpartition(".")
+    holder = owner.path_resolve(owner_path) if owner_path else owner
     if hasattr(getattr(holder, name), "__len__"):
         getattr(holder, name)[index] = value
     else:

@@ -35,15 +35,15 @@ def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
     """Set properties of `owner` that this Blender has; afterwards, and in saved files, each is as before or unset."""
     names = [name for name in values if hasattr(owner, name)]
     before = {name: (owner.is_property_set(name), getattr(owner, name)) for name in names}
-    place = _place(owner)
+    find = _finder(owner)
 
     def change() -> None:
-        owner = place()
+        owner = find()
         for name in names:
             setattr(owner, name, values[name])
 
     def put_back() -> None:
-        owner = place()
+        owner = find()
         for name in reversed(names):
             was_set, value = before[name]
             setattr(owner, name, value)
@@ -59,7 +59,7 @@ def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
             put_back()
 
 
-def _place(owner: bpy.types.bpy_struct) -> Callable[[], Any]:
+def _finder(owner: bpy.types.bpy_struct) -> Callable[[], Any]:
     """Function that finds `owner` again: Blender notices a data-block that is gone, but not settings in it that are."""
     block = owner.id_data
     if block is None or block == owner:

@@ -18,7 +18,7 @@ def seen(result: SceneResult, view: View, *, compared: bool = False) -> SceneRes
     report = view.report
     made = replace(
         result,
-        lookahead_share=view.frame.lookahead_share,
+        lookahead_share=view.buffers.lookahead_share,
         pictures=True,
         comparison=comparison_of(view) if compared else None,
         errors=(report["mse_unrefined"], report["mse"][view.strategy]),

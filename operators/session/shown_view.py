@@ -107,20 +107,20 @@ class ShownView:
 
 def view_to_show(view: View, settings: ViewSettings, chosen_maximum: float) -> ShownView:
     """Select what overlay and inspection need of a view that was made with `settings`."""
-    from ...patchnet_addon.tracing.supersample import MAX_SAMPLES
+    from ...patchnet_addon.tracing.supersample import MAX_SIDE
 
-    frame, mask = view.frame, view.ranking.mask
-    assert frame.reference is not None
-    refined = np.where(mask, frame.reference, frame.preview)
+    buffers, mask = view.buffers, view.ranking.mask
+    assert buffers.reference is not None
+    refined = np.where(mask, buffers.reference, buffers.preview)
     flat = {
-        LEVEL: np.where(frame.hit, frame.hits.level, -1),
-        **dict(zip(LUMINANCES, (frame.preview, refined, frame.reference), strict=True)),
-        SAMPLES: np.where(mask, MAX_SAMPLES**2, 1),
+        LEVEL: np.where(buffers.hit, buffers.hits.level, -1),
+        **dict(zip(LUMINANCES, (buffers.preview, refined, buffers.reference), strict=True)),
+        SAMPLES: np.where(mask, MAX_SIDE**2, 1),
     }
-    known = frame.prediction or frame.exact
+    known = buffers.prediction or buffers.exact
     if known is not None:
-        flat[COVERAGE] = np.where(frame.hit, known.coverage, 0.0)
-    values = {name: np.ascontiguousarray(frame.picture(item), np.float32) for name, item in flat.items()}
+        flat[COVERAGE] = np.where(buffers.hit, known.coverage, 0.0)
+    values = {name: np.ascontiguousarray(buffers.picture(item), np.float32) for name, item in flat.items()}
     looks = {name: to_bytes(view.pictures[name.lower()]) for name in (PREVIEW, REFINED, REFERENCE)}
     maximum = settings.heatmap_maximum or view.ranking.strategy.maximum
     return ShownView(

@@ -53,9 +53,9 @@ class JobSettings:
         """Copy with other values of some settings, by flat names; raises as `of`."""
         of_groups: dict[str, dict[str, Any]] = {}
         for name, value in values.items():
-            if name not in PLACES:
-                raise TypeError(f"A job has no setting {name!r}: its settings are {', '.join(PLACES)}")
-            of_groups.setdefault(PLACES[name].group, {})[PLACES[name].field] = value
+            if name not in SETTING_PATHS:
+                raise TypeError(f"A job has no setting {name!r}: its settings are {', '.join(SETTING_PATHS)}")
+            of_groups.setdefault(SETTING_PATHS[name].group, {})[SETTING_PATHS[name].field] = value
         own = of_groups.pop("", {})
         return replace(
             self, **own, **{group: replace(getattr(self, group), **mine) for group, mine in of_groups.items()}
@@ -64,34 +64,34 @@ class JobSettings:
     def flat(self) -> dict[str, Any]:
         """All values by their flat names."""
         return {
-            name: getattr(getattr(self, place.group) if place.group else self, place.field)
-            for name, place in PLACES.items()
+            name: getattr(getattr(self, path.group) if path.group else self, path.field)
+            for name, path in SETTING_PATHS.items()
         }
 
 
-class Place(NamedTuple):
-    """Place of a setting: the group that holds it, "" for `JobSettings` itself, and its field there."""
+class SettingPath(NamedTuple):
+    """Path to a setting: the group that holds it, "" for `JobSettings` itself, and its field there."""
 
     group: str
     field: str
 
 
-def places(groups: dict[str, Any], own: Iterable[str]) -> dict[str, Place]:
-    """Place of each setting by its flat name; raises TypeError for a name that stands in two groups.
+def setting_paths(groups: dict[str, Any], own: Iterable[str]) -> dict[str, SettingPath]:
+    """Path to each setting by its flat name; raises TypeError for a name that stands in two groups.
 
     groups: dataclass of each group, by its name. own: names that stand in no group.
     """
-    found = {name: Place("", name) for name in own}
+    found = {name: SettingPath("", name) for name in own}
     for group, kind in groups.items():
         for name, field_name in fields_by_flat_name(kind).items():
             if name in found:
                 both = f"{found[name].group!r} and in {group!r}"
                 raise TypeError(f"Setting {name!r} stands in {both}: rename one of them")
-            found[name] = Place(group, field_name)
+            found[name] = SettingPath(group, field_name)
     return found
 
 
-def groups_of_rows(rows: Iterable[Setting], known: dict[str, Place]) -> dict[str, str]:
+def groups_of_rows(rows: Iterable[Setting], known: dict[str, SettingPath]) -> dict[str, str]:
     """Group of each row of the table by its name; raises TypeError for a row that stands in none."""
     found = {}
     for row in rows:
@@ -101,8 +101,8 @@ def groups_of_rows(rows: Iterable[Setting], known: dict[str, Place]) -> dict[str
     return found
 
 
-PLACES = places(
+SETTING_PATHS = setting_paths(
     {item.name: item.default_factory for item in fields(JobSettings) if item.default_factory is not MISSING},
     [item.name for item in fields(JobSettings) if item.default_factory is MISSING],
 )
-GROUP_OF = groups_of_rows(TABLE.values(), PLACES)  # by name of the row; "" for the output folder
+GROUP_OF = groups_of_rows(TABLE.values(), SETTING_PATHS)  # by name of the row; "" for the output folder

@@ -41,7 +41,7 @@ class CameraCheck:
 
 @dataclass(frozen=True, eq=False)
 class LightCheck:
-    """Result of a comparison: the octree that was judged, what each camera saw, and the report."""
+    """Result of a check: the octree that was judged, what each camera saw, and the report."""
 
     octree: Octree
     cameras: tuple[CameraCheck, ...]
@@ -51,7 +51,7 @@ class LightCheck:
 def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[LightCheck]:
     """Compare the octree of the open scene with Cycles; the scene is as before afterwards; raises PatchNetError.
 
-    A comparison that is stopped finds the pages of light that it has baked when it is started again.
+    A check that is stopped finds the pages of light that it has baked when it is started again.
     """
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
 

@@ -12,7 +12,7 @@ from ..settings.job_settings import JobSettings
 
 @dataclass(frozen=True)
 class CheckSettings:
-    """Settings of a comparison.
+    """Settings of a light check.
 
     job: how the octree is made: depth, light, samples, texels, size and cameras; its `out` takes the results.
     viewpoints: so many cameras are placed in the free space of the scene; 0 takes the job's cameras.
@@ -28,7 +28,7 @@ class CheckSettings:
 
     def __post_init__(self) -> None:
         if not self.job.surface.has_given_depth:
-            raise SettingError("A comparison needs a depth: give one")
+            raise SettingError("A light check needs a depth: give one")
         bounds.RENDER_SAMPLES.check(self.render_samples)
         bounds.RAYS.check(self.rays)
         bounds.DIFFERENCE.check(self.difference)

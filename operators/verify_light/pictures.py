@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures and report of a comparison as files."""
+"""Pictures and report of a light check as files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _PICTURES = ("cycles.png", "octree.png", "difference.png", "side_by_side.png")
 
 
 def check_files(folders: Iterable[str]) -> dict[str, FileKind]:
-    """Kind of each file of a comparison by its path in the output folder; `folders` are those of the cameras."""
+    """Kind of each file of a light check by its path in the output folder; `folders` are those of the cameras."""
     return {REPORT_NAME: REPORT} | {f"{folder}/{name}": PNG for folder in folders for name in _PICTURES}
 
 

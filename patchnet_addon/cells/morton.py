@@ -23,9 +23,9 @@ def morton_decode(keys: np.ndarray) -> np.ndarray:
     return np.stack(axes, axis=-1).astype(np.int32)
 
 
-def morton_decode_square(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Column and row, (N,) int32 each, of places (N,) int64 along the curve through a square; up to 32 bits."""
-    return _gather_pairs(places), _gather_pairs(places >> 1)
+def morton_decode_square(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Column and row, (N,) int32 each, of keys (N,) int64 along the curve through a square; up to 32 bits."""
+    return _gather_pairs(keys), _gather_pairs(keys >> 1)
 
 
 def spread(bits):  # type: ignore[no-untyped-def]

@@ -179,8 +179,8 @@ def render_patch(luminance, brick, ray, lookahead, viewport):
         middle_v = block_v + 0.5 * side * (view[1, 0] + view[1, 1] + view[1, 2])
         if abs(middle_u - 31.5) > 31.5 + side * width or abs(middle_v - 31.5) > 31.5 + side * height:
             continue
-        for place in range(cells.shape[1]):
-            cell = place ^ flip
+        for slot in range(cells.shape[1]):
+            cell = slot ^ flip
             node = cells[block, cell]
             if node < 0:
                 continue

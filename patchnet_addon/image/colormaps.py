@@ -30,9 +30,9 @@ def colormap(values: np.ndarray, name: str = "viridis") -> np.ndarray:
     if name not in _KNOTS:
         raise SettingError(f"There is no colour map {name!r}: choose one of {', '.join(COLORMAPS)}")
     knots = np.array([list(bytes.fromhex(entry)) for entry in _KNOTS[name].split()], np.float32) / 255  # (52, 3)
-    place = np.clip(np.nan_to_num(values, nan=0.0), 0.0, 1.0)
+    position = np.clip(np.nan_to_num(values, nan=0.0), 0.0, 1.0)
     positions = np.linspace(0.0, 1.0, len(knots))
-    return np.stack([np.interp(place, positions, knots[:, c]) for c in range(3)], axis=-1).astype(np.float32)
+    return np.stack([np.interp(position, positions, knots[:, c]) for c in range(3)], axis=-1).astype(np.float32)
 
 
 def red_ramp(amount: np.ndarray) -> np.ndarray:

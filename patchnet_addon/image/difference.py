@@ -33,8 +33,8 @@ def _signed(difference: np.ndarray, maximum: float) -> np.ndarray:
     return magnify(diverging(difference / np.float32(maximum)))
 
 
-def _ramp(place: np.ndarray) -> np.ndarray:
-    return diverging(2.0 * place - 1.0)
+def _ramp(position: np.ndarray) -> np.ndarray:
+    return diverging(2.0 * position - 1.0)
 
 
 def _ticks(maximum: float) -> list[str]:

@@ -42,7 +42,7 @@ def heatmap(
         raise SettingError(f"The heatmap's maximum {maximum} must be a positive number")
     view = magnify(colormap(priority / np.float32(maximum), map_name))
     ticks = [f"{maximum * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    return with_legend([view], [title or "priority"], lambda place: colormap(place, map_name), ticks, quantity)
+    return with_legend([view], [title or "priority"], lambda position: colormap(position, map_name), ticks, quantity)
 
 
 def overlay(luminance: np.ndarray, urgency: np.ndarray, budget: float, *, title: str = "") -> np.ndarray:
@@ -68,7 +68,7 @@ def error_picture(
     views = [magnify(colormap(error / np.float32(maximum), map_name)) for error in (before, after)]
     titles = [f"{name}: mse {value:.5f}" for name, value in zip(("preview", "refined"), mse, strict=True)]
     ticks = [f"{maximum * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    return with_legend(views, titles, lambda place: colormap(place, map_name), ticks, "luminance error")
+    return with_legend(views, titles, lambda position: colormap(position, map_name), ticks, "luminance error")
 
 
 def with_legend(
@@ -131,8 +131,8 @@ def _draw_bar(
     """Draw a horizontal bar of colours at row `bottom`, with evenly spaced ticks and their labels under it."""
     width = page.shape[1] - 2 * margin
     page[bottom + scale * 2 : bottom + scale * 2 + thickness, margin : margin + width] = ramp(np.linspace(0, 1, width))
-    for place, label in enumerate(ticks):
-        x = margin + round(place / (len(ticks) - 1) * (width - 1))
+    for index, label in enumerate(ticks):
+        x = margin + round(index / (len(ticks) - 1) * (width - 1))
         page[bottom : bottom + scale * 2, max(x - scale // 2, 0) : x + 1] = _INK
         half = text_width(label) * scale // 2
         start = min(max(x - half, margin), margin + width - 2 * half)

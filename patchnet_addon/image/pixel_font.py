@@ -27,10 +27,10 @@ def text_width(text: str) -> int:
 def text_mask(text: str, scale: int = 1) -> np.ndarray:
     """(5 scale, width scale) bool, row 0 at the bottom: where the letters are; unknown characters show as a box."""
     mask = np.zeros((GLYPH_HEIGHT, text_width(text)), bool)
-    for place, character in enumerate(text.upper()):
+    for index, character in enumerate(text.upper()):
         for row, digit in enumerate(_GLYPHS.get(character, "75557")):
             bits = [bool(int(digit, 8) & bit) for bit in (4, 2, 1)]
-            mask[GLYPH_HEIGHT - 1 - row, place * ADVANCE : place * ADVANCE + GLYPH_WIDTH] = bits
+            mask[GLYPH_HEIGHT - 1 - row, index * ADVANCE : index * ADVANCE + GLYPH_WIDTH] = bits
     return np.kron(mask, np.ones((scale, scale), bool))
 
 

@@ -90,5 +90,5 @@ def _baked_hue(values: np.ndarray) -> np.ndarray:
 
 def _triangle_values(atlas: Atlas, triangles: np.ndarray) -> np.ndarray:
     """Means (n, C) over all texels of triangles (n,): at the edge of a cut-out, a texel may have met the gap only."""
-    distinct, place = np.unique(triangles, return_inverse=True)
-    return triangle_means(atlas.charts, atlas.texels, distinct)[place.reshape(-1)].astype(np.float32)
+    distinct, inverse = np.unique(triangles, return_inverse=True)
+    return triangle_means(atlas.charts, atlas.texels, distinct)[inverse.reshape(-1)].astype(np.float32)

@@ -81,7 +81,7 @@ def _owns(half, i, j):  # type: ignore[no-untyped-def]
 
 
 @device
-def _place(half, page, i, j):  # type: ignore[no-untyped-def]
+def _texel_index(half, page, i, j):  # type: ignore[no-untyped-def]
     """Index of the texel (i, j) of a half, counted from the right angle, among the texels of all pages."""
     if half.kind == SECOND:
         column = half.x + (1 << half.log_width) - 1 - i
@@ -110,9 +110,9 @@ def _lookup(triangle, barycentric, pages, rectangles, corners, texels, out):  # 
         half = _half(rectangles, t)
         page = pages[t]
         if half.kind == SINGLE:
-            place = _place(half, page, 0, 0)
+            texel = _texel_index(half, page, 0, 0)
             for channel in range(channels):
-                out[index, channel] = texels[place, channel]
+                out[index, channel] = texels[texel, channel]
             continue
         b1 = barycentric[index, 0]
         b2 = barycentric[index, 1]
@@ -135,10 +135,10 @@ def _lookup(triangle, barycentric, pages, rectangles, corners, texels, out):  # 
             i, j = _nearest(half, u, v)
             fx = 0.0
             fy = 0.0
-        at_00 = _place(half, page, i, j)
-        at_10 = _place(half, page, i + 1, j)
-        at_01 = _place(half, page, i, j + 1)
-        at_11 = _place(half, page, i + 1, j + 1)
+        at_00 = _texel_index(half, page, i, j)
+        at_10 = _texel_index(half, page, i + 1, j)
+        at_01 = _texel_index(half, page, i, j + 1)
+        at_11 = _texel_index(half, page, i + 1, j + 1)
         for channel in range(channels):
             value_00 = texels[at_00, channel]
             value_10 = texels[at_10, channel] if own_10 and fx > 0.0 else value_00
@@ -177,9 +177,9 @@ def _means(triangle, pages, rectangles, texels, out):  # type: ignore[no-untyped
         while _owns(half, 0, j):
             i = 0
             while _owns(half, i, j):
-                place = _place(half, page, i, j)
+                texel = _texel_index(half, page, i, j)
                 for channel in range(channels):
-                    out[index, channel] += texels[place, channel]
+                    out[index, channel] += texels[texel, channel]
                 count += 1
                 i += 1
                 if single:
@@ -207,10 +207,10 @@ def group_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, page:
     means = triangle_means(charts, texels, triangles, page)
     if charts.group is None or not len(triangles):
         return means
-    _, place, count = np.unique(charts.group[triangles], return_inverse=True, return_counts=True)
-    place = place.reshape(-1)
-    sums = [np.bincount(place, means[:, channel]) for channel in range(means.shape[1])]
-    shared: np.ndarray = (np.stack(sums, axis=-1) / count[:, None])[place]
+    _, inverse, count = np.unique(charts.group[triangles], return_inverse=True, return_counts=True)
+    inverse = inverse.reshape(-1)
+    sums = [np.bincount(inverse, means[:, channel]) for channel in range(means.shape[1])]
+    shared: np.ndarray = (np.stack(sums, axis=-1) / count[:, None])[inverse]
     return shared
 
 
@@ -220,13 +220,13 @@ def _owners(triangle, rectangles, out):  # type: ignore[no-untyped-def]
         t = triangle[index]
         half = _half(rectangles, t)
         if half.kind == SINGLE:
-            out[_place(half, 0, 0, 0)] = t
+            out[_texel_index(half, 0, 0, 0)] = t
             continue
         j = 0
         while _owns(half, 0, j):
             i = 0
             while _owns(half, i, j):
-                out[_place(half, 0, i, j)] = t
+                out[_texel_index(half, 0, i, j)] = t
                 i += 1
             j += 1
 

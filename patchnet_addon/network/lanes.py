@@ -50,8 +50,8 @@ def load(_typing: Any, array: Any, _index: Any) -> Any:
     """Vector of the elements from an index on: load(array, index)."""
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        place = _address(context, builder, signature, *arguments)
-        vector = builder.load(builder.bitcast(place, _VECTOR.as_pointer()))
+        address = _address(context, builder, signature, *arguments)
+        vector = builder.load(builder.bitcast(address, _VECTOR.as_pointer()))
         vector.align = 4
         return vector
 
@@ -63,8 +63,8 @@ def store(_typing: Any, array: Any, _index: Any, _vector: Any) -> Any:
     """Store a vector from an index on: store(array, index, vector); nothing is returned."""
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        place = _address(context, builder, signature, *arguments[:2])
-        builder.store(arguments[2], builder.bitcast(place, _VECTOR.as_pointer())).align = 4
+        address = _address(context, builder, signature, *arguments[:2])
+        builder.store(arguments[2], builder.bitcast(address, _VECTOR.as_pointer())).align = 4
         return context.get_dummy_value()
 
     return types.void(array, types.intp, _LANES), build

@@ -135,8 +135,8 @@ def _sum_products(values, rows, steps, count, panels, panel, bias):
     right0 = right1 = right2 = right3 = load(bias, panel * WIDTH + LANES)
     for step in range(count):
         column = steps[step]
-        place = (panel * depth + column) * WIDTH
-        left, right = load(panels, place), load(panels, place + LANES)
+        offset = (panel * depth + column) * WIDTH
+        left, right = load(panels, offset), load(panels, offset + LANES)
         left0, right0 = _add(left0, right0, spread(values, row0 + column), left, right)
         left1, right1 = _add(left1, right1, spread(values, row1 + column), left, right)
         left2, right2 = _add(left2, right2, spread(values, row2 + column), left, right)
@@ -154,6 +154,6 @@ def _write(result, rows, panel, sums, least):
     """Write the sums of four rows, at least `least`, into a panel's columns of the result."""
     low = spread(least, 0)
     for row in range(ROWS):
-        place = rows[row] * result.shape[1] + panel * WIDTH
-        store(result, place, at_least(sums[2 * row], low))
-        store(result, place + LANES, at_least(sums[2 * row + 1], low))
+        target = rows[row] * result.shape[1] + panel * WIDTH
+        store(result, target, at_least(sums[2 * row], low))
+        store(result, target + LANES, at_least(sums[2 * row + 1], low))

@@ -110,9 +110,9 @@ class Octree:
         keys = self.keys(level)
         if len(keys) == 0:
             return np.full(wanted.shape, -1, np.int64)
-        place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        found = inside & (keys[place] == wanted)
-        return np.where(found, place + self.level_start[level], -1)
+        position = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        found = inside & (keys[position] == wanted)
+        return np.where(found, position + self.level_start[level], -1)
 
     def look_ahead(self, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
         """(n,) bool: the node has real descendants `lookahead` levels further down (methods 4.1b)."""

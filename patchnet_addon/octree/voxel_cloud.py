@@ -146,8 +146,8 @@ def _children(run: VoxelRun) -> VoxelRun:
     mask = run.octree.child_mask[run.nodes]
     parent, octant = np.nonzero(np.unpackbits(mask[:, None], axis=1, bitorder="little"))  # each (m,)
     counts = POPCOUNT[mask].astype(np.int64)
-    place = np.arange(len(parent)) - np.repeat(np.cumsum(counts) - counts, counts)  # among its siblings
-    nodes = run.octree.first_child[run.nodes[parent]].astype(np.int64) + place
+    sibling = np.arange(len(parent)) - np.repeat(np.cumsum(counts) - counts, counts)  # among its siblings
+    nodes = run.octree.first_child[run.nodes[parent]].astype(np.int64) + sibling
     return VoxelRun(run.octree, run.level + 1, nodes, (run.keys[parent] << np.uint64(3)) | octant.astype(np.uint64))
 
 

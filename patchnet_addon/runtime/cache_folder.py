@@ -82,15 +82,15 @@ def _usable(wanted: Path) -> Path:
             if folder.exists() and not os.access(folder, os.W_OK | os.X_OK):
                 raise PermissionError(13, "no permission to write", str(folder))
     except (OSError, OutputError) as cause:
-        place = _private_folder()
+        fallback = _private_folder()
         system = cause if isinstance(cause, OSError) else cause.__cause__
         reason = system.strerror if isinstance(system, OSError) else cause
         _LOG.warning(
             "The cache folder %s cannot be used (%s): compiled kernels and pages of stopped bakes go to %s instead; "
             "name a folder that can be written in the preferences or in PATCHNET_CACHE",
-            wanted, reason, place,
+            wanted, reason, fallback,
         )  # fmt: skip
-        return place
+        return fallback
     return wanted
 
 

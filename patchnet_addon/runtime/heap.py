@@ -73,9 +73,9 @@ def page_out(library: str) -> None:
     advise.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
     with suppress(OSError), open("/proc/self/maps", encoding="utf-8", errors="replace") as file:
         for line in file:
-            place, access, *_, path = line.split(maxsplit=5)
+            span, access, *_, path = line.split(maxsplit=5)
             if library in path.rpartition("/")[2] and "w" not in access:
-                begin, end = (int(number, 16) for number in place.split("-"))
+                begin, end = (int(number, 16) for number in span.split("-"))
                 advise(begin, end - begin, _MADV_PAGEOUT)
 
 

@@ -35,8 +35,8 @@ def check_outputs(
         for path in files:
             by_folder.setdefault(os.path.dirname(path), []).append(path)
         nearest = {name: _nearest_folder(Path(name).absolute(), makes_folders) for name in by_folder}
-        for place in set(nearest.values()):
-            check_writable(place)
+        for folder in set(nearest.values()):
+            check_writable(folder)
         read = identities(inputs)
         for name, paths in by_folder.items():
             _check_lengths(paths, nearest[name])
@@ -79,13 +79,13 @@ def check_writable(folder: Path) -> None:
 
 def _nearest_folder(folder: Path, makes_folders: bool) -> Path:
     """Folder itself, or the nearest one above it that is there; raises OutputError if something is in the way."""
-    for place in (folder, *folder.parents):
-        if place.is_dir():
-            return place
-        if os.path.lexists(place):
-            raise OutputError(f"{place} is a file where a folder should be: choose another output, or move it away")
+    for parent in (folder, *folder.parents):
+        if parent.is_dir():
+            return parent
+        if os.path.lexists(parent):
+            raise OutputError(f"{parent} is a file where a folder should be: choose another output, or move it away")
         if not makes_folders:
-            raise OutputError(f"Folder {place} cannot be written (it does not exist): make it, or choose another one")
+            raise OutputError(f"Folder {parent} cannot be written (it does not exist): make it, or choose another one")
     raise OutputError(f"Folder {folder} cannot be made: choose another folder")
 
 

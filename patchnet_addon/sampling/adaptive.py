@@ -17,11 +17,11 @@ from ..runtime.progress import Progress, Steps
 from ..runtime.worker import run_in_worker
 from ..tracing.camera import Camera
 from ..tracing.part import camera_part
-from .frame import Frame
+from .pixel_buffers import PixelBuffers
 from .refine import priority, refined_count, refinement_order
 from .registry import STRATEGIES
 from .strategy import Strategy
-from .trace import trace_frame
+from .trace import trace_view
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 BAND_PIXELS = 1 << 16  # traced at once
 BATCH_RAYS = 1 << 20  # of refined pixels at once
 REFINED_SIDE = 32  # rays per pixel side
-Importance = Callable[[Frame], Steps[np.ndarray]]  # weights (P,) in [0, 1] of a traced frame
+Importance = Callable[[PixelBuffers], Steps[np.ndarray]]  # weights (P,) in [0, 1] of a traced view
 
 
 @dataclass
@@ -50,7 +50,7 @@ class AdaptivePicture:
 
     colors: (P, 3) float32, linear as the octree's, weighed by alpha over black. alpha: (P,) float32, share of the rays
     that met something. samples: (P,) int32, rays per pixel; 0 where nothing is traced yet.
-    frame, score: set once every pixel was traced: what strategies look at, and (P,) float32 scores.
+    buffers, score: set once every pixel was traced: what strategies look at, and (P,) float32 scores.
     """
 
     def __init__(
@@ -61,20 +61,20 @@ class AdaptivePicture:
         coded: CodedOctree | None = None,
         importance: Importance | None = None,
     ) -> None:
-        """Prepare a picture; importance makes the weights that multiply scores of a traced frame, None for 1."""
+        """Prepare a picture; importance makes the weights that multiply scores of a traced view, None for 1."""
         self.octree, self.camera, self.strategy, self.coded = octree, camera, strategy, coded
         self._importance = importance
         self.colors = np.zeros((camera.pixel_count, 3), np.float32)
         self.alpha = np.zeros(camera.pixel_count, np.float32)
         self.samples = np.zeros(camera.pixel_count, np.int32)
-        self.frame: Frame | None = None
+        self.buffers: PixelBuffers | None = None
         self.score: np.ndarray | None = None
         self._order: np.ndarray | None = None
 
     @property
     def priority(self) -> np.ndarray | None:
         """(P,) float32: what pixels are ranked by, their scores times what matters; None before there are scores."""
-        return None if self.frame is None or self.score is None else priority(self.frame, self.score)
+        return None if self.buffers is None or self.score is None else priority(self.buffers, self.score)
 
     def trace(self, pace: Pace | None = None) -> Steps[None]:
         """Trace one ray per pixel, band of rows by band of rows, then find importance and score of all pixels.
@@ -88,22 +88,22 @@ class AdaptivePicture:
             yield Progress(row, camera.height_px, "Tracing the preview")
             rows = min(max(1, pace.band_pixels // camera.width_px), camera.height_px - row)
             part = camera_part(camera, 0, row, camera.width_px, rows)
-            band = yield from trace_frame(self.octree, part, wanted, coded=self.coded, reference=False)
+            band = yield from trace_view(self.octree, part, wanted, coded=self.coded, reference=False)
             bands.append(band)
             self._show(row * camera.width_px, band)
             row += rows
         # Of all pixels at once, so as long as that takes: beside the caller that waits.
         ranked = yield from run_in_worker(lambda: self._ranked(bands), Progress(0, 1, "Ranking pixels"))
-        self.frame, self.score, self._order = ranked
+        self.buffers, self.score, self._order = ranked
 
     def refine(self, budget: float, side: int = REFINED_SIDE, pace: Pace | None = None) -> Steps[None]:
         """Refine the share `budget` of the active pixels with side x side rays, those of highest priority first.
 
         Pixels of importance 0 keep their one ray, also where the budget would reach them.
         """
-        assert self.frame is not None and self._order is not None
+        assert self.buffers is not None and self._order is not None
         pace = pace or Pace()
-        order = self._order[: refined_count(self.frame, budget, len(self._order))]
+        order = self._order[: refined_count(self.buffers, budget, len(self._order))]
         done = 0
         while done < len(order):
             yield Progress(done, len(order), f"Refining {side}x{side}")
@@ -111,21 +111,21 @@ class AdaptivePicture:
             self._take(batch, side)
             done += len(batch)
 
-    def _ranked(self, bands: list[Frame]) -> Steps[tuple[Frame, np.ndarray, np.ndarray]]:
-        """Whole frame of its bands, the score of its pixels, and their order."""
+    def _ranked(self, bands: list[PixelBuffers]) -> Steps[tuple[PixelBuffers, np.ndarray, np.ndarray]]:
+        """Whole view of its bands, the score of its pixels, and their order."""
         yield Progress(0, 1, "Ranking pixels")
-        frame = joined_frames(bands)
+        buffers = joined_buffers(bands)
         if self._importance is not None:
-            frame = replace(frame, importance=(yield from self._importance(frame)))
-        score = self.strategy.scores(frame)
-        return frame, score, refinement_order(frame, score)
+            buffers = replace(buffers, importance=(yield from self._importance(buffers)))
+        score = self.strategy.scores(buffers)
+        return buffers, score, refinement_order(buffers, score)
 
-    def _show(self, start: int, band: Frame) -> None:
-        place = slice(start, start + len(band.preview))
+    def _show(self, start: int, band: PixelBuffers) -> None:
+        rows = slice(start, start + len(band.preview))
         seen = band.preview_color
-        self.colors[place] = band.preview[:, None] if seen is None else seen
-        self.alpha[place] = band.hit
-        self.samples[place] = 1
+        self.colors[rows] = band.preview[:, None] if seen is None else seen
+        self.alpha[rows] = band.hit
+        self.samples[rows] = 1
 
     def _take(self, pixels: np.ndarray, side: int) -> None:
         from ..tracing.pixels import supersample_pixels
@@ -135,11 +135,11 @@ class AdaptivePicture:
         self.samples[pixels] = side**2
 
 
-def joined_frames(bands: list[Frame]) -> Frame:
-    """Join frames that lie on top of each other, the lowest first, into one."""
+def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
+    """Join views that lie on top of each other, the lowest first, into one."""
     if len(bands) == 1:
         return bands[0]
-    return Frame(
+    return PixelBuffers(
         hits=_joined_hits([band.hits for band in bands]),
         behind=_joined([band.behind for band in bands]),
         prediction=_joined_predictions([band.prediction for band in bands]),

@@ -7,38 +7,38 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .frame import Frame
+from .pixel_buffers import PixelBuffers
 from .refine import refined_count, refinement_order
 
 
-def squared_error(frame: Frame) -> np.ndarray:
-    """(P,) float64: (L1 - L32)^2; the frame needs its reference."""
-    assert frame.reference is not None
-    return (frame.preview.astype(np.float64) - frame.reference) ** 2
+def squared_error(buffers: PixelBuffers) -> np.ndarray:
+    """(P,) float64: (L1 - L32)^2; the view needs its reference."""
+    assert buffers.reference is not None
+    return (buffers.preview.astype(np.float64) - buffers.reference) ** 2
 
 
-def mse_at(frame: Frame, score: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
+def mse_at(buffers: PixelBuffers, score: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
     """(B,) float64: mean squared error over the active pixels that is left after each budget in [0, 1].
 
-    Refined pixels take the reference, so their error is 0; pixels of importance 0 keep theirs. A frame without active
+    Refined pixels take the reference, so their error is 0; pixels of importance 0 keep theirs. A view without active
     pixels has no error.
     """
-    return left_after(frame, refinement_order(frame, score), budgets)
+    return left_after(buffers, refinement_order(buffers, score), budgets)
 
 
-def left_after(frame: Frame, order: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
+def left_after(buffers: PixelBuffers, order: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
     """(B,) float64: as `mse_at`, of active pixels that are in their `order` (A,) already."""
-    error = squared_error(frame)[order]
+    error = squared_error(buffers)[order]
     # Summed from the least urgent pixel, so that the error left at budget 1 is exactly 0.
     left = np.concatenate([np.cumsum(error[::-1])[::-1], [0.0]])
-    counts = [refined_count(frame, budget, len(error)) for budget in budgets]
+    counts = [refined_count(buffers, budget, len(error)) for budget in budgets]
     return left[counts] / max(len(error), 1)
 
 
-def pooled_mse(frames: Sequence[Frame], scores: Sequence[np.ndarray], budgets: Sequence[float]) -> np.ndarray:
-    """(B,) float64: the same over the active pixels of all frames together, each frame with its own budget."""
-    active = np.array([np.count_nonzero(frame.active) for frame in frames], np.float64)
-    errors = np.stack([mse_at(frame, score, budgets) for frame, score in zip(frames, scores, strict=True)])
+def pooled_mse(views: Sequence[PixelBuffers], scores: Sequence[np.ndarray], budgets: Sequence[float]) -> np.ndarray:
+    """(B,) float64: the same over the active pixels of all views together, each view with its own budget."""
+    active = np.array([np.count_nonzero(buffers.active) for buffers in views], np.float64)
+    errors = np.stack([mse_at(buffers, score, budgets) for buffers, score in zip(views, scores, strict=True)])
     return active @ errors / max(active.sum(), 1.0)
 
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 
-class Place(NamedTuple):
-    """Place of a picture on a frame, in pixels of the frame from its lower left; it may reach beyond the frame."""
+class PixelRect(NamedTuple):
+    """Rectangle of a picture within a view, in pixels from the view's lower left; it may reach beyond the view."""
 
     left: int
     bottom: int
@@ -21,18 +21,18 @@ class Place(NamedTuple):
     height: int
 
 
-def picture_weights(values: np.ndarray, height: int, width: int, place: Place | None = None) -> np.ndarray:
-    """(height * width,) float32: weights painted on a picture (h, w) of any size, stretched over the frame.
+def picture_weights(values: np.ndarray, height: int, width: int, rect: PixelRect | None = None) -> np.ndarray:
+    """(height * width,) float32: weights painted on a picture (h, w) of any size, stretched over the view.
 
-    place: what it is stretched over instead; pixels of the frame that it leaves weigh 0.
+    rect: what it is stretched over instead; pixels of the view that it leaves weigh 0.
 
-    Bilinear; where the painted picture has more pixels than the frame, each pixel takes the mean of those under a
+    Bilinear; where the painted picture has more pixels than the view, each pixel takes the mean of those under a
     triangle two pixels wide, so that thin strokes count. Values are clamped to [0, 1]; those that are not finite are 0.
     """
     values = np.clip(np.nan_to_num(np.asarray(values, np.float32), posinf=1.0, neginf=0.0), 0.0, 1.0)
-    place = place or Place(0, 0, width, height)
-    rows = _bilinear(values.shape[0], place.height, -place.bottom, height)
-    columns = _bilinear(values.shape[1], place.width, -place.left, width)
+    rect = rect or PixelRect(0, 0, width, height)
+    rows = _bilinear(values.shape[0], rect.height, -rect.bottom, height)
+    columns = _bilinear(values.shape[1], rect.width, -rect.left, width)
     resized = rows @ values @ columns.T
     return np.clip(resized, 0.0, 1.0).astype(np.float32).ravel()
 

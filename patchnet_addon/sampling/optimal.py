@@ -3,13 +3,13 @@
 
 import numpy as np
 
-from .frame import Frame
+from .pixel_buffers import PixelBuffers
 from .strategy import REFERENCE, Strategy
 
 
-def _score(frame: Frame) -> np.ndarray:
-    assert frame.reference is not None  # `needs` says so
-    return np.abs(frame.preview - frame.reference)
+def _score(buffers: PixelBuffers) -> np.ndarray:
+    assert buffers.reference is not None  # `needs` says so
+    return np.abs(buffers.preview - buffers.reference)
 
 
 STRATEGY = Strategy(

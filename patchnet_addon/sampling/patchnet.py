@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .frame import Frame
+from .pixel_buffers import PixelBuffers
 from .strategy import PREDICTION, Strategy
 
 if TYPE_CHECKING:
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 LUMINANCE_WEIGHT = 5.0  # lambda of the paper
 
 
-def coverage_and_luminance_score(frame: Frame, patch: Prediction) -> np.ndarray:
+def coverage_and_luminance_score(buffers: PixelBuffers, patch: Prediction) -> np.ndarray:
     """s = |1 - sigma| + lambda |L_V - L_N|, (P,) float32; 0 where the ray met nothing (methods 7.24)."""
-    score = np.abs(1.0 - patch.coverage) + LUMINANCE_WEIGHT * np.abs(frame.preview - patch.luminance)
-    return np.where(frame.hit, score, np.float32(0.0))
+    score = np.abs(1.0 - patch.coverage) + LUMINANCE_WEIGHT * np.abs(buffers.preview - patch.luminance)
+    return np.where(buffers.hit, score, np.float32(0.0))
 
 
-def _score(frame: Frame) -> np.ndarray:
-    assert frame.prediction is not None  # `needs` says so
-    return coverage_and_luminance_score(frame, frame.prediction)
+def _score(buffers: PixelBuffers) -> np.ndarray:
+    assert buffers.prediction is not None  # `needs` says so
+    return coverage_and_luminance_score(buffers, buffers.prediction)
 
 
 STRATEGY = Strategy(

@@ -7,23 +7,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .frame import Frame
+from .pixel_buffers import PixelBuffers
 from .strategy import BEHIND, PREDICTION, Strategy
 
 if TYPE_CHECKING:
     from ..codes.predict import Prediction
 
 
-def expected_error(frame: Frame, patch: Prediction) -> np.ndarray:
+def expected_error(buffers: PixelBuffers, patch: Prediction) -> np.ndarray:
     """s = |L_V - (sigma L_N + (1 - sigma) L_B)|, (P,) float32; 0 where the ray met nothing (methods 7.24)."""
-    assert frame.behind is not None  # `needs` says so
-    seen = patch.coverage * patch.luminance + (1.0 - patch.coverage) * frame.behind
-    return np.where(frame.hit, np.abs(frame.preview - seen), np.float32(0.0))
+    assert buffers.behind is not None  # `needs` says so
+    seen = patch.coverage * patch.luminance + (1.0 - patch.coverage) * buffers.behind
+    return np.where(buffers.hit, np.abs(buffers.preview - seen), np.float32(0.0))
 
 
-def _score(frame: Frame) -> np.ndarray:
-    assert frame.prediction is not None  # `needs` says so
-    return expected_error(frame, frame.prediction)
+def _score(buffers: PixelBuffers) -> np.ndarray:
+    assert buffers.prediction is not None  # `needs` says so
+    return expected_error(buffers, buffers.prediction)
 
 
 STRATEGY = Strategy(

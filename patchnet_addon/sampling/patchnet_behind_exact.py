@@ -3,14 +3,14 @@
 
 import numpy as np
 
-from .frame import Frame
 from .patchnet_behind import expected_error
+from .pixel_buffers import PixelBuffers
 from .strategy import BEHIND, EXACT, Strategy
 
 
-def _score(frame: Frame) -> np.ndarray:
-    assert frame.exact is not None  # `needs` says so
-    return expected_error(frame, frame.exact)
+def _score(buffers: PixelBuffers) -> np.ndarray:
+    assert buffers.exact is not None  # `needs` says so
+    return expected_error(buffers, buffers.exact)
 
 
 STRATEGY = Strategy(

@@ -3,14 +3,14 @@
 
 import numpy as np
 
-from .frame import Frame
 from .patchnet import coverage_and_luminance_score
+from .pixel_buffers import PixelBuffers
 from .strategy import EXACT, Strategy
 
 
-def _score(frame: Frame) -> np.ndarray:
-    assert frame.exact is not None  # `needs` says so
-    return coverage_and_luminance_score(frame, frame.exact)
+def _score(buffers: PixelBuffers) -> np.ndarray:
+    assert buffers.exact is not None  # `needs` says so
+    return coverage_and_luminance_score(buffers, buffers.exact)
 
 
 STRATEGY = Strategy(

@@ -3,14 +3,14 @@
 
 import numpy as np
 
-from .frame import Frame
+from .pixel_buffers import PixelBuffers
 from .pixel_hash import pixel_hash
 from .strategy import Strategy
 
 
-def _score(frame: Frame) -> np.ndarray:
+def _score(buffers: PixelBuffers) -> np.ndarray:
     # 24 bits: exact in float32, so that no two hashes are rounded to one by chance of the type.
-    return (pixel_hash(frame.height * frame.width) >> np.uint64(40)).astype(np.float64) * 2.0**-24
+    return (pixel_hash(buffers.height * buffers.width) >> np.uint64(40)).astype(np.float64) * 2.0**-24
 
 
 STRATEGY = Strategy(

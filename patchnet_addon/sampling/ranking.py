@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ranking of a frame's pixels by a strategy, and what a budget refines of them (methods 3, 7.25)."""
+"""Ranking of a view's pixels by a strategy, and what a budget refines of them (methods 3, 7.25)."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import left_after
-from .frame import Frame
+from .pixel_buffers import PixelBuffers
 from .refine import priority, refined_count, refinement_order
 from .strategy import Strategy
 
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Pixels of a frame in the order of a strategy, scored and sorted once.
+    """Pixels of a view in the order of a strategy, scored and sorted once.
 
     score: (P,) float32. priority: (P,) scores times importance. order: (A,) int64 indices of the active pixels, first
     refined first. budget: share of them, 0 to 1. mask: (P,) bool, those that the budget refines.
     """
 
     strategy: Strategy
-    frame: Frame
+    buffers: PixelBuffers
     budget: float
     score: np.ndarray
     priority: np.ndarray
@@ -43,15 +43,15 @@ class Ranking:
     @property
     def mse(self) -> tuple[float, float]:
         """Mean squared error over active pixels without refinement, and after the budget. It needs the reference."""
-        before, after = left_after(self.frame, self.order, [0.0, self.budget])
+        before, after = left_after(self.buffers, self.order, [0.0, self.budget])
         return float(before), float(after)
 
 
-def rank(strategy: Strategy, frame: Frame, budget: float) -> Ranking:
-    """Score and sort the pixels of a frame. Raises SettingError for a budget outside 0 to 1, or a frame that lacks
+def rank(strategy: Strategy, buffers: PixelBuffers, budget: float) -> Ranking:
+    """Score and sort the pixels of a view. Raises SettingError for a budget outside 0 to 1, or a view that lacks
     what the strategy reads."""
-    score = strategy.scores(frame)
-    order = refinement_order(frame, score)
+    score = strategy.scores(buffers)
+    order = refinement_order(buffers, score)
     mask = np.zeros(len(score), bool)
-    mask[order[: refined_count(frame, budget, len(order))]] = True
-    return Ranking(strategy, frame, budget, score, priority(frame, score), order, mask)
+    mask[order[: refined_count(buffers, budget, len(order))]] = True
+    return Ranking(strategy, buffers, budget, score, priority(buffers, score), order, mask)

@@ -49,8 +49,8 @@ def best_rectangle_reference(values: np.ndarray, taken: np.ndarray) -> tuple[flo
         for top in range(bottom + 1, rows + 1):
             for left in range(columns):
                 for right in range(left + 1, columns + 1):
-                    place = np.s_[bottom:top, left:right]
-                    value = -np.inf if taken[place].any() else float(values[place].sum())
+                    box = np.s_[bottom:top, left:right]
+                    value = -np.inf if taken[box].any() else float(values[box].sum())
                     if value > best[0]:
                         best = value, (bottom, top, left, right)
     return best

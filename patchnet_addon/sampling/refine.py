@@ -6,33 +6,33 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.errors import SettingError
-from .frame import Frame
+from .pixel_buffers import PixelBuffers
 from .pixel_hash import pixel_hash
 
 
-def priority(frame: Frame, score: np.ndarray) -> np.ndarray:
+def priority(buffers: PixelBuffers, score: np.ndarray) -> np.ndarray:
     """(P,): scores times importance to the user."""
-    return score if frame.importance is None else score * frame.importance
+    return score if buffers.importance is None else score * buffers.importance
 
 
-def refinement_order(frame: Frame, score: np.ndarray) -> np.ndarray:
+def refinement_order(buffers: PixelBuffers, score: np.ndarray) -> np.ndarray:
     """(A,) int64 indices of the active pixels, first refined first; ties go by a fixed hash of the index.
 
     Pixels of importance 0 come last: they are the ones beyond `refinable`.
     """
-    active = np.flatnonzero(frame.active)
+    active = np.flatnonzero(buffers.active)
     ties = pixel_hash(len(score))[active]
-    urgency = priority(frame, score)[active]
-    if frame.importance is None:
+    urgency = priority(buffers, score)[active]
+    if buffers.importance is None:
         return active[np.lexsort((ties, -urgency))]
-    return active[np.lexsort((ties, -urgency, frame.importance[active] <= 0))]
+    return active[np.lexsort((ties, -urgency, buffers.importance[active] <= 0))]
 
 
-def refinable(frame: Frame) -> int:
+def refinable(buffers: PixelBuffers) -> int:
     """Count the active pixels that may be refined at all."""
-    if frame.importance is None:
-        return int(np.count_nonzero(frame.active))
-    return int(np.count_nonzero(frame.active & (frame.importance > 0)))
+    if buffers.importance is None:
+        return int(np.count_nonzero(buffers.active))
+    return int(np.count_nonzero(buffers.active & (buffers.importance > 0)))
 
 
 def budget_count(budget: float, active: int) -> int:
@@ -42,38 +42,38 @@ def budget_count(budget: float, active: int) -> int:
     return round(budget * active)
 
 
-def refined_count(frame: Frame, budget: float, active: int) -> int:
+def refined_count(buffers: PixelBuffers, budget: float, active: int) -> int:
     """Count the `active` pixels, in their order, that a budget refines: those that it pays for and that matter."""
-    return min(budget_count(budget, active), refinable(frame))
+    return min(budget_count(budget, active), refinable(buffers))
 
 
-def refine(frame: Frame, score: np.ndarray, budget: float) -> np.ndarray:
+def refine(buffers: PixelBuffers, score: np.ndarray, budget: float) -> np.ndarray:
     """(P,) bool: pixels that a budget in [0, 1] refines, chosen by `score` (P,)."""
-    order = refinement_order(frame, score)
+    order = refinement_order(buffers, score)
     mask = np.zeros(len(score), bool)
-    mask[order[: refined_count(frame, budget, len(order))]] = True
+    mask[order[: refined_count(buffers, budget, len(order))]] = True
     return mask
 
 
-def refined_picture(frame: Frame, mask: np.ndarray) -> np.ndarray:
-    """(P,) float32: the reference where `mask` (P,) is set, the preview elsewhere; the frame needs its reference."""
-    assert frame.reference is not None
-    return np.where(mask, frame.reference, frame.preview)
+def refined_picture(buffers: PixelBuffers, mask: np.ndarray) -> np.ndarray:
+    """(P,) float32: the reference where `mask` (P,) is set, the preview elsewhere; the view needs its reference."""
+    assert buffers.reference is not None
+    return np.where(mask, buffers.reference, buffers.preview)
 
 
-def refined_colors(frame: Frame, mask: np.ndarray) -> np.ndarray:
-    """(P, 3) float32: as `refined_picture`, in colour; the frame needs its colours and its reference."""
-    assert frame.preview_color is not None and frame.reference_color is not None
-    return np.where(mask[:, None], frame.reference_color, frame.preview_color)
+def refined_colors(buffers: PixelBuffers, mask: np.ndarray) -> np.ndarray:
+    """(P, 3) float32: as `refined_picture`, in colour; the view needs its colours and its reference."""
+    assert buffers.preview_color is not None and buffers.reference_color is not None
+    return np.where(mask[:, None], buffers.reference_color, buffers.preview_color)
 
 
-def urgency(frame: Frame, score: np.ndarray, budget: float) -> np.ndarray:
+def urgency(buffers: PixelBuffers, score: np.ndarray, budget: float) -> np.ndarray:
     """(P,) float32: 1 for the pixel that is refined first, falling to 0 at the budget's end, 0 beyond it.
 
     Pixels of score 0 stay 0: nothing is known to be wrong there, though the budget may reach them.
     """
-    order = refinement_order(frame, score)
-    count = refined_count(frame, budget, len(order))
+    order = refinement_order(buffers, score)
+    count = refined_count(buffers, budget, len(order))
     amount = np.zeros(len(score), np.float32)
     amount[order[:count]] = 1.0 - np.arange(count, dtype=np.float32) / max(count, 1)
-    return np.where(priority(frame, score) > 0, amount, np.float32(0.0))
+    return np.where(priority(buffers, score) > 0, amount, np.float32(0.0))

@@ -58,8 +58,8 @@ class _Tiles:
 
     def sums(self, box: Box) -> tuple[float, int]:
         """Priority and pixels of rows box[0]:box[1], columns box[2]:box[3]."""
-        place = np.s_[box[0] : box[1], box[2] : box[3]]
-        return float(self.priority[place].sum()), int(self.pixels[place].sum())
+        inside = np.s_[box[0] : box[1], box[2] : box[3]]
+        return float(self.priority[inside].sum()), int(self.pixels[inside].sum())
 
 
 def choose_regions(

@@ -3,13 +3,13 @@
 
 import numpy as np
 
-from .frame import Frame
+from .pixel_buffers import PixelBuffers
 from .strategy import Strategy
 from .windows import windows
 
 
-def _score(frame: Frame) -> np.ndarray:
-    values, inside = windows(frame.picture(frame.preview.astype(np.float64)))
+def _score(buffers: PixelBuffers) -> np.ndarray:
+    values, inside = windows(buffers.picture(buffers.preview.astype(np.float64)))
     count = inside.sum(axis=-1)  # 9, fewer at the picture's borders
     mean = values.sum(axis=-1) / count
     deviation = np.where(inside, values - mean[..., None], 0.0)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..runtime.errors import SettingError
-from .frame import Frame
+from .pixel_buffers import PixelBuffers
 
 # What a score may read beyond the 1-sample picture; a caller computes only what the chosen strategies need.
 PREDICTION = "prediction"
@@ -23,7 +23,7 @@ class Strategy:
     """Strategy to decide which pixels are refined first.
 
     name: as on the command line. title: as in a menu. description: one sentence for a tooltip.
-    needs: the parts of a `Frame` that must be filled in, of PREDICTION, BEHIND, EXACT, REFERENCE.
+    needs: the parts of a `PixelBuffers` that must be filled in, of PREDICTION, BEHIND, EXACT, REFERENCE.
     score: (P,) float32, higher is refined earlier.
     quantity: what the score measures, for legends. maximum: the score that a legend ends at by default.
     """
@@ -32,16 +32,16 @@ class Strategy:
     title: str
     description: str
     needs: frozenset[str]
-    score: Callable[[Frame], np.ndarray]
+    score: Callable[[PixelBuffers], np.ndarray]
     quantity: str
     maximum: float
 
-    def scores(self, frame: Frame) -> np.ndarray:
-        """(P,) float32 scores of a frame.
+    def scores(self, buffers: PixelBuffers) -> np.ndarray:
+        """(P,) float32 scores of a view.
 
-        Raises SettingError if the frame lacks something that this strategy reads.
+        Raises SettingError if the view lacks something that this strategy reads.
         """
-        missing = sorted(need for need in self.needs if getattr(frame, need) is None)
+        missing = sorted(need for need in self.needs if getattr(buffers, need) is None)
         if missing:
-            raise SettingError(f"Strategy {self.name!r} needs the frame's {', '.join(missing)}: compute it first")
-        return np.asarray(self.score(frame), np.float32)
+            raise SettingError(f"Strategy {self.name!r} needs the view's {', '.join(missing)}: compute it first")
+        return np.asarray(self.score(buffers), np.float32)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Trace a Frame from octree and camera: everything that the chosen strategies look at."""
+"""Trace pixel buffers from octree and camera: everything that the chosen strategies look at."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera
-from .frame import Frame
+from .pixel_buffers import PixelBuffers
 from .strategy import BEHIND, EXACT, PREDICTION, REFERENCE, Strategy
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
 
 
-def trace_frame(
+def trace_view(
     octree: Octree,
     camera: Camera,
     strategies: Iterable[Strategy],
@@ -26,7 +26,7 @@ def trace_frame(
     coded: CodedOctree | None = None,
     reference: bool = True,
     lookahead: int | None = None,
-) -> Steps[Frame]:
+) -> Steps[PixelBuffers]:
     """Picture at 1 sample per pixel, what `strategies` need of the rest, and the 32x32 reference if wanted.
 
     Pictures are in colour too if the octree is. lookahead: levels that the exact oracle and rays behind the patch look
@@ -63,4 +63,4 @@ def trace_frame(
     elif wanted:
         sampled = yield from supersample(octree, camera)
     seen = hit_colors(octree, hits) if octree.chroma is not None else None
-    return Frame(hits, luminance_behind, prediction, exact, sampled, preview_color=seen, reference_color=colors)
+    return PixelBuffers(hits, luminance_behind, prediction, exact, sampled, preview_color=seen, reference_color=colors)

@@ -15,12 +15,12 @@ def closed_pieces(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     A piece is closed if every edge in it belongs to two triangles that run along it in opposite directions.
     Triangles of zero area are left out, they are never closed. Numbers are below T.
     """
-    _, place = np.unique(np.ascontiguousarray(vertices).view([("", vertices.dtype)] * 3).ravel(), return_inverse=True)
-    welded = place.reshape(-1)[triangles].astype(np.int64)  # (T, 3)
+    _, inverse = np.unique(np.ascontiguousarray(vertices).view([("", vertices.dtype)] * 3).ravel(), return_inverse=True)
+    welded = inverse.reshape(-1)[triangles].astype(np.int64)  # (T, 3)
     distinct = (welded != np.roll(welded, -1, axis=1)).all(axis=1)
     welded = welded[distinct]
     start, end = welded.ravel(), np.roll(welded, -1, axis=1).ravel()
-    count = int(place.max(initial=0)) + 1
+    count = int(inverse.max(initial=0)) + 1
     key = np.minimum(start, end) * count + np.maximum(start, end)
     edges, edge_of, uses = np.unique(key, return_inverse=True, return_counts=True)
     turns = np.bincount(edge_of.reshape(-1), np.where(start < end, 1.0, -1.0), len(edges))

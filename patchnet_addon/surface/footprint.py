@@ -142,8 +142,8 @@ def _square(texels, level, raster, x, y, threshold):  # type: ignore[no-untyped-
         row = wrapped(y, level.height, level.wrap)
         if column < 0 or row < 0:
             return 0.0, 0.0
-        place = level.offset + row * level.width + column
-        return float(texels[place, 0]), float(texels[place, 1])
+        texel = level.offset + row * level.width + column
+        return float(texels[texel, 0]), float(texels[texel, 1])
     # Where the threshold cuts, the samples of `cut_coverage`, so that all levels say the same of an area. Without it
     # the centre is the mean, as no part crosses a line between the centres of texels.
     side = 1 if math.isnan(threshold) else max(CUT_SAMPLES // raster.parts, 2)
@@ -229,8 +229,8 @@ def footprint_means(rows, count, u, v, texels, levels, chain, threshold):  # typ
         if parts == 0:
             step += 1
         if step >= chain.level_count:  # many times the whole texture
-            place = level.offset
-            premultiplied, opacity = float(texels[place, 0]), float(texels[place, 1])
+            texel = level.offset
+            premultiplied, opacity = float(texels[texel, 0]), float(texels[texel, 1])
             return cut(premultiplied, opacity, threshold) if step == 1 else (premultiplied, opacity)
         level = mip_level(levels, chain, step)
     if parts > 0:

@@ -70,9 +70,9 @@ def bilinear(texels, level, u, v):  # type: ignore[no-untyped-def]
             if row < 0 or column < 0:
                 continue
             weight = weight_y * (fx if dx else 1.0 - fx)
-            place = level.offset + row * level.width + column
-            premultiplied += weight * texels[place, 0]
-            opacity += weight * texels[place, 1]
+            texel = level.offset + row * level.width + column
+            premultiplied += weight * texels[texel, 0]
+            opacity += weight * texels[texel, 1]
     return premultiplied, opacity
 
 

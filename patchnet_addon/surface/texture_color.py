@@ -51,10 +51,10 @@ def _bilinear(colors, level, u, v):  # type: ignore[no-untyped-def]
             if row < 0 or column < 0:
                 continue
             weight = weight_y * (x - left if dx else 1.0 - (x - left))
-            place = level.offset + row * level.width + column
-            red += weight * colors[place, 0]
-            green += weight * colors[place, 1]
-            blue += weight * colors[place, 2]
+            texel = level.offset + row * level.width + column
+            red += weight * colors[texel, 0]
+            green += weight * colors[texel, 1]
+            blue += weight * colors[texel, 2]
     return red, green, blue
 
 

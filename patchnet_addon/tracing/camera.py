@@ -93,13 +93,13 @@ class Camera:
 class CameraUnit(NamedTuple):
     """Camera in the octree's unit cube, for kernels.
 
-    frame: (4, 3) float64 position, right * half_x, up * half_y, forward.
+    pose: (4, 3) float64 position, right * half_x, up * half_y, forward.
     shift_x, shift_y: offset of the picture's centre, in half extents.
     side_at_0, side_per_z: side of a pixel at axial distance z is side_at_0 + side_per_z * z (methods 4.1b).
     nearest, farthest: axial distances where sight begins and ends.
     """
 
-    frame: np.ndarray
+    pose: np.ndarray
     shift_x: float
     shift_y: float
     side_at_0: float
@@ -119,7 +119,7 @@ def camera_in_unit_cube(camera: Camera, grid: Grid) -> CameraUnit:
     """Transform `camera` into the octree's cube [0, 1]^3."""
     perspective = camera.kind == PERSPECTIVE
     scale = 1.0 if perspective else 1.0 / grid.side_world
-    frame = np.stack(
+    pose = np.stack(
         [
             grid.to_unit(camera.position_world),
             np.asarray(camera.right) * camera.half_x * scale,
@@ -129,7 +129,7 @@ def camera_in_unit_cube(camera: Camera, grid: Grid) -> CameraUnit:
     ).astype(np.float64)
     side = float(2.0 * camera.half_y * scale / camera.height_px)
     return CameraUnit(
-        frame,
+        pose,
         shift_x=float(camera.shift_x),
         shift_y=float(camera.shift_y),
         side_at_0=0.0 if perspective else side,

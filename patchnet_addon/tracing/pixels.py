@@ -10,12 +10,12 @@ import numpy as np
 from ..octree.octree import Octree
 from ..runtime.bounds import RAYS
 from .camera import Camera, camera_in_unit_cube
-from .supersample import MAX_SAMPLES, MEANS, NO_CHROMA, mean_of_rays
+from .supersample import MAX_SIDE, MEANS, NO_CHROMA, mean_of_rays
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
-    """Means over samples x samples rays of N pixels, over a black background.
+class PixelMeans:
+    """Means over side x side rays of N pixels, over a black background.
 
     luminance: (N,) float32, as `supersample` computes it. colors: (N, 3) float32 linear, gray without colour.
     coverage: (N,) float32, share of the rays that met something.
@@ -26,15 +26,15 @@ class Samples:
     coverage: np.ndarray
 
 
-def supersample_pixels(octree: Octree, camera: Camera, pixels: np.ndarray, samples: int = MAX_SAMPLES) -> Samples:
-    """Pixels (N,) of `camera`, by their indices row * width + column, with samples x samples rays each.
+def supersample_pixels(octree: Octree, camera: Camera, pixels: np.ndarray, side: int = MAX_SIDE) -> PixelMeans:
+    """Pixels (N,) of `camera`, by their indices row * width + column, with side x side rays each.
 
-    Each ray has the footprint pixel / samples. Raises SettingError for sample counts outside 1 to 32.
+    Each ray has the footprint pixel / side. Raises SettingError for sample counts outside 1 to 32.
     """
-    RAYS.check(samples)
-    unit = camera_in_unit_cube(camera, octree.grid).finer(samples)
+    RAYS.check(side)
+    unit = camera_in_unit_cube(camera, octree.grid).finer(side)
     chroma = NO_CHROMA if octree.chroma is None else octree.chroma
     pixels = np.asarray(pixels, np.int64)
     means = np.empty((len(pixels), MEANS), np.float32)
-    mean_of_rays(octree.nodes, octree.luminance, chroma, unit, pixels, samples, 0.0, means)
-    return Samples(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())
+    mean_of_rays(octree.nodes, octree.luminance, chroma, unit, pixels, side, 0.0, means)
+    return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())

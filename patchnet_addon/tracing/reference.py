@@ -23,7 +23,7 @@ def pixel_rays(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Origins (N, 3), unit directions (N, 3) in the cube and axial speeds (N,) through picture points in [-1, 1]."""
     unit = camera_in_unit_cube(camera, octree.grid)
-    position, right, up, forward = unit.frame
+    position, right, up, forward = unit.pose
     offset = (x + unit.shift_x)[:, None] * right + (y + unit.shift_y)[:, None] * up  # (N, 3)
     if not unit.perspective:
         return position + offset, np.broadcast_to(forward, offset.shape), np.ones(len(x))
@@ -63,19 +63,19 @@ def first_hits_reference(
 
 
 def supersampled_reference(
-    octree: Octree, camera: Camera, samples: int, background: float = 0.0
+    octree: Octree, camera: Camera, side: int, background: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Reference of `render.supersample_colors`: mean luminance (P,) and colours (P, 3) of samples x samples rays."""
+    """Reference of `render.supersample_colors`: mean luminance (P,) and colours (P, 3) of side x side rays."""
     row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
     luminance, colors = np.zeros(camera.pixel_count), np.zeros((camera.pixel_count, 3))
-    for j, i in itertools.product(range(samples), repeat=2):
-        x = 2 * (column + (i + 0.5) / samples) / camera.width_px - 1
-        y = 2 * (row + (j + 0.5) / samples) / camera.height_px - 1
-        node, _ = first_hits_reference(octree, camera, x, y, 1 / samples)
+    for j, i in itertools.product(range(side), repeat=2):
+        x = 2 * (column + (i + 0.5) / side) / camera.width_px - 1
+        y = 2 * (row + (j + 0.5) / side) / camera.height_px - 1
+        node, _ = first_hits_reference(octree, camera, x, y, 1 / side)
         hit, met = node >= 0, np.maximum(node, 0)
         luminance += np.where(hit, octree.luminance_float(met), background)
         colors += np.where(hit[:, None], octree.color_float(met), background)
-    return luminance / samples**2, colors / samples**2
+    return luminance / side**2, colors / side**2
 
 
 def _box_interval(

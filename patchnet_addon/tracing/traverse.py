@@ -164,14 +164,14 @@ def pixel_ray(camera, x, y):  # type: ignore[no-untyped-def]
 
     A perspective ray starts at the camera; an orthographic one in the camera's plane.
     """
-    frame = camera.frame
+    pose = camera.pose
     sx = x + camera.shift_x
     sy = y + camera.shift_y
-    ox, oy, oz = frame[0, 0], frame[0, 1], frame[0, 2]
-    dx, dy, dz = frame[3, 0], frame[3, 1], frame[3, 2]
-    across_x = sx * frame[1, 0] + sy * frame[2, 0]
-    across_y = sx * frame[1, 1] + sy * frame[2, 1]
-    across_z = sx * frame[1, 2] + sy * frame[2, 2]
+    ox, oy, oz = pose[0, 0], pose[0, 1], pose[0, 2]
+    dx, dy, dz = pose[3, 0], pose[3, 1], pose[3, 2]
+    across_x = sx * pose[1, 0] + sy * pose[2, 0]
+    across_y = sx * pose[1, 1] + sy * pose[2, 1]
+    across_z = sx * pose[1, 2] + sy * pose[2, 2]
     if camera.perspective:
         dx, dy, dz = dx + across_x, dy + across_y, dz + across_z
     else:

@@ -22,7 +22,7 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.patchnet_addon.sampling.trace import trace_frame
+from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.tests.blender.job_scene import box, random_weights
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -130,16 +130,16 @@ def test_pictures_agree_with_cycles_in_each_region(tmp_path: Path) -> None:
     (camera,) = choose_cameras(
         bpy.context.evaluated_depsgraph_get(), (), SIZE, octree.grid.to_world(np.array([[0.0] * 3, [1.0] * 3]))
     )
-    frame = drain(trace_frame(octree, camera, [STRATEGIES["optimal"]]))
-    assert frame.preview_color is not None and frame.reference_color is not None
+    buffers = drain(trace_view(octree, camera, [STRATEGIES["optimal"]]))
+    assert buffers.preview_color is not None and buffers.reference_color is not None
     cycles = cycles_picture(tmp_path / "cycles.exr") * octree.exposure
-    for colors in (frame.preview_color, frame.reference_color):
-        picture = frame.picture(colors)
+    for colors in (buffers.preview_color, buffers.reference_color):
+        picture = buffers.picture(colors)
         for name, chosen in regions().items():
             assert chosen.sum() > 30, name
             mine, its = picture[chosen].mean(axis=0), cycles[chosen].mean(axis=0)
             np.testing.assert_allclose(mine, its, rtol=0.08, atol=0.012, err_msg=name)
-    floor = frame.picture(frame.reference_color)[regions()["floor"]].mean(axis=0)
+    floor = buffers.picture(buffers.reference_color)[regions()["floor"]].mean(axis=0)
     assert floor[0] > 1.02 * floor[2], "the red wall shines on the floor"
 
 

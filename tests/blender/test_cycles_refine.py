@@ -187,7 +187,7 @@ def test_stopped_anywhere_the_scene_is_as_before(
     before = scene_snapshot()
 
     def steps() -> Steps[CyclesView]:
-        return cycles_view(bpy.context, octree, view.camera, view.frame, view.priority.ravel(), CYCLES)
+        return cycles_view(bpy.context, octree, view.camera, view.buffers, view.priority.ravel(), CYCLES)
 
     count = len(list(steps()))
     assert_unchanged(before)

@@ -51,8 +51,8 @@ def test_image(weights: Path, scale: int) -> None:
     assert plain.priority[:, ~left].max() > 0
     np.testing.assert_array_equal(masked.priority[:, left][:, :-1], plain.priority[:, left][:, :-1])
     assert not masked.priority[:, ~left][:, 1:].any()
-    frame = masked.frame
-    order = refine(frame, plain.priority.ravel(), 0.3).reshape(HEIGHT, WIDTH)
+    buffers = masked.buffers
+    order = refine(buffers, plain.priority.ravel(), 0.3).reshape(HEIGHT, WIDTH)
     assert order[:, left].any() and not order[:, ~left][:, 1:].any()
     counted = masked.report["refinable_pixels"]
     assert 0 < counted < masked.report["active_pixels"] == plain.report["active_pixels"]
@@ -77,11 +77,11 @@ def group(name: str, weight: float, item: str = "Slab") -> None:
 def test_vertex_group_follows_objects(weights: Path) -> None:
     group("Matters", 0.5)
     plain, masked = look(weights, None), look(weights, Importance(vertex_group="Matters"))
-    given = masked.frame.importance
+    given = masked.buffers.importance
     assert set(np.unique(given)) == {np.float32(0.0), np.float32(0.5)}
     np.testing.assert_allclose(masked.priority.ravel(), plain.priority.ravel() * given)
     # The slab stands behind the laths: who hits it is farther away.
-    z, hit = masked.frame.hits.z_world, masked.frame.hit
+    z, hit = masked.buffers.hits.z_world, masked.buffers.hit
     behind = hit & (z > 5.3)
     assert behind.any() and (given[behind] == 0.5).all() and (given[hit & (z < 5.0)] == 0.0).all()
 
@@ -97,12 +97,12 @@ def test_weights_are_interpolated_and_go_with_the_object(weights: Path) -> None:
         light="two-lights", weights=weights, scope="SELECTED", importance=Importance(vertex_group="Matters"), **SMALL
     )
     result = drain(run_job(bpy.context, settings))
-    frame, grid = result.views[0].frame, result.coded.octree.grid
-    hit = np.flatnonzero(frame.hit)
-    sides = np.exp2(-frame.hits.level[hit].astype(float))[:, None]
-    x = grid.to_world((frame.hits.cell[hit] + 0.5) * sides)[:, 0]
+    buffers, grid = result.views[0].buffers, result.coded.octree.grid
+    hit = np.flatnonzero(buffers.hit)
+    sides = np.exp2(-buffers.hits.level[hit].astype(float))[:, None]
+    x = grid.to_world((buffers.hits.cell[hit] + 0.5) * sides)[:, 0]
     expected = np.clip((x + 0.6) / 2.0, 0.0, 1.0)  # the slab reaches from -0.6 to 1.4 now
-    assert np.abs(frame.importance[hit] - expected).max() < 0.05
+    assert np.abs(buffers.importance[hit] - expected).max() < 0.05
     assert np.ptp(expected) > 0.5
 
 
@@ -112,8 +112,8 @@ def test_modifiers_and_instances_are_looked_up(weights: Path) -> None:
     array.count, array.use_relative_offset, array.use_constant_offset = 2, False, True
     array.constant_offset_displace = (1.0, 0.0, 0.0)
     bpy.context.view_layer.update()
-    frame = look(weights, Importance(vertex_group="Matters"), size=(48, 16)).frame
-    near = frame.picture(np.where(frame.hit & (frame.hits.z_world < 5.0), frame.importance, 0.0))
+    buffers = look(weights, Importance(vertex_group="Matters"), size=(48, 16)).buffers
+    near = buffers.picture(np.where(buffers.hit & (buffers.hits.z_world < 5.0), buffers.importance, 0.0))
     columns = np.flatnonzero(near[4:12].max(axis=0))
     assert len(columns) >= 2 and (np.diff(columns) > 1).any()  # two bars with a gap
 
@@ -166,8 +166,8 @@ def test_command_line(weights: Path, tmp_path: Path) -> None:
     arguments += ["--depth", "7", "--size", str(WIDTH), str(HEIGHT), "--out", str(tmp_path / "out")]
     assert main([*arguments, "--mask", str(tmp_path / "mask.png")]) == 0
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    (frame,) = report["frames"]
-    assert 0 < frame["refinable_pixels"] < frame["active_pixels"]
+    (view,) = report["frames"]
+    assert 0 < view["refinable_pixels"] < view["active_pixels"]
     assert main([*arguments, "--mask", str(tmp_path / "none.png")]) == 2
 
 
@@ -176,5 +176,5 @@ def test_pixels_outside_a_silhouette_take_their_neighbours(weights: Path) -> Non
     view = look(weights, None, scope="SELECTED")
     settings = Importance(vertex_group="Matters")
     grid = drain(run_job(bpy.context, JobSettings.of(light="two-lights", weights=weights, scope="SELECTED", **SMALL)))
-    given = drain(pixel_importance(settings, "SELECTED", grid.coded.octree.grid, view.frame))
-    np.testing.assert_array_equal(given > 0, view.frame.active)
+    given = drain(pixel_importance(settings, "SELECTED", grid.coded.octree.grid, view.buffers))
+    np.testing.assert_array_equal(given > 0, view.buffers.active)

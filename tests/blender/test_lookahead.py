@@ -35,7 +35,7 @@ def ran(weights: Path, **values: object) -> JobResult:
 
 
 def share_ahead(result: JobResult, lookahead: int) -> float:
-    hits, octree = result.views[0].frame.hits, result.coded.octree
+    hits, octree = result.views[0].buffers.hits, result.coded.octree
     return float(octree.look_ahead(lookahead)[hits.node[hits.hit]].mean())
 
 
@@ -43,8 +43,10 @@ def test_depth_follows_the_weights(weights: Path, near: Path) -> None:
     two, one = ran(weights), ran(near)
     assert one.coded.octree.depth == two.coded.octree.depth - 1 > 5
     for result, lookahead in ((two, 2), (one, 1)):
-        frame = result.views[0].frame
-        assert share_ahead(result, lookahead) == pytest.approx(frame.lookahead_share) and frame.lookahead_share >= 0.95
+        buffers = result.views[0].buffers
+        assert (
+            share_ahead(result, lookahead) == pytest.approx(buffers.lookahead_share) and buffers.lookahead_share >= 0.95
+        )
         assert result.coded.weights.lookahead == lookahead
         assert len(result.coded.node_corners) == result.coded.octree.look_ahead(lookahead).sum()
         assert np.isfinite(result.views[0].priority).all()

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from patchnet.operators import overlay
-from patchnet.operators.overlay import framed, handlers, open_pictures, places
-from patchnet.operators.overlay.places import Rect
+from patchnet.operators.overlay import framed, handlers, layout, open_pictures
+from patchnet.operators.overlay.layout import Rect
 from patchnet.operators.pipeline.views import View, view
 from patchnet.operators.scene.cameras import tracing_camera
 from patchnet.operators.scene_access.images import ERROR_MAXIMUM
@@ -55,12 +55,12 @@ def test_frame_is_where_blender_has_it(kind: str, fit: str) -> None:
     eye.data.type, eye.data.sensor_fit = kind, fit
     eye.data.shift_x, eye.data.shift_y = 0.2, -0.1
     camera = tracing_camera(eye, scene, SIZE)
-    rect = places.frame_rect(camera, window_matrix(eye, (120, 80)), 600, 400)
+    rect = layout.frame_rect(camera, window_matrix(eye, (120, 80)), 600, 400)
     np.testing.assert_allclose(rect, (0, 0, 600, 400), atol=1e-2)
     zoomed = np.diag([0.5, 0.5, 1.0, 1.0])  # of the viewport: half as large, and moved to the right
     zoomed[0, 3] = 0.25
     matrix = zoomed @ window_matrix(eye, (120, 80))
-    rect = places.frame_rect(camera, matrix, 600, 400)
+    rect = layout.frame_rect(camera, matrix, 600, 400)
     np.testing.assert_allclose(rect, (225, 100, 525, 300), atol=1e-2)
 
 
@@ -69,58 +69,58 @@ def test_frame_of_another_aspect_stays_its_own() -> None:
     scene, eye = bpy.context.scene, bpy.context.scene.camera
     scene.render.resolution_x, scene.render.resolution_y = 120, 80
     square = tracing_camera(eye, scene, (20, 20))
-    rect = places.frame_rect(square, window_matrix(eye, (120, 80)), 600, 400)
+    rect = layout.frame_rect(square, window_matrix(eye, (120, 80)), 600, 400)
     np.testing.assert_allclose(rect, (0, -100, 600, 500), atol=1e-2)
 
 
 def test_frame_behind_the_eye_is_nowhere() -> None:
     build()
     camera = tracing_camera(bpy.context.scene.camera, bpy.context.scene, SIZE)
-    assert places.frame_rect(camera, np.diag([1.0, 1.0, 1.0, -1.0]), 600, 400) is None
-    assert places.frame_rect(camera, np.full((4, 4), np.nan), 600, 400) is None
+    assert layout.frame_rect(camera, np.diag([1.0, 1.0, 1.0, -1.0]), 600, 400) is None
+    assert layout.frame_rect(camera, np.full((4, 4), np.nan), 600, 400) is None
 
 
 def test_image_rect() -> None:
-    rect = places.image_rect((-0.5, -1.0), (1.5, 1.0), 400, 300)
+    rect = layout.image_rect((-0.5, -1.0), (1.5, 1.0), 400, 300)
     np.testing.assert_allclose(rect, (100, 150, 300, 300))
-    assert places.image_rect((0, 0), (0, 1), 400, 300) is None
+    assert layout.image_rect((0, 0), (0, 1), 400, 300) is None
 
 
 def test_pixel_under_a_point() -> None:
     rect = Rect(100, 50, 340, 210)  # 10 pixels of the region a pixel of the picture
-    assert places.pixel_at(rect, SIZE, 100, 50) == (0, 0)
-    assert places.pixel_at(rect, SIZE, 109.9, 59.9) == (0, 0)
-    assert places.pixel_at(rect, SIZE, 110, 60) == (1, 1)
-    assert places.pixel_at(rect, SIZE, 339.9, 209.9) == (23, 15)
+    assert layout.pixel_at(rect, SIZE, 100, 50) == (0, 0)
+    assert layout.pixel_at(rect, SIZE, 109.9, 59.9) == (0, 0)
+    assert layout.pixel_at(rect, SIZE, 110, 60) == (1, 1)
+    assert layout.pixel_at(rect, SIZE, 339.9, 209.9) == (23, 15)
     for outside in ((99.9, 60), (340, 60), (200, 210), (200, 49)):
-        assert places.pixel_at(rect, SIZE, *outside) is None
+        assert layout.pixel_at(rect, SIZE, *outside) is None
 
 
 def test_wipe() -> None:
     rect = Rect(100, 0, 300, 80)
-    left, right = places.sides_of_wipe(rect, 0.25)
+    left, right = layout.sides_of_wipe(rect, 0.25)
     assert left == Rect(100, 0, 150, 80) and right == Rect(150, 0, 300, 80)
-    assert places.sides_of_wipe(rect, 0.0)[0].empty and places.sides_of_wipe(rect, 1.0)[1].empty
-    assert places.wipe_at(rect, 150) == 0.25
-    assert places.wipe_at(rect, 0) == 0.0 and places.wipe_at(rect, 999) == 1.0
+    assert layout.sides_of_wipe(rect, 0.0)[0].empty and layout.sides_of_wipe(rect, 1.0)[1].empty
+    assert layout.wipe_at(rect, 150) == 0.25
+    assert layout.wipe_at(rect, 0) == 0.0 and layout.wipe_at(rect, 999) == 1.0
 
 
 def test_what_bars_leave_of_a_region() -> None:
     region = Rect(0, 0, 800, 600)
     bars = [Rect(0, 570, 800, 600), Rect(0, 0, 800, 20), Rect(0, 20, 50, 570), Rect(600, 20, 800, 570)]
-    assert places.visible_rect(region, bars) == Rect(50, 20, 600, 570)
-    assert places.visible_rect(region, [Rect(900, 0, 1000, 600)]) == region
+    assert layout.visible_rect(region, bars) == Rect(50, 20, 600, 570)
+    assert layout.visible_rect(region, [Rect(900, 0, 1000, 600)]) == region
 
 
 def test_box_beside_the_mouse_stays_inside() -> None:
     within = Rect(0, 0, 400, 300)
-    assert places.beside((100, 200), (80, 60), 10, within) == (110, 130)
-    assert places.beside((390, 200), (80, 60), 10, within) == (300, 130)
-    assert places.beside((100, 20), (80, 60), 10, within) == (110, 30)
+    assert layout.beside((100, 200), (80, 60), 10, within) == (110, 130)
+    assert layout.beside((390, 200), (80, 60), 10, within) == (300, 130)
+    assert layout.beside((100, 20), (80, 60), 10, within) == (110, 30)
 
 
 def test_ticks_end_at_the_configured_maximum() -> None:
-    assert places.tick_values(0.2, 3) == [(0.0, "0"), (0.5, "0.1"), (1.0, "0.2")]
+    assert layout.tick_values(0.2, 3) == [(0.0, "0"), (0.5, "0.1"), (1.0, "0.2")]
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -148,19 +148,19 @@ def test_picture_is_found_on_its_page(size: tuple[int, int], count: int) -> None
 def test_what_is_known_of_a_pixel(made: tuple[View, ViewSettings]) -> None:
     result, wanted = made
     shown = shown_view.view_to_show(result, wanted, 0.0)
-    frame = result.frame
-    picture = {name: frame.picture(values) for name, values in (("l1", frame.preview), ("l32", frame.reference))}
+    buffers = result.buffers
+    picture = {name: buffers.picture(values) for name, values in (("l1", buffers.preview), ("l32", buffers.reference))}
     np.testing.assert_array_equal(shown.values["preview luminance"], picture["l1"])
     refined = shown.values["samples"] == 1024
-    assert refined.sum() == round(0.4 * frame.active.sum())
+    assert refined.sum() == round(0.4 * buffers.active.sum())
     np.testing.assert_array_equal(shown.values["refined luminance"], np.where(refined, picture["l32"], picture["l1"]))
-    miss = ~frame.picture(frame.hit)
+    miss = ~buffers.picture(buffers.hit)
     assert (shown.values["level"][miss] == -1).all() and (shown.values["level"][~miss] >= 0).all()
     row, column = np.argwhere(refined)[0]
     said = shown.describe_pixel(int(column), int(row), 0.25)
     assert said[0] == f"Pixel {column}, {row}" and said[-1] == "Samples 1024"
     assert said[1] == f"Priority {result.priority[row, column]:.4g} of 0.25"
-    assert said[2] == f"Coverage {frame.picture(frame.prediction.coverage)[row, column]:.3f}"
+    assert said[2] == f"Coverage {buffers.picture(buffers.prediction.coverage)[row, column]:.3f}"
 
 
 def test_heatmap_ends_at_the_configured_maximum(made: tuple[View, ViewSettings]) -> None:

@@ -19,10 +19,10 @@ from patchnet.operators.session.scene_result import SceneResult
 from patchnet.patchnet_addon.runtime.errors import StoppedError
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.runtime.worker import computed
-from patchnet.patchnet_addon.sampling.frame import Frame
+from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.patchnet_addon.sampling.trace import trace_frame
+from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.tests.blender.engine_scene import HEIGHT, WIDTH, WORLD, build_for_engine, passes_in, rendered
 
 
@@ -37,34 +37,34 @@ def kept(scene: bpy.types.Scene) -> SceneResult:
     return result
 
 
-def expected(scene: bpy.types.Scene) -> Frame:
-    """The frame as `render_preview` traces it."""
+def expected(scene: bpy.types.Scene) -> PixelBuffers:
+    """The pixels as `render_preview` traces it."""
     camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
     chosen = [STRATEGIES[scene.patchnet.strategy], STRATEGIES["patchnet"]]
-    return drain(trace_frame(kept(scene).octree, camera, chosen, coded=kept(scene).coded))
+    return drain(trace_view(kept(scene).octree, camera, chosen, coded=kept(scene).coded))
 
 
 def test_passes_are_what_the_tracer_computes(scene: bpy.types.Scene) -> None:
     found = rendered(scene)
     assert set(found) == {item.name for item in PASSES}
-    frame = expected(scene)
-    score = STRATEGIES[scene.patchnet.strategy].scores(frame)
-    mask = refine(frame, score, scene.patchnet.budget)
-    assert 0.2 < mask.sum() / frame.active.sum() < 0.4
+    buffers = expected(scene)
+    score = STRATEGIES[scene.patchnet.strategy].scores(buffers)
+    mask = refine(buffers, score, scene.patchnet.budget)
+    assert 0.2 < mask.sum() / buffers.active.sum() < 0.4
 
     def picture(values: np.ndarray) -> np.ndarray:
-        return frame.picture(values.reshape(len(mask), -1).astype(np.float32))
+        return buffers.picture(values.reshape(len(mask), -1).astype(np.float32))
 
-    hits = frame.hits
+    hits = buffers.hits
     assert np.array_equal(found["Priority"], picture(score))
     assert np.array_equal(found["Sample Count"], picture(np.where(mask, 1024, 1)))
     assert np.array_equal(found["Level"], picture(np.where(hits.hit, hits.level, -1)))
     assert np.array_equal(found["Depth"], picture(np.where(hits.hit, hits.z_world, NO_DEPTH)))
-    assert np.array_equal(found["Coverage"], picture(np.where(hits.hit, frame.prediction.coverage, 0.0)))
+    assert np.array_equal(found["Coverage"], picture(np.where(hits.hit, buffers.prediction.coverage, 0.0)))
     length = np.linalg.norm(found["Normal"], axis=-1).ravel()
     assert np.allclose(length[hits.hit], 1.0, atol=1e-5) and not length[~hits.hit].any()
     combined = found["Combined"].reshape(-1, 4)
-    light = frame.preview[~mask] / kept(scene).octree.exposure
+    light = buffers.preview[~mask] / kept(scene).octree.exposure
     world = np.where(hits.hit[~mask], 0.0, 1.0)[:, None] * np.array(WORLD) * 0.5
     assert np.allclose(combined[~mask, :3], light[:, None] + world, atol=1e-6)
     assert (combined[:, 3] == 1.0).all()
@@ -74,12 +74,12 @@ def test_refined_pixels_are_the_reference_over_a_transparent_film(scene: bpy.typ
     scene.render.film_transparent = True
     scene.patchnet.strategy, scene.patchnet.budget = "ss-variance", 0.5
     found = rendered(scene)
-    frame = expected(scene)
-    mask = refine(frame, STRATEGIES["ss-variance"].scores(frame), 0.5)
+    buffers = expected(scene)
+    mask = refine(buffers, STRATEGIES["ss-variance"].scores(buffers), 0.5)
     combined = found["Combined"].reshape(-1, 4)
     exposure = kept(scene).octree.exposure
-    assert np.allclose(combined[mask, 0], frame.reference[mask] / exposure, rtol=1e-5, atol=1e-6)
-    assert np.array_equal(combined[~mask, 3], frame.hit[~mask].astype(np.float32))
+    assert np.allclose(combined[mask, 0], buffers.reference[mask] / exposure, rtol=1e-5, atol=1e-6)
+    assert np.array_equal(combined[~mask, 3], buffers.hit[~mask].astype(np.float32))
     partly = combined[mask, 3]
     assert ((partly > 0.0) & (partly < 1.0)).any()
 

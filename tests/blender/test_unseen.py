@@ -100,7 +100,7 @@ def test_clipping_is_that_of_cycles(kind: str, weights: Path) -> None:
         eye.data.clip_start, eye.data.clip_end = clip
         bpy.context.view_layer.update()
         result = drain(run_job(bpy.context, settings))
-        hits = result.views[0].frame.hits
+        hits = result.views[0].buffers.hits
         depth = hits.z_world[hits.hit]
         assert ((depth > 5.2).any(), (depth < 4.8).any()) == {
             "slab": (True, False), "laths": (False, True), "both": (True, True)

@@ -13,10 +13,10 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
 from patchnet.patchnet_addon.runtime.worker import attended
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
-from patchnet.patchnet_addon.sampling.frame import Frame
+from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.refine import refine, refined_picture
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.patchnet_addon.sampling.trace import trace_frame
+from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.part import camera_part
 from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
@@ -82,8 +82,8 @@ def test_a_picture_in_bands_is_the_picture_at_once(with_color: bool) -> None:
     at_once, in_bands = (AdaptivePicture(octree, eye, CHOSEN) for _ in range(2))
     drain(at_once.trace())
     drain(in_bands.trace(Pace(band_pixels=50)))
-    assert at_once.frame is not None and in_bands.frame is not None
-    np.testing.assert_array_equal(in_bands.frame.hits.node, at_once.frame.hits.node)
+    assert at_once.buffers is not None and in_bands.buffers is not None
+    np.testing.assert_array_equal(in_bands.buffers.hits.node, at_once.buffers.hits.node)
     np.testing.assert_allclose(in_bands.score, at_once.score, atol=1e-6)
     np.testing.assert_array_equal(in_bands.colors, at_once.colors)
     assert (at_once.samples == 1).all()
@@ -94,10 +94,10 @@ def test_a_refined_picture_is_that_of_the_budget() -> None:
     picture = AdaptivePicture(octree, eye, CHOSEN)
     drain(picture.trace())
     drain(picture.refine(0.4, pace=Pace(batch_rays=3000)))
-    frame = drain(trace_frame(octree, eye, [CHOSEN]))
-    mask = refine(frame, CHOSEN.scores(frame), 0.4)
+    buffers = drain(trace_view(octree, eye, [CHOSEN]))
+    mask = refine(buffers, CHOSEN.scores(buffers), 0.4)
     np.testing.assert_array_equal(picture.samples, np.where(mask, 1024, 1))
-    np.testing.assert_allclose(picture.colors[:, 0], refined_picture(frame, mask), rtol=1e-6)
+    np.testing.assert_allclose(picture.colors[:, 0], refined_picture(buffers, mask), rtol=1e-6)
 
 
 def test_the_most_urgent_pixels_come_first() -> None:
@@ -110,10 +110,10 @@ def test_the_most_urgent_pixels_come_first() -> None:
     assert picture.score[done].min() >= picture.score[~done].max()
 
 
-def halves(frame: Frame) -> Steps[np.ndarray]:
+def halves(buffers: PixelBuffers) -> Steps[np.ndarray]:
     """Half of what is on the left matters, nothing on the right."""
     yield Progress(0, 1, "Looking")
-    return np.tile(np.where(np.arange(frame.width) < frame.width // 2, 0.5, 0.0), frame.height).astype(np.float32)
+    return np.tile(np.where(np.arange(buffers.width) < buffers.width // 2, 0.5, 0.0), buffers.height).astype(np.float32)
 
 
 @pytest.mark.parametrize("budget", [0.2, 1.0])
@@ -123,24 +123,24 @@ def test_importance_ranks_and_leaves_out(budget: float) -> None:
     assert picture.priority is None
     drain(picture.trace(Pace(band_pixels=50)))
     drain(picture.refine(budget))
-    frame = drain(trace_frame(octree, eye, [CHOSEN]))
-    score = CHOSEN.scores(frame)
-    frame = replace(frame, importance=drain(halves(frame)))
-    mask = refine(frame, score, budget)
+    buffers = drain(trace_view(octree, eye, [CHOSEN]))
+    score = CHOSEN.scores(buffers)
+    buffers = replace(buffers, importance=drain(halves(buffers)))
+    mask = refine(buffers, score, budget)
     np.testing.assert_array_equal(picture.samples, np.where(mask, 1024, 1))
-    np.testing.assert_array_equal(picture.priority, score * frame.importance)
-    assert 0 < mask.sum() < frame.active.sum() and not mask[frame.importance == 0].any()
+    np.testing.assert_array_equal(picture.priority, score * buffers.importance)
+    assert 0 < mask.sum() < buffers.active.sum() and not mask[buffers.importance == 0].any()
 
 
 def test_pixels_are_ranked_beside_who_waits() -> None:
     """Steps that look at all pixels at once run in a thread then, and say so."""
     threads = []
 
-    def everything(frame: Frame) -> Steps[np.ndarray]:
+    def everything(buffers: PixelBuffers) -> Steps[np.ndarray]:
         threads.append(threading.current_thread())
         time.sleep(0.05)  # longer than anybody waits for a report
         yield Progress(0, 1, "Looking")
-        return np.ones(len(frame.preview), np.float32)
+        return np.ones(len(buffers.preview), np.float32)
 
     alone, waited_for = (AdaptivePicture(random_octree(), camera(), CHOSEN, importance=everything) for _ in range(2))
     drain(alone.trace())

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from patchnet.patchnet_addon.sampling.errors import mse_at, squared_error
 from patchnet.patchnet_addon.sampling.importance import Place, beside_hits, picture_weights
 from patchnet.patchnet_addon.sampling.refine import priority, refinable, refine, refinement_order, urgency
-from patchnet.tests.engine.test_sampling import random_frame
+from patchnet.tests.engine.test_sampling import random_buffers
 
 
 def test_bilinear_between_pixel_centres() -> None:
@@ -38,7 +38,7 @@ def test_resizing_against_its_definition(before: tuple[int, int], after: tuple[i
 
 
 def one_axis(before: int, after: int, index: int) -> dict[int, float]:
-    """Shares of the painted pixels in one pixel of the frame, pixel by pixel."""
+    """Shares of the painted pixels in one pixel of the buffers, pixel by pixel."""
     scale = before / after
     centre = (index + 0.5) * scale - 0.5
     if scale <= 1:
@@ -63,40 +63,40 @@ def test_beside_hits() -> None:
 
 
 def test_ones_change_nothing() -> None:
-    frame = random_frame()
-    same = replace(frame, importance=np.ones(len(frame.preview), np.float32))
-    score = np.random.default_rng(1).random(len(frame.preview)).astype(np.float32)
-    np.testing.assert_array_equal(refinement_order(frame, score), refinement_order(same, score))
-    np.testing.assert_array_equal(refine(frame, score, 0.3), refine(same, score, 0.3))
-    np.testing.assert_array_equal(mse_at(frame, score, [0.0, 0.3, 1.0]), mse_at(same, score, [0.0, 0.3, 1.0]))
+    buffers = random_buffers()
+    same = replace(buffers, importance=np.ones(len(buffers.preview), np.float32))
+    score = np.random.default_rng(1).random(len(buffers.preview)).astype(np.float32)
+    np.testing.assert_array_equal(refinement_order(buffers, score), refinement_order(same, score))
+    np.testing.assert_array_equal(refine(buffers, score, 0.3), refine(same, score, 0.3))
+    np.testing.assert_array_equal(mse_at(buffers, score, [0.0, 0.3, 1.0]), mse_at(same, score, [0.0, 0.3, 1.0]))
 
 
 @pytest.mark.parametrize("budget", [0.0, 0.1, 0.5, 1.0])
 def test_weights_rank_and_zero_is_never_refined(budget: float) -> None:
-    frame = random_frame()
+    buffers = random_buffers()
     rng = np.random.default_rng(2)
-    weights = np.where(rng.random(len(frame.preview)) < 0.4, 0.0, rng.random(len(frame.preview))).astype(np.float32)
-    frame = replace(frame, importance=weights)
-    score = rng.random(len(frame.preview)).astype(np.float32)
-    mask = refine(frame, score, budget)
-    paid = min(round(budget * np.count_nonzero(frame.active)), refinable(frame))
-    assert mask.sum() == paid and not mask[weights == 0].any() and not mask[~frame.active].any()
-    left_out = frame.active & ~mask & (weights > 0)
+    weights = np.where(rng.random(len(buffers.preview)) < 0.4, 0.0, rng.random(len(buffers.preview))).astype(np.float32)
+    buffers = replace(buffers, importance=weights)
+    score = rng.random(len(buffers.preview)).astype(np.float32)
+    mask = refine(buffers, score, budget)
+    paid = min(round(budget * np.count_nonzero(buffers.active)), refinable(buffers))
+    assert mask.sum() == paid and not mask[weights == 0].any() and not mask[~buffers.active].any()
+    left_out = buffers.active & ~mask & (weights > 0)
     if mask.any() and left_out.any():
         assert (score * weights)[mask].min() >= (score * weights)[left_out].max()
-    expected = squared_error(frame)[frame.active & ~mask].sum() / np.count_nonzero(frame.active)
-    assert mse_at(frame, score, [budget])[0] == pytest.approx(expected)
-    shown = urgency(frame, score, budget)
-    np.testing.assert_array_equal(shown > 0, mask & (priority(frame, score) > 0))
+    expected = squared_error(buffers)[buffers.active & ~mask].sum() / np.count_nonzero(buffers.active)
+    assert mse_at(buffers, score, [budget])[0] == pytest.approx(expected)
+    shown = urgency(buffers, score, budget)
+    np.testing.assert_array_equal(shown > 0, mask & (priority(buffers, score) > 0))
 
 
 def test_scores_of_zero_come_before_what_does_not_matter() -> None:
-    frame = random_frame()
-    weights = np.zeros(len(frame.preview), np.float32)
-    weights[np.flatnonzero(frame.active)[:5]] = 1.0
-    frame = replace(frame, importance=weights)
-    mask = refine(frame, np.zeros(len(weights), np.float32), 1.0)
-    np.testing.assert_array_equal(np.flatnonzero(mask), np.flatnonzero(frame.active)[:5])
+    buffers = random_buffers()
+    weights = np.zeros(len(buffers.preview), np.float32)
+    weights[np.flatnonzero(buffers.active)[:5]] = 1.0
+    buffers = replace(buffers, importance=weights)
+    mask = refine(buffers, np.zeros(len(weights), np.float32), 1.0)
+    np.testing.assert_array_equal(np.flatnonzero(mask), np.flatnonzero(buffers.active)[:5])
 
 
 def test_a_place_that_reaches_beyond_the_frame() -> None:

@@ -23,7 +23,7 @@ from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileErro
 from patchnet.patchnet_addon.runtime.files import content_hash, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.patchnet_addon.sampling.trace import trace_frame
+from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.reference import first_hits_reference, needed_levels_reference
@@ -255,22 +255,24 @@ def test_rays_behind_have_the_footprint_of_the_patch(octree, camera, lookahead):
         assert found[pixel] == pytest.approx(octree.luminance_float(node)[0] if node[0] >= 0 else 0.0, abs=1e-6)
 
 
-def test_frame_looks_as_far_as_the_weights_of_its_codes(octree, camera):
+def test_pixels_look_as_far_as_the_weights_of_its_codes(octree, camera):
     """Without codes two levels; what is asked for goes before both, but codes are what they are."""
     exact = [STRATEGIES[name] for name in ("patchnet-exact", "patchnet-behind-exact")]
     coded = drain(encode_octree(octree, Weights.random(lookahead=1)))
     for settings, lookahead in (({}, 2), ({"coded": coded}, 1), ({"lookahead": 3}, 3)):
-        frame = drain(trace_frame(octree, camera, exact, reference=False, **settings))
-        wanted = drain(exact_prediction(octree, frame.hits, lookahead))
-        np.testing.assert_array_equal(frame.exact.coverage, wanted.coverage)
-        np.testing.assert_array_equal(frame.behind, behind(octree, camera, frame.hits, lookahead=lookahead))
+        buffers = drain(trace_view(octree, camera, exact, reference=False, **settings))
+        wanted = drain(exact_prediction(octree, buffers.hits, lookahead))
+        np.testing.assert_array_equal(buffers.exact.coverage, wanted.coverage)
+        np.testing.assert_array_equal(buffers.behind, behind(octree, camera, buffers.hits, lookahead=lookahead))
         for strategy in exact:
-            assert strategy.scores(frame)[frame.exact.look_ahead].max() > 0
-    frame = drain(trace_frame(octree, camera, [STRATEGIES["patchnet"]], coded=coded, reference=False))
-    np.testing.assert_array_equal(frame.prediction.coverage, predict(coded, frame.hits).coverage)
-    np.testing.assert_array_equal(frame.prediction.look_ahead, frame.hits.hit & octree.look_ahead(1)[frame.hits.node])
+            assert strategy.scores(buffers)[buffers.exact.look_ahead].max() > 0
+    buffers = drain(trace_view(octree, camera, [STRATEGIES["patchnet"]], coded=coded, reference=False))
+    np.testing.assert_array_equal(buffers.prediction.coverage, predict(coded, buffers.hits).coverage)
+    np.testing.assert_array_equal(
+        buffers.prediction.look_ahead, buffers.hits.hit & octree.look_ahead(1)[buffers.hits.node]
+    )
     with pytest.raises(SettingError, match="look 1 levels ahead, not 3"):
-        drain(trace_frame(octree, camera, [STRATEGIES["patchnet"]], coded=coded, lookahead=3))
+        drain(trace_view(octree, camera, [STRATEGIES["patchnet"]], coded=coded, lookahead=3))
 
 
 def exact_views():

@@ -13,7 +13,7 @@ from patchnet.patchnet_addon import sampling
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.sampling.active import active_pixels
 from patchnet.patchnet_addon.sampling.errors import mse_at, pooled_mse, psnr
-from patchnet.patchnet_addon.sampling.frame import Frame
+from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.pixel_hash import pixel_hash
 from patchnet.patchnet_addon.sampling.refine import refine, refined_picture, refinement_order, urgency
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES, strategy
@@ -21,8 +21,8 @@ from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES, strat
 BUDGETS = np.linspace(0, 1, 101)
 
 
-def random_frame(seed: int = 0, height: int = 17, width: int = 23) -> Frame:
-    """A frame of noise: every part is filled in, about a third of the pixels are missed."""
+def random_buffers(seed: int = 0, height: int = 17, width: int = 23) -> PixelBuffers:
+    """A view of noise: every part is filled in, about a third of the pixels are missed."""
     rng = np.random.default_rng(seed)
     pixels = height * width
     hit = rng.random(pixels) < 0.66
@@ -37,7 +37,7 @@ def random_frame(seed: int = 0, height: int = 17, width: int = 23) -> Frame:
             look_ahead=known,
         )
 
-    return Frame(
+    return PixelBuffers(
         hits=hits,
         behind=rng.random(pixels).astype(np.float32),
         prediction=patch(),
@@ -58,10 +58,10 @@ def test_every_strategy_is_registered_under_its_name() -> None:
 @given(seed=st.integers(0, 1000))
 @settings(max_examples=10, deadline=None)
 def test_curves(name: str, seed: int) -> None:
-    frame = random_frame(seed)
-    curve = mse_at(frame, STRATEGIES[name].scores(frame), BUDGETS)
-    best = mse_at(frame, STRATEGIES["optimal"].scores(frame), BUDGETS)
-    error = (frame.preview.astype(float) - frame.reference)[frame.active] ** 2
+    buffers = random_buffers(seed)
+    curve = mse_at(buffers, STRATEGIES[name].scores(buffers), BUDGETS)
+    best = mse_at(buffers, STRATEGIES["optimal"].scores(buffers), BUDGETS)
+    error = (buffers.preview.astype(float) - buffers.reference)[buffers.active] ** 2
     assert curve[0] == pytest.approx(error.mean(), rel=1e-12)
     assert curve[-1] == 0.0
     assert np.all(np.diff(curve) <= 0.0)
@@ -70,55 +70,55 @@ def test_curves(name: str, seed: int) -> None:
 
 @pytest.mark.parametrize("name", STRATEGIES)
 def test_mse_is_that_of_the_refined_picture(name: str) -> None:
-    frame = random_frame(3)
-    score = STRATEGIES[name].scores(frame)
+    buffers = random_buffers(3)
+    score = STRATEGIES[name].scores(buffers)
     assert score.dtype == np.float32 and score.shape == (17 * 23,)
-    mask = refine(frame, score, 0.3)
-    assert mask.sum() == round(0.3 * frame.active.sum())
-    assert not (mask & ~frame.active).any()
-    error = (refined_picture(frame, mask).astype(float) - frame.reference)[frame.active] ** 2
-    assert mse_at(frame, score, [0.3])[0] == pytest.approx(error.mean(), rel=1e-12)
+    mask = refine(buffers, score, 0.3)
+    assert mask.sum() == round(0.3 * buffers.active.sum())
+    assert not (mask & ~buffers.active).any()
+    error = (refined_picture(buffers, mask).astype(float) - buffers.reference)[buffers.active] ** 2
+    assert mse_at(buffers, score, [0.3])[0] == pytest.approx(error.mean(), rel=1e-12)
 
 
 def test_optimal_curve_is_convex() -> None:
-    frame = random_frame(5)
-    counts = np.arange(frame.active.sum() + 1) / frame.active.sum()
-    assert np.all(np.diff(mse_at(frame, STRATEGIES["optimal"].scores(frame), counts), 2) >= -1e-15)
+    buffers = random_buffers(5)
+    counts = np.arange(buffers.active.sum() + 1) / buffers.active.sum()
+    assert np.all(np.diff(mse_at(buffers, STRATEGIES["optimal"].scores(buffers), counts), 2) >= -1e-15)
 
 
 def test_random_removes_its_share_on_average() -> None:
     ratios = []
     for seed in range(60):
-        frame = random_frame(seed, 40, 40)
-        ratios.append(mse_at(frame, STRATEGIES["random"].scores(frame), [0.0, 0.25, 0.5, 0.75]))
+        buffers = random_buffers(seed, 40, 40)
+        ratios.append(mse_at(buffers, STRATEGIES["random"].scores(buffers), [0.0, 0.25, 0.5, 0.75]))
     mean = np.mean(ratios, axis=0)
     np.testing.assert_allclose(mean / mean[0], [1, 0.75, 0.5, 0.25], atol=0.01)
 
 
 def test_paper_score_by_hand() -> None:
-    frame = random_frame(1)
-    score, behind = STRATEGIES["patchnet"].scores(frame), STRATEGIES["patchnet-behind"].scores(frame)
+    buffers = random_buffers(1)
+    score, behind = STRATEGIES["patchnet"].scores(buffers), STRATEGIES["patchnet-behind"].scores(buffers)
     for pixel in range(17 * 23):
-        sigma, luminance = float(frame.prediction.coverage[pixel]), float(frame.prediction.luminance[pixel])
-        own, back = float(frame.preview[pixel]), float(frame.behind[pixel])
-        hit = bool(frame.hit[pixel])
+        sigma, luminance = float(buffers.prediction.coverage[pixel]), float(buffers.prediction.luminance[pixel])
+        own, back = float(buffers.preview[pixel]), float(buffers.behind[pixel])
+        hit = bool(buffers.hit[pixel])
         assert score[pixel] == pytest.approx((abs(1 - sigma) + 5 * abs(own - luminance)) if hit else 0, abs=1e-6)
         expected = abs(own - (sigma * luminance + (1 - sigma) * back)) if hit else 0
         assert behind[pixel] == pytest.approx(expected, abs=1e-6)
 
 
 def test_no_look_ahead_scores_zero() -> None:
-    frame = random_frame(2)
-    blind = ~frame.prediction.look_ahead
+    buffers = random_buffers(2)
+    blind = ~buffers.prediction.look_ahead
     for name in ("patchnet", "patchnet-behind"):
-        assert not STRATEGIES[name].scores(frame)[blind].any()
-    assert frame.lookahead_share == pytest.approx(frame.prediction.look_ahead[frame.hit].mean())
+        assert not STRATEGIES[name].scores(buffers)[blind].any()
+    assert buffers.lookahead_share == pytest.approx(buffers.prediction.look_ahead[buffers.hit].mean())
 
 
 def test_variance_by_hand() -> None:
-    frame = random_frame(4, 6, 7)
-    picture = frame.preview.reshape(6, 7)
-    score = STRATEGIES["ss-variance"].scores(frame).reshape(6, 7)
+    buffers = random_buffers(4, 6, 7)
+    picture = buffers.preview.reshape(6, 7)
+    score = STRATEGIES["ss-variance"].scores(buffers).reshape(6, 7)
     for row in range(6):
         for column in range(7):
             window = picture[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
@@ -134,9 +134,9 @@ def test_active_pixels_by_hand() -> None:
 
 
 def test_ties_follow_the_hash() -> None:
-    frame = random_frame(6)
-    order = refinement_order(frame, np.ones(17 * 23, np.float32))
-    assert sorted(order) == list(np.flatnonzero(frame.active))
+    buffers = random_buffers(6)
+    order = refinement_order(buffers, np.ones(17 * 23, np.float32))
+    assert sorted(order) == list(np.flatnonzero(buffers.active))
     hashes = pixel_hash(17 * 23)
     assert len(set(hashes.tolist())) == len(hashes)
     assert np.all(hashes[order][1:] > hashes[order][:-1])
@@ -144,20 +144,20 @@ def test_ties_follow_the_hash() -> None:
 
 
 def test_urgency_follows_the_order() -> None:
-    frame = random_frame(7)
-    score = STRATEGIES["patchnet-behind"].scores(frame)
-    amount = urgency(frame, score, 0.4)
-    mask = refine(frame, score, 0.4)
+    buffers = random_buffers(7)
+    score = STRATEGIES["patchnet-behind"].scores(buffers)
+    amount = urgency(buffers, score, 0.4)
+    mask = refine(buffers, score, 0.4)
     assert amount.max() == 1.0 and not amount[~mask].any()
-    order = refinement_order(frame, score)
+    order = refinement_order(buffers, score)
     assert np.all(np.diff(amount[order]) <= 0)
 
 
 def test_pooled_is_over_all_pixels() -> None:
-    frames = [random_frame(1, 8, 8), random_frame(2, 20, 30)]
-    scores = [STRATEGIES["ss-variance"].scores(frame) for frame in frames]
-    total = sum(mse_at(f, s, [0.2])[0] * f.active.sum() for f, s in zip(frames, scores, strict=True))
-    assert pooled_mse(frames, scores, [0.2])[0] == pytest.approx(total / sum(f.active.sum() for f in frames))
+    views = [random_buffers(1, 8, 8), random_buffers(2, 20, 30)]
+    scores = [STRATEGIES["ss-variance"].scores(buffers) for buffers in views]
+    total = sum(mse_at(f, s, [0.2])[0] * f.active.sum() for f, s in zip(views, scores, strict=True))
+    assert pooled_mse(views, scores, [0.2])[0] == pytest.approx(total / sum(f.active.sum() for f in views))
 
 
 def test_psnr() -> None:
@@ -167,19 +167,19 @@ def test_psnr() -> None:
 
 @pytest.mark.parametrize("budget", [-0.1, 1.01, float("nan")])
 def test_budget_outside_its_range(budget: float) -> None:
-    frame = random_frame()
+    buffers = random_buffers()
     with pytest.raises(SettingError, match="0 to 1"):
-        refine(frame, np.ones(17 * 23), budget)
+        refine(buffers, np.ones(17 * 23), budget)
 
 
 def test_missing_part_is_named() -> None:
-    frame = random_frame()
+    buffers = random_buffers()
     with pytest.raises(SettingError, match="reference"):
-        STRATEGIES["optimal"].scores(Frame(hits=frame.hits))
+        STRATEGIES["optimal"].scores(PixelBuffers(hits=buffers.hits))
 
 
 def test_empty_frame_has_no_error() -> None:
     hits = SimpleNamespace(height_px=4, width_px=4, hit=np.zeros(16, bool), luminance=np.zeros(16, np.float32))
-    frame = Frame(hits=hits, reference=np.zeros(16, np.float32))
-    assert mse_at(frame, np.zeros(16), [0.0, 0.5]).tolist() == [0.0, 0.0]
-    assert frame.lookahead_share is None
+    buffers = PixelBuffers(hits=hits, reference=np.zeros(16, np.float32))
+    assert mse_at(buffers, np.zeros(16), [0.0, 0.5]).tolist() == [0.0, 0.0]
+    assert buffers.lookahead_share is None

@@ -72,7 +72,7 @@ def preview():
     viewport.longest = 0.0
     first = viewport._preview
     seen["coarse at first"] = bool((first.picture.samples == 0).any())
-    yield from clicks.wait_for(lambda: first.picture.frame is not None, "every pixel is traced")
+    yield from clicks.wait_for(lambda: first.picture.buffers is not None, "every pixel is traced")
     yield from clicks.screenshot(OUT / "engine-traced.png")
     x, y = clicks.over_viewport()
     yield from clicks.move(x, y)
@@ -145,7 +145,7 @@ def settle_masked(viewport, name: str):
         lambda: viewport._preview not in (None, before) and viewport._preview.done, f"a preview with mask {name}"
     )
     picture = viewport._preview.picture
-    frame = picture.frame
+    frame = picture.buffers
     columns = np.flatnonzero(picture.samples > 1) % frame.width
     seen[f"mask {name}"] = {
         "columns": [float(columns.min() / frame.width), float(columns.max() / frame.width)],

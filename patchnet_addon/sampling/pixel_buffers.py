@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frame: one view of a scene with everything that strategies may look at, pure data."""
+"""Pixel buffers of one view of a scene, with everything that strategies may look at, pure data."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class PixelBuffers:
     """Picture of P = height x width pixels, row-major, row 0 at the bottom; luminances are linear, in [0, 1].
 
     hits: first hits of the pixel-centre rays; their luminance is the preview L1.
