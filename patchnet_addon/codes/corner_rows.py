@@ -13,8 +13,6 @@ from ..runtime.kernels import device
 from .coded_octree import CodedOctree
 
 MEAN_SIZE = 16  # of a mean that `write_mean_code` writes: two vectors of eight numbers, which overlap in the code
-MEAN_PLACES = tuple(k if k < 8 else k + 16 - CODE_SIZE for k in range(CODE_SIZE))
-"""Where the numbers of a code stand in a mean."""
 assert 8 <= CODE_SIZE <= 16
 
 _SCALE = np.float32(HALF_SCALE)
@@ -37,22 +35,22 @@ class CornerCodes(NamedTuple):
 
 
 @device
-def coded_row(corner_codes, node):
+def coded_row(coded_index, node):
     """Row of a node among those with codes; -1 for nodes without look-ahead, and for a miss (-1)."""
-    return np.int64(corner_codes.coded_index[node]) if node >= 0 else np.int64(-1)
+    return np.int64(coded_index[node]) if node >= 0 else np.int64(-1)
 
 
 @device
-def corner_row(corner_codes, row, octant):
+def corner_row(node_corners, row, octant):
     """Row in the codes of a corner of a node with codes; octants x fastest."""
-    return np.int64(corner_codes.node_corners[row, octant])
+    return np.int64(node_corners[row, octant])
 
 
 @device
-def write_mean_code(corner_codes, row, point, mean):
+def write_mean_code(halves, node_corners, row, point, mean):
     """Write the trilinear mean of a node's eight codes at a point in it, three numbers in [0, 1], into `mean` (16,).
 
-    Its numbers stand at `MEAN_PLACES`.
+    The code's first eight numbers come first, its last eight follow.
     """
     one = np.float32(1)
     x, y, z = point
@@ -61,7 +59,6 @@ def write_mean_code(corner_codes, row, point, mean):
         share = x if octant & 1 else one - x
         share *= y if octant & 2 else one - y
         share *= z if octant & 4 else one - z
-        first = corner_row(corner_codes, row, octant) * CODE_SIZE
-        code = load_halves(corner_codes.halves, first, first + CODE_SIZE - 8)
-        total = add_product(total, code, fill_16(share * _SCALE))
+        first = corner_row(node_corners, row, octant) * CODE_SIZE
+        total = add_product(total, load_halves(halves, first, first + CODE_SIZE - 8), fill_16(share * _SCALE))
     store(mean, 0, total)

@@ -14,7 +14,7 @@ from ..network.decode import decode
 from ..network.weights import CODE_SIZE
 from ..runtime.kernels import device, kernel
 from .coded_octree import CodedOctree
-from .corner_rows import MEAN_PLACES, MEAN_SIZE, CornerCodes, coded_row, write_mean_code
+from .corner_rows import MEAN_SIZE, CornerCodes, coded_row, write_mean_code
 from .patches import OCTANTS
 
 if TYPE_CHECKING:
@@ -110,19 +110,20 @@ def _predict(rays, corner_codes, layers, part, coverage, luminance, look_ahead):
 @device
 def _predict_part(rays, corner_codes, layers, part, coverage, luminance, look_ahead):  # type: ignore[no-untyped-def]
     """Predict for a range of pixels: those with look-ahead are gathered, and decoded when they fill a tile."""
-    inputs, others = empty_tile(), empty_tile()
-    pixels = np.empty(TILE, np.int64)
-    mean = np.empty(MEAN_SIZE, np.float32)
+    tile = empty_tile(), empty_tile()
+    pixels, rows = np.empty(TILE, np.int64), np.empty(TILE, np.int64)
+    nodes, coded_index = rays.node, corner_codes.coded_index
     count = 0
     for pixel in range(part[0], part[1]):
-        row = coded_row(corner_codes, rays.node[pixel])
+        row = coded_row(coded_index, nodes[pixel])
         if row >= 0:
             look_ahead[pixel] = True
-            _fill_pixel(rays, corner_codes, pixel, row, mean, inputs[count:])
-            pixels[count] = pixel
+            pixels[count], rows[count] = pixel, row
             count += 1
         if count == TILE or (pixel == part[1] - 1 and count > 0):
-            outputs = decode_tile(inputs, others, layers)
+            _fill_codes(corner_codes, rows[:count], rays.entry, pixels, tile[0])
+            _fill_rays(rays.direction, rays.up, rays.ratio, pixels[:count], tile[0])
+            outputs = decode_tile(tile[0], tile[1], layers)
             for place in range(count):
                 coverage[pixels[place]] = outputs[place]
                 luminance[pixels[place]] = outputs[TILE + place]
@@ -130,13 +131,24 @@ def _predict_part(rays, corner_codes, layers, part, coverage, luminance, look_ah
 
 
 @device
-def _fill_pixel(rays, corner_codes, pixel, row, mean, inputs):  # type: ignore[no-untyped-def]
-    """Write what the network is given of a pixel into a column of a tile, which `inputs` begins with."""
-    entry = rays.entry
-    write_mean_code(corner_codes, row, (entry[pixel, 0], entry[pixel, 1], entry[pixel, 2]), mean)
-    for k in range(CODE_SIZE):
-        inputs[k * TILE] = mean[MEAN_PLACES[k]]
-    for axis in range(3):
-        inputs[(DIRECTION + axis) * TILE] = rays.direction[pixel, axis]
-        inputs[(UP + axis) * TILE] = rays.up[pixel, axis]
-    inputs[RATIO * TILE] = rays.ratio[pixel]
+def _fill_codes(corner_codes, rows, entry, pixels, inputs):  # type: ignore[no-untyped-def]
+    """Write the codes of pixels, interpolated at their entry points, into a tile; rows: of the nodes they hit."""
+    halves, node_corners = corner_codes.halves, corner_codes.node_corners
+    mean = np.empty(MEAN_SIZE, np.float32)
+    for place in range(len(rows)):
+        pixel = pixels[place]
+        point = entry[pixel, 0], entry[pixel, 1], entry[pixel, 2]
+        write_mean_code(halves, node_corners, rows[place], point, mean)
+        for k in range(CODE_SIZE):
+            inputs[k * TILE + place] = mean[k if k < 8 else k + MEAN_SIZE - CODE_SIZE]
+
+
+@device
+def _fill_rays(direction, up, ratio, pixels, inputs):  # type: ignore[no-untyped-def]
+    """Write what the network is given of the rays of pixels into a tile."""
+    for place in range(len(pixels)):
+        pixel = pixels[place]
+        for axis in range(3):
+            inputs[(DIRECTION + axis) * TILE + place] = direction[pixel, axis]
+            inputs[(UP + axis) * TILE + place] = up[pixel, axis]
+        inputs[RATIO * TILE + place] = ratio[pixel]
