@@ -34,9 +34,9 @@ TILE_VALUES = max(DECODER_SIZES) * TILE  # of a tile's features
 
 DIRECTION, UP, RATIO = CODE_SIZE, CODE_SIZE + 3, CODE_SIZE + 6  # rows of inputs; the code stands in the first ones
 _HARMONICS = RATIO + 1
-_INPUTS, _HIDDEN, _LAST = DECODER_SIZES[0], DECODER_SIZES[1], DECODER_SIZES[-1]
+_INPUTS, _HIDDEN = DECODER_SIZES[:2]
 _LAYERS = len(DECODER_SIZES) - 2  # with ReLU
-assert DECODER_SIZES == (_HARMONICS + HARMONICS, *[_HIDDEN] * _LAYERS, 2)
+assert (_HARMONICS + HARMONICS, *[_HIDDEN] * _LAYERS, 2) == DECODER_SIZES
 assert _HIDDEN % OUTPUTS == 0 and TILE % WIDE_LANES == 0
 
 _LOG2_E = np.float32(1.4426950408889634)
@@ -72,7 +72,7 @@ class DecoderLayers(NamedTuple):
 
 @device
 def empty_tile():
-    """Values of a tile, (48 * TILE,) float32 zeros at a multiple of 64 bytes: a vector lies in one line of the cache."""
+    """Values of a tile, (48 * TILE,) float32 zeros at a multiple of 64 bytes: a vector lies in one cache line."""
     values = np.zeros(TILE_VALUES + 16, np.float32)
     start = -(values.ctypes.data // 4) % 16
     return values[start : start + TILE_VALUES]
@@ -115,7 +115,11 @@ def _apply_layer(inputs, depth, results, weights, bias, floor):
     for output in range(0, _HIDDEN, OUTPUTS):
         for pixel in range(0, TILE, WIDE_LANES):
             sum0, sum1, sum2 = spread_wide(bias, output), spread_wide(bias, output + 1), spread_wide(bias, output + 2)
-            sum3, sum4, sum5 = spread_wide(bias, output + 3), spread_wide(bias, output + 4), spread_wide(bias, output + 5)
+            sum3, sum4, sum5 = (
+                spread_wide(bias, output + 3),
+                spread_wide(bias, output + 4),
+                spread_wide(bias, output + 5),
+            )
             weight = output * depth
             for row in range(depth):
                 values = load_wide(inputs, row * TILE + pixel)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spherical harmonics of vectors in kernels, from the formulas of `harmonics.py`: they are evaluated on instructions."""
+"""Spherical harmonics of vectors in kernels, by the formulas of `harmonics.py`, which are given instructions."""
 
 from __future__ import annotations
 
@@ -46,7 +46,8 @@ def store_harmonics(_typing: Any, array: Any, _index: Any, _stride: Any, x: Any,
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
         index, stride = arguments[1:3]
-        for term in harmonic_terms(*(_Term(builder, axis) for axis in arguments[3:])):
+        x, y, z = (_Term(builder, axis) for axis in arguments[3:])
+        for term in harmonic_terms(x, y, z):
             pointer = builder.bitcast(builder.gep(data, [index]), term.value.type.as_pointer())
             builder.store(term.value, pointer).align = 4
             index = builder.add(index, stride)

@@ -23,7 +23,7 @@ def check(values, threads):
     assert all(len(runs) == 2 for runs in values["runs"].values())
     assert (values["threads"], values["clock"]) == (threads, "processor" if threads == 1 else "wall")
     assert values["largest_difference"] <= 1e-5
-    assert 0 < values["share_of_peak"] and values["peak_gflops"] > 1
+    assert values["share_of_peak"] > 0 and values["peak_gflops"] > 1
     if "torch" in names:
         assert values["ratio"] == pytest.approx(values["ours"] / values["peer"])
         assert values["torch"].startswith("torch ")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import fields
+from itertools import pairwise
 from statistics import median
 from typing import Any, NamedTuple
 
@@ -27,7 +28,7 @@ from .encoding import has_torch
 from .peak_rate import measure_peak
 from .timing import Comparison, take_turns
 
-OPERATIONS = 2 * sum(a * b for a, b in zip(DECODER_SIZES, DECODER_SIZES[1:], strict=False))
+OPERATIONS = 2 * sum(a * b for a, b in pairwise(DECODER_SIZES))
 """Multiplications and additions of a pixel's layers."""
 _CHUNKS = (512, 1024, 2048, 4096, 8192, 16384)
 _FOV = math.radians(40)

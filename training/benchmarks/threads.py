@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Environment of so many threads for every library: BLAS reads it when it is loaded, so it takes a process of its own."""
+"""Environment of so many threads for every library: for a process of its own, as BLAS reads it when it is loaded."""
 
 from __future__ import annotations
 
