@@ -14,7 +14,7 @@ _ROUNDS = 500_000
 _SUMS = 6  # more than a product takes until the next may be added, and as many as stay in registers
 
 
-def measure_peak(threads: int, repeats: int = 9) -> float:
+def measure_peak(threads: int, repeats: int = 50) -> float:
     """10^9 operations per second of as many cores as threads: the best run of one, times their number."""
     factors = np.linspace(0.25, 0.75, _SUMS, dtype=np.float32)  # distinct: equal sums would be made once
     results = np.empty(_SUMS * WIDE_LANES, np.float32)
