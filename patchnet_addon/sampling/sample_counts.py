@@ -17,6 +17,7 @@ SIDES = (1, 2, 4, 8, 16, 32)  # samples per pixel side
 COUNTS = np.array(SIDES, np.int32) ** 2
 DECAY = 1.5  # a: the squared error of n samples is that of one over n^a
 _LARGEST = 1e100  # of priorities, so that their powers are finite
+_ROUNDED = 1.0 + 1e-12  # gives back what rounding took from a mean that is a total over a count
 _COST = np.diff(COUNTS).astype(np.int64)  # samples of each upgrade
 _WORTH = -np.diff(COUNTS.astype(np.float64) ** -DECAY) / _COST  # of each of these samples, for a priority of 1
 
@@ -32,7 +33,7 @@ def sample_counts(priorities: np.ndarray, mean: float, power: float = 1.0) -> np
     urgent = priorities[: np.count_nonzero(priorities > 0)].astype(np.float64)
     counts = np.ones(len(priorities), np.int32)
     if len(urgent):
-        spare = int(mean * len(priorities)) - len(priorities)
+        spare = int(mean * len(priorities) * _ROUNDED) - len(priorities)
         lengths = _upgraded(np.minimum(urgent, _LARGEST) ** power, spare)
         for level, length in enumerate(lengths, start=1):
             counts[:length] = COUNTS[level]
