@@ -20,7 +20,7 @@ from ..tracing.part import camera_part
 from .pixel_buffers import PixelBuffers
 from .refine import priority, refined_count, refinement_order
 from .registry import STRATEGIES
-from .sample_counts import runs_of_equal_counts, sample_counts
+from .sample_counts import runs_of_equal_counts, samples_in_order
 from .strategy import Strategy
 from .trace import trace_view
 
@@ -117,9 +117,9 @@ class AdaptivePicture:
 
     def _chosen(self, spp: float, side: int) -> Iterator[tuple[int, np.ndarray]]:
         """Rays per pixel side, and the pixels that get so many."""
-        order, ranked_by = self._order, self.priority
-        assert order is not None and ranked_by is not None
-        counts = sample_counts(ranked_by[order], spp, self.strategy.power)
+        buffers, order, ranked_by = self.buffers, self._order, self.priority
+        assert buffers is not None and order is not None and ranked_by is not None
+        counts = samples_in_order(buffers, ranked_by, order, spp)
         return ((rays, order[run]) for rays, run in runs_of_equal_counts(np.minimum(counts, side**2)))
 
     def _ranked(self, bands: list[PixelBuffers]) -> Steps[tuple[PixelBuffers, np.ndarray, np.ndarray]]:

@@ -10,7 +10,7 @@ import numpy as np
 from .errors import left_after
 from .pixel_buffers import PixelBuffers
 from .refine import priority, refined_count, refinement_order
-from .sample_counts import sample_counts
+from .sample_counts import samples_in_order
 from .strategy import Strategy
 
 
@@ -42,10 +42,11 @@ class Ranking:
     def samples(self, mean: float) -> np.ndarray:
         """(P,) int32: samples of each pixel where `mean`, over the active ones, is spread by priority (methods 7.25b).
 
-        Pixels that are not active have one. Raises SettingError for a mean outside 1 to 1024.
+        Pixels of importance 0, and those that are not active, have one. Raises SettingError for a mean outside 1 to
+        1024.
         """
         counts = np.ones(len(self.score), np.int32)
-        counts[self.order] = sample_counts(self.priority[self.order], mean, self.strategy.power)
+        counts[self.order] = samples_in_order(self.buffers, self.priority, self.order, mean)
         return counts
 
     @property

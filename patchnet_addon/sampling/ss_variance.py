@@ -24,5 +24,4 @@ STRATEGY = Strategy(
     score=_score,
     quantity="variance of luminance",
     maximum=0.05,
-    power=0.5,
 )

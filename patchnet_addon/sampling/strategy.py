@@ -26,7 +26,6 @@ class Strategy:
     needs: the parts of a `PixelBuffers` that must be filled in, of PREDICTION, BEHIND, EXACT, REFERENCE.
     score: (P,) float32, higher is refined earlier.
     quantity: what the score measures, for legends. maximum: the score that a legend ends at by default.
-    power: the squared error of a pixel is expected to grow as its score to this power (methods 7.25b).
     """
 
     name: str
@@ -36,7 +35,6 @@ class Strategy:
     score: Callable[[PixelBuffers], np.ndarray]
     quantity: str
     maximum: float
-    power: float = 1.0
 
     def scores(self, buffers: PixelBuffers) -> np.ndarray:
         """(P,) float32 scores of a view.

@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.ranking import Ranking, rank
 from patchnet.patchnet_addon.sampling.refined_picture import refined_by_samples, refined_by_share, samples_report
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.patchnet_addon.sampling.sample_counts import COUNTS, DECAY, SIDES, runs_of_equal_counts, sample_counts
+from patchnet.patchnet_addon.sampling.sample_counts import COUNTS, SIDES, runs_of_equal_counts, sample_counts
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing import pixels as tracing_pixels
 from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
@@ -25,6 +25,8 @@ from patchnet.tests.engine.test_adaptive import camera, colored, halves
 from patchnet.tests.engine.test_sampling import random_buffers
 
 CHOSEN = STRATEGIES["ss-variance"]
+ERROR = np.array([1.0, 0.33, 0.055, 0.004, 0.0005, 0.0])  # methods 7.25b
+BY_PRIORITY = np.array([0.75, 0.5, 0.25, 0.125, 0.0625, 0.0])
 MEANS = [1.0, 1.01, 1.7, 4.0, 33.3, 300.0, 1023.0, 1024.0]
 
 
@@ -35,23 +37,30 @@ def falling(seed: int, count: int, zeros: float = 0.2) -> np.ndarray:
     return np.sort(np.where(rng.random(count) < zeros, 0.0, values))[::-1].astype(np.float32)
 
 
-def upgrades(priorities: np.ndarray, power: float = 1.0) -> list[tuple[float, int, int, int]]:
+def expected_errors(priorities: np.ndarray) -> np.ndarray:
+    """(6, A): squared error of each pixel with each number of samples, as methods 7.25b expects it."""
+    values = priorities.astype(np.float64)
+    relative = values / values[values > 0].mean() if (values > 0).any() else values
+    return ERROR[:, None] * (BY_PRIORITY[:, None] * relative + (1.0 - BY_PRIORITY[:, None]))
+
+
+def upgrades(priorities: np.ndarray) -> list[tuple[float, int, int, int]]:
     """(less worth a sample, level, pixel, samples) of every upgrade, most worth first, equal ones in their order."""
-    fall = -np.diff(COUNTS.astype(float) ** -DECAY) / np.diff(COUNTS)
+    gain = np.diff(expected_errors(priorities), axis=0)
     each = [
-        (-(float(value) ** power) * fall[level], level, pixel, int(COUNTS[level + 1] - COUNTS[level]))
-        for level in range(5)
+        (round(gain[level, pixel] / cost, 15), level, pixel, int(cost))
+        for level, cost in enumerate(np.diff(COUNTS))
         for pixel, value in enumerate(priorities)
         if value > 0
     ]
     return sorted(each)
 
 
-def sample_counts_reference(priorities: np.ndarray, mean: float, power: float = 1.0) -> np.ndarray:
+def sample_counts_reference(priorities: np.ndarray, mean: float) -> np.ndarray:
     """Upgrade by upgrade, in the order of their worth, each that still can be paid for and that follows the others."""
     levels = np.zeros(len(priorities), int)
     spare = int(mean * len(priorities) * (1 + 1e-12)) - len(priorities)
-    for _, level, pixel, cost in upgrades(priorities, power):
+    for _, level, pixel, cost in upgrades(priorities):
         follows = levels[pixel] == level and (pixel == 0 or levels[pixel - 1] > level)
         if cost <= spare and follows:
             levels[pixel] += 1
@@ -63,14 +72,11 @@ def sample_counts_reference(priorities: np.ndarray, mean: float, power: float = 
     seed=st.integers(0, 10_000),
     count=st.integers(0, 40),
     mean=st.one_of(st.sampled_from(MEANS), st.floats(1, 1024), st.floats(1, 20)),
-    power=st.sampled_from([0.5, 1.0, 2.0]),
 )
 @settings(max_examples=200, deadline=None)
-def test_against_one_upgrade_after_another(seed: int, count: int, mean: float, power: float) -> None:
+def test_against_one_upgrade_after_another(seed: int, count: int, mean: float) -> None:
     priorities = falling(seed, count)
-    np.testing.assert_array_equal(
-        sample_counts(priorities, mean, power), sample_counts_reference(priorities, mean, power)
-    )
+    np.testing.assert_array_equal(sample_counts(priorities, mean), sample_counts_reference(priorities, mean))
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 17, 1000, 50_001])
@@ -93,22 +99,28 @@ def test_no_other_choice_of_as_many_samples_leaves_less() -> None:
     """Where the budget ends with an upgrade; all allocations of four pixels are tried."""
     priorities = np.array([0.9, 0.35, 0.3, 0.01])
     every = np.array(list(itertools.product(COUNTS, repeat=4)))
-    left = (priorities * every.astype(float) ** -DECAY).sum(axis=1)
+    expected = expected_errors(priorities)
+    left = sum(expected[np.searchsorted(COUNTS, every[:, pixel]), pixel] for pixel in range(4))
     total = 4
     for _, _, _, cost in upgrades(priorities)[:-1]:
         total += cost
         counts = sample_counts(priorities, total / 4)
         assert counts.sum() == total
-        mine = (priorities * counts.astype(float) ** -DECAY).sum()
+        mine = expected[np.searchsorted(COUNTS, counts), np.arange(4)].sum()
         assert mine <= left[every.sum(axis=1) <= total].min() * (1 + 1e-12)
 
 
-def test_counts_follow_the_power_that_the_multiplier_gives() -> None:
-    """Between its bounds n ~ priority^(1 / (1 + a)), so that a factor of 4^(1 + a) in priority is a factor of 4."""
-    factor = 4 ** (1 + DECAY)
-    priorities = np.repeat(factor ** -np.arange(5.0), 1000)
-    counts = sample_counts(priorities, sum((256, 64, 16, 4, 1)) / 5)
-    np.testing.assert_array_equal(counts, np.repeat([256, 64, 16, 4, 1], 1000))
+def test_each_upgrade_is_worth_less_than_the_one_before() -> None:
+    """For every priority: no pixel would rather have the second without the first."""
+    worth = -np.diff(expected_errors(10.0 ** np.arange(4.0, -9.0, -1.0)), axis=0) / np.diff(COUNTS)[:, None]
+    assert (worth > 0).all() and (np.diff(worth, axis=0) < 0).all()
+
+
+def test_priorities_have_no_scale() -> None:
+    priorities = falling(7, 500)
+    counts = sample_counts(priorities, 9.0)
+    np.testing.assert_array_equal(sample_counts(priorities * np.float32(2.0**-40), 9.0), counts)
+    np.testing.assert_array_equal(sample_counts(priorities * np.float32(2.0**40), 9.0), counts)
 
 
 def test_extremes() -> None:
@@ -120,8 +132,8 @@ def test_extremes() -> None:
     np.testing.assert_array_equal(alike, [4] * 5 + [1] * 5)
     not_numbers = np.array([np.inf, 1e38, 1e-45, np.nan], np.float32)
     with np.errstate(all="raise", under="ignore"):
-        counts = sample_counts(not_numbers, 300.0, 2.0)
-    assert counts[0] == 1024 and counts[-1] == 1 and counts.sum() <= 1200
+        counts = sample_counts(not_numbers, 300.0)
+    np.testing.assert_array_equal(counts, [256, 256, 256, 1])
 
 
 @pytest.mark.parametrize("mean", [0.0, 0.99, 1024.5, -4.0, float("nan"), float("inf")])
@@ -148,7 +160,22 @@ def test_a_view_by_every_strategy(name: str) -> None:
         if seen.importance is not None:
             assert (samples[weights == 0] == 1).all()
         shown = ranking.urgency(int(np.count_nonzero(samples > 1)))
-        np.testing.assert_array_equal(shown > 0, samples > 1)
+        np.testing.assert_array_equal(shown > 0, (samples > 1) & (ranking.priority > 0))
+
+
+def test_scores_of_zero_may_be_wrong_and_importance_of_zero_never_matters() -> None:
+    """A pixel without look-ahead has a score of 0: it gets its samples after all that have a score."""
+    buffers = random_buffers(4)
+    score = np.zeros(len(buffers.preview), np.float32)
+    score[np.flatnonzero(buffers.active)[:50]] = 0.5
+    weights = (np.arange(len(score)) % 5 > 0).astype(np.float32)
+    buffers = replace(buffers, importance=weights)
+    zero = replace(CHOSEN, score=lambda _: score)
+    most = rank(zero, buffers, 0.3).samples(1024.0)
+    np.testing.assert_array_equal(most, np.where(buffers.active & (weights > 0), 1024, 1))
+    some = rank(zero, buffers, 0.3).samples(3.0)
+    assert some[(score > 0) & (weights > 0)].min() > 1 and (some[weights == 0] == 1).all()
+    assert set(some[buffers.active & (score == 0)].tolist()) == {1, 4}
 
 
 def view(with_color: bool = False) -> tuple[AdaptivePicture, Ranking, PixelBuffers]:
@@ -242,8 +269,8 @@ def test_ends_of_the_range_are_preview_and_reference() -> None:
     none = drain(refined_by_samples(picture.octree, picture.camera, ranking, 1.0))
     np.testing.assert_array_equal(none.luminance, buffers.preview)
     every = drain(refined_by_samples(picture.octree, picture.camera, ranking, 1024.0))
-    urgent = ranking.priority > 0
-    np.testing.assert_allclose(every.luminance[urgent], buffers.reference[urgent], rtol=1e-6)
+    active = buffers.active
+    np.testing.assert_allclose(every.luminance[active], buffers.reference[active], rtol=1e-6)
 
 
 def test_figures_of_a_report() -> None:
