@@ -6,7 +6,7 @@ The picture is there at any time between two steps, as good as it is by then: a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -111,9 +111,7 @@ class AdaptivePicture:
             groups = [(side, self._order[: refined_count(self.buffers, budget, len(self._order))])]
         else:
             groups = [(count, pixels[self.samples[pixels] != count**2]) for count, pixels in self._chosen(spp, side)]
-        for report, rays, pixels in batches(groups, pace or Pace()):
-            yield report
-            self._take(pixels, rays)
+        yield from in_batches(groups, pace or Pace(), self._take)
 
     def _chosen(self, spp: float, side: int) -> Iterator[tuple[int, np.ndarray]]:
         """Rays per pixel side, and the pixels that get so many."""
@@ -146,19 +144,20 @@ class AdaptivePicture:
         self.samples[pixels] = side**2
 
 
-def batches(groups: Iterable[tuple[int, np.ndarray]], pace: Pace) -> Iterator[tuple[Progress, int, np.ndarray]]:
-    """Split groups of pixels, each with its rays per pixel side, into what is refined at once, with how far that is.
+def in_batches(
+    groups: Sequence[tuple[int, np.ndarray]], pace: Pace, take: Callable[[np.ndarray, int], None]
+) -> Steps[None]:
+    """Refine groups of pixels, each with its rays per pixel side, batch by batch; `take` traces pixels with so many.
 
-    Progress counts rays. The pace is asked before each batch.
+    Progress counts rays. The pace is asked at each batch.
     """
-    groups = list(groups)
     done, total = 0, sum(side**2 * len(pixels) for side, pixels in groups)
     for side, pixels in groups:
         start = 0
         while start < len(pixels):
-            report = Progress(done, total, f"Refining {side}x{side}")
+            yield Progress(done, total, f"Refining {side}x{side}")
             batch = pixels[start : start + max(1, pace.batch_rays // side**2)]
-            yield report, side, batch
+            take(batch, side)
             start += len(batch)
             done += side**2 * len(batch)
 

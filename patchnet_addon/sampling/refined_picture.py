@@ -11,7 +11,7 @@ import numpy as np
 from ..octree.octree import Octree
 from ..runtime.progress import Steps
 from ..tracing.camera import Camera
-from .adaptive import REFINED_SIDE, Pace, batches
+from .adaptive import REFINED_SIDE, Pace, in_batches
 from .errors import left_after
 from .ranking import Ranking
 from .refine import refined_colors, refined_picture
@@ -59,13 +59,15 @@ def refined_by_samples(
     samples = ranking.samples(mean)
     luminance = buffers.preview.copy()
     colors = None if buffers.preview_color is None else buffers.preview_color.copy()
-    groups = ((side, order[run]) for side, run in runs_of_equal_counts(samples[order]))
-    for report, side, pixels in batches(groups, pace or Pace()):
-        yield report
+
+    def take(pixels: np.ndarray, side: int) -> None:
         means = supersample_pixels(octree, camera, pixels, side)
         luminance[pixels] = means.luminance
         if colors is not None:
             colors[pixels] = means.colors
+
+    groups = [(side, order[run]) for side, run in runs_of_equal_counts(samples[order])]
+    yield from in_batches(groups, pace or Pace(), take)
     return RefinedPicture(luminance, colors, samples)
 
 
