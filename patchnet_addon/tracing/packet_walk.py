@@ -11,10 +11,25 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.kernels import lean_device
-from ..runtime.vectors import LANES, bit_count, first_bit, larger, less, load, select, smaller, splat, store
+from ..runtime.vectors import (
+    LANES,
+    bit_count,
+    first_bit,
+    larger,
+    largest,
+    less,
+    load,
+    select,
+    smaller,
+    smallest,
+    splat,
+    store,
+)  # fmt: skip
 from .tile import BEHIND, COARSE, FINE, RAYS
 
 PATCH_SIDES = 1.5  # of the voxel that fits the pixel, from its entry on: where sight behind the patch begins
+_FAR = 1e300
+_SAFE = 1e-12  # relative
 
 
 @lean_device
@@ -22,19 +37,27 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: igno
     """Walk the subtree of the node at level `top` with the rays of a packet that are alive; returns visited nodes."""
     first = packet * LANES
     size = 1.0 / (np.int64(1) << top)
-    lanes = tile.alive[packet] & less(
-        _entry(tile, first, levels, top, size), _exit(tile, first, levels, top, size)
-    )
+    enter = _entry(tile, first, levels, top, size)
+    leave = _exit(tile, first, levels, top, size)
+    lanes = tile.alive[packet] & less(enter, leave)
+    if lanes == 0:
+        return 1
+    # Below the smaller side a node of this subtree fits every ray, above the larger one it fits none.
+    smallest_side, largest_side = _fitting_sides(search, tile, packet, lanes, (enter, leave))
     visits = 1
     level = top - 1
     while True:
         # The node at level + 1, of side `size`, is met by `lanes`.
         if lanes != 0:
-            lanes = _end_phases(nodes, search, tile, packet, levels, level + 1, lanes)
+            if size < largest_side or nodes.child_mask[levels.node[level + 1]] == 0:
+                lanes = _end_phases(nodes, search, tile, packet, levels, level + 1, lanes)
             if lanes != 0:
                 level += 1
                 size *= 0.5
-                _open(nodes, tile, first, mirror, levels, level, lanes)
+                if search.last == COARSE and (size < smallest_side or level + 1 == search.depth):
+                    visits += _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes)
+                else:
+                    _open(nodes, tile, first, mirror, levels, level, lanes)
         alive = tile.alive[packet]
         if alive == 0:
             break
@@ -51,6 +74,18 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: igno
             visits += 1
             step_down(nodes, mirror, levels, level, octant)
     return visits
+
+
+@lean_device
+def _fitting_sides(search, tile, packet, lanes, through):  # type: ignore[no-untyped-def]
+    """Sides below which a node fits all rays and from which on it fits none, for nodes that rays enter and leave
+    within the lengths `through`; with a margin for rounding.
+    """
+    speed = load(tile.speed, packet * LANES)
+    nearest = smallest(select(lanes, through[0] * speed, splat(_FAR)))
+    farthest = largest(select(lanes, through[1] * speed, splat(-_FAR)))
+    near, far = search.at_0 + search.per_z * nearest, search.at_0 + search.per_z * farthest
+    return 2.0 * near * (1.0 - _SAFE), 2.0 * far * (1.0 + _SAFE)
 
 
 @lean_device
@@ -116,16 +151,15 @@ def _end_phases(nodes, search, tile, packet, levels, level, lanes):  # type: ign
             stopped &= less(enter, _exit(tile, first, levels, level, size)) | ~behind
         if not leaf:
             stopped &= less(splat(size), splat(2.0) * _pixel_side(search, tile, packet, enter))
+            if search.last == BEHIND:
+                passed = tested & ~stopped & tile.phase[FINE, packet]
+                _fit_restart(search, tile, packet, levels, level, passed)
         tested = np.int64(0)
         for phase in range(BEHIND, -1, -1):  # the last first, so that a phase that begins does not end with the others
             ended = stopped & tile.phase[phase, packet]
             if ended != 0:
                 _record(tile, packet, phase, levels, level, ended, enter)
-                tested |= _begin_next(search, tile, packet, phase, level, ended)
-        begun = tested & tile.phase[BEHIND, packet]
-        if begun != 0:
-            _fit_ancestors(search, tile, packet, levels, level, begun)
-            tested &= tile.alive[packet]
+                tested |= _begin_next(search, tile, packet, phase, levels, level, ended)
     return np.int64(0) if leaf else lanes & tile.alive[packet]
 
 
@@ -143,88 +177,98 @@ def _record(tile, packet, phase, levels, level, ended, enter):  # type: ignore[n
     """Record the node of a level as what rays found in a phase."""
     first = packet * LANES
     here = phase * RAYS + first
-    store(tile.t, here, select(ended, enter, load(tile.t, here)))
-    left = ended
-    while left != 0:
-        ray = first + first_bit(left)
-        left &= left - 1
-        tile.node[phase, ray] = levels.node[level]
-        tile.level[phase, ray] = level
-        if phase == COARSE:
-            for axis in range(3):
-                tile.cell[ray, axis] = levels.cell[level, axis]
+    _put(tile.t, here, ended, enter)
+    _put(tile.node, here, ended, splat(np.float64(levels.node[level])))
+    if phase == COARSE:
+        _put_cell(tile, first, ended, np.int64(1) << level, levels.cell[level])
 
 
 @lean_device
-def _begin_next(search, tile, packet, phase, level, ended):  # type: ignore[no-untyped-def]
-    """Begin the phase after that which ended for some lanes; returns them, or no lanes if they are done."""
+def _put(array, index, lanes, values):  # type: ignore[no-untyped-def]
+    """Store values in some lanes."""
+    store(array, index, select(lanes, values, load(array, index)))
+
+
+@lean_device
+def _put_cell(tile, first, lanes, cells, cell):  # type: ignore[no-untyped-def]
+    """Store the voxel that stopped some rays of a packet: cells of its level a side, and its own."""
+    _put(tile.cells, first, lanes, splat(np.float64(cells)))
+    _put(tile.cell, first, lanes, splat(np.float64(cell[0])))
+    _put(tile.cell, RAYS + first, lanes, splat(np.float64(cell[1])))
+    _put(tile.cell, 2 * RAYS + first, lanes, splat(np.float64(cell[2])))
+
+
+@lean_device
+def _begin_next(search, tile, packet, phase, levels, level, ended):  # type: ignore[no-untyped-def]
+    """Begin the phase after that which ended for some lanes; returns them without those that are done."""
     first = packet * LANES
     tile.phase[phase, packet] &= ~ended
-    if phase >= search.last:
-        tile.alive[packet] &= ~ended
-        return np.int64(0)
+    done = ended if phase >= search.last else ended & tile.answered[packet]
+    tile.alive[packet] &= ~done
+    begun = ended & ~done
+    if begun == 0:
+        return begun
     if phase == COARSE:
         beyond = load(tile.t, first) + splat(PATCH_SIDES / (np.int64(1) << level))
-        store(tile.restart, first, select(ended, beyond, load(tile.restart, first)))
-        tile.phase[FINE, packet] |= ended
+        _put(tile.restart, first, begun, beyond)
+        tile.phase[FINE, packet] |= begun
+        if search.last == BEHIND:
+            for above in range(level):
+                _fit_restart(search, tile, packet, levels, above, begun)
     else:
-        tile.phase[BEHIND, packet] |= ended
-        store(tile.start, first, select(ended, load(tile.restart, first), load(tile.start, first)))
-    return ended
+        _put(tile.start, first, begun, load(tile.restart, first))
+        tile.phase[BEHIND, packet] |= begun
+    return begun
 
 
 @lean_device
-def _fit_ancestors(search, tile, packet, levels, level, begun):  # type: ignore[no-untyped-def]
-    """Stop rays that begin again behind their patch at the coarsest node on the way down that fits them there.
+def _fit_restart(search, tile, packet, levels, level, lanes):  # type: ignore[no-untyped-def]
+    """Answer the phase BEHIND of rays among `lanes` for which the node of a level holds what they see there.
 
-    Pixels grow with the distance, so a node that was too large where the ray entered it may fit where it begins again.
+    Pixels grow with the distance, so a node that was too large where the ray entered it may fit where the ray is to
+    begin again. Nodes that a ray has passed are not visited again, so each is asked as it is passed.
     """
     first = packet * LANES
-    parent = 2.0 / (np.int64(1) << level)
-    pixel = _pixel_side(search, tile, packet, load(tile.start, first))
-    larger_ones = begun & less(splat(parent), splat(2.0) * pixel)
-    above = np.int64(0)
-    while larger_ones != 0 and above < level:
-        size = 1.0 / (np.int64(1) << above)
-        fits = larger_ones & less(splat(size), splat(2.0) * pixel)
+    size = 1.0 / (np.int64(1) << level)
+    restart = load(tile.restart, first)
+    pixel = splat(search.at_0) + splat(search.per_z) * (restart * load(tile.speed, first))
+    fits = lanes & ~tile.answered[packet] & less(splat(size), splat(2.0 * search.finer) * pixel)
+    if fits != 0:
+        fits &= less(restart, _exit(tile, first, levels, level, size))
+        fits &= ~less(restart, _entry(tile, first, levels, level, size))
         if fits != 0:
-            enter = _entry(tile, first, levels, above, size)
-            fits &= less(enter, _exit(tile, first, levels, above, size))
-            if fits != 0:
-                _record(tile, packet, BEHIND, levels, above, fits, enter)
-                tile.phase[BEHIND, packet] &= ~fits
-                tile.alive[packet] &= ~fits
-                larger_ones &= ~fits
-        above += 1
+            _record(tile, packet, BEHIND, levels, level, fits, restart)
+            tile.answered[packet] |= fits
 
 
 @lean_device
 def _open(nodes, tile, first, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
     """Find the children of a level's node that each ray among `lanes` meets."""
-    child = 0.5 / (np.int64(1) << level)
-    x, y, z = 2 * levels.cell[level, 0], 2 * levels.cell[level, 1], 2 * levels.cell[level, 2]
-    start = load(tile.start, first)
-    middle = _to_plane(tile, 0, first, (x + 1) * child)
-    along = (
-        larger(_to_plane(tile, 0, first, x * child), start),
-        larger(middle, start),
-        middle,
-        _to_plane(tile, 0, first, (x + 2) * child),
-    )
-    y0, y1, y2 = _three_planes(tile, 1, first, y, child)
-    z0, z1, z2 = _three_planes(tile, 2, first, z, child)
+    x, y, z = _child_planes(tile, first, levels, level)
     existing = mirrored_children(nodes.child_mask[levels.node[level]], mirror)
     found = levels.lanes[level]
     pending = np.int64(0)
     if existing & 0x03:
-        pending |= _open_pair(found, existing, 0, lanes, along, larger(y0, z0), smaller(y1, z1))
+        pending |= _open_pair(found, existing, 0, lanes, x, larger(y[0], z[0]), smaller(y[1], z[1]))
     if existing & 0x0C:
-        pending |= _open_pair(found, existing, 2, lanes, along, larger(y1, z0), smaller(y2, z1))
+        pending |= _open_pair(found, existing, 2, lanes, x, larger(y[1], z[0]), smaller(y[2], z[1]))
     if existing & 0x30:
-        pending |= _open_pair(found, existing, 4, lanes, along, larger(y0, z1), smaller(y1, z2))
+        pending |= _open_pair(found, existing, 4, lanes, x, larger(y[0], z[1]), smaller(y[1], z[2]))
     if existing & 0xC0:
-        pending |= _open_pair(found, existing, 6, lanes, along, larger(y1, z1), smaller(y2, z2))
+        pending |= _open_pair(found, existing, 6, lanes, x, larger(y[1], z[1]), smaller(y[2], z[2]))
     levels.pending[level] = pending
+
+
+@lean_device
+def _child_planes(tile, first, levels, level):  # type: ignore[no-untyped-def]
+    """Lengths to the planes of a level's children: those along x also as entries, after the ray's start."""
+    child = 0.5 / (np.int64(1) << level)
+    cell = levels.cell
+    start = load(tile.start, first)
+    low, middle, high = _three_planes(tile, 0, first, 2 * cell[level, 0], child)
+    y = _three_planes(tile, 1, first, 2 * cell[level, 1], child)
+    z = _three_planes(tile, 2, first, 2 * cell[level, 2], child)
+    return (larger(low, start), larger(middle, start), middle, high), y, z
 
 
 @lean_device
@@ -255,3 +299,33 @@ def _open_pair(found, existing, octant, lanes, along, enter, leave):  # type: ig
         if met != 0:
             pending |= np.int64(1) << (octant + 1)
     return pending
+
+
+@lean_device
+def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
+    """Stop rays among `lanes` at the first child of a level's node that they meet; returns the visited children.
+
+    For children that stop every ray: nothing of theirs is read.
+    """
+    x, y, z = _child_planes(tile, packet * LANES, levels, level)
+    existing = mirrored_children(nodes.child_mask[levels.node[level]], mirror)
+    levels.pending[level] = 0
+    left, visits = lanes, 0
+    for pair in range(4):
+        if (existing >> (2 * pair)) & 3 == 0:
+            continue
+        low, high = (y[1], y[2]) if pair & 1 else (y[0], y[1])
+        near, far = (z[1], z[2]) if pair & 2 else (z[0], z[1])
+        enter, leave = larger(low, near), smaller(high, far)
+        for side in range(2):
+            octant = 2 * pair + side
+            if (existing >> octant) & 1:
+                entry = larger(x[side], enter)
+                met = left & less(entry, smaller(x[2 + side], leave))
+                if met != 0:
+                    visits += 1
+                    left &= ~met
+                    step_down(nodes, mirror, levels, level, octant)
+                    _record(tile, packet, COARSE, levels, level + 1, met, entry)
+    tile.alive[packet] &= left | ~lanes
+    return visits

@@ -13,13 +13,24 @@ import numba
 import numpy as np
 
 from ..cells.contract import pixel_voxel_ratio
-from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel, lean_device
-from ..runtime.vectors import LANES
+from ..runtime.vectors import first_bit
 from .camera import Camera, CameraUnit, camera_in_unit_cube
 from .tile import (
-    BEHIND, COARSE, FINE, TILE, Search, aim_tile, make_levels, make_tile, node_seen, ray_of, want_pixels,
+    BEHIND,
+    COARSE,
+    FINE,
+    TILE,
+    Search,
+    aim_tile,
+    find_entries,
+    make_levels,
+    make_tile,
+    node_seen,
+    ray_of,
+    want_pixels,
 )  # fmt: skip
 from .tile_walk import trace_tile
 
@@ -95,7 +106,7 @@ class PatchHits:
 def first_hits(octree: Octree, camera: Camera, background: float = 0.0) -> Hits:
     """Trace a ray through every pixel centre, stopped by the level-of-detail contract."""
     unit = camera_in_unit_cube(camera, octree.grid)
-    traced, _ = _trace(octree, unit, Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE))
+    traced, _ = _trace(octree, unit, Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth))
     return _hits(octree, camera, traced, background)
 
 
@@ -107,7 +118,7 @@ def patch_hits(
     The finer footprint is the pixel / 2^lookahead. One walk answers all three.
     """
     unit = camera_in_unit_cube(camera, octree.grid)
-    traced, _ = _trace(octree, unit, Search(unit.side_at_0, unit.side_per_z, 0.5**lookahead, BEHIND))
+    traced, _ = _trace(octree, unit, Search(unit.side_at_0, unit.side_per_z, 0.5**lookahead, BEHIND, octree.depth))
     return PatchHits(
         _hits(octree, camera, traced, background),
         _seen(octree, traced.fine, background),
@@ -118,7 +129,7 @@ def patch_hits(
 def visits_per_ray(octree: Octree, camera: Camera) -> float:
     """Nodes that tiles and packets visit in `first_hits`, over the number of rays; the same on every machine."""
     unit = camera_in_unit_cube(camera, octree.grid)
-    _, visits = _trace(octree, unit, Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE))
+    _, visits = _trace(octree, unit, Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth))
     return float(visits.sum() / camera.pixel_count)
 
 
@@ -207,6 +218,7 @@ def _trace_tiles(nodes, camera, search, first_row, scratch, traced):  # type: ig
         want_pixels(tile, rows, columns)
         aim_tile(camera, tile)
         visits += trace_tile(nodes, search, tile, levels)
+        find_entries(tile)
         for row in range(rows):
             for column in range(columns):
                 pixel = (first_row + row) * camera.width_px + first_column + column
@@ -234,20 +246,12 @@ def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped
             traced.cell[pixel, axis] = -1
             traced.entry[pixel, axis] = 0.0
         return
-    level, t = tile.level[COARSE, ray], tile.t[COARSE, ray]
-    voxels = np.int64(1) << level
-    scale = np.float64(voxels)
-    side = camera.side_at_0 + camera.side_per_z * t * tile.speed[ray]
-    traced.level[pixel] = level
-    traced.ratio[pixel] = pixel_voxel_ratio(side, scale)
+    t, cells = tile.t[COARSE, ray], tile.cells[ray]
+    z = t * tile.speed[ray]
+    traced.level[pixel] = first_bit(np.int64(cells))
+    traced.ratio[pixel] = pixel_voxel_ratio(camera.side_at_0 + camera.side_per_z * z, cells)
     traced.t_world[pixel] = t * camera.side_world
-    traced.z_world[pixel] = t * tile.speed[ray] * camera.side_world
-    lane = np.int64(1) << (ray % LANES)
+    traced.z_world[pixel] = z * camera.side_world
     for axis in range(3):
-        origin, cell = tile.origin[axis, ray], tile.cell[ray, axis]
-        if tile.mirrored[axis, ray // LANES] & lane:
-            cell = voxels - 1 - cell
-            origin = 1.0 - origin
-        traced.cell[pixel, axis] = cell
-        local = (origin + t * tile.direction[axis, ray]) * scale - cell
-        traced.entry[pixel, axis] = min(max(local, 0.0), 1.0)
+        traced.cell[pixel, axis] = tile.cell[axis, ray]
+        traced.entry[pixel, axis] = tile.entry[axis, ray]

@@ -56,7 +56,9 @@ def _supersampled(
         here = slice(row * camera.width_px, last * camera.width_px)
         pixels = np.arange(here.start, here.stop, dtype=np.int64)
         means = np.empty((len(pixels), MEANS), np.float32)
-        mean_of_rays(octree.nodes, octree.luminance, chroma, unit, pixels, side, np.float64(background), means)
+        mean_of_rays(
+            octree.nodes, (octree.luminance, chroma), unit, pixels, (side, float(background), octree.depth), means
+        )
         luminance[here] = means[:, 0]
         if len(chroma):
             colors[here] = means[:, 1:4]
@@ -65,29 +67,31 @@ def _supersampled(
 
 
 @kernel
-def mean_of_rays(nodes, luminance, chroma, camera, pixels, side, background, means):  # type: ignore[no-untyped-def]
+def mean_of_rays(nodes, light, camera, pixels, sampling, means):  # type: ignore[no-untyped-def]
     """Write what side x side rays of each pixel (N,) see into `means` (N, MEANS) float32.
+
+    light: luminance and chroma of the nodes. sampling: side, background (float), depth of the octree.
 
     Means are those of luminance, red, green, blue, and the share of the rays that met something. Without chroma (0, 2),
     red, green and blue are the luminance.
     """
     for run in numba.prange((len(pixels) + _RUN - 1) // _RUN):
         first = np.int64(run) * _RUN
-        _mean_of_run(nodes, (luminance, chroma), camera, pixels[first : first + _RUN], side, background, means[first:])
+        _mean_of_run(nodes, light, camera, pixels[first : first + _RUN], sampling, means[first : first + _RUN])
 
 
 @device
-def _mean_of_run(nodes, light, camera, pixels, side, background, means):  # type: ignore[no-untyped-def]
+def _mean_of_run(nodes, light, camera, pixels, sampling, means):  # type: ignore[no-untyped-def]
     """Write the means of some pixels; light: luminance and chroma."""
-    _mean_of_pixels(nodes, light, camera, pixels, (side, background), (make_tile(), make_levels(), np.empty(MEANS)), means)
+    _mean_of_pixels(nodes, light, camera, pixels, sampling, (make_tile(), make_levels(), np.empty(MEANS)), means)
 
 
 @lean_device
 def _mean_of_pixels(nodes, light, camera, pixels, sampling, scratch, means):  # type: ignore[no-untyped-def]
-    """Trace the rays of each pixel in tiles, and write their means; sampling: side and background."""
-    side, background = sampling
+    """Trace the rays of each pixel in tiles, and write their means; sampling: side, background, depth of the octree."""
+    side, background, depth = sampling
     tile, levels, sums = scratch
-    search = Search(camera.side_at_0, camera.side_per_z, 1.0, COARSE)
+    search = Search(camera.side_at_0, camera.side_per_z, 1.0, COARSE, depth)
     for index in range(len(pixels)):
         row, column = pixels[index] // camera.width_px, pixels[index] % camera.width_px
         sums[:] = 0.0

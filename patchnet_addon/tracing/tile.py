@@ -12,7 +12,7 @@ import numpy as np
 
 from ..cells.contract import MAX_LEVELS
 from ..runtime.kernels import device, lean_device
-from ..runtime.vectors import LANES, OCTANTS, larger, less, load, select, splat, square_root, store
+from ..runtime.vectors import LANES, OCTANTS, larger, less, load, select, smaller, splat, square_root, store
 
 TILE = 8  # pixels a side
 RAYS = TILE * TILE
@@ -29,11 +29,13 @@ class Tile(NamedTuple):
 
     origin, inverse: (3, 64) float64, in the unit cube, mirrored; inverse is 1 / direction.
     direction: (3, 64) float64, as it is. speed: (64,) axial distance per length.
-    start: (64,) float64, length where the ray begins, or begins again. restart: (64,) float64, length behind its patch.
+    start: (64,) float64, length where the ray begins, or begins again. restart: (64,) float64, where its patch ends.
     mirrored: (3, 4) int64, lanes of each packet that are mirrored on an axis.
-    alive: (4,) int64, lanes that are still on their way. phase: (3, 4) int64, lanes in each phase.
-    node: (3, 64) int64, node that a phase ended with, -1 for a miss. level: (3, 64) int64. t: (3, 64) float64 length.
-    cell: (64, 3) int64, mirrored cell of the voxel that fits the pixel.
+    alive: (4,) int64, lanes that are still on their way. phase: (3, 4) int64, lanes in each phase. answered: (4,) int64,
+    lanes that know what is behind their patch before they are there.
+    node, t: (3, 64) float64, node that a phase ended with, -1 for a miss, and the length to it.
+    cells: (64,) float64, 2^level of the voxel that fits the pixel. cell: (3, 64) float64, its mirrored cell.
+    entry: (3, 64) float64, entry point in that voxel, [0, 1]^3, written by `find_entries`.
     wanted: (4,) int64, lanes of each packet that are to be traced. xs, ys: (8,) float64, picture coordinates in [-1, 1]
     of the tile's columns and rows. picture: (2, 16) float64, scratch.
     """
@@ -47,10 +49,12 @@ class Tile(NamedTuple):
     mirrored: np.ndarray
     alive: np.ndarray
     phase: np.ndarray
+    answered: np.ndarray
     node: np.ndarray
-    level: np.ndarray
     t: np.ndarray
+    cells: np.ndarray
     cell: np.ndarray
+    entry: np.ndarray
     wanted: np.ndarray
     xs: np.ndarray
     ys: np.ndarray
@@ -76,13 +80,15 @@ class Search(NamedTuple):
     """Search of a tile's rays.
 
     at_0, per_z: side of their pixels at axial distance z is at_0 + per_z * z. finer: side of the footprint of rays in
-    the phases FINE and BEHIND over that, a power of two. last: the phase after which a ray is done.
+    the phases FINE and BEHIND over that, a power of two. last: the phase after which a ray is done. depth: of the
+    octree, or a level that it does not reach.
     """
 
     at_0: float
     per_z: float
     finer: float
     last: int
+    depth: int
 
 
 @device
@@ -98,10 +104,12 @@ def make_tile():  # type: ignore[no-untyped-def]
         mirrored=np.empty((3, PACKETS), np.int64),
         alive=np.empty(PACKETS, np.int64),
         phase=np.empty((PHASES, PACKETS), np.int64),
-        node=np.empty((PHASES, RAYS), np.int64),
-        level=np.empty((PHASES, RAYS), np.int64),
+        answered=np.empty(PACKETS, np.int64),
+        node=np.empty((PHASES, RAYS)),
         t=np.empty((PHASES, RAYS)),
-        cell=np.empty((RAYS, 3), np.int64),
+        cells=np.empty(RAYS),
+        cell=np.empty((3, RAYS)),
+        entry=np.empty((3, RAYS)),
         wanted=np.empty(PACKETS, np.int64),
         xs=np.empty(TILE),
         ys=np.empty(TILE),
@@ -194,7 +202,26 @@ def _set_axis(tile, axis, packet, origin, direction):  # type: ignore[no-untyped
 @lean_device
 def node_seen(camera, tile, phase, ray):  # type: ignore[no-untyped-def]
     """Node that a ray found in a phase, -1 if that is farther than the camera sees."""
-    node = tile.node[phase, ray]
+    node = np.int64(tile.node[phase, ray])
     if node >= 0 and tile.t[phase, ray] * tile.speed[ray] > camera.farthest:
         return np.int64(-1)
     return node
+
+
+@lean_device
+def find_entries(tile):  # type: ignore[no-untyped-def]
+    """Find where rays enter the voxel that stopped them, and turn its cell back to that of the octree."""
+    for packet in range(PACKETS):
+        if tile.wanted[packet] == 0:
+            continue
+        first = packet * LANES
+        t, cells = load(tile.t, first), load(tile.cells, first)
+        for axis in range(3):
+            here = axis * RAYS + first
+            down = tile.mirrored[axis, packet]
+            cell, origin = load(tile.cell, here), load(tile.origin, here)
+            cell = select(down, cells - splat(1.0) - cell, cell)
+            origin = select(down, splat(1.0) - origin, origin)
+            local = (origin + t * load(tile.direction, here)) * cells - cell
+            store(tile.cell, here, cell)
+            store(tile.entry, here, smaller(larger(local, splat(0.0)), splat(1.0)))

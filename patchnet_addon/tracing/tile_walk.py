@@ -5,7 +5,7 @@ Neighbouring rays meet the same nodes, so a tile walks down the octree once, nea
 tested against the whole tile: bounds of the rays' plane distances, as axial distances, say which children none of them
 can meet. A leaf, or a node that is not much wider than a pixel, goes on with packets (`packet_walk.py`). Once all rays
 are done, what lies behind is not visited. Rays that are mirrored differently take turns. The order of visits changes
-no distance, so hits are those of `traverse.first_hit`, bit for bit.
+no distance, so hits are those of rays that walk one at a time, bit for bit.
 """
 
 from __future__ import annotations
@@ -16,7 +16,19 @@ import numpy as np
 
 from ..runtime.kernels import lean_device
 from ..runtime.vectors import (
-    LANES, OCTANTS, first_bit, larger, largest, less, load, select, smaller, smallest, splat, splat_octants, store,
+    LANES,
+    OCTANTS,
+    first_bit,
+    larger,
+    largest,
+    less,
+    load,
+    select,
+    smaller,
+    smallest,
+    splat,
+    splat_octants,
+    store,
 )  # fmt: skip
 from .packet_walk import mirrored_children, step_down, walk_packet
 from .tile import COARSE, PACKETS, PHASES, RAYS
@@ -57,6 +69,7 @@ def trace_tile(nodes, search, tile, levels):  # type: ignore[no-untyped-def]
                 down = tile.mirrored[axis, packet]
                 lanes &= down if (mirror >> axis) & 1 else ~down
             tile.alive[packet] = lanes
+            tile.answered[packet] = 0
             for phase in range(PHASES):
                 tile.phase[phase, packet] = lanes if phase == COARSE else 0
             some |= lanes
@@ -102,7 +115,7 @@ def _walk(nodes, search, tile, bounds, levels):  # type: ignore[no-untyped-def]
     for axis in range(3):
         levels.cell[0, axis] = 0
     pixel = search.at_0 + search.per_z * _root_exit(bounds)
-    if nodes.child_mask[0] == 0 or 1.0 < _WIDE * pixel:
+    if nodes.child_mask[0] == 0 or _WIDE * pixel > 1.0:
         return 1 + _walk_packets(nodes, search, tile, bounds.mirror, levels, level)
     visits = 1
     size = 1.0
