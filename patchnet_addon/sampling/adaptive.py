@@ -184,7 +184,7 @@ def _joined(arrays: list[np.ndarray | None]) -> np.ndarray | None:
 
 def _joined_hits(parts: list[Hits]) -> Hits:
     first = parts[0]
-    names = [name for name in vars(first) if name not in ("width_px", "height_px")]
+    names = [name for name in vars(first) if name not in ("width_px", "height_px", "camera_up")]
     arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     return replace(first, height_px=sum(part.height_px for part in parts), **arrays)
 

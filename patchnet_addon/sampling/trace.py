@@ -34,7 +34,7 @@ def trace_view(
     codes and `coded` is None, or if their weights look another number of levels ahead.
     """
     from ..codes.predict import predict
-    from ..tracing.render import behind, first_hits, hit_colors
+    from ..tracing.render import first_hits, hit_colors, patch_hits
     from ..tracing.supersample import supersample, supersample_colors
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
@@ -48,8 +48,11 @@ def trace_view(
             "that look as far, or leave the look-ahead to the codes"
         )
     yield Progress(0, 1, "Tracing the preview")
-    hits = first_hits(octree, camera)
-    luminance_behind = behind(octree, camera, hits, lookahead=lookahead) if BEHIND in needs else None
+    if BEHIND in needs:
+        patch = patch_hits(octree, camera, lookahead=lookahead)
+        hits, luminance_behind = patch.hits, patch.behind
+    else:
+        hits, luminance_behind = first_hits(octree, camera), None
     prediction = predict(coded, hits) if PREDICTION in needs and coded is not None else None
     exact = None
     if EXACT in needs:
