@@ -17,7 +17,7 @@ from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.vectors import first_bit
-from .camera import Camera, CameraUnit, camera_in_unit_cube
+from .camera import Camera, camera_in_unit_cube
 from .tile import (
     BEHIND,
     COARSE,
@@ -35,7 +35,7 @@ from .tile import (
 from .tile_walk import trace_tile
 
 
-class _Traced(NamedTuple):
+class TracedPixels(NamedTuple):
     """Hits of P pixels as the kernel writes them: those of `Hits`, and nodes that finer rays met, -1 for none.
 
     fine, behind: (P,) int64, or (0,) where they are not wanted.
@@ -105,9 +105,7 @@ class PatchHits:
 
 def first_hits(octree: Octree, camera: Camera, background: float = 0.0) -> Hits:
     """Trace a ray through every pixel centre, stopped by the level-of-detail contract."""
-    unit = camera_in_unit_cube(camera, octree.grid)
-    traced, _ = _trace(octree, unit, Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth))
-    return _hits(octree, camera, traced, background)
+    return _hits(octree, camera, trace_pixels(octree, camera)[0], background)
 
 
 def patch_hits(
@@ -118,7 +116,8 @@ def patch_hits(
     The finer footprint is the pixel / 2^lookahead. One walk answers all three.
     """
     unit = camera_in_unit_cube(camera, octree.grid)
-    traced, _ = _trace(octree, unit, Search(unit.side_at_0, unit.side_per_z, 0.5**lookahead, BEHIND, octree.depth))
+    search = Search(unit.side_at_0, unit.side_per_z, 0.5**lookahead, BEHIND, octree.depth)
+    traced, _ = trace_pixels(octree, camera, search)
     return PatchHits(
         _hits(octree, camera, traced, background),
         _seen(octree, traced.fine, background),
@@ -128,15 +127,16 @@ def patch_hits(
 
 def visits_per_ray(octree: Octree, camera: Camera) -> float:
     """Nodes that tiles and packets visit in `first_hits`, over the number of rays; the same on every machine."""
+    return float(trace_pixels(octree, camera)[1].sum() / camera.pixel_count)
+
+
+def trace_pixels(octree: Octree, camera: Camera, search: Search | None = None) -> tuple[TracedPixels, np.ndarray]:
+    """Hits of all pixels as arrays, and visits by row of tiles (rows,) int64; None searches as `first_hits` does."""
     unit = camera_in_unit_cube(camera, octree.grid)
-    _, visits = _trace(octree, unit, Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth))
-    return float(visits.sum() / camera.pixel_count)
-
-
-def _trace(octree: Octree, unit: CameraUnit, search: Search) -> tuple[_Traced, np.ndarray]:
-    """Hits of all pixels, and visits by row of tiles."""
-    pixels = unit.width_px * unit.height_px
-    traced = _Traced(
+    if search is None:
+        search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)
+    pixels = camera.pixel_count
+    traced = TracedPixels(
         node=np.empty(pixels, np.int64),
         level=np.empty(pixels, np.int32),
         cell=np.empty((pixels, 3), np.int32),
@@ -148,12 +148,12 @@ def _trace(octree: Octree, unit: CameraUnit, search: Search) -> tuple[_Traced, n
         fine=np.empty(pixels if search.last >= FINE else 0, np.int64),
         behind=np.empty(pixels if search.last >= BEHIND else 0, np.int64),
     )
-    visits = np.zeros(-(-unit.height_px // TILE), np.int64)
+    visits = np.zeros(-(-camera.height_px // TILE), np.int64)
     _trace_rows(octree.nodes, unit, search, traced, visits)
     return traced, visits
 
 
-def _hits(octree: Octree, camera: Camera, traced: _Traced, background: float) -> Hits:
+def _hits(octree: Octree, camera: Camera, traced: TracedPixels, background: float) -> Hits:
     return Hits(
         width_px=camera.width_px,
         height_px=camera.height_px,

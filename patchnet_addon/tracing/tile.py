@@ -29,7 +29,7 @@ class Tile(NamedTuple):
 
     origin, inverse: (3, 64) float64, in the unit cube, mirrored; inverse is 1 / direction.
     direction: (3, 64) float64, as it is. speed: (64,) axial distance per length.
-    start: (64,) float64, length where the ray begins, or begins again. restart: (64,) float64, end of its patch.
+    start: (64,) float64, length where the ray begins, or begins again. restart: (64,) float64, its patch's end.
     mirrored: (3, 4) int64, lanes of each packet that are mirrored on an axis.
     alive: (4,) int64, lanes that are still on their way. phase: (3, 4) int64, lanes in each phase. answered: (4,) int64,
     lanes that know what is behind their patch before they are there.
