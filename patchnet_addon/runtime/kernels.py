@@ -18,7 +18,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numba
-from numba.core import event
+from numba.core import event, types
 from numba.core.caching import FunctionCache
 
 from .cache_folder import kernel_folder, user_cache_folder
@@ -120,9 +120,20 @@ def serial_kernel(function: Function) -> Function:
 
 def _compiled(function: Function, **options: bool) -> Any:
     compiled = numba.njit(function, nogil=True, error_model="numpy", **options)
+    compiled.get_call_template = functools.partial(_plain_call, compiled)
     with contextlib.suppress(RuntimeError):  # no folder at all can be written
         compiled._cache = _Cache(function)  # what cache=True would do, but for the errors
     return compiled
+
+
+def _plain_call(compiled: Any, arguments: Any, keywords: Any) -> Any:
+    """Type a call of a device function by its arguments' types alone.
+
+    numba would compile a function once more for each constant that it is called with. Where constants help, the
+    compiler finds them when it inlines.
+    """
+    plain = {name: types.unliteral(kind) for name, kind in dict(keywords).items()}
+    return type(compiled).get_call_template(compiled, tuple(types.unliteral(kind) for kind in arguments), plain)
 
 
 def _serialised(function: Function, compiled: Any) -> Function:

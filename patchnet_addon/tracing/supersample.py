@@ -23,8 +23,6 @@ from .tile import (
     make_tile,
     node_seen,
     ray_of,
-    spread_picture,
-    want_pixels,
 )
 from .tile_walk import trace_tile
 
@@ -106,69 +104,58 @@ def mean_of_rays(nodes, light, camera, pixels, sampling, means):  # type: ignore
 @device
 def _mean_of_run(nodes, light, camera, pixels, sampling, means):  # type: ignore[no-untyped-def]
     """Write the means of some pixels; light: luminance and chroma."""
-    scratch = make_tile(), make_levels(), np.empty(MEANS)
-    if sampling[0] in (1, 2, 4):
-        _means_of_groups(nodes, light, camera, pixels, sampling, scratch, means)
-    else:
-        _means_of_pixels(nodes, light, camera, pixels, sampling, scratch, means)
-
-
-@lean_device
-def _means_of_groups(nodes, light, camera, pixels, sampling, scratch, means):  # type: ignore[no-untyped-def]
-    """Trace the rays of several pixels in one tile, as many as have room in it, and write their means.
-
-    sampling: side, background, depth of the octree.
-    """
-    side = sampling[0]
-    across = TILE // side  # pixels along a side of a tile
-    tile, levels, sums = scratch
-    search = Search(camera.side_at_0, camera.side_per_z, 1.0, COARSE, sampling[2])
-    for first in range(0, len(pixels), across * across):
-        count = min(across * across, len(pixels) - first)
-        tile.wanted[:] = 0
-        for spot in range(count):
-            row, column = pixels[first + spot] // camera.width_px, pixels[first + spot] % camera.width_px
-            for j in range(side):
-                for i in range(side):
-                    ray = ray_of(side * (spot // across) + j, side * (spot % across) + i)
-                    tile.picture[0, ray] = 2.0 * (column + (i + 0.5) / side) / camera.width_px - 1.0
-                    tile.picture[1, ray] = 2.0 * (row + (j + 0.5) / side) / camera.height_px - 1.0
-                    tile.wanted[ray // LANES] |= np.int64(1) << (ray % LANES)
-        aim_tile(camera, tile)
-        trace_tile(nodes, search, tile, levels)
-        for spot in range(count):
-            sums[:] = 0.0
-            for j in range(side):
-                for i in range(side):
-                    ray = ray_of(side * (spot // across) + j, side * (spot % across) + i)
-                    _add_ray(camera, tile, ray, light, sums)
-            _write_means(sums, light, sampling, means[first + spot])
+    scratch = make_tile(), make_levels(), np.empty((RAYS, MEANS))
+    _means_of_pixels(nodes, light, camera, pixels, sampling, scratch, means)
 
 
 @lean_device
 def _means_of_pixels(nodes, light, camera, pixels, sampling, scratch, means):  # type: ignore[no-untyped-def]
-    """Trace the rays of each pixel in tiles of its own, and write their means; as `_means_of_groups`."""
+    """Trace the rays of as many pixels as have room in one tile, or of one in several tiles, and write their means.
+
+    sampling: side, background, depth of the octree.
+    """
     side = sampling[0]
+    across = max(TILE // side, 1)  # pixels along a side of a tile
     tile, levels, sums = scratch
     search = Search(camera.side_at_0, camera.side_per_z, 1.0, COARSE, sampling[2])
-    for index in range(len(pixels)):
-        row, column = pixels[index] // camera.width_px, pixels[index] % camera.width_px
+    for first in range(0, len(pixels), across * across):
+        count = min(across * across, len(pixels) - first)
         sums[:] = 0.0
         for first_j in range(0, side, TILE):
             for first_i in range(0, side, TILE):
-                for k in range(TILE):
-                    tile.xs[k] = 2.0 * (column + (first_i + k + 0.5) / side) / camera.width_px - 1.0
-                    tile.ys[k] = 2.0 * (row + (first_j + k + 0.5) / side) / camera.height_px - 1.0
-                want_pixels(tile, side - first_j, side - first_i)
-                spread_picture(tile)
+                tile.wanted[:] = 0
+                for spot in range(count):
+                    _aim_pixel(camera, tile, pixels[first + spot], (first_j, first_i), side, spot)
                 aim_tile(camera, tile)
                 trace_tile(nodes, search, tile, levels)
                 for packet in range(PACKETS):
                     left = tile.wanted[packet]
                     while left != 0:
-                        _add_ray(camera, tile, packet * LANES + first_bit(left), light, sums)
+                        ray = packet * LANES + first_bit(left)
                         left &= left - 1
-        _write_means(sums, light, sampling, means[index])
+                        _add_ray(camera, tile, ray, light, sums[tile.pixel[ray]])
+        for spot in range(count):
+            _write_means(sums[spot], light, sampling, means[first + spot])
+
+
+@lean_device
+def _aim_pixel(camera, tile, pixel, corner, side, spot):  # type: ignore[no-untyped-def]
+    """Give rays of a tile the picture coordinates of a pixel's samples from row and column `corner` on.
+
+    spot: index of the pixel in the tile, row by row.
+    """
+    across = max(TILE // side, 1)
+    top, left = side * (spot // across), side * (spot % across)
+    row, column = pixel // camera.width_px, pixel % camera.width_px
+    for k in range(min(side, TILE)):
+        tile.xs[k] = 2.0 * (column + (corner[1] + k + 0.5) / side) / camera.width_px - 1.0
+        tile.ys[k] = 2.0 * (row + (corner[0] + k + 0.5) / side) / camera.height_px - 1.0
+    for j in range(min(TILE, side - corner[0])):
+        for i in range(min(TILE, side - corner[1])):
+            ray = ray_of(top + j, left + i)
+            tile.picture[0, ray], tile.picture[1, ray] = tile.xs[i], tile.ys[j]
+            tile.pixel[ray] = spot
+            tile.wanted[ray // LANES] |= np.int64(1) << (ray % LANES)
 
 
 @lean_device

@@ -37,7 +37,8 @@ class Tile(NamedTuple):
     cells: (64,) float64, 2^level of the voxel that fits the pixel. cell: (3, 64) float64, its mirrored cell.
     entry: (3, 64) float64, entry point in that voxel, [0, 1]^3, written by `find_entries`.
     wanted: (4,) int64, lanes of each packet that are to be traced. xs, ys: (8,) float64, picture coordinates in [-1, 1]
-    of the tile's columns and rows. picture: (2, 64) float64, picture coordinates of each ray.
+    of the tile's columns and rows. picture: (2, 64) float64, picture coordinates of each ray. pixel:
+    (64,) int64, index of its pixel where a tile has rays of several.
     """
 
     origin: np.ndarray
@@ -59,6 +60,7 @@ class Tile(NamedTuple):
     xs: np.ndarray
     ys: np.ndarray
     picture: np.ndarray
+    pixel: np.ndarray
 
 
 class Levels(NamedTuple):
@@ -114,6 +116,7 @@ def make_tile():  # type: ignore[no-untyped-def]
         xs=np.empty(TILE),
         ys=np.empty(TILE),
         picture=np.empty((2, RAYS)),
+        pixel=np.empty(RAYS, np.int64),
     )
 
 
