@@ -12,6 +12,7 @@ from numba import prange
 from ..network.decode import decode
 from ..runtime.kernels import kernel
 from .coded_octree import CodedOctree
+from .corner_rows import corner_row
 from .patches import OCTANTS
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def predict(coded: CodedOctree, hits: Hits) -> Prediction:
 
     Those without look-ahead keep what they show, so that their priority is 0 (methods 4.1b).
     """
-    rows = np.where(hits.node >= 0, coded.coded_index[hits.node], -1)
+    rows = coded.rows_of(hits.node)
     pixels = np.flatnonzero(rows >= 0)
     codes = interpolate_codes(coded, rows[pixels], hits.entry_voxel[pixels])
     coverage = np.ones(len(rows), np.float32)
@@ -54,12 +55,12 @@ def predict(coded: CodedOctree, hits: Hits) -> Prediction:
 def interpolate_codes(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndarray) -> np.ndarray:
     """Trilinear means (M, 10) float32 of the codes of coded nodes at points (M, 3) in the voxels, [0, 1]^3.
 
-    The nodes are given as rows (M,) of `node_corners`.
+    The nodes are given as rows (M,) of `corner_rows`.
     """
     result = np.empty((len(rows), coded.codes.shape[1]), np.float32)
     halves = coded.codes.view(np.uint16)
     entry = np.ascontiguousarray(entry_voxel, np.float32)
-    _interpolate(halves, _HALF_FLOATS, coded.node_corners, np.asarray(rows, np.int64), entry, result)
+    _interpolate(halves, _HALF_FLOATS, coded.corner_rows, np.asarray(rows, np.int64), entry, result)
     return result
 
 
@@ -67,12 +68,12 @@ def interpolate_codes_reference(coded: CodedOctree, rows: np.ndarray, entry_voxe
     """Reference of `interpolate_codes` in NumPy, float64."""
     entry = np.asarray(entry_voxel, np.float64)[:, None, :]
     shares = np.where(OCTANTS == 1, entry, 1 - entry).prod(axis=-1)  # (M, 8)
-    codes = coded.codes[coded.node_corners[rows]].astype(np.float64)  # (M, 8, 10)
+    codes = coded.codes[coded.corners_of(rows)].astype(np.float64)  # (M, 8, 10)
     return np.einsum("mo,moc->mc", shares, codes)
 
 
 @kernel
-def _interpolate(halves, half_floats, node_corners, rows, entry, result):
+def _interpolate(halves, half_floats, table, rows, entry, result):
     one = np.float32(1)
     for pixel in prange(len(rows)):
         x, y, z = entry[pixel]
@@ -81,6 +82,6 @@ def _interpolate(halves, half_floats, node_corners, rows, entry, result):
             share = x if octant & 1 else one - x
             share *= y if octant & 2 else one - y
             share *= z if octant & 4 else one - z
-            corner = node_corners[rows[pixel], octant]
+            corner = corner_row(table, rows[pixel], octant)
             for k in range(result.shape[1]):
                 result[pixel, k] += share * half_floats[halves[corner, k]]

@@ -66,11 +66,11 @@ def test_every_corner_has_the_code_of_its_patch(octree, weights, backend, monkey
         dense = np.pad(dense_cells(octree, level + 2), ((4, 4), (4, 4), (4, 4), (0, 0)))
         for offset, cell in enumerate(octree.cells(level)):
             node = int(octree.level_start[level]) + offset
-            row = coded.coded_index[node]
+            row = coded.rows_of(node)
             assert (row >= 0) == has_descendants_two_levels_down(octree, node)
             if row < 0 or offset % 7:
                 continue
-            for octant, corner in enumerate(coded.node_corners[row]):
+            for octant, corner in enumerate(coded.corners_of(row)):
                 x, y, z = 4 * (cell + [octant & 1, octant >> 1 & 1, octant >> 2])
                 wanted = naive_code(weights, dense[z : z + 8, y : y + 8, x : x + 8])
                 np.testing.assert_allclose(coded.codes[corner], wanted, rtol=HALF, atol=1e-4)
@@ -93,8 +93,8 @@ def test_codes_have_the_same_bits_whatever_the_chunk(octree, coded, weights):
 
 
 def test_corners_are_shared_and_all_used(coded):
-    assert len(np.unique(coded.node_corners)) == len(coded.codes)
-    assert len(coded.codes) < coded.node_corners.size
+    rows = coded.corners_of(np.arange(coded.coded_count))
+    assert len(np.unique(rows)) == len(coded.codes) < rows.size
 
 
 def test_progress_reaches_its_total(octree, weights):
@@ -109,7 +109,7 @@ def test_progress_reaches_its_total(octree, weights):
 def test_octree_without_look_ahead_has_no_codes(weights):
     coded = drain(encode_octree(random_octree(depth=1, count=5), weights))
     assert coded.codes.shape == (0, 10)
-    assert (coded.coded_index == -1).all()
+    assert (coded.rows_of(np.arange(-1, coded.octree.node_count)) == -1).all()
 
 
 @pytest.mark.parametrize(
@@ -133,25 +133,32 @@ def test_codes_file(coded, octree, weights, tmp_path):
     save_codes(coded, path)
     loaded = load_codes(path, octree, weights)
     np.testing.assert_array_equal(loaded.codes, coded.codes)
-    np.testing.assert_array_equal(loaded.node_corners, coded.node_corners)
+    np.testing.assert_array_equal(loaded.corner_rows, coded.corner_rows)
+    assert coded.index_nbytes <= 13 * coded.coded_count + 64 and loaded.nbytes == coded.nbytes
     with pytest.raises(CodesFileError, match=r"codes\.safetensors belongs to another octree"):
         load_codes(path, random_octree(seed=1), weights)
     with pytest.raises(CodesFileError, match=r"codes\.safetensors was made with other weights"):
         load_codes(path, octree, Weights.random(1))
     arrays, metadata = read_arrays(path, "codes")
-    write_arrays(path, {**arrays, "node_corners": arrays["node_corners"] + len(coded.codes)}, metadata, "codes")
-    with pytest.raises(CodesFileError, match="damaged"):
-        load_codes(path, octree, weights)
+    moved = arrays["corner_rows"] + np.array([0, 1, 0], np.uint32)
+    for rows in (moved, arrays["corner_rows"][:-1], arrays["corner_rows"].astype(np.int32)):
+        write_arrays(path, {**arrays, "corner_rows": rows}, metadata, "codes")
+        with pytest.raises(CodesFileError, match="damaged"):
+            load_codes(path, octree, weights)
+    for version, age in ((1, "older"), (3, "newer")):
+        write_arrays(path, arrays, metadata | {"codes_version": version}, "codes")
+        with pytest.raises(CodesFileError, match=f"{age} PatchNet .codes version {version}, .*precompute the codes"):
+            load_codes(path, octree, weights)
 
 
 def test_interpolation(coded):
     random = np.random.default_rng(0)
-    rows = random.integers(0, len(coded.node_corners), 300)
+    rows = random.integers(0, coded.coded_count, 300)
     entry = random.uniform(size=(300, 3)).astype(np.float32)
     result = interpolate_codes(coded, rows, entry)
     np.testing.assert_allclose(result, interpolate_codes_reference(coded, rows, entry), atol=1e-5, rtol=1e-5)
     at_corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 0, 1)], np.float32)
-    wanted = coded.codes[coded.node_corners[5, [0, 1, 2, 5]]]
+    wanted = coded.codes[coded.corners_of(5)[[0, 1, 2, 5]]]
     np.testing.assert_array_equal(interpolate_codes(coded, np.full(4, 5), at_corners), wanted.astype(np.float32))
 
 
@@ -176,7 +183,7 @@ def test_prediction(coded, octree, weights):
     assert (prediction.coverage[blind] == 1).all()
     np.testing.assert_array_equal(prediction.luminance[blind], hits.luminance[blind])
     for pixel in np.flatnonzero(~blind)[:20]:
-        codes = interpolate_codes_reference(coded, coded.coded_index[nodes[[pixel]]], hits.entry_voxel[[pixel]])
+        codes = interpolate_codes_reference(coded, coded.rows_of(nodes[[pixel]]), hits.entry_voxel[[pixel]])
         wanted = decode(weights, codes, direction[[pixel]], up[[pixel]], hits.ratio[[pixel]])
         assert abs(prediction.coverage[pixel] - wanted[0][0]) < 1e-5
         assert abs(prediction.luminance[pixel] - wanted[1][0]) < 1e-5
