@@ -14,7 +14,7 @@ import numpy as np
 from ..octree.octree import Octree
 from ..runtime.bits import count_ones
 from ..runtime.kernels import device, kernel
-from ..runtime.widths import UINT32_COUNT, check_count
+from ..runtime.widths import NODE_ADVICE, UINT32_COUNT, check_count
 
 _GROUP = 8  # words from count to count
 
@@ -24,12 +24,12 @@ class CodedNodes(NamedTuple):
 
     bits: (W,) uint64, bit n % 64 of word n // 64 set if node n is coded; nodes beyond the words are not.
     before: (ceil(W / 8),) uint32, coded nodes before each eighth word.
-    count: of all.
+    total: coded nodes of all.
     """
 
     bits: np.ndarray
     before: np.ndarray
-    count: int
+    total: int
 
     @property
     def nbytes(self) -> int:
@@ -40,7 +40,7 @@ class CodedNodes(NamedTuple):
 def coded_nodes(octree: Octree, lookahead: int) -> CodedNodes:
     """Nodes with real descendants `lookahead` levels further down (methods 4.1b); raises SettingError for too many."""
     end = int(octree.level_start[max(octree.depth - lookahead + 1, 0)])
-    check_count(end, UINT32_COUNT, "nodes of levels with look-ahead", "choose a smaller depth")
+    check_count(end, UINT32_COUNT, "nodes of levels with look-ahead", NODE_ADVICE)
     bits = np.zeros(-(-end // 64), np.uint64)
     before = np.zeros(-(-len(bits) // _GROUP), np.uint32)
     _mark(octree.nodes, lookahead, end, bits, before)

@@ -14,6 +14,8 @@ from ..network.weights import CODE_SIZE, Weights
 from ..octree.octree import Octree
 from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
+from ..runtime.widths import NODE_ADVICE, UINT32_COUNT, check_count
+from .brick import check_nodes
 from .coded_nodes import coded_nodes
 from .coded_octree import CodedOctree
 from .corner_rows import COLUMNS
@@ -39,17 +41,20 @@ def encode_octree(
     Corners go range by range, so that what is needed beside octree and codes does not grow with them: about 20 MB.
     `backend` "auto" is torch for another `device` than the CPU, else our compiled products; "numpy" has NumPy's. All
     give the same codes to 1e-4. An `encoder` of these weights counts instead of both. Raises SettingError for a backend
-    or device that is not there, and for more corners than the table of their rows can name.
+    or device that is not there, and for more nodes or corners than 32 bits can name.
     """
     if encoder is None:
         encoder = make_encoder(weights, backend, device)
     yield Progress(0, 1, "Finding corners")
+    check_nodes(octree.node_count)
     coded = coded_nodes(octree, weights.lookahead)
-    table, counts = np.zeros((coded.count, COLUMNS), np.uint32), []
+    table = np.zeros((coded.total, COLUMNS), np.uint32)
+    counts: list[int] = []
     ranges = [where for level in _levels(octree, weights) for where in corner_ranges(octree, coded, level)]
     for where in ranges:
         counts.append(write_corner_rows(octree, coded, where, sum(counts), table))
         yield Progress(len(counts), len(ranges), "Finding corners")
+    check_count(sum(counts), UINT32_COUNT, "corners of voxels", NODE_ADVICE)
     codes = np.empty((sum(counts), CODE_SIZE), np.float16)
     done = 0
     for where in ranges:

@@ -18,7 +18,7 @@ import numba
 import numpy as np
 
 from ..network.compiled_encode import PackedLayers
-from ..network.lanes import LANES, add, at_least, load, spread, store, zeros
+from ..network.lanes import LANES, add, at_least, load, store, zeros
 from ..network.product import ROWS, WIDTH, find_steps, sum_products, write_sums
 from ..network.weights import CHANNELS, CODE_SIZE
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree

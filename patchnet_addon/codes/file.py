@@ -55,7 +55,7 @@ def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctre
         codes is None
         or rows is None
         or (codes.dtype, codes.shape[1:]) != (np.float16, (CODE_SIZE,))
-        or (rows.dtype, rows.shape) != (np.uint32, (nodes.count, COLUMNS))
+        or (rows.dtype, rows.shape) != (np.uint32, (nodes.total, COLUMNS))
         or last_row(rows) >= len(codes)
     ):
         raise CodesFileError(f"{path} is damaged: its codes do not fit its octree; precompute the codes again")
