@@ -47,7 +47,7 @@ def corner_row(table, row, octant):  # type: ignore[no-untyped-def]
 
 @device
 def write_corner_row(table, row, octant, start):  # type: ignore[no-untyped-def]
-    """Write the row of a corner (0, y, z), octant 2 y + 4 z; that of y = 0 before that of y = 1, which is a step from it.
+    """Write the row of a corner (0, y, z), octant 2 y + 4 z; that of y = 0 first, as that of y = 1 is a step from it.
 
     Returns whether the step can be held.
     """

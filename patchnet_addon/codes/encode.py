@@ -107,7 +107,12 @@ def encode_chunk(encoder: Encoder, octree: Octree, level: int, corners: np.ndarr
 
     Reference of `encode_corners`, with the same bits if the encoder is `CompiledEncoder`.
     """
+    return encoder(*chunk_blocks(octree, level, corners, lookahead))
+
+
+def chunk_blocks(octree: Octree, level: int, corners: np.ndarray, lookahead: int) -> tuple[np.ndarray, np.ndarray]:
+    """Blocks (U, B) of the voxels around corners (C, 3) of a level, and rows (C, 8) in them, as an `Encoder` asks."""
     neighbours = corner_neighbours(octree, level, corners)
     nodes, rows = np.unique(np.append(neighbours.reshape(-1), -1), return_inverse=True)  # node -1 comes first
     blocks = voxel_blocks(octree, nodes, lookahead).reshape(len(nodes), -1)
-    return encoder(blocks, rows.reshape(-1)[:-1].reshape(-1, 8))
+    return blocks, rows.reshape(-1)[:-1].reshape(-1, 8)
