@@ -21,7 +21,7 @@ PEAK_SIDE = 2048
 
 
 def peak_run() -> tuple[str, Callable[[], Any], float]:
-    """Large product whose rate is the peak: its library, torch if it is there, else NumPy; how to run it; operations."""
+    """Large product whose rate is the peak: its library, torch if it is there, else NumPy; a function; operations."""
     random = np.random.default_rng(0)
     left, right = (random.random((PEAK_SIDE, PEAK_SIDE), np.float32) for _ in range(2))
     result = np.empty_like(left)
