@@ -12,9 +12,7 @@ from ..octree.file import octree_hash
 from ..octree.octree import Octree
 from ..runtime.errors import CodesFileError
 from ..runtime.files import read_arrays, write_arrays
-from .coded_nodes import coded_nodes
 from .coded_octree import CodedOctree
-from .corner_rows import COLUMNS, last_row
 
 KIND = "codes"
 _VERSION = 2  # of the order of codes and of what finds them; files of version 1 do not say it
@@ -34,6 +32,9 @@ def save_codes(coded: CodedOctree, path: str | Path) -> None:
 
 def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctree:
     """Read codes that were made for `octree` with `weights`; raises CodesFileError if they were not, or on damage."""
+    from .coded_nodes import coded_nodes  # numba comes with them, and the cache folder is listed without it
+    from .corner_rows import COLUMNS, last_row
+
     arrays, metadata = read_arrays(path, KIND, CodesFileError)
     version = metadata.get("codes_version", 1)
     if version != _VERSION:

@@ -9,6 +9,7 @@ import pytest
 from patchnet.patchnet_addon.codes import encode
 from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.file import load_codes, save_codes
+from patchnet.patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
 from patchnet.patchnet_addon.codes.predict import interpolate_codes, interpolate_codes_reference, predict
 from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.decode import decode
@@ -149,6 +150,17 @@ def test_codes_file(coded, octree, weights, tmp_path):
         write_arrays(path, arrays, metadata | {"codes_version": version}, "codes")
         with pytest.raises(CodesFileError, match=f"{age} PatchNet .codes version {version}, .*precompute the codes"):
             load_codes(path, octree, weights)
+
+
+def test_a_kept_octree_stays_when_its_codes_cannot_be_read(coded, octree, weights, tmp_path):
+    """As after an update of the extension: light takes minutes to bake, codes take seconds."""
+    cache, key = OctreeCache(tmp_path, 1 << 30), "0" * 32
+    assert cache.save(key, CachedOctree(octree, coded))
+    path = tmp_path / key / "codes.safetensors"
+    arrays, metadata = read_arrays(path, "codes")
+    write_arrays(path, arrays, {name: value for name, value in metadata.items() if name != "codes_version"}, "codes")
+    entry = cache.load(key, weights)
+    assert entry is not None and entry.coded is None and entry.octree.node_count == octree.node_count
 
 
 def test_interpolation(coded):
