@@ -8,6 +8,7 @@ has, made before, outside the time. The largest product that a library makes say
 from __future__ import annotations
 
 import importlib.util
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -32,6 +33,7 @@ from .products import measure_products
 from .timing import Comparison, how_measured, take_turns
 
 _CHUNK = NumpyEncoder.chunk
+_REST_SECONDS = 0.3
 
 
 class Chunk(NamedTuple):
@@ -75,7 +77,8 @@ def benchmark_encoding(
         codes = {name: run() for name, run in runs.items()}  # compiles, too
         runs["peak"] = peak
         runs["octree"] = lambda: drain(encode_octree(octree, weights, encoder=compiled))
-        seconds = take_turns(runs, repeats, all_cores=all_cores)
+        # Threads of torch and BLAS spin on after a product, and would take the next one's cores.
+        seconds = take_turns(runs, repeats, all_cores=all_cores, prepare=lambda: time.sleep(_REST_SECONDS))
         memory = measure_memory(octree, weights, compiled)
         largest = max(chunks, key=lambda chunk: len(chunk.corners))
         products = measure_products((largest.blocks, largest.rows), weights, repeats, all_cores=all_cores)
