@@ -69,7 +69,8 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
     if header.kind == "weights":
         return [f"hash {load_weights(path).hash}"]
     if header.kind == "codes":
-        codes, nodes = header.arrays["codes"][1], header.arrays["node_corners"][1]
+        arrays = header.arrays
+        codes, nodes = arrays["codes"][1], arrays["corner_rows" if "corner_rows" in arrays else "node_corners"][1]
         return [f"{codes[0]:,} codes of {codes[1]} values for {nodes[0]:,} voxels with look-ahead"]
     return []
 

@@ -35,7 +35,7 @@ class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator
         results.keep(context.scene, results.without_view(made), "codes")
         for warning in encoding.warnings:
             tell(self, "WARNING", warning)
-        return f"{len(coded.codes):,} codes for {len(coded.node_corners):,} voxels with look-ahead, by {encoding.text}"
+        return f"{len(coded.codes):,} codes for {coded.coded_count:,} voxels with look-ahead, by {encoding.text}"
 
 
 CLASSES = (PATCHNET_OT_precompute_codes,)

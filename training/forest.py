@@ -10,7 +10,7 @@ import numpy as np
 
 from ..patchnet_addon.octree.nodes import Nodes
 from ..patchnet_addon.octree.octree import Octree
-from ..patchnet_addon.runtime.errors import PatchNetError
+from ..patchnet_addon.runtime.widths import INT32_COUNT, check_count
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +26,13 @@ class Forest:
 def concatenate(octrees: Sequence[Octree]) -> Forest:
     """Copy the node arrays of `octrees` into one forest.
 
-    Raises PatchNetError beyond 2^31 nodes, since bricks keep nodes in 32 bits.
+    Raises SettingError beyond 2^31 nodes, since bricks keep nodes in 32 bits.
     """
     counts = np.array([octree.node_count for octree in octrees], np.int64)
     root = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    if counts.sum() >= 2**31:
-        raise PatchNetError(f"{counts.sum()} nodes are too many for one training run: use fewer or coarser octrees")
+    check_count(
+        int(counts.sum()), INT32_COUNT, "nodes of one training run's octrees", "train with fewer or coarser octrees"
+    )
     shifted = [octree.first_child + np.uint32(start) for octree, start in zip(octrees, root, strict=True)]
     return Forest(
         root=root,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import prange
 
-from ..patchnet_addon.codes.brick import Brick, fill_brick
+from ..patchnet_addon.codes.brick import Brick, check_nodes, fill_brick
 from ..patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRay, Viewport, render_patch
 from ..patchnet_addon.octree.octree import Octree
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
@@ -67,8 +67,10 @@ def draw_samples(
 ) -> Steps[Samples]:
     """Draw at least `count` samples (views) of an octree.
 
-    Raises PatchNetError if no voxel of the octree has look-ahead below `settings.min_level`.
+    Raises PatchNetError if no voxel of the octree has look-ahead below `settings.min_level`, or for more than 2^31
+    nodes.
     """
+    check_nodes(octree.node_count)
     random = np.random.default_rng(settings.seed)
     nodes = usable_nodes(octree, settings.min_level, settings.lookahead)
     groups = -(-count // settings.views)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...patchnet_addon.octree.octree import Octree
     from ...training.benchmarks.timing import Comparison
 
-HELP = "the encoder on our compiled products against NumPy's and torch's"
+HELP = "the encoder on our compiled products against NumPy's and torch's, and against the peak of products"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,20 +28,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--nodes", bounds.NODES, default=600_000, help="nodes of the octree that is made (600000)")
     add_number(parser, "--corners", bounds.CORNERS, default=50_000, help="corners to encode, about (50000)")
     add_cores(parser)
+    add_number(parser, "--threads", bounds.THREADS, help="threads of ours and of torch, wall seconds (all of --cores)")
     add_repeats(parser, 9)
 
 
 def measure(args: argparse.Namespace) -> Comparison:
     """Rates of all; one core is measured in a process that has one thread; raises PatchNetError."""
     from ...patchnet_addon.network.weights import load_weights
+    from ...patchnet_addon.octree.voxelize import usable_cores
     from ...training.benchmarks.encoding import benchmark_encoding
     from ...training.benchmarks.threads import has_threads
 
-    all_cores = args.cores == "all"
-    if not all_cores and not has_threads(1):
+    threads = args.threads or (usable_cores() if args.cores == "all" else 0)
+    if not threads and not has_threads(1):
         return _in_a_process_of_one_thread(args)
     octree = _octree(args)
-    result = benchmark_encoding(octree, load_weights(), args.corners, args.repeats, all_cores=all_cores)
+    result = benchmark_encoding(octree, load_weights(), args.corners, args.repeats, threads=threads)
     name = args.file.name if args.file is not None else "shells"
     return replace(result, details={"octree": name, "nodes": octree.node_count, **result.details})
 
@@ -74,6 +76,7 @@ def text(values: dict[str, Any]) -> str:
     """Sentence about corners, and a Markdown table of products."""
     from ...training.benchmarks.tables import markdown_table
 
+    operations, shares = values["operations_per_corner"], values["share_of_peak"]
     names = ["ours", "ours_on_its_values", "numpy"] + (["torch"] if values["torch"] else [])
     head = ["rows", "matrix", "zeros", "ours, no zeros", "ours, its values", values["peer_name"], values["torch"]]
     rows = [
@@ -84,13 +87,29 @@ def text(values: dict[str, Any]) -> str:
     rates = values["corners_per_s"]
     others = "".join(
         f", {title} {rates[name]:,.0f} (ratio {values['ours'] / rates[name]:.2f})"
-        for name, title in (("numpy", values["peer_name"]), ("torch", values["torch"]))
+        for name, title in (
+            ("numpy", values["peer_name"]), ("torch", values["torch"]), ("torch_plain", "torch's plain layers")
+        )
         if name in rates
+    )  # fmt: skip
+    measured = f"{values['clock']} seconds, threads: {values['threads']}"
+    peak = (
+        f"Peak of products ({values['peak_name']}, same run): {values['peak_gflops']:.0f} GFLOP/s. Operations of a "
+        f"corner: {operations['needed'] / 1e6:.2f} M needed, {operations['not_zero'] / 1e6:.2f} M with values that are "
+        f"not 0, {operations['plain'] / 1e6:.2f} M of plain layers"
     )
-    measured = f"{values['clock']} seconds, cores: {values['cores']}"
+    reached = "; ".join(f"{name} {share['needed']:.2f} and {share['not_zero']:.2f}" for name, share in shares.items())
+    memory = (
+        f"Memory: {values['scratch_bytes'] / 2**20:.1f} MiB beside the result at the peak; "
+        f"{values['index_bytes_per_voxel']:.2f} B beside the codes for each of {values['coded_voxels']:,} coded voxels"
+    )
     return (
         f"{values['octree']}: {values['corners']:,} corners of {values['blocks']:,} blocks, "
         f"{values['occupied_cells']:.0%} of their cells occupied\n"
-        f"Corners per second: ours {values['ours']:,.0f}{others} ({measured})\n\n"
+        f"Corners per second: ours {values['ours']:,.0f}{others} ({measured})\n"
+        f"Whole octree, corners found and codes stored: {values['octree_corners_per_s']:,.0f} of "
+        f"{values['all_corners']:,} corners per second\n"
+        f"{peak}\nShares of the peak, of needed operations and of those with values that are not 0: {reached}\n"
+        f"{memory}\n\n"
         f"GFLOP/s of a chunk's products, zeros counted\n\n{markdown_table(head[: 3 + len(names)], rows)}"
     )

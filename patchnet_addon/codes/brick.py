@@ -16,6 +16,7 @@ import numpy as np
 from ..octree.octree import POPCOUNT, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device
+from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 
 EMPTY = -1
 
@@ -29,6 +30,11 @@ class Brick(NamedTuple):
 
     nodes: np.ndarray
     counts: np.ndarray
+
+
+def check_nodes(count: int) -> None:
+    """Raise SettingError for more nodes than the 32 bits of a brick's or block's cells can name."""
+    check_count(count, INT32_COUNT, "nodes", NODE_ADVICE)
 
 
 @device

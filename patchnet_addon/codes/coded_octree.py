@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..network.weights import Weights
 from ..octree.octree import Octree
+
+if TYPE_CHECKING:  # it brings numba
+    from .coded_nodes import CodedNodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,20 +20,33 @@ class CodedOctree:
     """Octree with codes by (level, corner); neighbouring voxels of a level share them (methods 7.10).
 
     weights: the network that made the codes and decodes them.
-    codes: (C, 10) float16, level by level, within a level in Morton order of the corners.
-    node_corners: (K, 8) uint32, rows in `codes` of the corners of each coded node, x fastest.
+    codes: (C, 10) float16, level by level, within a level in the order z, y, x of the corners.
+    corner_rows: (K, 3) uint32, where the codes of each coded voxel's corners stand, as `corner_rows.py` says.
+    nodes: which nodes are coded, and so which line of `corner_rows` is whose.
     """
 
     octree: Octree
     weights: Weights
     codes: np.ndarray
-    node_corners: np.ndarray
+    corner_rows: np.ndarray
+    nodes: CodedNodes
 
-    @cached_property
-    def coded_index(self) -> np.ndarray:
-        """(n,) int32: row of each node in `node_corners`, -1 for nodes without look-ahead."""
-        coded = self.octree.look_ahead(self.weights.lookahead)
-        return np.where(coded, np.cumsum(coded, dtype=np.int32) - 1, -1).astype(np.int32)
+    @property
+    def coded_count(self) -> int:
+        """Number K of voxels with codes."""
+        return len(self.corner_rows)
+
+    def rows_of(self, nodes: np.ndarray) -> np.ndarray:
+        """Rows (...,) int64 in `corner_rows` of nodes (...,), -1 for nodes without look-ahead and for node -1."""
+        from .coded_nodes import coded_rows
+
+        return coded_rows(self.nodes, nodes)
+
+    def corners_of(self, rows: np.ndarray) -> np.ndarray:
+        """Rows in the codes (..., 8) int64 of the corners of coded voxels, given by their rows (...,); x fastest."""
+        from .corner_rows import corners_of
+
+        return corners_of(self.corner_rows, rows)
 
     @property
     def weights_hash(self) -> str:
@@ -38,6 +54,11 @@ class CodedOctree:
         return self.weights.hash
 
     @property
+    def index_nbytes(self) -> int:
+        """Bytes of what finds a node's codes: about 12 for a coded voxel."""
+        return self.corner_rows.nbytes + self.nodes.nbytes
+
+    @property
     def nbytes(self) -> int:
         """Bytes of the codes and of what finds them."""
-        return self.codes.nbytes + self.node_corners.nbytes + 4 * self.octree.node_count
+        return self.codes.nbytes + self.index_nbytes

@@ -1,64 +1,62 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Corner codes as kernels read them: which rows of codes belong to a node's corners, and their mean at a point."""
+"""Corner rows: where the codes of a coded voxel's eight corners stand, in 12 bytes instead of 32.
+
+Codes of a level stand plane by plane, line by line, x fastest. So the corner at x + 1 is always the next row after the
+one at x, and four rows say all eight: those of the corners (x, y, z), (x, y + 1, z), (x, y, z + 1), (x, y + 1, z + 1).
+Between the first two lie less than a line of corners, and so do between the others; 16 bits hold that.
+
+A table (K, 3) uint32 has a line for each coded voxel, in order of their nodes: the rows of (x, y, z) and (x, y, z + 1),
+and how much further those of y + 1 are, the first in the low half of the third number.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from ..network.lanes import HALF_SCALE, add_product, fill_16, load_halves, store, zeros_16
-from ..network.weights import CODE_SIZE
 from ..runtime.kernels import device
-from .coded_octree import CodedOctree
 
-MEAN_SIZE = 16  # of a mean that `write_mean_code` writes: two vectors of eight numbers, which overlap in the code
-assert 8 <= CODE_SIZE <= 16
-
-_SCALE = np.float32(HALF_SCALE)
+COLUMNS = 3
+MAX_STEP = 0xFFFF  # from y to y + 1
+_PIECE = 1 << 14
 
 
-class CornerCodes(NamedTuple):
-    """Codes and what finds them.
+def corners_of(table: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
+    """Rows in the codes (..., 8) int64 of the corners of coded voxels (...,), x fastest."""
+    lines = table[rows].astype(np.int64)
+    low, high, steps = lines[..., 0], lines[..., 1], lines[..., 2]
+    starts = np.stack([low, low + (steps & MAX_STEP), high, high + (steps >> 16)], axis=-1)  # (..., 4)
+    return (starts[..., None] + np.arange(2)).reshape(*starts.shape[:-1], 8)
 
-    halves: (C * 10,) int16, the bits of the half floats. coded_index: (n,) int32. node_corners: (K, 8) uint32.
+
+def last_row(table: np.ndarray) -> int:
+    """Last row in the codes that a table (K, 3) names, -1 for none; nothing as large as the table is made of it."""
+    most = -1
+    for start in range(0, len(table), _PIECE):
+        most = max(most, int(corners_of(table, slice(start, start + _PIECE)).max()))
+    return most
+
+
+@device
+def corner_row(table, row, octant):  # type: ignore[no-untyped-def]
+    """Row in the codes of one corner, x + 2 y + 4 z, of a coded voxel."""
+    start = np.int64(table[row, octant >> 2])
+    if octant & 2:
+        start += (np.int64(table[row, 2]) >> (4 * (octant & 4))) & MAX_STEP
+    return start + (octant & 1)
+
+
+@device
+def write_corner_row(table, row, octant, start):  # type: ignore[no-untyped-def]
+    """Write the row of a corner (0, y, z), octant 2 y + 4 z; that of y = 0 first, as that of y = 1 is a step from it.
+
+    Returns whether the step can be held.
     """
-
-    halves: np.ndarray
-    coded_index: np.ndarray
-    node_corners: np.ndarray
-
-    @classmethod
-    def of(cls, coded: CodedOctree) -> CornerCodes:
-        """Codes of an octree."""
-        return cls(coded.codes.view(np.int16).ravel(), coded.coded_index, coded.node_corners)
-
-
-@device
-def coded_row(coded_index, node):
-    """Row of a node among those with codes; -1 for nodes without look-ahead, and for a miss (-1)."""
-    return np.int64(coded_index[node]) if node >= 0 else np.int64(-1)
-
-
-@device
-def corner_row(node_corners, row, octant):
-    """Row in the codes of a corner of a node with codes; octants x fastest."""
-    return np.int64(node_corners[row, octant])
-
-
-@device
-def write_mean_code(halves, node_corners, row, point, mean):
-    """Write the trilinear mean of a node's eight codes at a point in it, three numbers in [0, 1], into `mean` (16,).
-
-    The code's first eight numbers come first, its last eight follow.
-    """
-    one = np.float32(1)
-    x, y, z = point
-    total = zeros_16()
-    for octant in range(8):
-        share = x if octant & 1 else one - x
-        share *= y if octant & 2 else one - y
-        share *= z if octant & 4 else one - z
-        first = corner_row(node_corners, row, octant) * CODE_SIZE
-        total = add_product(total, load_halves(halves, first, first + CODE_SIZE - 8), fill_16(share * _SCALE))
-    store(mean, 0, total)
+    if octant & 2 == 0:
+        table[row, octant >> 2] = start
+        return True
+    step = start - np.int64(table[row, octant >> 2])
+    if octant & 4:
+        table[row, 2] = np.int64(table[row, 2]) | (step << 16)
+    else:
+        table[row, 2] = step
+    return step <= MAX_STEP

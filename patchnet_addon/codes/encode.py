@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -13,8 +14,14 @@ from ..network.weights import CODE_SIZE, Weights
 from ..octree.octree import Octree
 from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
+from ..runtime.widths import NODE_ADVICE, UINT32_COUNT, check_count
+from .brick import check_nodes
+from .coded_nodes import coded_nodes
 from .coded_octree import CodedOctree
-from .patches import corner_neighbours, corner_table, voxel_blocks
+from .corner_rows import COLUMNS
+from .corners import corner_ranges, find_corners, write_corner_rows
+from .encode_corners import encode_corners
+from .patches import corner_neighbours, voxel_blocks
 
 BACKENDS = ("auto", "compiled", "numpy", "torch")
 _LABEL = "Encoding corners"
@@ -29,35 +36,34 @@ def encode_octree(
     device: str = "cpu",
     encoder: Encoder | None = None,
 ) -> Steps[CodedOctree]:
-    """Octree with codes, as many levels ahead as the weights look; corners go chunk by chunk in Morton order, so that
-    memory stays bounded.
+    """Octree with codes, as many levels ahead as the weights look.
 
+    Corners go range by range, so that what is needed beside octree and codes does not grow with them: about 20 MB.
     `backend` "auto" is torch for another `device` than the CPU, else our compiled products; "numpy" has NumPy's. All
     give the same codes to 1e-4. An `encoder` of these weights counts instead of both. Raises SettingError for a backend
-    or device that is not there.
+    or device that is not there, and for more nodes or corners than 32 bits can name.
     """
     if encoder is None:
         encoder = make_encoder(weights, backend, device)
     yield Progress(0, 1, "Finding corners")
-    coded = octree.look_ahead(weights.lookahead)
-    levels, node_corners, total = [], [], 0
-    for level in range(max(octree.depth - weights.lookahead + 1, 0)):
-        nodes = np.flatnonzero(coded[octree.level(level)]) + octree.level_start[level]
-        corners, rows = corner_table(octree, level, nodes)
-        levels.append((level, corners, total))
-        node_corners.append(rows + np.uint32(total))
-        total += len(corners)
-        yield Progress(level + 1, octree.depth, "Finding corners")
-    codes = np.zeros((total, CODE_SIZE), np.float16)
-    for level, corners, first in levels:
-        for start in range(0, len(corners), encoder.chunk):
-            chunk = corners[start : start + encoder.chunk]
-            done = first + start + len(chunk)
-            found = _encode_chunk(encoder, octree, level, chunk, weights.lookahead)
-            codes[first + start : done] = np.clip(found, -_HALF_MAX, _HALF_MAX)
-            yield Progress(done, total, _LABEL)
-    rows = np.concatenate(node_corners) if node_corners else np.zeros((0, 8), np.uint32)
-    return CodedOctree(octree, weights, codes, rows)
+    check_nodes(octree.node_count)
+    coded = coded_nodes(octree, weights.lookahead)
+    table = np.zeros((coded.total, COLUMNS), np.uint32)
+    counts: list[int] = []
+    ranges = [where for level in _levels(octree, weights) for where in corner_ranges(octree, coded, level)]
+    for where in ranges:
+        counts.append(write_corner_rows(octree, coded, where, sum(counts), table))
+        yield Progress(len(counts), len(ranges), "Finding corners")
+    check_count(sum(counts), UINT32_COUNT, "corners of voxels", NODE_ADVICE)
+    codes = np.empty((sum(counts), CODE_SIZE), np.float16)
+    done = 0
+    for where in ranges:
+        corners = find_corners(octree, coded, where)
+        for found in _encode(encoder, octree, where.level, corners, weights):
+            codes[done : done + len(found)] = np.clip(found, -_HALF_MAX, _HALF_MAX)
+            done += len(found)
+            yield Progress(done, len(codes), _LABEL)
+    return CodedOctree(octree, weights, codes, table, coded)
 
 
 def make_encoder(weights: Weights, backend: str = "auto", device: str = "cpu") -> Encoder:
@@ -80,9 +86,33 @@ def make_encoder(weights: Weights, backend: str = "auto", device: str = "cpu") -
         raise SettingError(f"Device '{device}' cannot be used by PyTorch here: choose device 'cpu'") from cause
 
 
-def _encode_chunk(encoder: Encoder, octree: Octree, level: int, corners: np.ndarray, lookahead: int) -> np.ndarray:
-    """Codes (C, 10) float32 of corners (C, 3) of a level; every voxel around them is read once."""
+def _levels(octree: Octree, weights: Weights) -> range:
+    """Levels that may have look-ahead."""
+    return range(max(octree.depth - weights.lookahead + 1, 0))
+
+
+def _encode(
+    encoder: Encoder, octree: Octree, level: int, corners: np.ndarray, weights: Weights
+) -> Iterator[np.ndarray]:
+    """Codes (c, 10) float32 of corners (C, 3) of a level, part by part."""
+    if isinstance(encoder, CompiledEncoder):
+        yield encode_corners(octree, level, corners, encoder.layers, weights.lookahead, encoder.chunk)
+        return
+    for start in range(0, len(corners), encoder.chunk):
+        yield encode_chunk(encoder, octree, level, corners[start : start + encoder.chunk], weights.lookahead)
+
+
+def encode_chunk(encoder: Encoder, octree: Octree, level: int, corners: np.ndarray, lookahead: int) -> np.ndarray:
+    """Codes (C, 10) float32 of corners (C, 3) of a level; every voxel around them is read once.
+
+    Reference of `encode_corners`, with the same bits if the encoder is `CompiledEncoder`.
+    """
+    return encoder(*chunk_blocks(octree, level, corners, lookahead))
+
+
+def chunk_blocks(octree: Octree, level: int, corners: np.ndarray, lookahead: int) -> tuple[np.ndarray, np.ndarray]:
+    """Blocks (U, B) of the voxels around corners (C, 3) of a level, and rows (C, 8) in them, as an `Encoder` asks."""
     neighbours = corner_neighbours(octree, level, corners)
     nodes, rows = np.unique(np.append(neighbours.reshape(-1), -1), return_inverse=True)  # node -1 comes first
     blocks = voxel_blocks(octree, nodes, lookahead).reshape(len(nodes), -1)
-    return encoder(blocks, rows.reshape(-1)[:-1].reshape(-1, 8))
+    return blocks, rows.reshape(-1)[:-1].reshape(-1, 8)

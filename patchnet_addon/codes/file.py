@@ -15,22 +15,34 @@ from ..runtime.files import read_arrays, write_arrays
 from .coded_octree import CodedOctree
 
 KIND = "codes"
+_VERSION = 2  # of the order of codes and of what finds them; files of version 1 do not say it
 
 
 def save_codes(coded: CodedOctree, path: str | Path) -> None:
     """Write the codes, not the octree; raises PatchNetError if that fails."""
     metadata = {
+        "codes_version": _VERSION,
         "octree_hash": octree_hash(coded.octree),
         "weights_hash": coded.weights_hash,
         "look_ahead": coded.weights.lookahead,
         "depth": coded.octree.depth,
     }
-    write_arrays(path, {"codes": coded.codes, "node_corners": coded.node_corners}, metadata, KIND)
+    write_arrays(path, {"codes": coded.codes, "corner_rows": coded.corner_rows}, metadata, KIND)
 
 
 def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctree:
     """Read codes that were made for `octree` with `weights`; raises CodesFileError if they were not, or on damage."""
+    from .coded_nodes import coded_nodes  # numba comes with them, and the cache folder is listed without it
+    from .corner_rows import COLUMNS, last_row
+
     arrays, metadata = read_arrays(path, KIND, CodesFileError)
+    version = metadata.get("codes_version", 1)
+    if version != _VERSION:
+        age = "an older" if version == 1 else "a newer"
+        raise CodesFileError(
+            f"{path} was written by {age} PatchNet (codes version {version}, this one reads {_VERSION}): "
+            "precompute the codes again"
+        )
     if metadata.get("octree_hash") != octree_hash(octree):
         raise CodesFileError(f"{path} belongs to another octree: precompute the codes for this one")
     if metadata.get("weights_hash") != weights.hash:
@@ -38,14 +50,14 @@ def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctre
             f"{path} was made with other weights ({metadata.get('weights_hash')}) than those in use ({weights.hash}): "
             "precompute the codes again, or choose the weights that made them"
         )
-    codes, node_corners = arrays.get("codes"), arrays.get("node_corners")
-    count = int(np.count_nonzero(octree.look_ahead(weights.lookahead)))
+    nodes = coded_nodes(octree, weights.lookahead)
+    codes, rows = arrays.get("codes"), arrays.get("corner_rows")
     if (
         codes is None
-        or node_corners is None
+        or rows is None
         or (codes.dtype, codes.shape[1:]) != (np.float16, (CODE_SIZE,))
-        or (node_corners.dtype, node_corners.shape) != (np.uint32, (count, 8))
-        or (count > 0 and int(node_corners.max()) >= len(codes))
+        or (rows.dtype, rows.shape) != (np.uint32, (nodes.total, COLUMNS))
+        or last_row(rows) >= len(codes)
     ):
         raise CodesFileError(f"{path} is damaged: its codes do not fit its octree; precompute the codes again")
-    return CodedOctree(octree, weights, codes, node_corners)
+    return CodedOctree(octree, weights, codes, rows, nodes)

@@ -22,7 +22,7 @@ from ..network.weights import Weights
 from ..octree.file import load_octree, save_octree
 from ..octree.leaf_levels import LeafLevels
 from ..octree.octree import Octree
-from ..runtime.errors import FileFormatError, PatchNetError
+from ..runtime.errors import CodesFileError, FileFormatError, PatchNetError
 from ..runtime.files import read_arrays, write_arrays
 from ..runtime.owned_folder import owned_folder, remove_left_over
 from .coded_octree import CodedOctree
@@ -46,7 +46,7 @@ class CachedOctree:
     @property
     def nbytes(self) -> int:
         """Bytes of its files, about."""
-        coded = self.coded.codes.nbytes + self.coded.node_corners.nbytes if self.coded else 0
+        coded = self.coded.nbytes if self.coded else 0
         return self.octree.nbytes + coded + (self.layout.levels.nbytes if self.layout else 0)
 
 
@@ -63,7 +63,8 @@ class OctreeCache:
     def load(self, key: str, weights: Weights | None) -> CachedOctree | None:
         """Load the entry of a key, its arrays mapped into memory, or None if it is not there or damaged.
 
-        Codes are those of `weights`; without them, or where others made the codes, there are none.
+        Codes are those of `weights`; without them, or where others made the codes or they cannot be read, there are
+        none.
         """
         folder = self._root / key
         notes = _read_notes(folder)
@@ -74,13 +75,16 @@ class OctreeCache:
             layout = None
             if (folder / LAYOUT).exists():
                 layout = LeafLevels(read_arrays(folder / LAYOUT, _KIND)[0]["levels"])
-            coded = None
-            if weights is not None and (folder / CODES).exists() and notes.get("weights") == weights.hash:
-                coded = load_codes(folder / CODES, octree, weights)
         except (FileFormatError, KeyError) as error:
             _LOG.warning("A kept octree cannot be used: %s", error)
             self.remove(key)
             return None
+        coded = None
+        if weights is not None and (folder / CODES).exists() and notes.get("weights") == weights.hash:
+            try:
+                coded = load_codes(folder / CODES, octree, weights)
+            except CodesFileError as error:  # codes are made in seconds, and the light of the octree is not
+                _LOG.warning("Kept codes cannot be used: %s", error)
         with contextlib.suppress(OSError):
             os.utime(folder / NOTES)  # used now
         return CachedOctree(octree, coded, layout, notes)

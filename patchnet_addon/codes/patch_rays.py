@@ -17,7 +17,7 @@ from numba import prange
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel
-from .brick import Brick, fill_brick
+from .brick import Brick, check_nodes, fill_brick
 
 VIEWPORT_PX = 64
 
@@ -44,8 +44,10 @@ def render_patches(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Coverage (N,) and mean luminance over the rays that hit (N,), both float32; luminance 0 where none hits.
 
-    lookahead: levels between the voxels and the cubes that are drawn.
+    lookahead: levels between the voxels and the cubes that are drawn. Raises SettingError for an octree of more than
+    2^31 nodes.
     """
+    check_nodes(octree.node_count)
     count = len(rays.ratio)
     coverage, luminance = np.zeros(count, np.float32), np.zeros(count, np.float32)
     rays = PatchRays(

@@ -19,7 +19,7 @@ from ..network.weights import CHANNELS
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import serial_kernel
-from .brick import covering_node, fill_block
+from .brick import check_nodes, covering_node, fill_block
 
 # Offsets (8, 3) of a voxel's corners, x fastest; octant o of a corner is the voxel at corner - 1 + OCTANTS[o].
 OCTANTS = np.array([(o & 1, o >> 1 & 1, o >> 2) for o in range(8)], np.int32)
@@ -29,8 +29,9 @@ def voxel_blocks(octree: Octree, nodes: np.ndarray, lookahead: int = DEFAULT_LOO
     """Blocks (N, s, s, s, 5) float32 of the cells `lookahead` levels below `nodes` (N,); node -1 has an empty block.
 
     A leaf above that level fills its part of the block as a solid block (methods 7.7); a node that is itself a leaf,
-    the whole of it.
+    the whole of it. Raises SettingError for an octree of more than 2^31 nodes.
     """
+    check_nodes(octree.node_count)
     side = 1 << lookahead
     blocks = np.zeros((len(nodes), side**3, CHANNELS), np.float32)
     voxels = np.asarray(nodes, np.int64)

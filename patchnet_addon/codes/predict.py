@@ -13,8 +13,9 @@ from ..network.compiled_decode import DIRECTION, RATIO, TILE, UP, DecoderLayers,
 from ..network.decode import decode
 from ..network.weights import CODE_SIZE
 from ..runtime.kernels import device, kernel
+from .coded_nodes import coded_row
 from .coded_octree import CodedOctree
-from .corner_rows import MEAN_SIZE, CornerCodes, coded_row, write_mean_code
+from .corner_codes import MEAN_SIZE, CornerCodes, write_mean_code
 from .patches import OCTANTS
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def predict(coded: CodedOctree, hits: Hits) -> Prediction:
 
 def predict_reference(coded: CodedOctree, hits: Hits) -> Prediction:
     """Reference of `predict` in NumPy."""
-    rows = np.where(hits.node >= 0, coded.coded_index[hits.node], -1)
+    rows = coded.rows_of(hits.node)
     pixels = np.flatnonzero(rows >= 0)
     codes = interpolate_codes_reference(coded, rows[pixels], hits.entry_voxel[pixels])
     coverage = np.ones(len(rows), np.float32)
@@ -89,11 +90,11 @@ def predict_reference(coded: CodedOctree, hits: Hits) -> Prediction:
 def interpolate_codes_reference(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndarray) -> np.ndarray:
     """Trilinear means (M, 10) float64 of the codes of coded nodes at points (M, 3) in the voxels, [0, 1]^3.
 
-    The nodes are given as rows (M,) of `node_corners`.
+    The nodes are given as rows (M,) of `corner_rows`.
     """
     entry = np.asarray(entry_voxel, np.float64)[:, None, :]
     shares = np.where(OCTANTS == 1, entry, 1 - entry).prod(axis=-1)  # (M, 8)
-    codes = coded.codes[coded.node_corners[rows]].astype(np.float64)  # (M, 8, 10)
+    codes = coded.codes[coded.corners_of(rows)].astype(np.float64)  # (M, 8, 10)
     return np.einsum("mo,moc->mc", shares, codes)
 
 
@@ -112,10 +113,10 @@ def _predict_part(rays, corner_codes, layers, part, coverage, luminance, look_ah
     """Predict for a range of pixels: those with look-ahead are gathered, and decoded when they fill a tile."""
     tile = empty_tile(), empty_tile()
     pixels, rows = np.empty(TILE, np.int64), np.empty(TILE, np.int64)
-    nodes, coded_index = rays.node, corner_codes.coded_index
+    nodes, bits, before = rays.node, corner_codes.bits, corner_codes.before
     count = 0
     for pixel in range(part[0], part[1]):
-        row = coded_row(coded_index, nodes[pixel])
+        row = coded_row(bits, before, nodes[pixel])
         if row >= 0:
             look_ahead[pixel] = True
             pixels[count], rows[count] = pixel, row
@@ -133,12 +134,12 @@ def _predict_part(rays, corner_codes, layers, part, coverage, luminance, look_ah
 @device
 def _fill_codes(corner_codes, rows, entry, pixels, inputs):  # type: ignore[no-untyped-def]
     """Write the codes of pixels, interpolated at their entry points, into a tile; rows: of the nodes they hit."""
-    halves, node_corners = corner_codes.halves, corner_codes.node_corners
+    halves, table = corner_codes.halves, corner_codes.rows
     mean = np.empty(MEAN_SIZE, np.float32)
     for place in range(len(rows)):
         pixel = pixels[place]
         point = entry[pixel, 0], entry[pixel, 1], entry[pixel, 2]
-        write_mean_code(halves, node_corners, rows[place], point, mean)
+        write_mean_code(halves, table, rows[place], point, mean)
         for k in range(CODE_SIZE):
             inputs[k * TILE + place] = mean[k if k < 8 else k + MEAN_SIZE - CODE_SIZE]
 

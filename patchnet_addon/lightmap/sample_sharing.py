@@ -15,6 +15,7 @@ import numpy as np
 
 from ..octree.voxelize import triangle_areas_and_normals
 from ..runtime.progress import Progress, Steps
+from ..runtime.widths import INT32_COUNT, check_count
 from ..surface.mesh import MeshSource
 
 _LARGE = 2.0  # texels along the longest edge: such triangles lie in many cells, and count by themselves
@@ -35,9 +36,11 @@ class Crowding:
 def crowding_of(source: MeshSource, texel_world: np.ndarray, texels: np.ndarray) -> Steps[Crowding]:
     """Crowding of all T triangles of a surface.
 
-    texel_world: (T,) float32, side of a texel wanted on each. texels: (T,) its own number of them.
+    texel_world: (T,) float32, side of a texel wanted on each. texels: (T,) its own number of them. Raises SettingError
+    for more than 2^31 triangles.
     """
     count = source.triangle_count
+    check_count(count, INT32_COUNT, "triangles", "voxelize fewer objects")
     keys, wanted = np.empty(count, np.uint64), np.empty(count, np.float32)
     origin, least = source.bounds_world[0], float(texel_world.min(initial=np.inf))
     for batch in source.batches():

@@ -7,6 +7,9 @@ slower than the one in pip's NumPy, and even the fast one multiplies all the zer
 
 from __future__ import annotations
 
+from functools import cached_property
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
@@ -17,16 +20,45 @@ from .product import Panels, multiply
 from .weights import CHANNELS, Weights
 
 
-class CompiledEncoder:
-    """`Encoder` on the kernels of `product.py`; it keeps its buffers."""
+class PackedLayers(NamedTuple):
+    """Layers of the encoder in panels, as `Panels` has them, for kernels that run all of them.
 
-    chunk = 4096
+    octants: (8 * P, B, WIDTH) the first layer's, octant by octant. first_bias: (256,). panels: (Q, 256, WIDTH) of the
+    layers behind it, one after the other. bias: (Q * WIDTH,) of these. least: (2,) the smallest result of a layer, and
+    of the last.
+    """
+
+    octants: np.ndarray
+    first_bias: np.ndarray
+    panels: np.ndarray
+    bias: np.ndarray
+    least: np.ndarray
+
+
+class CompiledEncoder:
+    """`Encoder` on the kernels of `product.py`; it keeps its buffers.
+
+    `codes/encode_corners.py` runs its layers with blocks and sums in one kernel, chunk by chunk on each core, and makes
+    the same bits; calling it is the Reference of that. A chunk's blocks and sums fit the second cache of a core.
+    """
 
     def __init__(self, weights: Weights) -> None:
+        self.chunk = {1: 512, 2: 512, 3: 128}[weights.lookahead]
         matrix, self._bias = weights.encoder[0]
         self._octants = Panels.pack(octant_matrices(matrix))
         self._layers = [Panels.pack(matrix.T, bias) for matrix, bias in weights.encoder[1:]]
         self._buffers = Buffers()
+
+    @cached_property
+    def layers(self) -> PackedLayers:
+        """All layers for one kernel."""
+        return PackedLayers(
+            self._octants.matrix,
+            self._bias,
+            np.concatenate([layer.matrix for layer in self._layers]),
+            np.concatenate([layer.bias for layer in self._layers]),
+            np.array([0, -np.inf], np.float32),
+        )
 
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Encode as `Encoder` says."""

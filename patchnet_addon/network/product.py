@@ -105,15 +105,15 @@ def _multiply_block(values, bits, tiles, panels, bias, least, result):
     steps = np.empty((_TILES, values.shape[1] + 1), np.int64)
     counts = np.empty(_TILES, np.int64)
     for tile in range(len(tiles)):
-        counts[tile] = _find_steps(bits, tiles[tile], steps[tile])
+        counts[tile] = find_steps(bits, tiles[tile], steps[tile])
     for panel in range(len(panels)):
         for tile in range(len(tiles)):
-            sums = _sum_products(values, tiles[tile], steps[tile], counts[tile], panels, panel, bias)
-            _write(result, tiles[tile], panel, sums, least)
+            sums = sum_products(values, tiles[tile], steps[tile], counts[tile], panels, panel, bias)
+            write_sums(result, tiles[tile], panel, sums, least)
 
 
 @device
-def _find_steps(bits, rows, steps):
+def find_steps(bits, rows, steps):
     """Write the columns that are not zero in all rows into `steps` (depth + 1,); returns how many they are."""
     row0, row1, row2, row3 = bits[rows[0]], bits[rows[1]], bits[rows[2]], bits[rows[3]]
     used = np.empty(len(row0), np.int32)
@@ -127,7 +127,7 @@ def _find_steps(bits, rows, steps):
 
 
 @device
-def _sum_products(values, rows, steps, count, panels, panel, bias):
+def sum_products(values, rows, steps, count, panels, panel, bias):
     """Sums of products of four rows with one panel, on top of the bias: left and right vector of each row."""
     depth = values.shape[1]
     row0, row1, row2, row3 = rows[0] * depth, rows[1] * depth, rows[2] * depth, rows[3] * depth
@@ -150,7 +150,7 @@ def _add(left_sum, right_sum, value, left, right):
 
 
 @device
-def _write(result, rows, panel, sums, least):
+def write_sums(result, rows, panel, sums, least):
     """Write the sums of four rows, at least `least`, into a panel's columns of the result."""
     low = spread(least, 0)
     for row in range(ROWS):

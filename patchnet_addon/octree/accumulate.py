@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..runtime.kernels import device, serial_kernel
+from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments
 
@@ -96,15 +97,20 @@ class LeafAccumulator:
                 self._grow()
 
     def _grow(self) -> None:
-        """Grow the room by half; the arrays grow in place, so that the old ones do not stand beside the new."""
+        """Grow the room by half; the arrays grow in place, so that the old ones do not stand beside the new.
+
+        Raises SettingError where rows and bricks, in 32 bits, end.
+        """
         bricks, leaves = (int(value) for value in self._bricks.used)
+        check_count(leaves + 1, INT32_COUNT - 1, "leaves of one part of an octree", NODE_ADVICE)  # bricks are fewer
         if bricks == len(self._bricks.keys):
             more = bricks + bricks // 2
             self._bricks.keys.resize(more, refcheck=False)
             self._bricks.rows.resize(more * _BRICK_CELLS, refcheck=False)
             self._bricks = self._bricks._replace(table=_table_of(self._bricks.keys, bricks))
         if leaves * self._columns == len(self._bricks.sums):
-            self._bricks.sums.resize((leaves + leaves // 2) * self._columns, refcheck=False)
+            room = min(leaves + leaves // 2, INT32_COUNT - 1)
+            self._bricks.sums.resize(room * self._columns, refcheck=False)
 
     def take(self) -> tuple[np.ndarray, np.ndarray]:
         """Keys (n,) uint64, ascending, and sums (n, 5 or 7) float32 in world units, as `LeafSums` holds them."""

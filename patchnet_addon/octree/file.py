@@ -11,6 +11,7 @@ import numpy as np
 
 from ..runtime.errors import OctreeFileError, SettingError
 from ..runtime.files import content_hash, read_arrays, write_arrays
+from ..runtime.widths import UINT32_COUNT
 from .grid import Grid
 from .octree import POPCOUNT, Octree
 
@@ -94,6 +95,8 @@ def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
         return "its levels do not add up to its nodes"
     if any(arrays[name].shape != shape for name, shape in shapes.items()):
         return "its arrays differ in length"
+    if count > UINT32_COUNT:
+        return f"it has {count:,} nodes, more than numbers of 32 bits can name"
     start = arrays["level_start"]
     if start[0] != 0 or start[1] != 1 or start[-1] != count or (start[1:] < start[:-1]).any():
         return "its levels do not add up to its nodes"

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..runtime.kernels import serial_kernel
+from ..runtime.widths import NODE_ADVICE, UINT32_COUNT, check_count
 from ..surface.chroma_kernels import decode_color, encode_shares
 from .octree import LUMINANCE_SCALE, NORMAL_SCALE
 
@@ -50,7 +51,11 @@ def merge_nodes(leaves: np.ndarray, inner: np.ndarray, inner_mask: np.ndarray) -
 
 
 def number_children(child_mask: np.ndarray) -> np.ndarray:
-    """Index (n,) uint32 of each node's first child: children of all nodes stand in the order of their parents."""
+    """Index (n,) uint32 of each node's first child: children of all nodes stand in the order of their parents.
+
+    Raises SettingError for more nodes than 32 bits can name.
+    """
+    check_count(len(child_mask), UINT32_COUNT, "nodes", NODE_ADVICE)
     first_child = np.empty(len(child_mask), np.uint32)
     _number_children(child_mask, first_child)
     return first_child

@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..runtime.progress import Progress, Steps
+from ..runtime.widths import INT32_COUNT, check_count
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from .accumulate import LeafAccumulator
 from .blocks import BlockRange, CellSet, all_cells, plan_passes, tasks_of, to_cells
@@ -151,7 +152,11 @@ def usable_cores() -> int:
 def clip_batch(
     batch: TriangleBatch, grid: Grid, areas_world: np.ndarray, level: int, wanted: CellSet | None = None
 ) -> Iterator[Fragments]:
-    """Fragments of a batch in the wanted cells of a level, in groups of a few hundred thousand, in a fixed order."""
+    """Fragments of a batch in the wanted cells of a level, in groups of a few hundred thousand, in a fixed order.
+
+    Raises SettingError for a batch of more than 2^31 triangles.
+    """
+    check_count(len(batch), INT32_COUNT, f"triangles of '{batch.name}'", "split the object")
     corners_voxel = to_cells(batch.corners_world, grid, level)
     chosen = wanted or all_cells(level)
     for task in tasks_of(corners_voxel, 1 << level, chosen):

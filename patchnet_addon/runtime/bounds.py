@@ -122,6 +122,7 @@ CHECKPOINT_MINUTES = Bounds("Minutes between checkpoints", 0, 1e6)
 # Benchmarks.
 REPEATS = Bounds("Repeats", 1, 10_000, True)
 NODES = Bounds("Nodes", 1, 2**28, True)
+THREADS = Bounds("Threads", 1, 1024, True)
 CORNERS = Bounds("Corners", 1, 10**9, True)
 DECODED_PIXELS = Bounds("Decoded pixels", 1, 10**9, True)
 THREADS = Bounds("Threads", 1, 1024, True)

@@ -48,7 +48,7 @@ def test_depth_follows_the_weights(weights: Path, near: Path) -> None:
             share_ahead(result, lookahead) == pytest.approx(buffers.lookahead_share) and buffers.lookahead_share >= 0.95
         )
         assert result.coded.weights.lookahead == lookahead
-        assert len(result.coded.node_corners) == result.coded.octree.look_ahead(lookahead).sum()
+        assert result.coded.coded_count == result.coded.octree.look_ahead(lookahead).sum()
         assert np.isfinite(result.views[0].priority).all()
     assert share_ahead(one, 2) < 0.95
 

@@ -7,6 +7,7 @@ import pytest
 from patchnet.patchnet_addon.codes import encode
 from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.file import load_codes, save_codes
+from patchnet.patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
 from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
 from patchnet.patchnet_addon.network.weights import Weights
@@ -62,11 +63,11 @@ def test_every_corner_has_the_code_of_its_patch(octree, weights, backend, monkey
         dense = np.pad(dense_cells(octree, level + 2), ((4, 4), (4, 4), (4, 4), (0, 0)))
         for offset, cell in enumerate(octree.cells(level)):
             node = int(octree.level_start[level]) + offset
-            row = coded.coded_index[node]
+            row = coded.rows_of(node)
             assert (row >= 0) == has_descendants_two_levels_down(octree, node)
             if row < 0 or offset % 7:
                 continue
-            for octant, corner in enumerate(coded.node_corners[row]):
+            for octant, corner in enumerate(coded.corners_of(row)):
                 x, y, z = 4 * (cell + [octant & 1, octant >> 1 & 1, octant >> 2])
                 wanted = naive_code(weights, dense[z : z + 8, y : y + 8, x : x + 8])
                 np.testing.assert_allclose(coded.codes[corner], wanted, rtol=HALF, atol=1e-4)
@@ -89,8 +90,8 @@ def test_codes_have_the_same_bits_whatever_the_chunk(octree, coded, weights):
 
 
 def test_corners_are_shared_and_all_used(coded):
-    assert len(np.unique(coded.node_corners)) == len(coded.codes)
-    assert len(coded.codes) < coded.node_corners.size
+    rows = coded.corners_of(np.arange(coded.coded_count))
+    assert len(np.unique(rows)) == len(coded.codes) < rows.size
 
 
 def test_progress_reaches_its_total(octree, weights):
@@ -105,7 +106,7 @@ def test_progress_reaches_its_total(octree, weights):
 def test_octree_without_look_ahead_has_no_codes(weights):
     coded = drain(encode_octree(random_octree(depth=1, count=5), weights))
     assert coded.codes.shape == (0, 10)
-    assert (coded.coded_index == -1).all()
+    assert (coded.rows_of(np.arange(-1, coded.octree.node_count)) == -1).all()
 
 
 @pytest.mark.parametrize(
@@ -129,12 +130,30 @@ def test_codes_file(coded, octree, weights, tmp_path):
     save_codes(coded, path)
     loaded = load_codes(path, octree, weights)
     np.testing.assert_array_equal(loaded.codes, coded.codes)
-    np.testing.assert_array_equal(loaded.node_corners, coded.node_corners)
+    np.testing.assert_array_equal(loaded.corner_rows, coded.corner_rows)
+    assert coded.index_nbytes <= 13 * coded.coded_count + 64 and loaded.nbytes == coded.nbytes
     with pytest.raises(CodesFileError, match=r"codes\.safetensors belongs to another octree"):
         load_codes(path, random_octree(seed=1), weights)
     with pytest.raises(CodesFileError, match=r"codes\.safetensors was made with other weights"):
         load_codes(path, octree, Weights.random(1))
     arrays, metadata = read_arrays(path, "codes")
-    write_arrays(path, {**arrays, "node_corners": arrays["node_corners"] + len(coded.codes)}, metadata, "codes")
-    with pytest.raises(CodesFileError, match="damaged"):
-        load_codes(path, octree, weights)
+    moved = arrays["corner_rows"] + np.array([0, 1, 0], np.uint32)
+    for rows in (moved, arrays["corner_rows"][:-1], arrays["corner_rows"].astype(np.int32)):
+        write_arrays(path, {**arrays, "corner_rows": rows}, metadata, "codes")
+        with pytest.raises(CodesFileError, match="damaged"):
+            load_codes(path, octree, weights)
+    for version, age in ((1, "older"), (3, "newer")):
+        write_arrays(path, arrays, metadata | {"codes_version": version}, "codes")
+        with pytest.raises(CodesFileError, match=f"{age} PatchNet .codes version {version}, .*precompute the codes"):
+            load_codes(path, octree, weights)
+
+
+def test_a_kept_octree_stays_when_its_codes_cannot_be_read(coded, octree, weights, tmp_path):
+    """As after an update of the extension: light takes minutes to bake, codes take seconds."""
+    cache, key = OctreeCache(tmp_path, 1 << 30), "0" * 32
+    assert cache.save(key, CachedOctree(octree, coded))
+    path = tmp_path / key / "codes.safetensors"
+    arrays, metadata = read_arrays(path, "codes")
+    write_arrays(path, arrays, {name: value for name, value in metadata.items() if name != "codes_version"}, "codes")
+    entry = cache.load(key, weights)
+    assert entry is not None and entry.coded is None and entry.octree.node_count == octree.node_count

@@ -136,13 +136,13 @@ def test_codes_of_patches(octree, lookahead, backend):
     coded = drain(encode_octree(octree, weights, encoder=make_encoder(weights, backend)))
     for level in range(octree.depth + 1):
         ahead = descendants(octree, level, lookahead)
-        np.testing.assert_array_equal(coded.coded_index[octree.level(level)] >= 0, ahead)
+        np.testing.assert_array_equal(coded.rows_of(np.arange(octree.node_count))[octree.level(level)] >= 0, ahead)
         if not ahead.any():
             continue
         dense = np.pad(dense_cells(octree, level + lookahead), [(side, side)] * 3 + [(0, 0)])
         for place in np.flatnonzero(ahead)[::40]:
-            row = coded.coded_index[octree.level_start[level] + place]
-            for octant, corner in enumerate(coded.node_corners[row]):
+            row = coded.rows_of(octree.level_start[level] + place)
+            for octant, corner in enumerate(coded.corners_of(row)):
                 x, y, z = side * (octree.cells(level)[place] + [octant & 1, octant >> 1 & 1, octant >> 2])
                 values = dense[z : z + 2 * side, y : y + 2 * side, x : x + 2 * side].reshape(-1).astype(np.float64)
                 for matrix, bias in weights.encoder[:-1]:
@@ -157,7 +157,7 @@ def test_codes_file_is_as_deep_as_its_weights(octree, tmp_path):
     save_codes(coded, tmp_path / "c.safetensors")
     loaded = load_codes(tmp_path / "c.safetensors", octree, weights)
     np.testing.assert_array_equal(loaded.codes, coded.codes)
-    assert len(coded.node_corners) == octree.look_ahead(1).sum() > octree.look_ahead(2).sum()
+    assert coded.coded_count == octree.look_ahead(1).sum() > octree.look_ahead(2).sum()
 
 
 @pytest.mark.parametrize("lookahead", LOOKAHEADS)

@@ -101,7 +101,7 @@ def test_arrays_of_other_types_and_orders(coded):
 
 def test_far_values_saturate(coded):
     """Without an overflow, in half floats of all sizes."""
-    far = type(coded)(coded.octree, coded.weights, np.full_like(coded.codes, 60000), coded.node_corners)
+    far = type(coded)(coded.octree, coded.weights, np.full_like(coded.codes, 60000), coded.corner_rows, coded.nodes)
     prediction = predict(far, sample_hits(coded, 500, seeing=True))
     assert np.isin(prediction.coverage, (0, 1)).mean() > 0.9
     assert np.isfinite(prediction.coverage).all() and np.isfinite(prediction.luminance).all()
@@ -109,12 +109,12 @@ def test_far_values_saturate(coded):
 
 def test_mean_of_codes(coded):
     random = np.random.default_rng(0)
-    rows = random.integers(0, len(coded.node_corners), 100)
+    rows = random.integers(0, coded.coded_count, 100)
     points = random.uniform(size=(100, 3)).astype(np.float32)
     points[:4] = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 0, 1)]
     means = mean_codes(coded, rows, points)
     np.testing.assert_allclose(means, interpolate_codes_reference(coded, rows, points), atol=1e-5, rtol=1e-5)
-    wanted = coded.codes[coded.node_corners[rows[:4], [0, 1, 2, 5]]]
+    wanted = coded.codes[coded.corners_of(rows[:4])[np.arange(4), [0, 1, 2, 5]]]
     np.testing.assert_array_equal(means[:4], wanted.astype(np.float32))
 
 

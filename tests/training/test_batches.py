@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Batches against the codes' own patches, and augmentation against rendering the moved scene anew (methods 7.20)."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
 from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_blocks
 from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.training.batches import Augmentation, Batch, gather_batch
 from patchnet.training.forest import concatenate
@@ -154,3 +157,12 @@ def test_held_out_parts_share_no_cell_with_the_rest() -> None:
             covered[tuple(slice(max(0, a), a + 3 * side) for a in low)] = True
         reach.append(covered)
     assert not (reach[0] & reach[1]).any()
+
+
+def test_more_nodes_than_bricks_can_name_are_refused() -> None:
+    many = SimpleNamespace(node_count=2**31)
+    with pytest.raises(SettingError, match="2,147,483,649 nodes of one training run's octrees are more than"):
+        concatenate([many, SimpleNamespace(node_count=1)])
+    many.node_count += 1
+    with pytest.raises(SettingError, match="2,147,483,649 nodes are more than"):
+        drain(draw_samples(many, 1, SampleSettings()))

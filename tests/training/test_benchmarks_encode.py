@@ -28,16 +28,23 @@ def said_json(capsys):
 def check(values):
     assert (values["name"], values["unit"], values["octree"]) == ("encode", "corners per second", "shells")
     assert values["nodes"] >= 3000 and values["corners"] > 100 and 0 < values["occupied_cells"] < 1
-    names = {"compiled", "numpy"} | ({"torch"} if importlib.util.find_spec("torch") else set())
-    assert values["corners_per_s"].keys() == values["runs"].keys() == names
+    names = {"compiled", "numpy"} | ({"torch", "torch_plain"} if importlib.util.find_spec("torch") else set())
+    assert values["corners_per_s"].keys() == values["share_of_peak"].keys() == names
+    assert values["runs"].keys() == names | {"peak", "octree"}
     assert (values["torch"] is not None) == ("torch" in names)
+    operations = values["operations_per_corner"]
+    assert (
+        0 < operations["not_zero"] < operations["needed"] < operations["plain"] == 2 * (2560 * 256 + 2 * 256**2 + 2560)
+    )
+    assert values["peak_gflops"] > 0 and values["octree_corners_per_s"] > 0
+    assert values["index_bytes_per_voxel"] <= 16 and 0 < values["scratch_bytes"] < 64e6
     assert values["ratio"] == pytest.approx(values["ours"] / values["peer"])
     assert values["largest_difference"] <= 1e-4 + 1e-5 * values["largest_code"]
     assert [(row["depth"], row["columns"]) for row in values["products"]] == [
         (320, 2048), (256, 256), (256, 256), (256, CODE_SIZE)
     ]  # fmt: skip
     for row in values["products"]:
-        assert all(row[name] > 0 for name in {"ours", "ours_on_its_values"} | names - {"compiled"})
+        assert all(row[name] > 0 for name in {"ours", "ours_on_its_values"} | names - {"compiled", "torch_plain"})
         assert 0 < row["zeros"] < 1
 
 
@@ -46,6 +53,8 @@ def test_all_cores(capsys):
     values = said_json(capsys)
     check(values)
     assert values["clock"] == "wall" and len(values["runs"]["numpy"]) == 2
+    assert main([*SMALL, "--threads", "1", "--json"]) == 0
+    assert said_json(capsys)["threads"] == 1
     assert main([*SMALL, "--cores", "all"]) == 0
     shown = capsys.readouterr().out
     assert "Corners per second: ours" in shown and shown.count("\n| ") == 6
@@ -73,5 +82,6 @@ def test_products_are_those_of_the_encoder():
     weights = Weights.random(seed=4, bias=0.1)
     octree = random_octree(seed=8, depth=5, count=500)
     (chunk,) = record_chunks(octree, weights, 100)
-    codes = encoder_products(chunk, weights)[-1].reference()
-    np.testing.assert_allclose(codes, NumpyEncoder(weights)(*chunk), atol=1e-4)
+    work = chunk.blocks, chunk.rows
+    codes = encoder_products(work, weights)[-1].reference()
+    np.testing.assert_allclose(codes, NumpyEncoder(weights)(*work), atol=1e-4)

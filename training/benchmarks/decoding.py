@@ -95,7 +95,7 @@ def _views(coded: CodedOctree, pixels: int) -> tuple[list[Camera], Hits]:
         cameras.append(_camera(coded.octree, coded.weights, len(cameras)))
         views.append(first_hits(coded.octree, cameras[-1]))
         node = views[-1].node
-        seen = np.count_nonzero(coded.coded_index[node[node >= 0]] >= 0)
+        seen = np.count_nonzero(coded.rows_of(node) >= 0)
         if not seen:
             raise SettingError("From around this octree no pixel has look-ahead: take a deeper one")
         found += seen

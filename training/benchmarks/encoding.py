@@ -1,95 +1,136 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Corners per second of the whole encoder: our compiled one, NumPy's and torch's, in turns on the same chunks.
+"""Corners per second of the whole encoder: our compiled one, NumPy's and torch's, in turns on the same corners.
 
-A chunk is what `encode_octree` hands an encoder: the blocks of voxels, and which eight each corner has. They are made
-before, outside the time.
+Ours goes from the octree's nodes to codes. The others get chunks: the blocks of voxels, and which eight each corner
+has, made before, outside the time. The largest product that a library makes says in the same run what the cores can do.
 """
 
 from __future__ import annotations
 
 import importlib.util
+import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 
-from ...patchnet_addon.codes.encode import encode_octree
+from ...patchnet_addon.codes.coded_nodes import coded_nodes
+from ...patchnet_addon.codes.corners import corner_ranges, find_corners
+from ...patchnet_addon.codes.encode import chunk_blocks, encode_octree
+from ...patchnet_addon.codes.encode_corners import encode_corners
 from ...patchnet_addon.network.compiled_encode import CompiledEncoder
 from ...patchnet_addon.network.encode import Encoder, NumpyEncoder
-from ...patchnet_addon.network.weights import CHANNELS, CODE_SIZE, Weights
+from ...patchnet_addon.network.weights import CHANNELS, Weights
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.octree.voxelize import usable_cores
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
+from .encoder_work import measure_memory, needed_operations, peak_run
 from .products import measure_products
 from .timing import Comparison, how_measured, take_turns
 
-Chunk = tuple[np.ndarray, np.ndarray]
+_CHUNK = NumpyEncoder.chunk
+_REST_SECONDS = 0.3
 
 
-class _Recorder:
-    """Recorder: an `Encoder` that keeps the last chunks, which are those of the finest level, and encodes nothing."""
+class Chunk(NamedTuple):
+    """Corners (C, 3) of a level, and what an `Encoder` takes of them."""
 
-    chunk = CompiledEncoder.chunk
-
-    def __init__(self, most: int) -> None:
-        self.chunks: deque[Chunk] = deque(maxlen=most)
-
-    def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        self.chunks.append((blocks, rows))
-        return np.zeros((len(rows), CODE_SIZE), np.float32)
+    level: int
+    corners: np.ndarray
+    blocks: np.ndarray
+    rows: np.ndarray
 
 
 def record_chunks(octree: Octree, weights: Weights, corners: int) -> list[Chunk]:
     """Last chunks of an octree, together up to about `corners`; raises SettingError if there are none."""
-    recorder = _Recorder(-(-corners // _Recorder.chunk))
-    drain(encode_octree(octree, weights, encoder=recorder))
-    if not recorder.chunks:
+    coded = coded_nodes(octree, weights.lookahead)
+    found: deque[tuple[int, np.ndarray]] = deque(maxlen=-(-corners // _CHUNK))
+    for level in range(max(octree.depth - weights.lookahead + 1, 0)):
+        parts = [find_corners(octree, coded, where) for where in corner_ranges(octree, coded, level)]
+        every = np.concatenate([np.empty((0, 3), np.int32), *parts])
+        found.extend((level, every[start : start + _CHUNK]) for start in range(0, len(every), _CHUNK))
+    if not found:
         raise SettingError("This octree has no corners to encode: take one of depth 2 or more")
-    return list(recorder.chunks)
+    return [Chunk(level, part, *chunk_blocks(octree, level, part, weights.lookahead)) for level, part in found]
 
 
 def benchmark_encoding(
-    octree: Octree, weights: Weights, corners: int = 50_000, repeats: int = 9, *, all_cores: bool = True
+    octree: Octree, weights: Weights, corners: int = 50_000, repeats: int = 9, *, threads: int = 0
 ) -> Comparison:
     """Rates of the encoders, and of the products that they are made of.
 
-    On one core, in processor seconds, only if all libraries were told to use one thread before they were loaded
-    (`threads.py`). Raises SettingError for an octree without look-ahead.
+    threads: of ours and of torch, wall seconds count; 0: one core, in processor seconds, only if all libraries were
+    told to use one thread before they were loaded (`threads.py`). Raises SettingError for an octree without look-ahead.
     """
+    all_cores = threads > 0
     chunks = record_chunks(octree, weights, corners)
-    encoders = _encoders(weights, all_cores)
-    codes = {name: _encode(encoder, chunks) for name, encoder in encoders.items()}  # compiles, too
-    runs: dict[str, Callable[[], Any]] = {
-        name: lambda encoder=encoder: _encode(encoder, chunks)  # type: ignore[misc]
-        for name, encoder in encoders.items()
-    }
-    seconds = take_turns(runs, repeats, all_cores=all_cores)
-    count = len(codes["compiled"])
-    rates = {name: count / median(values) for name, values in seconds.items()}
-    largest = max(chunks, key=lambda chunk: len(chunk[1]))
-    details = how_measured(all_cores) | _input_details(chunks) | _code_details(codes)
-    details |= {
+    compiled = CompiledEncoder(weights)
+    peak_name, peak, peak_operations = peak_run()
+    with _threads(threads):
+        runs: dict[str, Callable[[], Any]] = {"compiled": lambda: _encode_ours(compiled, octree, weights, chunks)}
+        for name, encoder in _encoders(weights, threads).items():
+            runs[name] = lambda encoder=encoder: _encode(encoder, chunks)  # type: ignore[misc]
+        codes = {name: run() for name, run in runs.items()}  # compiles, too
+        runs["peak"] = peak
+        runs["octree"] = lambda: drain(encode_octree(octree, weights, encoder=compiled))
+        # Threads of torch and BLAS spin on after a product, and would take the next one's cores.
+        seconds = take_turns(runs, repeats, all_cores=all_cores, prepare=lambda: time.sleep(_REST_SECONDS))
+        memory = measure_memory(octree, weights, compiled)
+        largest = max(chunks, key=lambda chunk: len(chunk.corners))
+        products = measure_products((largest.blocks, largest.rows), weights, repeats, all_cores=all_cores)
+    middle = {name: median(values) for name, values in seconds.items()}
+    rates = {name: len(codes["compiled"]) / middle[name] for name in codes}
+    details = how_measured(all_cores) | {"threads": max(threads, 1)} | _input_details(chunks) | _code_details(codes)
+    details |= memory | {
         "repeats": repeats,
         "corners_per_s": rates,
+        "octree_corners_per_s": memory["all_corners"] / middle["octree"],
         "runs": {name: [round(value, 4) for value in values] for name, values in seconds.items()},
         "peer_name": f"NumPy {np.__version__}",
         "torch": _torch_name(),
-        "products": measure_products(largest, weights, repeats, all_cores=all_cores),
+        "products": products,
     }
+    details |= _shares(
+        needed_operations((largest.blocks, largest.rows), weights), rates, peak_operations / middle["peak"]
+    )
+    details["peak_name"] = peak_name
     ours, peer = rates["compiled"], rates["numpy"]
     return Comparison("encode", ours, peer, ours / peer, details, unit="corners per second")
 
 
+def _shares(operations: dict[str, float], rates: dict[str, float], peak: float) -> dict[str, Any]:
+    """Shares of the peak that each encoder reaches with the operations that its corners need."""
+    return {
+        "peak_gflops": peak / 1e9,
+        "operations_per_corner": operations,
+        "share_of_peak": {
+            name: {kind: rate * count / peak for kind, count in operations.items()} for name, rate in rates.items()
+        },
+    }
+
+
+@contextmanager
+def _threads(count: int) -> Iterator[None]:
+    """Let our kernels use so many threads, at most as many as there are; 0 changes nothing."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(min(count or before, numba.config.NUMBA_NUM_THREADS))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
+
+
 def _input_details(chunks: list[Chunk]) -> dict[str, Any]:
     """Count what there is to encode."""
-    blocks = [blocks for blocks, _ in chunks]
+    blocks = [chunk.blocks for chunk in chunks]
     occupied = sum(np.count_nonzero(part[:, ::CHANNELS]) for part in blocks)
     cells = sum(part.size // CHANNELS for part in blocks)
     return {
-        "corners": sum(len(rows) for _, rows in chunks),
+        "corners": sum(len(chunk.rows) for chunk in chunks),
         "blocks": sum(len(part) for part in blocks),
         "occupied_cells": occupied / cells,
     }
@@ -102,19 +143,30 @@ def _code_details(codes: dict[str, np.ndarray]) -> dict[str, Any]:
     return {"largest_difference": difference, "largest_code": float(np.abs(ours).max())}
 
 
+def _encode_ours(encoder: CompiledEncoder, octree: Octree, weights: Weights, chunks: list[Chunk]) -> np.ndarray:
+    """Encode level by level, as `encode_octree` does range by range."""
+    parts = []
+    for level in sorted({chunk.level for chunk in chunks}):
+        corners = np.concatenate([chunk.corners for chunk in chunks if chunk.level == level])
+        parts.append(encode_corners(octree, level, corners, encoder.layers, weights.lookahead, encoder.chunk))
+    return np.concatenate(parts)
+
+
 def _encode(encoder: Encoder, chunks: list[Chunk]) -> np.ndarray:
-    return np.concatenate([encoder(*chunk) for chunk in chunks])
+    return np.concatenate([encoder(chunk.blocks, chunk.rows) for chunk in chunks])
 
 
-def _encoders(weights: Weights, all_cores: bool) -> dict[str, Encoder]:
-    encoders: dict[str, Encoder] = {"compiled": CompiledEncoder(weights), "numpy": NumpyEncoder(weights)}
+def _encoders(weights: Weights, threads: int) -> dict[str, Encoder]:
+    encoders: dict[str, Encoder] = {"numpy": NumpyEncoder(weights)}
     if has_torch():
         import torch
 
         from ...patchnet_addon.network.torch_encode import TorchEncoder
+        from .plain_torch import PlainTorchEncoder
 
-        torch.set_num_threads(usable_cores() if all_cores else 1)
+        torch.set_num_threads(max(threads, 1))
         encoders["torch"] = TorchEncoder(weights)
+        encoders["torch_plain"] = PlainTorchEncoder(weights)
     return encoders
 
 

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Corners in the order of codes, range by range, the rows by which voxels find them, and encoding in one kernel."""
+
+import tracemalloc
+from functools import partial
+
+import numba
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.cells.morton import morton_encode
+from patchnet.patchnet_addon.codes import corners as finding
+from patchnet.patchnet_addon.codes import encode
+from patchnet.patchnet_addon.codes.coded_nodes import coded_nodes, coded_rows, coded_rows_reference
+from patchnet.patchnet_addon.codes.corner_rows import corner_row, corners_of, write_corner_row
+from patchnet.patchnet_addon.codes.corners import CornerRange, Lines, corner_ranges, find_corners, write_corner_rows
+from patchnet.patchnet_addon.codes.encode import encode_chunk, encode_octree, make_encoder
+from patchnet.patchnet_addon.codes.encode_corners import encode_corners
+from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_table
+from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.levels import hierarchy
+from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.engine.octree_samples import random_octree
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["uniform", "adaptive"])
+def octree(request):
+    return random_octree(seed=8, depth=6, count=1500, adaptive=request.param)
+
+
+def coded_cells(octree, level, lookahead=2):
+    nodes = np.flatnonzero(octree.look_ahead(lookahead)[octree.level(level)])
+    return octree.cells(level)[nodes], nodes + octree.level_start[level]
+
+
+def corners_reference(octree, level):
+    """Distinct corners (C, 3) of a level in the order z, y, x, by sorting all of them."""
+    cells, _ = coded_cells(octree, level)
+    every = (cells[:, None] + OCTANTS).reshape(-1, 3)
+    return np.unique(every[:, ::-1], axis=0)[:, ::-1]
+
+
+@pytest.mark.parametrize("lookahead", [1, 2, 3])
+def test_rows_of_nodes(octree, lookahead):
+    coded = coded_nodes(octree, lookahead)
+    wanted = coded_rows_reference(octree, lookahead)
+    assert coded.total == wanted.max() + 1
+    np.testing.assert_array_equal(coded_rows(coded, np.arange(octree.node_count)), wanted)
+    np.testing.assert_array_equal(coded_rows(coded, np.array([[-1, 0]])), [[-1, 0]])
+    assert coded_rows(coded, np.array([], np.int64)).shape == (0,)
+
+
+@pytest.mark.parametrize("most", [1, 7, 50, 1 << 15])
+def test_ranges_have_all_corners_in_order(octree, most):
+    """Ranges of planes, of lines of a plane, and of single lines that have too many voxels."""
+    coded = coded_nodes(octree, 2)
+    table, total = np.zeros((coded.total, 3), np.uint32), 0
+    found, starts = [], []
+    for level in range(octree.depth - 1):
+        starts.append(total)
+        parts = []
+        for where in corner_ranges(octree, coded, level, most):
+            parts.append(find_corners(octree, coded, where))
+            assert write_corner_rows(octree, coded, where, total, table) == len(parts[-1])
+            assert where.voxels <= most or where.lines.high_y - where.lines.low_y == 1
+            total += len(parts[-1])
+        np.testing.assert_array_equal(np.concatenate(parts), corners_reference(octree, level))
+        found += parts
+    corners = np.concatenate(found)
+    for level in range(octree.depth - 1):
+        cells, nodes = coded_cells(octree, level)
+        np.testing.assert_array_equal(corners[corners_of(table, coded_rows(coded, nodes))], cells[:, None] + OCTANTS)
+
+
+def test_one_corner_in_kernels_is_that_of_numpy():
+    @numba.njit
+    def every(table):
+        found = np.empty((len(table), 8), np.int64)
+        for row in range(len(table)):
+            for octant in range(8):
+                found[row, octant] = corner_row(table, row, octant)
+        return found
+
+    random = np.random.default_rng(0)
+    table = random.integers(0, 2**32, (100, 3), dtype=np.uint32)
+    table[0], table[1] = 0, [2**32 - 2**16 - 1] * 2 + [2**32 - 1]
+    np.testing.assert_array_equal(every(table), corners_of(table, np.arange(100)))
+    assert every(table)[1, 7] == 2**32 - 1
+
+
+def test_a_step_of_more_than_16_bits_is_refused(octree, monkeypatch):
+    @numba.njit
+    def write(table, step):
+        return write_corner_row(table, 0, 0, 10) and write_corner_row(table, 0, 2, 10 + step)
+
+    table = np.zeros((1, 3), np.uint32)
+    assert write(table, 65535) and corners_of(table, 0)[2] == 65545
+    assert not write(table, 65536)
+
+    def overflows(*arguments):
+        arguments[-1].state[:] = 9, 1
+
+    monkeypatch.setattr(finding, "_find", overflows)
+    with pytest.raises(SettingError, match=r"A line of voxels on level 3 has more corners .*: choose a smaller depth"):
+        write_corner_rows(octree, coded_nodes(octree, 2), CornerRange(3, Lines(0, 9, 0, 9), 1), 0, table)
+
+
+@pytest.mark.parametrize("lookahead", [1, 2, 3])
+def test_one_kernel_has_the_bits_of_products_of_whole_chunks(octree, lookahead):
+    """Whatever the chunk and the number of threads; in corners that adaptive leaves lie around, too."""
+    weights = Weights.random(seed=9, bias=0.1, lookahead=lookahead)
+    encoder = make_encoder(weights)
+    for level in range(octree.depth):
+        corners, _ = corner_table(octree, level, np.arange(octree.level_start[level], octree.level_start[level + 1]))
+        wanted = encode_chunk(encoder, octree, level, corners, lookahead)
+        for chunk in (1, 37, 512):
+            found = encode_corners(octree, level, corners, encoder.layers, lookahead, chunk)
+            np.testing.assert_array_equal(found, wanted)
+    assert encode_corners(octree, 3, corners[:0], encoder.layers, lookahead).shape == (0, 10)
+
+
+def test_codes_are_those_of_all_corners_of_a_level_at_once(octree):
+    weights = Weights.random(seed=9, bias=0.1)
+    coded = drain(encode_octree(octree, weights))
+    encoder = make_encoder(weights)
+    for level in range(octree.depth - 1):
+        _, nodes = coded_cells(octree, level)
+        corners, rows = corner_table(octree, level, nodes)
+        wanted = encode_chunk(encoder, octree, level, corners, 2).astype(np.float16)
+        found = coded.codes[coded.corners_of(coded.rows_of(nodes))]
+        np.testing.assert_array_equal(found.view(np.uint16), wanted[rows].view(np.uint16))
+
+
+def wavy_floor(depth):
+    """Octree of a floor of 4^depth leaves, whose nodes lie in few planes."""
+    side = 1 << depth
+    x, y = (axis.reshape(-1) for axis in np.meshgrid(np.arange(side), np.arange(side)))
+    cells = np.stack([x, y, (2 + np.sin(x / 9) + np.cos(y / 7)).astype(np.int64)], axis=1)
+    keys = {depth: np.sort(morton_encode(cells))}
+    mask, first = hierarchy(keys, depth)
+    counts = [len(np.unique(keys[depth] >> np.uint64(3 * (depth - level)))) for level in range(depth + 1)]
+    count = len(mask)
+    return Octree(
+        Grid((0.0, 0.0, 0.0), 1.0, depth), np.concatenate([[0], np.cumsum(counts)]), mask, first,
+        np.ones(count, np.float32), np.full(count, 30000, np.uint16), np.full((count, 3), 70, np.int8),
+    )  # fmt: skip
+
+
+def test_memory_does_not_grow_with_the_octree(monkeypatch):
+    """What is allocated beside the result is the same for an octree and for one sixteen times as large."""
+    monkeypatch.setattr(encode, "corner_ranges", partial(corner_ranges, most=2048))
+    weights = Weights.random(seed=1)
+    encoder = make_encoder(weights)
+    drain(encode_octree(wavy_floor(4), weights, encoder=encoder))  # compiles
+    scratch = []
+    for depth in (8, 10):
+        octree = wavy_floor(depth)
+        tracemalloc.start()
+        coded = drain(encode_octree(octree, weights, encoder=encoder))
+        scratch.append(tracemalloc.get_traced_memory()[1] - coded.nbytes)
+        tracemalloc.stop()
+        assert all(where.voxels <= 2048 for where in corner_ranges(octree, coded.nodes, depth - 2, 2048))
+    assert scratch[1] - scratch[0] < 200_000 and scratch[1] < 4e6 + 7e6 * numba.get_num_threads()

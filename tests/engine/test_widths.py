@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Counts that 32 bits cannot hold are refused by name, before anything is allocated for them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.codes import encode
+from patchnet.patchnet_addon.codes.coded_nodes import coded_nodes
+from patchnet.patchnet_addon.codes.encode import encode_octree
+from patchnet.patchnet_addon.codes.patch_rays import render_patches
+from patchnet.patchnet_addon.codes.patches import voxel_blocks
+from patchnet.patchnet_addon.lightmap.sample_sharing import crowding_of
+from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
+from patchnet.patchnet_addon.octree.file import _inconsistency
+from patchnet.patchnet_addon.octree.levels import number_children
+from patchnet.patchnet_addon.octree.voxelize import clip_batch
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.runtime.widths import INT32_COUNT, UINT32_COUNT, check_count
+from patchnet.tests.engine.octree_samples import random_octree
+
+LARGE = SimpleNamespace(node_count=INT32_COUNT + 1, depth=9)
+NODES = r"2,147,483,649 nodes are more than numbers of 31 bits can name .2,147,483,648.: choose a smaller depth"
+
+
+class Sized:
+    """What has a length and nothing else."""
+
+    def __init__(self, count, name=""):
+        self.count, self.name = count, name
+
+    def __len__(self):
+        return self.count
+
+
+def test_bounds():
+    check_count(INT32_COUNT, INT32_COUNT, "nodes", "")
+    check_count(UINT32_COUNT, UINT32_COUNT, "nodes", "")
+    with pytest.raises(SettingError, match=r"4,294,967,297 rows are more than numbers of 32 bits .*: do this"):
+        check_count(UINT32_COUNT + 1, UINT32_COUNT, "rows", "do this")
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda: drain(encode_octree(LARGE, Weights.random(), backend="numpy")),
+        lambda: voxel_blocks(LARGE, np.zeros(1, np.int64)),
+        lambda: render_patches(LARGE, None),
+    ],
+)
+def test_nodes_of_blocks_and_bricks(use):
+    with pytest.raises(SettingError, match=NODES):
+        use()
+
+
+def test_corners(monkeypatch):
+    """Two ranges whose corners are too many only together."""
+    counts = iter([UINT32_COUNT - 5, 6])
+    monkeypatch.setattr(encode, "corner_ranges", lambda *_: [None] if _[2] < 2 else [])
+    monkeypatch.setattr(encode, "write_corner_rows", lambda *_: next(counts))
+    with pytest.raises(SettingError, match="4,294,967,297 corners of voxels are more than numbers of 32 bits"):
+        drain(encode_octree(random_octree(), Weights.random(), backend="numpy"))
+
+
+def test_nodes_with_codes():
+    octree = SimpleNamespace(level_start=np.array([0, 1, 2, UINT32_COUNT + 1, 2**33, 2**34]), depth=4)
+    with pytest.raises(SettingError, match="4,294,967,297 nodes of levels with look-ahead are more than"):
+        coded_nodes(octree, 2)
+
+
+def test_children():
+    with pytest.raises(SettingError, match="4,294,967,297 nodes are more than numbers of 32 bits"):
+        number_children(Sized(UINT32_COUNT + 1))
+
+
+def test_an_octree_file():
+    masks = SimpleNamespace(size=UINT32_COUNT + 1)
+    shapes = {"area_world": (masks.size,), "first_child": (masks.size,), "luminance": (masks.size,)}
+    arrays = {name: SimpleNamespace(shape=shape) for name, shape in shapes.items()}
+    arrays |= {
+        "child_mask": masks,
+        "level_start": np.zeros(5, np.int64),
+        "normal": SimpleNamespace(shape=(masks.size, 3)),
+    }
+    masks.shape = (masks.size,)
+    assert "4,294,967,297 nodes, more than numbers of 32 bits" in _inconsistency(arrays, 3)
+
+
+def test_leaves_of_a_part():
+    leaves = LeafAccumulator(1.0)
+    leaves._bricks.used[:] = 1, INT32_COUNT - 1
+    with pytest.raises(SettingError, match="leaves of one part of an octree are more than"):
+        leaves._grow()
+
+
+def test_triangles():
+    with pytest.raises(SettingError, match=r"2,147,483,649 triangles of 'Rock' are more than .*: split the object"):
+        next(clip_batch(Sized(INT32_COUNT + 1, "Rock"), None, None, 3))
+    with pytest.raises(SettingError, match=r"2,147,483,649 triangles are more than .*: voxelize fewer objects"):
+        drain(crowding_of(SimpleNamespace(triangle_count=INT32_COUNT + 1), None, None))
