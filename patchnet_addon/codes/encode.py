@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-import importlib.util
+from collections.abc import Callable
 
 import numpy as np
 
 from ..network.compiled_encode import CompiledEncoder
+from ..network.devices import AUTO, CPU, enough_memory, found_device, has_torch, read_device
 from ..network.encode import Encoder, NumpyEncoder
 from ..network.weights import CODE_SIZE, Weights
 from ..octree.octree import Octree
@@ -26,15 +27,16 @@ def encode_octree(
     weights: Weights,
     *,
     backend: str = "auto",
-    device: str = "cpu",
+    device: str = CPU,
     encoder: Encoder | None = None,
 ) -> Steps[CodedOctree]:
     """Octree with codes, as many levels ahead as the weights look; corners go chunk by chunk in Morton order, so that
     memory stays bounded.
 
     `backend` "auto" is torch for another `device` than the CPU, else our compiled products; "numpy" has NumPy's. All
-    give the same codes to 1e-4. An `encoder` of these weights counts instead of both. Raises SettingError for a backend
-    or device that is not there.
+    give the same codes to 1e-4 and 1e-5 of the largest. `device`: cpu, cuda, cuda:N, or auto (`network/devices.py`). An
+    `encoder` of these weights counts instead of both. Raises SettingError for a backend or device that is not there, or
+    has too little memory.
     """
     if encoder is None:
         encoder = make_encoder(weights, backend, device)
@@ -49,35 +51,47 @@ def encode_octree(
         total += len(corners)
         yield Progress(level + 1, octree.depth, "Finding corners")
     codes = np.zeros((total, CODE_SIZE), np.float16)
+    encode_corners = _corner_encoder(encoder, octree, weights.lookahead)
     for level, corners, first in levels:
         for start in range(0, len(corners), encoder.chunk):
             chunk = corners[start : start + encoder.chunk]
             done = first + start + len(chunk)
-            found = _encode_chunk(encoder, octree, level, chunk, weights.lookahead)
+            with enough_memory("encoding"):
+                found = encode_corners(level, chunk)
             codes[first + start : done] = np.clip(found, -_HALF_MAX, _HALF_MAX)
             yield Progress(done, total, _LABEL)
     rows = np.concatenate(node_corners) if node_corners else np.zeros((0, 8), np.uint32)
     return CodedOctree(octree, weights, codes, rows)
 
 
-def make_encoder(weights: Weights, backend: str = "auto", device: str = "cpu") -> Encoder:
-    """Encoder that `encode_octree` uses for these settings."""
+def make_encoder(weights: Weights, backend: str = "auto", device: str = CPU) -> Encoder:
+    """Encoder that `encode_octree` uses for these settings; raises SettingError for what is not there."""
     if backend not in BACKENDS:
         raise SettingError(f"Backend '{backend}' is unknown: choose one of {', '.join(BACKENDS)}")
-    if backend == "auto":
-        backend = "compiled" if device == "cpu" else "torch"
-    if backend != "torch":
-        if device != "cpu":
+    if backend in ("compiled", "numpy"):
+        if read_device(device) not in (AUTO, CPU):
             raise SettingError(f"Backend '{backend}' runs on the CPU, not on '{device}': choose backend 'torch'")
         return CompiledEncoder(weights) if backend == "compiled" else NumpyEncoder(weights)
-    if importlib.util.find_spec("torch") is None:
+    device = found_device(device)
+    if backend == "auto" and device == CPU:
+        return CompiledEncoder(weights)
+    if not has_torch():
         raise SettingError("Backend 'torch' needs PyTorch, which this Python does not have: choose backend 'compiled'")
     from ..network.torch_encode import TorchEncoder
 
-    try:
+    with enough_memory("encoding"):
         return TorchEncoder(weights, device)
-    except (RuntimeError, AssertionError) as cause:
-        raise SettingError(f"Device '{device}' cannot be used by PyTorch here: choose device 'cpu'") from cause
+
+
+def _corner_encoder(encoder: Encoder, octree: Octree, lookahead: int) -> Callable[[int, np.ndarray], np.ndarray]:
+    """Function of a level and corners (C, 3) that gives their codes; a GPU with room for the octree gathers itself."""
+    device = getattr(encoder, "device", None)  # only torch's has one
+    if device is not None and device.type != CPU:
+        from .torch_tree import TorchCorners, tree_fits
+
+        if tree_fits(octree, device):
+            return TorchCorners(encoder, octree, lookahead)  # type: ignore[arg-type]
+    return lambda level, corners: _encode_chunk(encoder, octree, level, corners, lookahead)
 
 
 def _encode_chunk(encoder: Encoder, octree: Octree, level: int, corners: np.ndarray, lookahead: int) -> np.ndarray:

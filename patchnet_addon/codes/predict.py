@@ -10,6 +10,7 @@ import numpy as np
 from numba import prange
 
 from ..network.decode import decode
+from ..network.devices import CPU, enough_memory, found_device
 from ..runtime.kernels import kernel
 from .coded_octree import CodedOctree
 from .patches import OCTANTS
@@ -35,20 +36,43 @@ class Prediction:
     look_ahead: np.ndarray
 
 
-def predict(coded: CodedOctree, hits: Hits) -> Prediction:
+def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
     """Decode coverage and luminance of all pixels.
 
-    Those without look-ahead keep what they show, so that their priority is 0 (methods 4.1b).
+    Those without look-ahead keep what they show, so that their priority is 0 (methods 4.1b). `device`: cpu, cuda,
+    cuda:N, or auto (`network/devices.py`); all give the same to 1e-3. Raises SettingError for one that is not there, or
+    has too little memory.
     """
     rows = np.where(hits.node >= 0, coded.coded_index[hits.node], -1)
     pixels = np.flatnonzero(rows >= 0)
-    codes = interpolate_codes(coded, rows[pixels], hits.entry_voxel[pixels])
+    views = hits.entry_voxel[pixels], hits.direction[pixels], hits.up[pixels], hits.ratio[pixels]
     coverage = np.ones(len(rows), np.float32)
     luminance = hits.luminance.astype(np.float32)
-    coverage[pixels], luminance[pixels] = decode(
-        coded.weights, codes, hits.direction[pixels], hits.up[pixels], hits.ratio[pixels]
-    )
+    if (device := found_device(device)) != CPU:
+        coverage[pixels], luminance[pixels] = decode_on(device, coded, rows[pixels], views)
+        return Prediction(coverage, luminance, rows >= 0)
+    codes = interpolate_codes(coded, rows[pixels], views[0])
+    coverage[pixels], luminance[pixels] = decode(coded.weights, codes, *views[1:])
     return Prediction(coverage, luminance, rows >= 0)
+
+
+def decode_on(
+    device: str, coded: CodedOctree, rows: np.ndarray, views: tuple[np.ndarray, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coverage (M,) and luminance (M,) of coded nodes by torch, all codes copied to `device` before.
+
+    rows: (M,) of `node_corners`. views: entry in the voxel, direction, up (M, 3) and ratio (M,), see `Hits`.
+    """
+    from ..network.torch_decode import TorchDecoder
+
+    with enough_memory("decoding"):
+        return TorchDecoder(coded.weights, coded.codes, device)(corners_of(coded, rows), *views)
+
+
+def corners_of(coded: CodedOctree, rows: np.ndarray) -> np.ndarray:
+    """Rows (M, 8) in `codes` of the corners of coded nodes, x fastest, for rows (M,) of `node_corners`."""
+    corners: np.ndarray = coded.node_corners[rows]
+    return corners
 
 
 def interpolate_codes(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndarray) -> np.ndarray:

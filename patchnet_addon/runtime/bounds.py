@@ -116,6 +116,7 @@ BATCH = Bounds("Batch", 1, 2**24, True)
 LEARNING_RATE = Bounds("Learning rate", 1e-9, 10)
 LUMINANCE_WEIGHT = Bounds("Luminance weight", 0, 1e6)
 STOP_AFTER = Bounds("Steps", 1, 10**15, True)
+THREADS = Bounds("Threads", 1, 4096, True, "choose how many threads of the CPU work")
 CHECKPOINT_MINUTES = Bounds("Minutes between checkpoints", 0, 1e6)
 
 # Benchmarks.
