@@ -17,7 +17,7 @@ from patchnet.operators.settings.groups import (
     SurfaceSettings,
     ViewSettings,
 )
-from patchnet.operators.settings.job_settings import GROUP_OF, JobSettings, groups_of_rows, places
+from patchnet.operators.settings.job_settings import GROUP_OF, JobSettings, groups_of_rows, setting_paths
 from patchnet.operators.settings.step_settings import recorded
 from patchnet.operators.ui.properties import scene_settings
 from patchnet.patchnet_addon.runtime.errors import SettingError
@@ -49,7 +49,7 @@ def test_every_setting_of_the_octree_is_tried() -> None:
 def test_devices_change_no_key() -> None:
     build()
     depsgraph, settings = bpy.context.evaluated_depsgraph_get(), JobSettings()
-    other = settings.changed(device="CPU", encoder_device="CPU", torch_python=Path("other"))
+    other = settings.changed(device="CPU", network_device="CPU", torch_python=Path("other"))
     assert other != settings
     assert surface_key(depsgraph, other) == surface_key(depsgraph, settings)
     assert repr(other) == repr(settings)
@@ -85,10 +85,10 @@ def test_flat_names_are_sorted_into_groups() -> None:
 
 
 def test_a_setting_stands_in_one_group() -> None:
-    known = places({"light": LightSettings}, ["out"])
+    known = setting_paths({"light": LightSettings}, ["out"])
     assert known["light"] == ("light", "kind") and known["out"] == ("", "out")
     with pytest.raises(TypeError, match="Setting 'samples' stands in 'light' and in 'cycles': rename one of them"):
-        places({"light": LightSettings, "cycles": CyclesSettings}, [])
+        setting_paths({"light": LightSettings, "cycles": CyclesSettings}, [])
     with pytest.raises(TypeError, match="Setting 'scope' of the table has no field 'scope' in a group: add one"):
         groups_of_rows(TABLE.values(), known)
 
@@ -103,7 +103,11 @@ def test_a_setting_stands_in_one_group() -> None:
         (ViewSettings, {"strategy": "guess"}, "guess"),
         (ViewSettings, {"size": (4, -1)}, "-1 is outside"),
         (ViewSettings, {"colormap": "gray"}, "There is no colour map 'gray'"),
-        (ComputeSettings, {"encoder_device": "TPU"}, "There is no device 'TPU'"),
+        (
+            ComputeSettings,
+            {"network_device": "TPU"},
+            r"The network's device \(Network On, --device\) 'tpu' is unknown: choose auto, cpu, cuda",
+        ),
         (ComputeSettings, {"memory_bytes": 1}, "is outside"),
         (
             JobSettings,
