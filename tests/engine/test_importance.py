@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from patchnet.patchnet_addon.sampling.errors import mse_at, squared_error
-from patchnet.patchnet_addon.sampling.importance import Place, beside_hits, picture_weights
+from patchnet.patchnet_addon.sampling.importance import PixelRect, beside_hits, picture_weights
 from patchnet.patchnet_addon.sampling.refine import priority, refinable, refine, refinement_order, urgency
 from patchnet.tests.engine.test_sampling import random_buffers
 
@@ -102,12 +102,12 @@ def test_scores_of_zero_come_before_what_does_not_matter() -> None:
 def test_a_place_that_reaches_beyond_the_frame() -> None:
     values = np.random.default_rng(5).random((9, 7))
     whole = picture_weights(values, 20, 30).reshape(20, 30)
-    part = picture_weights(values, 8, 11, Place(-4, -3, 30, 20)).reshape(8, 11)
+    part = picture_weights(values, 8, 11, PixelRect(-4, -3, 30, 20)).reshape(8, 11)
     np.testing.assert_allclose(part, whole[3:11, 4:15], atol=1e-6)
 
 
 def test_a_place_within_the_frame() -> None:
-    found = picture_weights(np.ones((2, 2)), 6, 8, Place(3, 1, 4, 2)).reshape(6, 8)
+    found = picture_weights(np.ones((2, 2)), 6, 8, PixelRect(3, 1, 4, 2)).reshape(6, 8)
     expected = np.zeros((6, 8))
     expected[1:3, 3:7] = 1.0
     np.testing.assert_array_equal(found, expected)
