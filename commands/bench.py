@@ -14,11 +14,11 @@ from __future__ import annotations
 import argparse
 import json
 
-from .benches import bake, depths, encode, fit, nodes, opening, scene, voxel_grids
+from .benches import bake, depths, device, encode, fit, nodes, opening, scene, voxel_grids
 
 BENCHES = {
     "voxelize": voxel_grids, "depths": depths, "open": opening, "nodes": nodes, "scene": scene, "fit": fit,
-    "bake": bake, "encode": encode,
+    "bake": bake, "encode": encode, "device": device,
 }  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from .batches import Augmentation
 from .corpus import Corpus
-from .learner import Learner
+from .learner import Learner, mean_errors
 from .settings import TrainSettings
 from .tensor_batch import TensorBatch
 from .torch_corpus import TorchCorpus, corpus_fits
@@ -74,8 +74,8 @@ class ThreadCrew:
             self._pool.submit(self._part, rows[first:last], augmentation.part(first, last), dtype)
             for first, last in itertools.pairwise(cuts)
         ]
-        gradients, errors = zip(*(job.result() for job in jobs), strict=True)
-        return list(gradients), torch.stack(errors).sum(0)
+        gradients, sums = zip(*(job.result() for job in jobs), strict=True)
+        return list(gradients), mean_errors(torch.stack(sums).sum(0))
 
     def _part(self, rows: np.ndarray, augmentation: Augmentation, dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
         batch = TensorBatch.of(self._corpus.batch(rows, augmentation), self._learner.device)
@@ -97,8 +97,8 @@ class GpuCrew:
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
         """Gradients of a step as one part, and its errors, see `Crew`."""
         batch = self._data.batch(*plan_of_step(self._corpus, self._learner.settings, self._voxels, step))
-        gradients, errors = self._learner.gradients(batch, dtype)
-        return [gradients], errors
+        gradients, sums = self._learner.gradients(batch, dtype)
+        return [gradients], mean_errors(sums)
 
     def close(self) -> None:
         """Give the data's memory back."""
@@ -122,8 +122,8 @@ class FedGpuCrew:
             self._ahead.append((number, self._pool.submit(self._gathered, number)))
         number, batch = self._ahead.popleft()
         assert number == step
-        gradients, errors = self._learner.gradients(batch.result(), dtype)
-        return [gradients], errors
+        gradients, sums = self._learner.gradients(batch.result(), dtype)
+        return [gradients], mean_errors(sums)
 
     def _gathered(self, step: int) -> TensorBatch:
         plan = plan_of_step(self._corpus, self._learner.settings, self._voxels, step)

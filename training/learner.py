@@ -29,7 +29,7 @@ class Learner:
         self.seconds = 0.0  # of training so far, over all interruptions
 
     def gradients(self, batch: TensorBatch, dtype: torch.dtype, share: float = 1.0) -> tuple[list[Tensor], Tensor]:
-        """Gradients of the loss of a batch, and its errors (2,) of coverage and luminance where something is seen.
+        """Gradients of the loss of a batch, and its sums (3,) for `mean_errors`.
 
         share: of the step that the batch is; both are multiplied by it, so that those of all parts add up. The
         encoder's products run in `dtype`. Touches nothing, so that several threads may work on parts of a step.
@@ -38,7 +38,7 @@ class Learner:
             coverage, luminance, seen = errors(self.model(batch, dtype), batch)
             loss = share * (coverage + self.settings.luminance_weight * luminance * seen)
             gradients = torch.autograd.grad(loss, self.model.trained())
-        return list(gradients), share * torch.stack([coverage.detach(), luminance.detach()])
+        return list(gradients), share * torch.stack([coverage, luminance * seen, seen]).detach()
 
     def step(self, parts: list[list[Tensor]], rate: float) -> None:
         """Take one step at learning rate `rate` along the sum of the gradients of the parts of a step."""
@@ -83,3 +83,8 @@ def errors(predicted: Tensor, batch: TensorBatch) -> tuple[Tensor, Tensor, Tenso
     of_coverage = (predicted[..., 0] - batch.coverage).abs().mean()
     of_luminance = ((predicted[..., 1] - batch.luminance).abs() * seen).sum() / seen.sum().clamp(1)
     return of_coverage, of_luminance, seen.mean()
+
+
+def mean_errors(sums: Tensor) -> Tensor:
+    """Errors (2,) of a step, of coverage and of luminance where something is seen, from the sums (3,) of its parts."""
+    return torch.stack([sums[0], sums[1] / sums[2].clamp(min=1e-9)])
