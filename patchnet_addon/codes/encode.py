@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
 from .coded_octree import CodedOctree
 from .patches import corner_neighbours, corner_table, voxel_blocks
+
+if TYPE_CHECKING:
+    from .torch_tree import TorchCorners
 
 BACKENDS = ("auto", "compiled", "numpy", "torch")
 _LABEL = "Encoding corners"
@@ -51,13 +54,17 @@ def encode_octree(
         total += len(corners)
         yield Progress(level + 1, octree.depth, "Finding corners")
     codes = np.zeros((total, CODE_SIZE), np.float16)
-    encode_corners = _corner_encoder(encoder, octree, weights.lookahead)
+    with enough_memory("the octree"):
+        on_device = _corners_on_device(encoder, octree, weights.lookahead)
     for level, corners, first in levels:
         for start in range(0, len(corners), encoder.chunk):
             chunk = corners[start : start + encoder.chunk]
             done = first + start + len(chunk)
             with enough_memory("encoding"):
-                found = encode_corners(level, chunk)
+                if on_device is not None:
+                    found = on_device(level, chunk)
+                else:
+                    found = _encode_chunk(encoder, octree, level, chunk, weights.lookahead)
             codes[first + start : done] = np.clip(found, -_HALF_MAX, _HALF_MAX)
             yield Progress(done, total, _LABEL)
     rows = np.concatenate(node_corners) if node_corners else np.zeros((0, 8), np.uint32)
@@ -83,15 +90,14 @@ def make_encoder(weights: Weights, backend: str = "auto", device: str = CPU) -> 
         return TorchEncoder(weights, device)
 
 
-def _corner_encoder(encoder: Encoder, octree: Octree, lookahead: int) -> Callable[[int, np.ndarray], np.ndarray]:
-    """Function of a level and corners (C, 3) that gives their codes; a GPU with room for the octree gathers itself."""
+def _corners_on_device(encoder: Encoder, octree: Octree, lookahead: int) -> TorchCorners | None:
+    """Encoder of corners whose blocks the encoder's GPU gathers, if it is one and has room for the octree."""
     device = getattr(encoder, "device", None)  # only torch's has one
-    if device is not None and device.type != CPU:
-        from .torch_tree import TorchCorners, tree_fits
+    if device is None or device.type == CPU:
+        return None
+    from .torch_tree import TorchCorners, tree_fits
 
-        if tree_fits(octree, device):
-            return TorchCorners(encoder, octree, lookahead)  # type: ignore[arg-type]
-    return lambda level, corners: _encode_chunk(encoder, octree, level, corners, lookahead)
+    return TorchCorners(encoder, octree, lookahead) if tree_fits(octree, device) else None  # type: ignore[arg-type]
 
 
 def _encode_chunk(encoder: Encoder, octree: Octree, level: int, corners: np.ndarray, lookahead: int) -> np.ndarray:

@@ -43,34 +43,47 @@ def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
     cuda:N, or auto (`network/devices.py`); all give the same to 1e-3. Raises SettingError for one that is not there, or
     has too little memory.
     """
-    rows = np.where(hits.node >= 0, coded.coded_index[hits.node], -1)
+    if (device := found_device(device)) != CPU:
+        return predict_on(device, coded, hits)
+    rows = rows_of(coded, hits.node)
     pixels = np.flatnonzero(rows >= 0)
-    views = hits.entry_voxel[pixels], hits.direction[pixels], hits.up[pixels], hits.ratio[pixels]
+    codes = interpolate_codes(coded, rows[pixels], hits.entry_voxel[pixels])
     coverage = np.ones(len(rows), np.float32)
     luminance = hits.luminance.astype(np.float32)
-    if (device := found_device(device)) != CPU:
-        coverage[pixels], luminance[pixels] = decode_on(device, coded, rows[pixels], views)
-        return Prediction(coverage, luminance, rows >= 0)
-    codes = interpolate_codes(coded, rows[pixels], views[0])
-    coverage[pixels], luminance[pixels] = decode(coded.weights, codes, *views[1:])
+    coverage[pixels], luminance[pixels] = decode(
+        coded.weights, codes, hits.direction[pixels], hits.up[pixels], hits.ratio[pixels]
+    )
     return Prediction(coverage, luminance, rows >= 0)
 
 
-def decode_on(
-    device: str, coded: CodedOctree, rows: np.ndarray, views: tuple[np.ndarray, ...]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Coverage (M,) and luminance (M,) of coded nodes by torch, all codes copied to `device` before.
+def predict_on(device: str, coded: CodedOctree, hits: Hits) -> Prediction:
+    """Prediction as `predict` makes it, by torch; all codes are copied to `device`, as torch names it, for this call.
 
-    rows: (M,) of `node_corners`. views: entry in the voxel, direction, up (M, 3) and ratio (M,), see `Hits`.
+    Raises SettingError where they do not fit.
     """
     from ..network.torch_decode import TorchDecoder
 
+    rows = rows_of(coded, hits.node)
+    pixels = np.flatnonzero(rows >= 0)
+    coverage = np.ones(len(rows), np.float32)
+    luminance = hits.luminance.astype(np.float32)
     with enough_memory("decoding"):
-        return TorchDecoder(coded.weights, coded.codes, device)(corners_of(coded, rows), *views)
+        decode_there = TorchDecoder(coded.weights, coded.codes, device)
+        coverage[pixels], luminance[pixels] = decode_there(
+            corners_of(coded, rows[pixels]),
+            *(part[pixels] for part in (hits.entry_voxel, hits.direction, hits.up, hits.ratio)),
+        )
+    return Prediction(coverage, luminance, rows >= 0)
+
+
+def rows_of(coded: CodedOctree, nodes: np.ndarray) -> np.ndarray:
+    """Rows (P,) of nodes (P,) among the coded ones, -1 for those without look-ahead and for node -1."""
+    rows: np.ndarray = np.where(nodes >= 0, coded.coded_index[nodes], -1)
+    return rows
 
 
 def corners_of(coded: CodedOctree, rows: np.ndarray) -> np.ndarray:
-    """Rows (M, 8) in `codes` of the corners of coded nodes, x fastest, for rows (M,) of `node_corners`."""
+    """Rows (M, 8) in the codes of the corners of coded nodes, x fastest, by the nodes' rows (M,)."""
     corners: np.ndarray = coded.node_corners[rows]
     return corners
 

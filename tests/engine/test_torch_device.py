@@ -13,7 +13,7 @@ import pytest
 from patchnet.patchnet_addon.codes import encode
 from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.patches import covering_nodes, voxel_blocks
-from patchnet.patchnet_addon.codes.predict import decode_on, predict
+from patchnet.patchnet_addon.codes.predict import predict, predict_on
 from patchnet.patchnet_addon.network import devices
 from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.devices import enough_memory, found_device, read_device
@@ -163,7 +163,7 @@ def test_codes_of_a_device(octree, lookahead, device, monkeypatch):
     wanted = drain(encode_octree(octree, weights, backend="compiled")).codes
     encoder = make_encoder(weights, "torch", device)
     encoder.chunk = 301
-    monkeypatch.setattr(encode, "_corner_encoder", lambda *arguments: TorchCorners(*arguments))
+    monkeypatch.setattr(encode, "_corners_on_device", lambda *arguments: TorchCorners(*arguments))
     assert_same_codes(drain(encode_octree(octree, weights, encoder=encoder)).codes, wanted)
     monkeypatch.undo()
     monkeypatch.setattr("patchnet.patchnet_addon.codes.torch_tree.tree_fits", lambda *_: False)
@@ -229,17 +229,15 @@ def test_outputs_of_a_device(octree, coded, device, monkeypatch):
     monkeypatch.setattr(torch_decode, "BATCH", 101)
     hits = views_of(octree, 1000)
     wanted = predict(coded, hits)
-    rows = coded.coded_index[hits.node]
-    pixels = np.flatnonzero((hits.node >= 0) & (rows >= 0))
-    assert 50 < len(pixels) < 1000
+    assert 50 < np.count_nonzero(wanted.look_ahead) < 1000
     coded.codes.setflags(write=False)
-    views = hits.entry_voxel[pixels], hits.direction[pixels], hits.up[pixels], hits.ratio[pixels]
-    coverage, luminance = decode_on(device, coded, rows[pixels], views)
-    assert coverage.dtype == luminance.dtype == np.float32
-    np.testing.assert_allclose(coverage, wanted.coverage[pixels], atol=OUTPUTS)
-    np.testing.assert_allclose(luminance, wanted.luminance[pixels], atol=OUTPUTS)
-    nothing = decode_on(device, coded, rows[:0], tuple(view[:0] for view in views))
-    assert nothing[0].shape == nothing[1].shape == (0,)
+    found = predict_on(device, coded, hits)
+    assert found.coverage.dtype == found.luminance.dtype == np.float32
+    np.testing.assert_array_equal(found.look_ahead, wanted.look_ahead)
+    np.testing.assert_allclose(found.coverage, wanted.coverage, atol=OUTPUTS)
+    np.testing.assert_allclose(found.luminance, wanted.luminance, atol=OUTPUTS)
+    nothing = predict_on(device, coded, views_of(octree, 0))
+    assert nothing.coverage.shape == nothing.luminance.shape == (0,)
 
 
 def test_a_device_that_is_not_there_decodes_nothing(octree, coded):

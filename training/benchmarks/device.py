@@ -8,6 +8,7 @@ nothing still runs when the clock stops. Both sides have run before: nothing is 
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from statistics import median
@@ -18,15 +19,15 @@ import torch
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.encode import encode_octree, make_encoder
-from ...patchnet_addon.codes.patches import corner_table
-from ...patchnet_addon.codes.predict import corners_of, decode_on, predict
+from ...patchnet_addon.codes.predict import corners_of, predict, predict_on, rows_of
 from ...patchnet_addon.network.compiled_encode import CompiledEncoder
 from ...patchnet_addon.network.devices import CPU, device_title, found_device
 from ...patchnet_addon.network.torch_decode import TorchDecoder
 from ...patchnet_addon.network.torch_encode import TorchEncoder
-from ...patchnet_addon.network.weights import Weights
+from ...patchnet_addon.network.weights import CODE_SIZE, Weights
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.octree.voxelize import usable_cores
+from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.render import Hits, first_hits
@@ -38,7 +39,6 @@ from ..provenance import describe_machine, describe_versions
 from ..samples import SampleSettings, draw_samples
 from ..settings import BF16, FP32, IMPROVED, TF32
 from ..trainer import corpus_of, encoder_type
-from .encoding import record_chunks
 from .timing import Comparison, take_turns
 
 Run = Callable[[], Any]
@@ -82,7 +82,7 @@ def benchmark_device(octree: Octree, weights: Weights, bench: DeviceBench) -> Co
         "repeats": bench.repeats,
         "nodes": octree.node_count,
         "codes": len(coded.codes),
-        "finding_corners_s": _finding_corners(octree, weights.lookahead),
+        "finding_corners_s": _finding_corners(octree, weights),
         "measured": measured,
         "differences": differences,
     }
@@ -101,8 +101,8 @@ def _codes(
     }
     count = [len(run().codes) for run in runs.values()][-1]
     whole = _row("codes, whole octree", "codes/s", count, take_turns(runs, bench.repeats, all_cores=True))
-    large = record_chunks(octree, weights, bench.corners, there.chunk)
-    small = record_chunks(octree, weights, bench.corners, CompiledEncoder.chunk)
+    large = _record_chunks(octree, weights, bench.corners, there.chunk)
+    small = _record_chunks(octree, weights, bench.corners, CompiledEncoder.chunk)
     tensors = [tuple(torch.from_numpy(part).to(there.device) for part in chunk) for chunk in large]
     runs = {
         "device": lambda: _finished(there.device, [there.encode_tensors(*chunk) for chunk in tensors]),
@@ -118,36 +118,62 @@ def _codes(
     return [whole, alone], {"codes": float(difference), "largest_code": float(np.abs(ours_exact).max())}
 
 
-def _finding_corners(octree: Octree, lookahead: int) -> float:
-    """Seconds of what `encode_octree` does on the CPU whatever encodes: finding the corners of all levels."""
+class _Recorder:
+    """Recorder: an `Encoder` that keeps the last chunks, which are those of the finest level, and encodes nothing."""
+
+    def __init__(self, chunk: int, corners: int) -> None:
+        self.chunk = chunk
+        self.chunks: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=-(-corners // chunk))
+
+    def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        self.chunks.append((blocks, rows))
+        return np.zeros((len(rows), CODE_SIZE), np.float32)
+
+
+def _record_chunks(octree: Octree, weights: Weights, corners: int, chunk: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Blocks and rows of the last chunks of an octree, of `chunk` corners each and about `corners` together.
+
+    Raises SettingError if there are none.
+    """
+    recorder = _Recorder(chunk, corners)
+    drain(encode_octree(octree, weights, encoder=recorder))
+    if not recorder.chunks:
+        raise SettingError("This octree has no corners to encode: take more --nodes")
+    return list(recorder.chunks)
+
+
+def _finding_corners(octree: Octree, weights: Weights) -> float:
+    """Seconds of `encode_octree` until the first codes are there: it finds corners on the CPU, whatever encodes."""
     start = time.perf_counter()
-    coded = octree.look_ahead(lookahead)
-    for level in range(octree.depth - lookahead + 1):
-        corner_table(octree, level, np.flatnonzero(coded[octree.level(level)]) + octree.level_start[level])
+    recorder = _Recorder(CompiledEncoder.chunk, 1)
+    for _ in encode_octree(octree, weights, encoder=recorder):
+        if recorder.chunks:
+            break
     return time.perf_counter() - start
 
 
 def _decodes(coded: CodedOctree, device: str, bench: DeviceBench) -> tuple[list[dict[str, Any]], dict[str, float]]:
     """Rates of decoding: of a view, codes copied for it, and with codes that are there."""
     hits = hits_around(coded.octree, bench.pixels)
-    nodes = coded.coded_index[hits.node]
-    rows, pixels = nodes[nodes >= 0], np.flatnonzero(nodes >= 0)
+    rows = rows_of(coded, hits.node)
+    pixels = np.flatnonzero(rows >= 0)
+    corners = corners_of(coded, rows[pixels])
     views = hits.entry_voxel[pixels], hits.direction[pixels], hits.up[pixels], hits.ratio[pixels]
     decoder = TorchDecoder(coded.weights, coded.codes, device)
     runs: dict[str, Run] = {
-        "device": lambda: decode_on(device, coded, rows, views),
-        "there": lambda: decoder(corners_of(coded, rows), *views),
+        "device": lambda: predict_on(device, coded, hits),
+        "there": lambda: decoder(corners, *views),
         "cpu": lambda: predict(coded, hits),
     }
     theirs, _, ours = runs["device"](), runs["there"](), runs["cpu"]()
     seconds = take_turns(runs, bench.repeats, all_cores=True)
     measured = [
-        _row(name, "decodes/s", len(rows), {"device": seconds[who], "cpu": seconds["cpu"]})
-        for name, who in (("decodes, codes copied for the view", "device"), ("decodes, codes there", "there"))
+        _row(name, "decodes/s", len(pixels), {"device": seconds[who], "cpu": seconds["cpu"]})
+        for name, who in (("decodes, whole view", "device"), ("decodes, network alone", "there"))
     ]
     return measured, {
-        "coverage": float(np.abs(theirs[0] - ours.coverage[pixels]).max(initial=0)),
-        "luminance": float(np.abs(theirs[1] - ours.luminance[pixels]).max(initial=0)),
+        "coverage": float(np.abs(theirs.coverage - ours.coverage).max(initial=0)),
+        "luminance": float(np.abs(theirs.luminance - ours.luminance).max(initial=0)),
     }
 
 

@@ -32,8 +32,9 @@ Chunk = tuple[np.ndarray, np.ndarray]
 class _Recorder:
     """Recorder: an `Encoder` that keeps the last chunks, which are those of the finest level, and encodes nothing."""
 
-    def __init__(self, chunk: int, most: int) -> None:
-        self.chunk = chunk
+    chunk = CompiledEncoder.chunk
+
+    def __init__(self, most: int) -> None:
         self.chunks: deque[Chunk] = deque(maxlen=most)
 
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -41,12 +42,9 @@ class _Recorder:
         return np.zeros((len(rows), CODE_SIZE), np.float32)
 
 
-def record_chunks(octree: Octree, weights: Weights, corners: int, chunk: int = CompiledEncoder.chunk) -> list[Chunk]:
-    """Last chunks of an octree, of `chunk` corners and together up to about `corners`.
-
-    Raises SettingError if there are none.
-    """
-    recorder = _Recorder(chunk, -(-corners // chunk))
+def record_chunks(octree: Octree, weights: Weights, corners: int) -> list[Chunk]:
+    """Last chunks of an octree, together up to about `corners`; raises SettingError if there are none."""
+    recorder = _Recorder(-(-corners // _Recorder.chunk))
     drain(encode_octree(octree, weights, encoder=recorder))
     if not recorder.chunks:
         raise SettingError("This octree has no corners to encode: take one of depth 2 or more")
