@@ -55,6 +55,12 @@ def test_devices_change_no_key() -> None:
     assert repr(other) == repr(settings)
 
 
+def test_devices_of_the_network_as_torch_names_them() -> None:
+    given = ("AUTO", "CPU", "GPU", "auto", "cpu", "cuda", "cuda:1")
+    found = [ComputeSettings(network_device=name).torch_device for name in given]
+    assert found == ["auto", "cpu", "cuda", "auto", "cpu", "cuda", "cuda:1"]
+
+
 def test_every_setting_is_a_property_and_a_field() -> None:
     properties = bpy.context.scene.patchnet.bl_rna.properties
     names = JobSettings().flat()

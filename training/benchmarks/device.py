@@ -42,7 +42,7 @@ from ..trainer import corpus_of, encoder_type
 from .timing import Comparison, take_turns
 
 Run = Callable[[], Any]
-BATCHES = {2048: 40, 8192: 15}  # samples a step, and steps a run on a GPU
+BATCHES = {2048: 100, 8192: 40}  # samples a step, and steps a run on a GPU
 _CPU_STEPS = 5  # a run, however large
 
 
@@ -190,6 +190,7 @@ def _samples(
     for batch, steps in BATCHES.items():
         settings = replace(IMPROVED, batch=batch, precision=FP32)
         local = Training(corpus, settings, CPU, threads)
+        steps = steps if device != CPU else _CPU_STEPS
         others = {"fp32": Training(corpus, settings, device, threads, DEVICE, steps)}
         if device != CPU:
             others["fp32, fed by the CPU"] = Training(corpus, settings, device, threads, HOST, steps)
