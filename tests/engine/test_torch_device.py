@@ -109,7 +109,7 @@ def test_precision_is_as_before_after_products():
 
 
 def has_words():
-    """Whether this torch has words for precisions; up to 2.8 there are switches alone."""
+    """Return whether this torch has words for precisions; up to 2.8 there are switches alone."""
     return hasattr(torch.backends.cuda.matmul, "fp32_precision")
 
 
@@ -206,7 +206,7 @@ def test_tf32_of_the_process_changes_nothing(octree, weights, coded):
 
 
 def views_of(octree, count, seed=1):
-    """What `predict` reads of hits: some misses, some nodes without look-ahead."""
+    """Hits as `predict` reads them: some misses, some nodes without look-ahead."""
     random = np.random.default_rng(seed)
     nodes = random.integers(-1, octree.node_count, count)
     direction = random.normal(size=(count, 3))
