@@ -77,6 +77,8 @@ def run_with_bars(settings: JobSettings) -> JobResult:
 
 def print_result(result: JobResult, settings: JobSettings) -> None:
     """Warnings, the octree, and what is left of the error by strategy."""
+    from ..patchnet_addon.sampling.report import refined_mse
+
     for warning in result.warnings:
         say_note(warning)
     octree = result.report["octree"]
@@ -95,9 +97,15 @@ def print_result(result: JobResult, settings: JobSettings) -> None:
         for name, value in sorted(view["mse"].items(), key=lambda item: item[1]):
             marker = " <" if name == wanted.strategy else ""
             print(f"  {name:<24} {value:.2e}{marker}")
+        if "spp" in view:
+            spp = view["spp"]
+            print(
+                f"  With {spp['spent']:.4g} samples per pixel by priority ({wanted.strategy}) {spp['mse']:.2e}; "
+                f"as many rays as a share {spp['mse_of_share']:.2e}"
+            )
         print_cycles(view.get("cycles"))
     views = [
-        {"camera": view["camera"], "mse_unrefined": view["mse_unrefined"], "mse": view["mse"][wanted.strategy]}
+        {"camera": view["camera"], "mse_unrefined": view["mse_unrefined"], "mse": refined_mse(view, wanted.strategy)}
         for view in result.report["frames"]
     ]
     figures = {"depth": octree["depth"], "leaves": octree["leaves"], "views": views}

@@ -34,9 +34,10 @@ class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy
         result = yield from look(context, settings, compare=False)
         for warning in result.warnings:
             tell(self, "WARNING", warning)
-        error, left = result.report["mse_unrefined"], result.report["mse"][settings.view.strategy]
-        name = result.camera.name
-        return f"{name}: error {error:.2e}, {left:.2e} after refining {settings.view.budget:.0%} of the active pixels"
+        error, left = result.errors
+        wanted = settings.view
+        refined = f"{wanted.budget:.0%} of the active pixels" if wanted.spp is None else f"with {wanted.budget_text}"
+        return f"{result.camera.name}: error {error:.2e}, {left:.2e} after refining {refined}"
 
 
 def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) -> Steps[View]:

@@ -35,10 +35,10 @@ def measure(args: argparse.Namespace) -> Comparison:
     """Rates of all; one core is measured in a process that has one thread; raises PatchNetError."""
     from ...patchnet_addon.network.weights import load_weights
     from ...training.benchmarks.encoding import benchmark_encoding
-    from ...training.benchmarks.threads import has_one_thread
+    from ...training.benchmarks.threads import has_threads
 
     all_cores = args.cores == "all"
-    if not all_cores and not has_one_thread():
+    if not all_cores and not has_threads(1):
         return _in_a_process_of_one_thread(args)
     octree = _octree(args)
     result = benchmark_encoding(octree, load_weights(), args.corners, args.repeats, all_cores=all_cores)
@@ -56,14 +56,14 @@ def _octree(args: argparse.Namespace) -> Octree:
 def _in_a_process_of_one_thread(args: argparse.Namespace) -> Comparison:
     """Run the same measurement by this command in another process, on one thread."""
     from ...training.benchmarks.child import run_child
-    from ...training.benchmarks.threads import one_thread_environment
+    from ...training.benchmarks.threads import environment_of_threads
     from ...training.benchmarks.timing import Comparison
 
     package = __name__.removesuffix(".commands.benches.encode")
     words = ["bench", "encode", "--json", "--cores", "one", "--nodes", str(args.nodes)]
     words += ["--corners", str(args.corners), "--repeats", str(args.repeats)]
     words += [str(args.file)] if args.file is not None else []
-    child = run_child([sys.executable, "-m", package, *words], one_thread_environment())
+    child = run_child([sys.executable, "-m", package, *words], environment_of_threads(1))
     if child.code:
         raise PatchNetError("The measurement on one core failed: what it said stands above")
     values = json.loads(child.stdout.splitlines()[-1])

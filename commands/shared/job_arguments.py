@@ -53,7 +53,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
         parser, "--size", bounds.SIZE_PX, nargs=2, default=(192, 192), metavar=("W", "H"),
         help="pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution (192 192)",
     )  # fmt: skip
-    add_settings(parser, "color", "both_sides", "budget")
+    add_settings(parser, "color", "both_sides", "budget", "spp")
     parser.add_argument("--strategy", default="patchnet-behind", help="what is refined first (patchnet-behind)")
     parser.add_argument(
         "--mask", type=Path, metavar="IMAGE",

@@ -15,7 +15,6 @@ from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from ...patchnet_addon.sampling.refine import refined_picture
 from ...patchnet_addon.sampling.regions import Region, choose_regions, region_mask
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
@@ -83,13 +82,15 @@ def refine_view(
     context: bpy.types.Context, view: View, settings: CyclesSettings, *, sun: bool | None
 ) -> Steps[CyclesView]:
     """Refine a view as `cycles_view` does, with its `sun`; the refined octree picture is that of the view's budget."""
-    buffers = view.buffers
-    refined = yield from computed(
-        lambda: refined_picture(buffers, view.ranking.mask),
-        Progress(0, 1, f"{view.camera.name}: choosing regions"),
-    )
     steps = cycles_view(
-        context, view.octree, view.camera, buffers, view.ranking.priority, settings, refined=refined, sun=sun
+        context,
+        view.octree,
+        view.camera,
+        view.buffers,
+        view.ranking.priority,
+        settings,
+        refined=view.refined.luminance,
+        sun=sun,
     )
     return (yield from steps)
 

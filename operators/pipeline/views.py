@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,10 +21,15 @@ from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.ranking import Ranking, rank
-from ...patchnet_addon.sampling.refine import refinable, refined_colors, refined_picture
+from ...patchnet_addon.sampling.refine import refinable
+from ...patchnet_addon.sampling.refined_picture import (
+    RefinedPicture,
+    refined_by_samples,
+    refined_by_share,
+    samples_report,
+)
 from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
-from ...patchnet_addon.sampling.report import view_report
-from ...patchnet_addon.sampling.strategy import Strategy
+from ...patchnet_addon.sampling.report import refined_mse, view_report
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
 from ..importance.pixels import pixel_importance
@@ -36,7 +41,7 @@ from ..settings.groups import ViewSettings
 class View:
     """Result of a camera.
 
-    octree: what was looked at. ranking: of its pixels by the chosen strategy, within the budget.
+    octree: what was looked at. ranking: of its pixels by the chosen strategy. refined: what the budget made of it.
     pictures: name -> (h, w, 3) encoded colours; those of PICTURES, and "priority" and "order", which are the heatmap
     and the overlay without legend. report: figures.
     warnings: why the picture is empty or black, if it is.
@@ -45,6 +50,7 @@ class View:
     octree: Octree
     camera: Camera
     ranking: Ranking
+    refined: RefinedPicture
     pictures: dict[str, np.ndarray]
     report: dict[str, Any]
     warnings: tuple[str, ...] = ()
@@ -58,6 +64,11 @@ class View:
     def buffers(self) -> PixelBuffers:
         """Traced pixels, and all that strategies read of them."""
         return self.ranking.buffers
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Mean squared error over active pixels of the preview, and of the refined picture."""
+        return self.report["mse_unrefined"], refined_mse(self.report, self.strategy)
 
     @property
     def priority(self) -> np.ndarray:
@@ -84,55 +95,68 @@ def view(
     if settings.importance is not None:
         looked_up = pixel_importance(settings.importance, scope, coded.octree.grid, buffers)
         buffers = replace(buffers, importance=(yield from labelled(looked_up, f"{camera.name}: {{}}")))
-    measuring = computed(
-        lambda: _measured(coded.octree, buffers, camera, strategies, settings),
-        Progress(0, 1, f"{camera.name}: Measuring errors"),
+    measuring = Progress(0, 1, f"{camera.name}: Measuring errors")
+    rankings = yield from computed(
+        lambda: {item.name: rank(item, buffers, settings.budget) for item in strategies}, measuring
     )
-    return (yield from measuring)
+    refined = yield from _refined(coded.octree, camera, rankings[settings.strategy], settings.spp)
+    return (yield from computed(lambda: _measured(coded.octree, camera, rankings, refined, settings), measuring))
+
+
+def _refined(octree: Octree, camera: Camera, ranking: Ranking, spp: float | None) -> Steps[RefinedPicture]:
+    """Spend the budget on a ranked view: samples per pixel where there are any, else its share of the pixels."""
+    if spp is None:
+        return refined_by_share(ranking)
+    tracing = run_in_worker(
+        lambda: refined_by_samples(octree, camera, ranking, spp), Progress(0, 1, "Refining by priority")
+    )
+    return (yield from labelled(tracing, f"{camera.name}: {{}}"))
 
 
 def _measured(
-    octree: Octree, buffers: PixelBuffers, camera: Camera, strategies: Sequence[Strategy], settings: ViewSettings
+    octree: Octree, camera: Camera, rankings: Mapping[str, Ranking], refined: RefinedPicture, settings: ViewSettings
 ) -> View:
-    """Figures and pictures of a traced view."""
+    """Figures and pictures of a refined view."""
     from ...patchnet_addon.tracing.unseen import why_unseen
 
+    chosen = rankings[settings.strategy]
+    buffers = chosen.buffers
     assert buffers.reference is not None
     unseen = why_unseen(octree, camera, buffers.hits, max(float(buffers.preview.max()), float(buffers.reference.max())))
-    rankings = {item.name: rank(item, buffers, settings.budget) for item in strategies}
     report = view_report(buffers, camera.name, settings.budget, rankings.values())
+    if settings.spp is not None:
+        report["spp"] = samples_report(chosen, refined, settings.spp)
     if settings.importance is not None:
         report["refinable_pixels"] = refinable(buffers)
-    chosen = rankings[settings.strategy]
-    pictures = _pictures(chosen, settings, camera.name)
-    return View(octree, camera, chosen, pictures, report, () if unseen is None else (unseen,))
+    made = View(octree, camera, chosen, refined, {}, report, () if unseen is None else (unseen,))
+    return replace(made, pictures=_pictures(made, settings))
 
 
-def _pictures(ranking: Ranking, settings: ViewSettings, name: str) -> dict[str, np.ndarray]:
+def _pictures(made: View, settings: ViewSettings) -> dict[str, np.ndarray]:
     """Pictures of a view; those with a legend are magnified, the others are as many pixels as the camera has.
 
     Preview, refined and reference are in colour if the octree is. The overlay stays gray, so that red means one thing.
     """
+    name, ranking, refined = made.camera.name, made.ranking, made.refined
     buffers, chosen = ranking.buffers, ranking.strategy
     assert buffers.reference is not None
-    refined = refined_picture(buffers, ranking.mask)
-    before, after = (np.abs(values - buffers.reference) for values in (buffers.preview, refined))
+    before, after = (np.abs(values - buffers.reference) for values in (buffers.preview, refined.luminance))
     picture, ramp = buffers.picture, settings.colormap
     maximum = settings.heatmap_maximum or chosen.maximum
-    preview, first, urgent = picture(buffers.preview), picture(ranking.urgency), picture(ranking.priority)
-    looks = {"preview": buffers.preview, "refined": refined, "reference": buffers.reference}
-    if buffers.preview_color is not None and buffers.reference_color is not None:
-        colors = refined_colors(buffers, ranking.mask)
-        looks = {"preview": buffers.preview_color, "refined": colors, "reference": buffers.reference_color}
+    preview, urgent = picture(buffers.preview), picture(ranking.priority)
+    first = picture(ranking.urgency(refined.refined_count))
+    looks = {"preview": buffers.preview, "refined": refined.luminance, "reference": buffers.reference}
+    if buffers.preview_color is not None and buffers.reference_color is not None and refined.colors is not None:
+        looks = {"preview": buffers.preview_color, "refined": refined.colors, "reference": buffers.reference_color}
     return {
         "preview": shown(picture(looks["preview"])),
         "priority": colormap(urgent / np.float32(maximum), ramp),
         "heatmap": heatmap(urgent, maximum, chosen.quantity, map_name=ramp, title=f"{name}: {chosen.name}"),
         "order": tint(preview, first),
-        "overlay": overlay(preview, first, settings.budget, title=f"{name}: order of refinement"),
+        "overlay": overlay(preview, first, settings.budget_text, title=f"{name}: order of refinement"),
         "refined": shown(picture(looks["refined"])),
         "reference": shown(picture(looks["reference"])),
-        "error": error_picture(picture(before), picture(after), ERROR_MAXIMUM, ranking.mse, map_name=ramp),
+        "error": error_picture(picture(before), picture(after), ERROR_MAXIMUM, made.errors, map_name=ramp),
     }
 
 
@@ -142,8 +166,8 @@ def overview(views: Sequence[View]) -> np.ndarray:
     rows = [[item.pictures[name] for name in columns] for item in views]
     names = []
     for item in views:
-        left = item.report["mse"][item.strategy]
-        names.append(f"{item.camera.name}: mse {item.report['mse_unrefined']:.5f} -> {left:.5f}")
+        before, after = item.errors
+        names.append(f"{item.camera.name}: mse {before:.5f} -> {after:.5f}")
     titles = ("preview", "priority", "refined first: red", "refined", "reference")
     return contact_sheet(rows, names, titles)
 

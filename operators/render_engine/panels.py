@@ -10,7 +10,7 @@ import bpy
 
 from ..jobs.job_operator import JobOperator
 from ..session import results
-from ..ui.panels.tab import draw_setting, draw_settings, split
+from ..ui.panels.tab import draw_budget, draw_setting, draw_settings, split
 from .engine import ENGINE
 
 # Panels of EEVEE's that edit what a bake sees.
@@ -48,8 +48,8 @@ class PATCHNET_PT_render_refinement(_RenderPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Strategy, budget and painted importance, which views in the sidebar have, too."""
         layout = split(self.layout)
-        for name in ("strategy", "budget"):
-            draw_setting(layout, context.scene.patchnet, name)
+        draw_setting(layout, context.scene.patchnet, "strategy")
+        draw_budget(layout, context.scene.patchnet)
         draw_settings(layout, context.scene.patchnet, "importance")
 
 

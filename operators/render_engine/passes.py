@@ -8,7 +8,7 @@
 | Normal | XYZ | mean normal of the voxel in world space, towards the camera, unit length; 0 where there is none |
 | Priority | X | what pixels are refined by: the strategy's score, times painted importance |
 | Coverage | X | share of the pixel that the network expects to be covered; 1 without look-ahead, 0 beside objects |
-| Sample Count | X | rays traced for the pixel's colour: 1, or 1024 where refined |
+| Sample Count | X | rays traced for the pixel's colour: 1, or 1024 where refined; 1 to 1024 with samples per pixel |
 | Level | X | level of the octree that the pixel's voxel is on; -1 where nothing was met |
 """
 

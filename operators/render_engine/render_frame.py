@@ -54,7 +54,7 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     try:
         pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)
         _warn_of_unseen(engine, picture)
-        pull(engine, output.shown_meanwhile(picture.refine(wanted.budget)), 0.5, 1.0)
+        pull(engine, output.shown_meanwhile(picture.refine(wanted.budget, spp=wanted.spp)), 0.5, 1.0)
     finally:  # a render that was stopped shows how far it came
         output.end()
 

@@ -90,11 +90,12 @@ class Viewport:
         world = None if context.scene.render.film_transparent else world_color(context.scene.world)
         background = None if world is None else world.tobytes()
         rect = None if strokes is None else camera_rect(context)
-        state = (id(result), values.strategy, values.budget, background, self.mask.version, rect, *_view(camera))
+        wanted = values.strategy, values.budget, values.spp
+        state = (id(result), *wanted, background, self.mask.version, rect, *_view(camera))
         if state != self._state or self._preview is None:
             importance = None if strokes is None else partial(strokes.weights, result.octree.grid, rect=rect)
             picture = AdaptivePicture(result.octree, camera, strategy(values.strategy), result.coded, importance)
-            self._state, self._preview = state, ViewportPreview(picture, values.budget, world)
+            self._state, self._preview = state, ViewportPreview(picture, values.budget, world, values.spp or None)
             self._asked = time.perf_counter()  # the first picture comes soon
         return self._preview
 

@@ -29,11 +29,14 @@ class ViewportPreview:
     status: what is done now. done: nothing is left to do. steps: the work, for callers that pull it without `work`.
     """
 
-    def __init__(self, picture: AdaptivePicture, budget: float, world: np.ndarray | None) -> None:
+    def __init__(
+        self, picture: AdaptivePicture, budget: float, world: np.ndarray | None, spp: float | None = None
+    ) -> None:
+        """Prepare for a picture; spp: mean samples per active pixel instead of the share `budget`."""
         self.picture = picture
         self.status = ""
         self.done = False
-        self._world, self._budget = world, budget
+        self._world, self._budget, self._spp = world, budget, spp
         self.pace = Pace(*_FIRST_PACE)
         self.steps = self._all()
 
@@ -67,7 +70,7 @@ class ViewportPreview:
         yield Progress(0, 1, "Tracing the preview")
         yield from self.picture.trace(self.pace)
         for side in (_QUICK_SIDE, _FINE_SIDE):
-            yield from self.picture.refine(self._budget, side, self.pace)
+            yield from self.picture.refine(self._budget, side, self.pace, spp=self._spp)
 
     def _trace_coarsely(self) -> None:
         """Fill the picture with large squares of single rays; what `samples` says stays 0 there."""

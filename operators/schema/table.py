@@ -162,6 +162,14 @@ _VIEWS = (
         argument="--budget", help="share of active pixels to refine, 0 to 1",
     ),
     Setting(
+        "spp", "Samples per Pixel",
+        "Mean samples per active pixel, spread by priority: 1, 4, 16, 64, 256 or 1,024 in each; 0 refines the share "
+        "that Budget says with 1,024",
+        VIEW, Kind.AUTOMATIC, None, bounds.SPP,
+        argument="--spp", help="mean samples per active pixel, 1 to 1024, by priority, instead of a share", unit="MEAN",
+        widget={"soft_max": 64.0},
+    ),
+    Setting(
         "heatmap_maximum", "Heatmap Max", "Priority at the end of the heatmap's legend; 0 takes the strategy's own",
         VIEW, Kind.AUTOMATIC, None, bounds.HEATMAP_MAXIMUM, effect=Effect.PERHAPS,
         argument="--heatmap-max", help="priority at the end of the heatmap's legend",

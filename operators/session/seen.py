@@ -15,13 +15,12 @@ if TYPE_CHECKING:
 
 def seen(result: SceneResult, view: View, *, compared: bool = False) -> SceneResult:
     """Add a view's figures to a result; a comparison of all strategies if there was one, else none any more."""
-    report = view.report
     made = replace(
         result,
         lookahead_share=view.buffers.lookahead_share,
         pictures=True,
         comparison=comparison_of(view) if compared else None,
-        errors=(report["mse_unrefined"], report["mse"][view.strategy]),
+        errors=view.errors,
     )
     made.unmark("view")
     return made

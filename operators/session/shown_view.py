@@ -107,15 +107,12 @@ class ShownView:
 
 def view_to_show(view: View, settings: ViewSettings, chosen_maximum: float) -> ShownView:
     """Select what overlay and inspection need of a view that was made with `settings`."""
-    from ...patchnet_addon.tracing.supersample import MAX_SIDE
-
-    buffers, mask = view.buffers, view.ranking.mask
+    buffers, refined = view.buffers, view.refined
     assert buffers.reference is not None
-    refined = np.where(mask, buffers.reference, buffers.preview)
     flat = {
         LEVEL: np.where(buffers.hit, buffers.hits.level, -1),
-        **dict(zip(LUMINANCES, (buffers.preview, refined, buffers.reference), strict=True)),
-        SAMPLES: np.where(mask, MAX_SIDE**2, 1),
+        **dict(zip(LUMINANCES, (buffers.preview, refined.luminance, buffers.reference), strict=True)),
+        SAMPLES: refined.samples,
     }
     known = buffers.prediction or buffers.exact
     if known is not None:

@@ -109,7 +109,8 @@ class ViewSettings:
 
     cameras: names, or ("all",), or ("auto",); empty for the scene's active camera.
     size: pictures in pixels; a height of 0 follows the render aspect, (0, 0) is the render resolution.
-    budget: share of active pixels to refine. heatmap_maximum: None takes the strategy's own.
+    budget: share of active pixels to refine. spp: mean samples per active pixel, spread by priority (methods 7.25b);
+    None refines the share. heatmap_maximum: None takes the strategy's own.
     importance: what was painted to matter; None where all pixels matter alike.
     cycles: how Cycles renders the worst regions over the preview; None renders none.
     """
@@ -117,6 +118,7 @@ class ViewSettings:
     cameras: tuple[str, ...] = ()
     size: tuple[int, int] = TABLE["size"].default
     budget: float = TABLE["budget"].default
+    spp: float | None = None
     strategy: str = TABLE["strategy"].default
     heatmap_maximum: float | None = None
     colormap: str = COLORMAPS[0]
@@ -128,6 +130,11 @@ class ViewSettings:
         _check_numbers(self)
         if self.colormap not in COLORMAPS:
             raise SettingError(f"There is no colour map {self.colormap!r}: choose one of {', '.join(COLORMAPS)}")
+
+    @property
+    def budget_text(self) -> str:
+        """Budget in words, after "refined with"."""
+        return f"a budget of {self.budget:.0%}" if self.spp is None else f"{self.spp:g} samples per pixel"
 
 
 @dataclass(frozen=True)

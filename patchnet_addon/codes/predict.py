@@ -4,22 +4,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+import numba
 import numpy as np
-from numba import prange
 
+from ..network.compiled_decode import DIRECTION, RATIO, TILE, UP, DecoderLayers, decode_tile, empty_tile
 from ..network.decode import decode
 from ..network.devices import CPU, enough_memory, found_device
-from ..runtime.kernels import kernel
+from ..network.weights import CODE_SIZE
+from ..runtime.kernels import device, kernel
 from .coded_octree import CodedOctree
+from .corner_rows import MEAN_SIZE, CornerCodes, coded_row, write_mean_code
 from .patches import OCTANTS
 
 if TYPE_CHECKING:
     from ..tracing.render import Hits
 
-# Compiled CPU code knows no half floats: it looks all 65536 of them up.
-_HALF_FLOATS = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float32)
+_PART = 64 * TILE  # pixels that a core takes at once, at most; its last tile is filled in part
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +38,18 @@ class Prediction:
     look_ahead: np.ndarray
 
 
+class _Rays(NamedTuple):
+    """What the network is given of each pixel's ray; see `Hits`."""
+
+    node: np.ndarray
+    entry: np.ndarray
+    direction: np.ndarray
+    up: np.ndarray
+    ratio: np.ndarray
+
+
 def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
-    """Decode coverage and luminance of all pixels.
+    """Decode coverage and luminance of all pixels, on all cores of the CPU or on a GPU.
 
     Those without look-ahead keep what they show, so that their priority is 0 (methods 4.1b). `device`: cpu, cuda,
     cuda:N, or auto (`network/devices.py`); all give the same to 1e-3. Raises SettingError for one that is not there, or
@@ -45,9 +57,32 @@ def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
     """
     if (device := found_device(device)) != CPU:
         return predict_on(device, coded, hits)
+    entry, direction, up, ratio = (
+        np.ascontiguousarray(array, np.float32) for array in (hits.entry_voxel, hits.direction, hits.up, hits.ratio)
+    )
+    rays = _Rays(np.ascontiguousarray(hits.node, np.int64), entry, direction, up, ratio)
+    pixels = len(rays.node)
+    prediction = Prediction(
+        np.ones(pixels, np.float32), np.array(hits.luminance, np.float32), np.zeros(pixels, np.bool_)
+    )
+    part = min(_PART, max(-(-pixels // (4 * numba.get_num_threads())), TILE))  # small pictures are for all cores, too
+    _predict(
+        rays,
+        CornerCodes.of(coded),
+        DecoderLayers.pack(coded.weights),
+        part,
+        prediction.coverage,
+        prediction.luminance,
+        prediction.look_ahead,
+    )
+    return prediction
+
+
+def predict_reference(coded: CodedOctree, hits: Hits) -> Prediction:
+    """Reference of `predict` in NumPy."""
     rows = rows_of(coded, hits.node)
     pixels = np.flatnonzero(rows >= 0)
-    codes = interpolate_codes(coded, rows[pixels], hits.entry_voxel[pixels])
+    codes = interpolate_codes_reference(coded, rows[pixels], hits.entry_voxel[pixels])
     coverage = np.ones(len(rows), np.float32)
     luminance = hits.luminance.astype(np.float32)
     coverage[pixels], luminance[pixels] = decode(
@@ -88,36 +123,69 @@ def corners_of(coded: CodedOctree, rows: np.ndarray) -> np.ndarray:
     return corners
 
 
-def interpolate_codes(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndarray) -> np.ndarray:
-    """Trilinear means (M, 10) float32 of the codes of coded nodes at points (M, 3) in the voxels, [0, 1]^3.
+def interpolate_codes_reference(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndarray) -> np.ndarray:
+    """Trilinear means (M, 10) float64 of the codes of coded nodes at points (M, 3) in the voxels, [0, 1]^3.
 
     The nodes are given as rows (M,) of `node_corners`.
     """
-    result = np.empty((len(rows), coded.codes.shape[1]), np.float32)
-    halves = coded.codes.view(np.uint16)
-    entry = np.ascontiguousarray(entry_voxel, np.float32)
-    _interpolate(halves, _HALF_FLOATS, coded.node_corners, np.asarray(rows, np.int64), entry, result)
-    return result
-
-
-def interpolate_codes_reference(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndarray) -> np.ndarray:
-    """Reference of `interpolate_codes` in NumPy, float64."""
     entry = np.asarray(entry_voxel, np.float64)[:, None, :]
     shares = np.where(OCTANTS == 1, entry, 1 - entry).prod(axis=-1)  # (M, 8)
-    codes = coded.codes[coded.node_corners[rows]].astype(np.float64)  # (M, 8, 10)
+    codes = coded.codes[corners_of(coded, rows)].astype(np.float64)  # (M, 8, 10)
     return np.einsum("mo,moc->mc", shares, codes)
 
 
 @kernel
-def _interpolate(halves, half_floats, node_corners, rows, entry, result):
-    one = np.float32(1)
-    for pixel in prange(len(rows)):
-        x, y, z = entry[pixel]
-        result[pixel] = np.float32(0)
-        for octant in range(8):
-            share = x if octant & 1 else one - x
-            share *= y if octant & 2 else one - y
-            share *= z if octant & 4 else one - z
-            corner = node_corners[rows[pixel], octant]
-            for k in range(result.shape[1]):
-                result[pixel, k] += share * half_floats[halves[corner, k]]
+def _predict(rays, corner_codes, layers, part, coverage, luminance, look_ahead):  # type: ignore[no-untyped-def]
+    """Write coverage and luminance of the pixels with look-ahead, and which these are."""
+    pixels = len(coverage)
+    for number in numba.prange((pixels + part - 1) // part):
+        first = np.int64(number) * part
+        last = min(first + part, pixels)
+        _predict_part(rays, corner_codes, layers, (first, last), coverage, luminance, look_ahead)
+
+
+@device
+def _predict_part(rays, corner_codes, layers, part, coverage, luminance, look_ahead):  # type: ignore[no-untyped-def]
+    """Predict for a range of pixels: those with look-ahead are gathered, and decoded when they fill a tile."""
+    tile = empty_tile(), empty_tile()
+    pixels, rows = np.empty(TILE, np.int64), np.empty(TILE, np.int64)
+    nodes, coded_index = rays.node, corner_codes.coded_index
+    count = 0
+    for pixel in range(part[0], part[1]):
+        row = coded_row(coded_index, nodes[pixel])
+        if row >= 0:
+            look_ahead[pixel] = True
+            pixels[count], rows[count] = pixel, row
+            count += 1
+        if count == TILE or (pixel == part[1] - 1 and count > 0):
+            _fill_codes(corner_codes, rows[:count], rays.entry, pixels, tile[0])
+            _fill_rays(rays.direction, rays.up, rays.ratio, pixels[:count], tile[0])
+            outputs = decode_tile(tile[0], tile[1], layers)
+            for place in range(count):
+                coverage[pixels[place]] = outputs[place]
+                luminance[pixels[place]] = outputs[TILE + place]
+            count = 0
+
+
+@device
+def _fill_codes(corner_codes, rows, entry, pixels, inputs):  # type: ignore[no-untyped-def]
+    """Write the codes of pixels, interpolated at their entry points, into a tile; rows: of the nodes they hit."""
+    halves, node_corners = corner_codes.halves, corner_codes.node_corners
+    mean = np.empty(MEAN_SIZE, np.float32)
+    for place in range(len(rows)):
+        pixel = pixels[place]
+        point = entry[pixel, 0], entry[pixel, 1], entry[pixel, 2]
+        write_mean_code(halves, node_corners, rows[place], point, mean)
+        for k in range(CODE_SIZE):
+            inputs[k * TILE + place] = mean[k if k < 8 else k + MEAN_SIZE - CODE_SIZE]
+
+
+@device
+def _fill_rays(direction, up, ratio, pixels, inputs):  # type: ignore[no-untyped-def]
+    """Write what the network is given of the rays of pixels into a tile."""
+    for place in range(len(pixels)):
+        pixel = pixels[place]
+        for axis in range(3):
+            inputs[(DIRECTION + axis) * TILE + place] = direction[pixel, axis]
+            inputs[(UP + axis) * TILE + place] = up[pixel, axis]
+        inputs[RATIO * TILE + place] = ratio[pixel]

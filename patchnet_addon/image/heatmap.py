@@ -45,13 +45,13 @@ def heatmap(
     return with_legend([view], [title or "priority"], lambda position: colormap(position, map_name), ticks, quantity)
 
 
-def overlay(luminance: np.ndarray, urgency: np.ndarray, budget: float, *, title: str = "") -> np.ndarray:
+def overlay(luminance: np.ndarray, urgency: np.ndarray, budget: str, *, title: str = "") -> np.ndarray:
     """Picture (H, W) with the pixels that a budget refines in red, redder is refined first (methods 3).
 
-    `urgency`: (H, W), 1 for the first pixel, falling to 0 at the budget's end and beyond.
+    `urgency`: (H, W), 1 for the first pixel, falling to 0 at the budget's end and beyond. `budget`: in words.
     """
     ticks = ["last", "", "", "", "first"]
-    label = f"refined with a budget of {budget:.0%}"
+    label = f"refined with {budget}"
     return with_legend([magnify(tint(luminance, urgency))], [title or "refinement order"], red_ramp, ticks, label)
 
 

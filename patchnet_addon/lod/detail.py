@@ -13,10 +13,23 @@ from ..cells.morton_kernels import cell_key
 from ..octree.grid import Grid
 from ..octree.nodes import Nodes
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.kernels import device, kernel, serial_kernel
+from ..runtime.kernels import device, kernel, lean_device, serial_kernel
 from ..runtime.progress import Progress, Steps
+from ..runtime.vectors import first_bit
 from ..tracing.camera import Camera, CameraUnit, camera_in_unit_cube
-from ..tracing.traverse import first_seen, pixel_ray
+from ..tracing.tile import (
+    COARSE,
+    TILE,
+    Search,
+    aim_tile,
+    find_entries,
+    make_levels,
+    make_tile,
+    node_seen,
+    ray_of,
+    want_pixels,
+)  # fmt: skip
+from ..tracing.tile_walk import trace_tile
 
 _ROWS_PER_STEP = 64
 # Beside its centre, four rays with the footprint of a patch's voxels look through the gaps of each pixel.
@@ -91,30 +104,50 @@ def _stops(
 
 @kernel
 def _trace(nodes, camera, first_row, offset, finer, lookahead, stops):  # type: ignore[no-untyped-def]
-    for row in numba.prange(len(stops.wanted) // camera.width_px):
-        y = 2.0 * (first_row + row + 0.5 + offset[1]) / camera.height_px - 1.0
-        first = np.int64(row) * camera.width_px  # prange's own integers would compile the row twice
-        _trace_row(nodes, camera, y, first, offset[0], 1.0 / (1 << finer), lookahead, stops)
+    rows = len(stops.wanted) // camera.width_px
+    for band in numba.prange((rows + TILE - 1) // TILE):
+        first = np.int64(band) * TILE  # prange's own integers would compile it twice
+        _trace_band(nodes, camera, (first_row, first, rows), offset, finer, lookahead, stops)
 
 
 @device
-def _trace_row(nodes, camera, y, first, offset, shrink, lookahead, stops):  # type: ignore[no-untyped-def]
-    """Trace the pixels of a row, which are `first` and those after it in `stops`; a parallel kernel cannot write there.
+def _trace_band(nodes, camera, rows, offset, finer, lookahead, stops):  # type: ignore[no-untyped-def]
+    """Trace a row of tiles; rows: the first of the picture, the band's first after that one, and their number."""
+    _trace_tiles(nodes, camera, rows, offset, (finer, lookahead), (make_tile(), make_levels()), stops)
 
-    offset: from the pixels' centres to the right, in pixels. shrink: of the footprint.
+
+@lean_device
+def _trace_tiles(nodes, camera, rows, offset, levels_down, scratch, stops):  # type: ignore[no-untyped-def]
+    """Trace the tiles of a band into `stops`, which a parallel kernel cannot write.
+
+    offset: from the pixels' centres, in pixels. levels_down: of the rays' footprint, and of the look-ahead.
     """
-    stack = np.empty(MAX_LEVELS, np.int64)
-    for column in range(camera.width_px):
-        x = 2.0 * (column + 0.5 + offset) / camera.width_px - 1.0
-        ray = pixel_ray(camera, x, y)
-        hit = first_seen(nodes, camera, ray, shrink, stack)
-        if hit.node >= 0:
-            pixel = camera.side_at_0 + camera.side_per_z * hit.t * ray.speed
-            stops.level[first + column] = hit.level
-            stops.wanted[first + column] = fitting_level(pixel) + lookahead
-            stops.ahead[first + column] = has_lookahead(nodes.child_mask, nodes.first_child, hit.node, lookahead)
-            for axis in range(3):
-                stops.cell[first + column, axis] = hit.cell[axis]
+    first_row, first, count = rows
+    finer, lookahead = levels_down
+    tile, levels = scratch
+    shrink = 1.0 / (np.int64(1) << finer)
+    search = Search(shrink * camera.side_at_0, shrink * camera.side_per_z, 1.0, COARSE, MAX_LEVELS)
+    for row in range(TILE):
+        tile.ys[row] = 2.0 * (first_row + first + row + 0.5 + offset[1]) / camera.height_px - 1.0
+    for first_column in range(0, camera.width_px, TILE):
+        for column in range(TILE):
+            tile.xs[column] = 2.0 * (first_column + column + 0.5 + offset[0]) / camera.width_px - 1.0
+        want_pixels(tile, count - first, camera.width_px - first_column)
+        aim_tile(camera, tile)
+        trace_tile(nodes, search, tile, levels)
+        find_entries(tile)
+        for row in range(min(TILE, count - first)):
+            for column in range(min(TILE, camera.width_px - first_column)):
+                ray = ray_of(row, column)
+                node = node_seen(camera, tile, COARSE, ray)
+                if node >= 0:
+                    stop = (first + row) * camera.width_px + first_column + column
+                    pixel = camera.side_at_0 + camera.side_per_z * tile.t[COARSE, ray] * tile.speed[ray]
+                    stops.level[stop] = first_bit(np.int64(tile.cells[ray]))
+                    stops.wanted[stop] = fitting_level(pixel) + lookahead
+                    stops.ahead[stop] = has_lookahead(nodes.child_mask, nodes.first_child, node, lookahead)
+                    for axis in range(3):
+                        stops.cell[stop, axis] = tile.cell[axis, ray]
 
 
 @serial_kernel

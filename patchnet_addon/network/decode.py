@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""PatchNet's decoder without torch: (code, direction, up, ratio) -> coverage and luminance (methods 7.13 to 7.15)."""
+"""PatchNet's decoder in NumPy: the reference of the compiled one, from codes and rays (methods 7.13 to 7.15)."""
 
 from __future__ import annotations
 

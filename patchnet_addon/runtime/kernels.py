@@ -100,6 +100,14 @@ def device(function: Function) -> Function:
     return _compiled(function)
 
 
+def lean_device(function: Function) -> Function:
+    """Decorate a `device` function that makes no arrays: it does not count who holds those that it is given.
+
+    Each count is an atomic instruction, which a short function that takes many arrays spends most of its time on.
+    """
+    return _compiled(function, _nrt=False)
+
+
 def kernel(function: Function) -> Function:
     """Compile a function over arrays for all cores at its first call; launches are serialised."""
     return _serialised(function, _compiled(function, parallel=True))

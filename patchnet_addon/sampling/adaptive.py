@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Adaptive super-sampling of a picture: one ray a pixel first, then 32x32 where the budget goes (methods 3).
+"""Adaptive super-sampling of a picture: one ray a pixel first, then more where the budget goes (methods 3, 7.25b).
 
 The picture is there at any time between two steps, as good as it is by then: a render engine shows it meanwhile.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from ..tracing.part import camera_part
 from .pixel_buffers import PixelBuffers
 from .refine import priority, refined_count, refinement_order
 from .registry import STRATEGIES
+from .sample_counts import runs_of_equal_counts, samples_in_order
 from .strategy import Strategy
 from .trace import trace_view
 
@@ -96,20 +97,28 @@ class AdaptivePicture:
         ranked = yield from run_in_worker(lambda: self._ranked(bands), Progress(0, 1, "Ranking pixels"))
         self.buffers, self.score, self._order = ranked
 
-    def refine(self, budget: float, side: int = REFINED_SIDE, pace: Pace | None = None) -> Steps[None]:
+    def refine(
+        self, budget: float, side: int = REFINED_SIDE, pace: Pace | None = None, *, spp: float | None = None
+    ) -> Steps[None]:
         """Refine the share `budget` of the active pixels with side x side rays, those of highest priority first.
 
-        Pixels of importance 0 keep their one ray, also where the budget would reach them.
+        spp: mean samples per active pixel instead of the budget, spread by priority (methods 7.25b); no pixel gets more
+        than side x side rays, and those that have theirs already are left alone. Pixels of importance 0 keep their one
+        ray, also where a budget would reach them. Raises SettingError for a budget or a mean outside its bounds.
         """
         assert self.buffers is not None and self._order is not None
-        pace = pace or Pace()
-        order = self._order[: refined_count(self.buffers, budget, len(self._order))]
-        done = 0
-        while done < len(order):
-            yield Progress(done, len(order), f"Refining {side}x{side}")
-            batch = order[done : done + max(1, pace.batch_rays // side**2)]
-            self._take(batch, side)
-            done += len(batch)
+        if spp is None:
+            groups = [(side, self._order[: refined_count(self.buffers, budget, len(self._order))])]
+        else:
+            groups = [(count, pixels[self.samples[pixels] != count**2]) for count, pixels in self._chosen(spp, side)]
+        yield from in_batches(groups, pace or Pace(), self._take)
+
+    def _chosen(self, spp: float, side: int) -> Iterator[tuple[int, np.ndarray]]:
+        """Rays per pixel side, and the pixels that get so many."""
+        buffers, order, ranked_by = self.buffers, self._order, self.priority
+        assert buffers is not None and order is not None and ranked_by is not None
+        counts = samples_in_order(buffers, ranked_by, order, spp)
+        return ((rays, order[run]) for rays, run in runs_of_equal_counts(np.minimum(counts, side**2)))
 
     def _ranked(self, bands: list[PixelBuffers]) -> Steps[tuple[PixelBuffers, np.ndarray, np.ndarray]]:
         """Whole view of its bands, the score of its pixels, and their order."""
@@ -135,6 +144,24 @@ class AdaptivePicture:
         self.samples[pixels] = side**2
 
 
+def in_batches(
+    groups: Sequence[tuple[int, np.ndarray]], pace: Pace, take: Callable[[np.ndarray, int], None]
+) -> Steps[None]:
+    """Refine groups of pixels, each with its rays per pixel side, batch by batch; `take` traces pixels with so many.
+
+    Progress counts rays. The pace is asked at each batch.
+    """
+    done, total = 0, sum(side**2 * len(pixels) for side, pixels in groups)
+    for side, pixels in groups:
+        start = 0
+        while start < len(pixels):
+            yield Progress(done, total, f"Refining {side}x{side}")
+            batch = pixels[start : start + max(1, pace.batch_rays // side**2)]
+            take(batch, side)
+            start += len(batch)
+            done += side**2 * len(batch)
+
+
 def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
     """Join views that lie on top of each other, the lowest first, into one."""
     if len(bands) == 1:
@@ -157,7 +184,7 @@ def _joined(arrays: list[np.ndarray | None]) -> np.ndarray | None:
 
 def _joined_hits(parts: list[Hits]) -> Hits:
     first = parts[0]
-    names = [name for name in vars(first) if name not in ("width_px", "height_px")]
+    names = [name for name in vars(first) if name not in ("width_px", "height_px", "camera_up")]
     arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     return replace(first, height_px=sum(part.height_px for part in parts), **arrays)
 

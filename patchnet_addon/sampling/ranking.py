@@ -10,6 +10,7 @@ import numpy as np
 from .errors import left_after
 from .pixel_buffers import PixelBuffers
 from .refine import priority, refined_count, refinement_order
+from .sample_counts import samples_in_order
 from .strategy import Strategy
 
 
@@ -29,16 +30,24 @@ class Ranking:
     order: np.ndarray
     mask: np.ndarray
 
-    @property
-    def urgency(self) -> np.ndarray:
-        """(P,) float32: 1 for the pixel that is refined first, falling to 0 at the budget's end, 0 beyond it.
+    def urgency(self, count: int) -> np.ndarray:
+        """(P,) float32: 1 for the pixel that is refined first, falling to 0 after `count` pixels, 0 beyond them.
 
         Pixels of score 0 stay 0: nothing is known to be wrong there, though the budget may reach them.
         """
-        count = int(np.count_nonzero(self.mask))
         amount = np.zeros(len(self.score), np.float32)
         amount[self.order[:count]] = 1.0 - np.arange(count, dtype=np.float32) / max(count, 1)
         return np.where(self.priority > 0, amount, np.float32(0.0))
+
+    def samples(self, mean: float) -> np.ndarray:
+        """(P,) int32: samples of each pixel where `mean`, over the active ones, is spread by priority (methods 7.25b).
+
+        Pixels of importance 0, and those that are not active, have one. Raises SettingError for a mean outside 1 to
+        1024.
+        """
+        counts = np.ones(len(self.score), np.int32)
+        counts[self.order] = samples_in_order(self.buffers, self.priority, self.order, mean)
+        return counts
 
     @property
     def mse(self) -> tuple[float, float]:

@@ -13,6 +13,11 @@ from .pixel_buffers import PixelBuffers
 from .ranking import Ranking
 
 
+def refined_mse(report: dict[str, Any], strategy: str) -> float:
+    """Error that refinement by the chosen strategy left in a view: of its samples per pixel, if it has them."""
+    return float(report["spp"]["mse"] if "spp" in report else report["mse"][strategy])
+
+
 def view_report(buffers: PixelBuffers, camera_name: str, budget: float, rankings: Iterable[Ranking]) -> dict[str, Any]:
     """Errors of one view, unrefined and after `budget` by every strategy (methods 5). It needs its reference.
 

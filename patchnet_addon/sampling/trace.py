@@ -37,7 +37,7 @@ def trace_view(
     ahead, or for a device that is not there.
     """
     from ..codes.predict import predict
-    from ..tracing.render import behind, first_hits, hit_colors
+    from ..tracing.render import first_hits, hit_colors, patch_hits
     from ..tracing.supersample import supersample, supersample_colors
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
@@ -51,8 +51,11 @@ def trace_view(
             "that look as far, or leave the look-ahead to the codes"
         )
     yield Progress(0, 1, "Tracing the preview")
-    hits = first_hits(octree, camera)
-    luminance_behind = behind(octree, camera, hits, lookahead=lookahead) if BEHIND in needs else None
+    if BEHIND in needs:
+        patch = patch_hits(octree, camera, lookahead=lookahead)
+        hits, luminance_behind = patch.hits, patch.behind
+    else:
+        hits, luminance_behind = first_hits(octree, camera), None
     prediction = predict(coded, hits, device) if PREDICTION in needs and coded is not None else None
     exact = None
     if EXACT in needs:

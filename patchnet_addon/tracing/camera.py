@@ -97,6 +97,7 @@ class CameraUnit(NamedTuple):
     shift_x, shift_y: offset of the picture's centre, in half extents.
     side_at_0, side_per_z: side of a pixel at axial distance z is side_at_0 + side_per_z * z (methods 4.1b).
     nearest, farthest: axial distances where sight begins and ends.
+    side_world: side of the cube.
     """
 
     pose: np.ndarray
@@ -109,6 +110,7 @@ class CameraUnit(NamedTuple):
     perspective: bool
     width_px: int
     height_px: int
+    side_world: float
 
     def finer(self, factor: float) -> CameraUnit:
         """Shrink the footprint of rays to pixel / factor; the rays stay where they are."""
@@ -139,4 +141,5 @@ def camera_in_unit_cube(camera: Camera, grid: Grid) -> CameraUnit:
         perspective=perspective,
         width_px=int(camera.width_px),
         height_px=int(camera.height_px),
+        side_world=float(grid.side_world),
     )

@@ -36,5 +36,5 @@ def supersample_pixels(octree: Octree, camera: Camera, pixels: np.ndarray, side:
     chroma = NO_CHROMA if octree.chroma is None else octree.chroma
     pixels = np.asarray(pixels, np.int64)
     means = np.empty((len(pixels), MEANS), np.float32)
-    mean_of_rays(octree.nodes, octree.luminance, chroma, unit, pixels, side, 0.0, means)
+    mean_of_rays(octree.nodes, (octree.luminance, chroma), unit, pixels, (side, 0.0, octree.depth), means)
     return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())

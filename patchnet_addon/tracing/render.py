@@ -12,27 +12,45 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from ..cells.contract import MAX_LEVELS, pixel_voxel_ratio
-from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..cells.contract import pixel_voxel_ratio
+from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.kernels import device, kernel
+from ..runtime.kernels import device, kernel, lean_device
+from ..runtime.vectors import first_bit
 from .camera import Camera, camera_in_unit_cube
-from .traverse import PixelSide, first_hit, first_seen, pixel_ray
+from .tile import (
+    BEHIND,
+    COARSE,
+    FINE,
+    TILE,
+    Search,
+    aim_tile,
+    find_entries,
+    make_levels,
+    make_tile,
+    node_seen,
+    ray_of,
+    want_pixels,
+)  # fmt: skip
+from .tile_walk import trace_tile
 
 
-class _Traced(NamedTuple):
-    """Hits of P pixels as the kernel writes them: those of `Hits`, and t_unit.
+class TracedPixels(NamedTuple):
+    """Hits of P pixels as the kernel writes them: those of `Hits`, and nodes that finer rays met, -1 for none.
 
-    t_unit: (P, 2) float64, length of the ray and axial distance in the unit cube; 0 for a miss.
+    fine, behind: (P,) int64, or (0,) where they are not wanted.
     """
 
     node: np.ndarray
     level: np.ndarray
     cell: np.ndarray
-    t_unit: np.ndarray
+    t_world: np.ndarray
+    z_world: np.ndarray
     ratio: np.ndarray
     entry: np.ndarray
     direction: np.ndarray
+    fine: np.ndarray
+    behind: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +61,7 @@ class Hits:
     t_world, z_world: (P,) float32 ray length and axial distance of the entry point, inf for a miss.
     ratio: (P,) float32 pixel side / voxel side, clamped to [1/2, 1] (methods 7.8).
     entry_voxel: (P, 3) float32 entry point inside the voxel, [0, 1]^3.
-    direction, up: (P, 3) float32, ray direction and the picture's up orthogonal to it (methods 7.14).
+    direction: (P, 3) float32, ray direction. camera_up: (3,) float64, the picture's up.
     luminance: (P,) float32 of the voxel; background for a miss.
     """
 
@@ -57,7 +75,7 @@ class Hits:
     ratio: np.ndarray
     entry_voxel: np.ndarray
     direction: np.ndarray
-    up: np.ndarray
+    camera_up: np.ndarray
     luminance: np.ndarray
 
     @property
@@ -65,39 +83,96 @@ class Hits:
         """(P,) bool."""
         return self.node >= 0
 
+    @property
+    def up(self) -> np.ndarray:
+        """(P, 3) float32, the picture's up orthogonal to each ray (methods 7.14); computed at each call."""
+        return ray_up(self.direction, self.camera_up)
+
+
+@dataclass(frozen=True, eq=False)
+class PatchHits:
+    """Hits of the centre ray of each pixel, and what the same ray meets with a finer footprint.
+
+    hits: of the pixel's own footprint. fine: (P,) float32, luminance of the first voxel that fits the finer footprint.
+    behind: (P,) float32, L_B, luminance of the first such voxel behind the patch (methods 3.12).
+    Both are the background where nothing is met.
+    """
+
+    hits: Hits
+    fine: np.ndarray
+    behind: np.ndarray
+
 
 def first_hits(octree: Octree, camera: Camera, background: float = 0.0) -> Hits:
     """Trace a ray through every pixel centre, stopped by the level-of-detail contract."""
+    return _hits(octree, camera, trace_pixels(octree, camera)[0], background)
+
+
+def patch_hits(
+    octree: Octree, camera: Camera, background: float = 0.0, *, lookahead: int = DEFAULT_LOOKAHEAD
+) -> PatchHits:
+    """Trace a ray through every pixel centre, which goes on to the finer voxel and to what shows behind the patch.
+
+    The finer footprint is the pixel / 2^lookahead. One walk answers all three.
+    """
     unit = camera_in_unit_cube(camera, octree.grid)
+    search = Search(unit.side_at_0, unit.side_per_z, 0.5**lookahead, BEHIND, octree.depth)
+    traced, _ = trace_pixels(octree, camera, search)
+    return PatchHits(
+        _hits(octree, camera, traced, background),
+        _seen(octree, traced.fine, background),
+        _seen(octree, traced.behind, background),
+    )
+
+
+def visits_per_ray(octree: Octree, camera: Camera) -> float:
+    """Nodes that tiles and packets visit in `first_hits`, over the number of rays; the same on every machine."""
+    return float(trace_pixels(octree, camera)[1].sum() / camera.pixel_count)
+
+
+def trace_pixels(octree: Octree, camera: Camera, search: Search | None = None) -> tuple[TracedPixels, np.ndarray]:
+    """Hits of all pixels as arrays, and visits by row of tiles (rows,) int64; None searches as `first_hits` does."""
+    unit = camera_in_unit_cube(camera, octree.grid)
+    if search is None:
+        search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)
     pixels = camera.pixel_count
-    traced = _Traced(
+    traced = TracedPixels(
         node=np.empty(pixels, np.int64),
         level=np.empty(pixels, np.int32),
         cell=np.empty((pixels, 3), np.int32),
-        t_unit=np.empty((pixels, 2), np.float64),
+        t_world=np.empty(pixels, np.float32),
+        z_world=np.empty(pixels, np.float32),
         ratio=np.empty(pixels, np.float32),
         entry=np.empty((pixels, 3), np.float32),
         direction=np.empty((pixels, 3), np.float32),
+        fine=np.empty(pixels if search.last >= FINE else 0, np.int64),
+        behind=np.empty(pixels if search.last >= BEHIND else 0, np.int64),
     )
-    _first_hits(octree.nodes, unit, traced)
-    luminance = np.full(pixels, background, np.float32)
-    hit = traced.node >= 0
-    luminance[hit] = octree.luminance_float(traced.node[hit])
-    t_world = np.where(hit[:, None], traced.t_unit * octree.grid.side_world, np.inf).astype(np.float32)
+    visits = np.zeros(-(-camera.height_px // TILE), np.int64)
+    _trace_rows(octree.nodes, unit, search, traced, visits)
+    return traced, visits
+
+
+def _hits(octree: Octree, camera: Camera, traced: TracedPixels, background: float) -> Hits:
     return Hits(
         width_px=camera.width_px,
         height_px=camera.height_px,
         node=traced.node,
         level=traced.level,
         cell=traced.cell,
-        t_world=t_world[:, 0],
-        z_world=t_world[:, 1],
+        t_world=traced.t_world,
+        z_world=traced.z_world,
         ratio=traced.ratio,
         entry_voxel=traced.entry,
         direction=traced.direction,
-        up=ray_up(traced.direction, camera.up),
-        luminance=luminance,
+        camera_up=np.asarray(camera.up, np.float64),
+        luminance=_seen(octree, traced.node, background),
     )
+
+
+def _seen(octree: Octree, nodes: np.ndarray, background: float) -> np.ndarray:
+    """Luminance (P,) float32 of nodes (P,), the background where there is none."""
+    return np.where(nodes >= 0, octree.luminance_float(np.maximum(nodes, 0)), np.float32(background))
 
 
 def hit_colors(octree: Octree, hits: Hits, background: float = 0.0) -> np.ndarray:
@@ -116,75 +191,67 @@ def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _first_hits(nodes, camera, traced):  # type: ignore[no-untyped-def]
-    for row in numba.prange(camera.height_px):
-        _trace_row(nodes, camera, np.int64(row), traced)  # prange's own integers would compile it twice
+def _trace_rows(nodes, camera, search, traced, visits):  # type: ignore[no-untyped-def]
+    for row in numba.prange(len(visits)):
+        # prange's own integers would compile it twice
+        visits[row] = _trace_row(nodes, camera, search, np.int64(row) * TILE, traced)
 
 
 @device
-def _trace_row(nodes, camera, row, traced):  # type: ignore[no-untyped-def]
-    """Trace the pixels of a row and write into `traced`, which a parallel kernel cannot."""
-    stack = np.empty(MAX_LEVELS, np.int64)
-    for column in range(camera.width_px):
-        pixel = row * camera.width_px + column
-        x = (2.0 * column + 1.0) / camera.width_px - 1.0
-        y = (2.0 * row + 1.0) / camera.height_px - 1.0
-        ray = pixel_ray(camera, x, y)
-        hit = first_seen(nodes, camera, ray, 1.0, stack)
-        traced.node[pixel] = hit.node
-        traced.level[pixel] = hit.level
+def _trace_row(nodes, camera, search, first_row, traced):  # type: ignore[no-untyped-def]
+    """Trace a row of tiles; returns the number of visits."""
+    return _trace_tiles(nodes, camera, search, first_row, (make_tile(), make_levels()), traced)
+
+
+@lean_device
+def _trace_tiles(nodes, camera, search, first_row, scratch, traced):  # type: ignore[no-untyped-def]
+    """Trace the tiles whose first row of pixels is `first_row` into `traced`, which a parallel kernel cannot write."""
+    tile, levels = scratch
+    for row in range(TILE):
+        tile.ys[row] = (2.0 * (first_row + row) + 1.0) / camera.height_px - 1.0
+    rows = min(TILE, camera.height_px - first_row)
+    visits = 0
+    for first_column in range(0, camera.width_px, TILE):
+        columns = min(TILE, camera.width_px - first_column)
+        for column in range(TILE):
+            tile.xs[column] = (2.0 * (first_column + column) + 1.0) / camera.width_px - 1.0
+        want_pixels(tile, rows, columns)
+        aim_tile(camera, tile)
+        visits += trace_tile(nodes, search, tile, levels)
+        find_entries(tile)
+        for row in range(rows):
+            for column in range(columns):
+                pixel = (first_row + row) * camera.width_px + first_column + column
+                _write(camera, search, tile, ray_of(row, column), traced, pixel)
+    return visits
+
+
+@lean_device
+def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped-def]
+    """Write what a ray of a tile has met into `traced`."""
+    node = node_seen(camera, tile, COARSE, ray)
+    traced.node[pixel] = node
+    for axis in range(3):
+        traced.direction[pixel, axis] = tile.direction[axis, ray]
+    if search.last >= FINE:
+        traced.fine[pixel] = node_seen(camera, tile, FINE, ray)
+    if search.last >= BEHIND:
+        traced.behind[pixel] = node_seen(camera, tile, BEHIND, ray)
+    if node < 0:
+        traced.level[pixel] = 0
+        traced.ratio[pixel] = 1.0
+        traced.t_world[pixel] = np.inf
+        traced.z_world[pixel] = np.inf
         for axis in range(3):
-            traced.direction[pixel, axis] = ray.direction[axis]
-        if hit.node >= 0:
-            scale = np.float64(1 << hit.level)
-            side = camera.side_at_0 + camera.side_per_z * hit.t * ray.speed
-            traced.ratio[pixel] = pixel_voxel_ratio(side, scale)
-            traced.t_unit[pixel, 0] = hit.t
-            traced.t_unit[pixel, 1] = hit.t * ray.speed
-            for axis in range(3):
-                traced.cell[pixel, axis] = hit.cell[axis]
-                local = (ray.origin[axis] + hit.t * ray.direction[axis]) * scale - hit.cell[axis]
-                traced.entry[pixel, axis] = min(max(local, 0.0), 1.0)
-        else:
-            traced.ratio[pixel] = 1.0
-            traced.t_unit[pixel, :] = 0.0
-            for axis in range(3):
-                traced.cell[pixel, axis] = -1
-                traced.entry[pixel, axis] = 0.0
-
-
-def behind(
-    octree: Octree,
-    camera: Camera,
-    hits: Hits,
-    background: float = 0.0,
-    *,
-    lookahead: int = DEFAULT_LOOKAHEAD,
-) -> np.ndarray:
-    """Luminance (P,) float32 of each ray's next voxel; the ray restarts 1.5 sides beyond its entry (methods 3.12).
-
-    It runs with the footprint of a patch's fine voxels, `lookahead` levels below the pixel's: a coarse one would meet
-    the grown outline of the very surface whose gaps it is to look through.
-    """
-    unit = camera_in_unit_cube(camera, octree.grid).finer(2.0**lookahead)
-    out = np.full(camera.pixel_count, background, np.float32)
-    t_unit = np.where(hits.hit, hits.t_world / octree.grid.side_world, 0.0).astype(np.float64)
-    _behind(octree.nodes, octree.luminance, unit, hits.node, hits.level, t_unit, out)
-    return out
-
-
-@kernel
-def _behind(nodes, luminance, camera, node, level, t_unit, out):  # type: ignore[no-untyped-def]
-    for row in numba.prange(camera.height_px):
-        stack = np.empty(MAX_LEVELS, np.int64)
-        for column in range(camera.width_px):
-            pixel = row * camera.width_px + column
-            if node[pixel] < 0:
-                continue
-            x = (2.0 * column + 1.0) / camera.width_px - 1.0
-            y = (2.0 * row + 1.0) / camera.height_px - 1.0
-            ray = pixel_ray(camera, x, y)
-            start = t_unit[pixel] + 1.5 / np.float64(1 << level[pixel])
-            hit = first_hit(nodes, ray, start, PixelSide(camera.side_at_0, camera.side_per_z), stack)
-            if hit.node >= 0 and hit.t * ray.speed <= camera.farthest:
-                out[pixel] = luminance[hit.node] / LUMINANCE_SCALE
+            traced.cell[pixel, axis] = -1
+            traced.entry[pixel, axis] = 0.0
+        return
+    t, cells = tile.t[COARSE, ray], tile.cells[ray]
+    z = t * tile.speed[ray]
+    traced.level[pixel] = first_bit(np.int64(cells))
+    traced.ratio[pixel] = pixel_voxel_ratio(camera.side_at_0 + camera.side_per_z * z, cells)
+    traced.t_world[pixel] = t * camera.side_world
+    traced.z_world[pixel] = z * camera.side_world
+    for axis in range(3):
+        traced.cell[pixel, axis] = tile.cell[axis, ray]
+        traced.entry[pixel, axis] = tile.entry[axis, ray]

@@ -42,7 +42,9 @@ def test_every_number_of_ours_has_bounds_of_the_table(registered: None) -> None:
     assert not [name for name, prop in found.items() if not of_the_table(prop.hard_min, prop.hard_max)]
 
 
-@pytest.mark.parametrize("name", ["memory", "voxel_size", "texel_voxels", "exposure", "budget", "heatmap_maximum"])
+@pytest.mark.parametrize(
+    "name", ["memory", "voxel_size", "texel_voxels", "exposure", "budget", "spp", "heatmap_maximum"]
+)
 def test_nan_is_refused_with_a_sentence(name: str, scene: bpy.types.Scene) -> None:
     scene.patchnet.resolution = "VOXEL_SIZE" if name == "voxel_size" else "DEPTH"
     setattr(scene.patchnet, name, math.nan)

@@ -1,17 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Codes of whole octrees against encoding corner by corner, their file, and what pixels read from them."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes import encode
 from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.file import load_codes, save_codes
-from patchnet.patchnet_addon.codes.predict import interpolate_codes, interpolate_codes_reference, predict
 from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
-from patchnet.patchnet_addon.network.decode import decode
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import CodesFileError, SettingError
@@ -142,41 +138,3 @@ def test_codes_file(coded, octree, weights, tmp_path):
     write_arrays(path, {**arrays, "node_corners": arrays["node_corners"] + len(coded.codes)}, metadata, "codes")
     with pytest.raises(CodesFileError, match="damaged"):
         load_codes(path, octree, weights)
-
-
-def test_interpolation(coded):
-    random = np.random.default_rng(0)
-    rows = random.integers(0, len(coded.node_corners), 300)
-    entry = random.uniform(size=(300, 3)).astype(np.float32)
-    result = interpolate_codes(coded, rows, entry)
-    np.testing.assert_allclose(result, interpolate_codes_reference(coded, rows, entry), atol=1e-5, rtol=1e-5)
-    at_corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 0, 1)], np.float32)
-    wanted = coded.codes[coded.node_corners[5, [0, 1, 2, 5]]]
-    np.testing.assert_array_equal(interpolate_codes(coded, np.full(4, 5), at_corners), wanted.astype(np.float32))
-
-
-def test_prediction(coded, octree, weights):
-    random = np.random.default_rng(1)
-    nodes = np.concatenate([[-1, -1], random.integers(0, octree.node_count, 400)])
-    direction = random.normal(size=(len(nodes), 3)).astype(np.float32)
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    up = np.cross(direction, [0.3, 0.5, 0.8]).astype(np.float32)
-    up /= np.linalg.norm(up, axis=1, keepdims=True)
-    hits = SimpleNamespace(
-        node=nodes,
-        entry_voxel=random.uniform(size=(len(nodes), 3)).astype(np.float32),
-        direction=direction,
-        up=up,
-        ratio=random.uniform(0.5, 1, len(nodes)).astype(np.float32),
-        luminance=np.where(nodes >= 0, octree.luminance_float(nodes), np.float32(0.25)),
-    )
-    prediction = predict(coded, hits)
-    blind = np.array([node < 0 or not has_descendants_two_levels_down(octree, node) for node in nodes])
-    np.testing.assert_array_equal(prediction.look_ahead, ~blind)
-    assert (prediction.coverage[blind] == 1).all()
-    np.testing.assert_array_equal(prediction.luminance[blind], hits.luminance[blind])
-    for pixel in np.flatnonzero(~blind)[:20]:
-        codes = interpolate_codes_reference(coded, coded.coded_index[nodes[[pixel]]], hits.entry_voxel[[pixel]])
-        wanted = decode(weights, codes, direction[[pixel]], up[[pixel]], hits.ratio[[pixel]])
-        assert abs(prediction.coverage[pixel] - wanted[0][0]) < 1e-5
-        assert abs(prediction.luminance[pixel] - wanted[1][0]) < 1e-5

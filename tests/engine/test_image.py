@@ -62,7 +62,7 @@ def test_overlay_leaves_other_pixels_gray() -> None:
     luminance = np.full((64, 64), 0.3, np.float32)
     urgency = np.zeros((64, 64), np.float32)
     urgency[10, 20], urgency[30, 20] = 1.0, 0.1
-    page = overlay(luminance, urgency, 0.3)
+    page = overlay(luminance, urgency, "a budget of 30%")
     factor = magnify(luminance).shape[0] // 64
     foot = next(row for row in range(page.shape[0]) if np.allclose(page[row, 0], srgb_encode(np.float32(0.3))))
     view = page[foot : foot + 64 * factor : factor, : 64 * factor : factor]

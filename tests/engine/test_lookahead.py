@@ -27,7 +27,7 @@ from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.reference import first_hits_reference, needed_levels_reference
-from patchnet.patchnet_addon.tracing.render import behind, first_hits
+from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree
 
 LOOKAHEADS = [1, 2, 3]
@@ -244,7 +244,7 @@ def test_depths_give_the_look_ahead_that_was_asked_for(lookahead):
 def test_rays_behind_have_the_footprint_of_the_patch(octree, camera, lookahead):
     """Against the Reference of the walk, from where it restarts."""
     hits = first_hits(octree, camera)
-    found = behind(octree, camera, hits, lookahead=lookahead)
+    found = patch_hits(octree, camera, lookahead=lookahead).behind
     row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
     x, y = 2 * (column + 0.5) / camera.width_px - 1, 2 * (row + 0.5) / camera.height_px - 1
     for pixel in np.flatnonzero(hits.hit)[::5]:
@@ -263,7 +263,7 @@ def test_pixels_look_as_far_as_the_weights_of_its_codes(octree, camera):
         buffers = drain(trace_view(octree, camera, exact, reference=False, **settings))
         wanted = drain(exact_prediction(octree, buffers.hits, lookahead))
         np.testing.assert_array_equal(buffers.exact.coverage, wanted.coverage)
-        np.testing.assert_array_equal(buffers.behind, behind(octree, camera, buffers.hits, lookahead=lookahead))
+        np.testing.assert_array_equal(buffers.behind, patch_hits(octree, camera, lookahead=lookahead).behind)
         for strategy in exact:
             assert strategy.scores(buffers)[buffers.exact.look_ahead].max() > 0
     buffers = drain(trace_view(octree, camera, [STRATEGIES["patchnet"]], coded=coded, reference=False))

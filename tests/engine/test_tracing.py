@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.tracing.reference import (
     pixel_rays,
     supersampled_reference,
 )
-from patchnet.patchnet_addon.tracing.render import behind, first_hits, hit_colors
+from patchnet.patchnet_addon.tracing.render import first_hits, hit_colors, patch_hits
 from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_colors
 
 SIZE = (24, 20)
@@ -162,6 +162,6 @@ def test_behind_sees_the_second_of_two_sheets():
     camera = Camera.look_at(np.array([0.001, 0.002, 4.0]), np.zeros(3), up_world=(0, 1, 0), size_px=(8, 8))
     hits = first_hits(octree, camera)
     np.testing.assert_allclose(hits.luminance[hits.hit], 0.9, atol=1e-4)
-    seen = behind(octree, camera, hits)[hits.hit]
+    seen = patch_hits(octree, camera).behind[hits.hit]
     assert np.median(seen) == pytest.approx(0.2, abs=1e-4)
     assert set(np.round(np.unique(seen), 3)) <= {np.float32(0.0), np.float32(0.2)}

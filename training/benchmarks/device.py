@@ -29,8 +29,6 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.octree.voxelize import usable_cores
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
-from ...patchnet_addon.tracing.camera import Camera
-from ...patchnet_addon.tracing.render import Hits, first_hits
 from ..corpus import Corpus
 from ..crews import DEVICE, HOST, Crew, crew_for
 from ..dataset import Dataset
@@ -39,6 +37,7 @@ from ..provenance import describe_machine, describe_versions
 from ..samples import SampleSettings, draw_samples
 from ..settings import BF16, FP32, IMPROVED, TF32
 from ..trainer import corpus_of, encoder_type
+from .decoding import views_around
 from .timing import Comparison, take_turns
 
 Run = Callable[[], Any]
@@ -154,7 +153,7 @@ def _finding_corners(octree: Octree, weights: Weights) -> float:
 
 def _decodes(coded: CodedOctree, device: str, bench: DeviceBench) -> tuple[list[dict[str, Any]], dict[str, float]]:
     """Rates of decoding: of a view, codes copied for it, and with codes that are there."""
-    hits = hits_around(coded.octree, bench.pixels)
+    _, hits = views_around(coded, bench.pixels)
     rows = rows_of(coded, hits.node)
     pixels = np.flatnonzero(rows >= 0)
     corners = corners_of(coded, rows[pixels])
@@ -271,26 +270,6 @@ class Training:
         if self._kept is not None:
             self._kept.close()
         self._kept = None
-
-
-def hits_around(octree: Octree, pixels: int) -> Hits:
-    """Hits of about `pixels` pixels that eight cameras see, one from above each corner of the cube, side by side.
-
-    Pictures are so small that voxels which stop rays have look-ahead.
-    """
-    side = 1 << max(octree.depth - 3, 2)
-    grid = octree.grid
-    centre = np.asarray(grid.origin_world) + 0.5 * grid.side_world
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
-    views = [
-        first_hits(octree, Camera.look_at(centre + 1.2 * grid.side_world * corner, centre, size_px=(side, side)))
-        for corner in corners
-    ]
-    repeats = max(1, round(pixels / sum(int(view.hit.sum()) for view in views)))
-    names = ("node", "level", "cell", "t_world", "z_world", "ratio", "entry_voxel", "direction", "up", "luminance")
-    parts = {name: np.concatenate([getattr(view, name)[view.hit] for view in views]) for name in names}
-    joined = {name: np.concatenate([part] * repeats) for name, part in parts.items()}
-    return Hits(width_px=len(joined["node"]), height_px=1, **joined)
 
 
 def _finished(device: torch.device, result: Any) -> Any:

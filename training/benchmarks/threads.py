@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Single-threaded environment for every library: BLAS reads it when it is loaded, so it takes a process of its own."""
+"""Environment of so many threads for every library: for a process of its own, as BLAS reads it when it is loaded."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ _VARIABLES = (
 )  # fmt: skip
 
 
-def one_thread_environment() -> dict[str, str]:
-    """This process's environment, with one thread for every library."""
-    return os.environ | dict.fromkeys(_VARIABLES, "1")
+def environment_of_threads(threads: int) -> dict[str, str]:
+    """This process's environment, with so many threads for every library."""
+    return os.environ | dict.fromkeys(_VARIABLES, str(threads))
 
 
-def has_one_thread() -> bool:
+def has_threads(threads: int) -> bool:
     """Return whether this process was started in such an environment."""
-    return all(os.environ.get(name) == "1" for name in _VARIABLES)
+    return all(os.environ.get(name) == str(threads) for name in _VARIABLES)

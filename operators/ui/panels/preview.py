@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ...session import results
-from .tab import SubPanel, Tab, draw_setting, draw_settings, draw_stale, split
+from .tab import SubPanel, Tab, draw_budget, draw_setting, draw_settings, draw_stale, split
 
 
 class PATCHNET_PT_preview(SubPanel, bpy.types.Panel):
@@ -17,8 +17,11 @@ class PATCHNET_PT_preview(SubPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Settings, the button, where pictures are."""
         layout = split(self.layout)
-        for name in ("cameras", "size", "strategy", "budget", "heatmap_maximum"):
-            draw_setting(layout, context.scene.patchnet, name)
+        values = context.scene.patchnet
+        for name in ("cameras", "size", "strategy"):
+            draw_setting(layout, values, name)
+        draw_budget(layout, values)
+        draw_setting(layout, values, "heatmap_maximum")
         layout.operator("patchnet.render_preview", icon="RENDER_STILL")
         draw_stale(layout, context.scene, "view")
         result = results.result_of(context.scene)

@@ -60,6 +60,14 @@ def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, na
         layout.prop(values, name, placeholder=_WHEN_EMPTY.get(name, ""))
 
 
+def draw_budget(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> None:
+    """Draw the budget as a share and as samples per pixel; the share is gray where the samples count instead."""
+    row = layout.row()
+    row.active = not values.spp
+    draw_setting(row, values, "budget")
+    draw_setting(layout, values, "spp")
+
+
 def draw_stale(layout: bpy.types.UILayout, scene: bpy.types.Scene, *steps: str) -> None:
     """Draw why results do not fit any more, and what to do, for steps of "surface", "light", "view"."""
     result = results.result_of(scene)

@@ -13,3 +13,4 @@ settings.color = False
 settings.size = (96, 0)
 settings.strategy = "patchnet-behind"
 settings.budget = 0.3
+settings.spp = 0.0

@@ -13,3 +13,4 @@ settings.color = False
 settings.size = (130, 130)
 settings.strategy = "patchnet"
 settings.budget = 0.3
+settings.spp = 0.0

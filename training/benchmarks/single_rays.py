@@ -1,23 +1,83 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Traverse the octree to the first hit of a ray under the level-of-detail contract (methods 4.1, 4.1b).
+"""Traverse the octree one ray at a time: what tiles are held against, in tests and in `patchnet bench trace`.
 
-The ray is mirrored so that it runs upwards on every axis. The walk keeps the integer cell it is in and its level;
-all plane distances are computed from integers, so nothing drifts. A cell that exists and need not be divided is the
-hit; one that must be divided is entered; an empty one is left through its nearest face, climbing to the level whose
-cell changes.
+The first hit of a ray is found under the level-of-detail contract (methods 4.1, 4.1b). The ray is mirrored so that it
+runs upwards on every axis. The walk keeps the integer cell it is in and its level; all plane distances are computed
+from integers, so nothing drifts. A cell that exists and need not be divided is the hit; one that must be divided is
+entered; an empty one is left through its nearest face, climbing to the level whose cell changes.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
-from ..cells.contract import fits_pixel
-from ..runtime.kernels import device
+from ...patchnet_addon.cells.contract import MAX_LEVELS, fits_pixel
+from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
+from ...patchnet_addon.runtime.kernels import device, kernel
+from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
 
 _FAR = 1e300
 _TINY = 1e-150
+
+
+def single_hits(
+    octree: Octree, camera: Camera, finer: float = 1.0, start: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Node (P,) int64, -1 for a miss, level (P,) int64 and length (P,) float64 in the unit cube, of all pixels.
+
+    finer: pixel side over that of the footprint. start: (P,) float64 lengths where the rays begin, if they do not begin
+    where the camera sees.
+    """
+    unit = camera_in_unit_cube(camera, octree.grid).finer(finer)
+    count = camera.pixel_count
+    node, level, t = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count)
+    begin = np.full(count, -1.0) if start is None else start
+    _trace(octree.nodes, unit, begin, node, level, t)
+    return node, level, t
+
+
+def single_means(octree: Octree, camera: Camera, pixels: np.ndarray, side: int) -> np.ndarray:
+    """Mean luminance (N,) float32 of side x side rays of each pixel (N,), as `supersample_pixels`."""
+    unit = camera_in_unit_cube(camera, octree.grid).finer(side)
+    means = np.empty(len(pixels), np.float32)
+    _trace_means(octree.nodes, octree.luminance, unit, np.asarray(pixels, np.int64), side, means)
+    return means
+
+
+@kernel
+def _trace(nodes, camera, start, node, level, t):  # type: ignore[no-untyped-def]
+    for row in numba.prange(camera.height_px):
+        stack = np.empty(MAX_LEVELS, np.int64)
+        for column in range(camera.width_px):
+            pixel = row * camera.width_px + column
+            x = (2.0 * column + 1.0) / camera.width_px - 1.0
+            y = (2.0 * row + 1.0) / camera.height_px - 1.0
+            ray = pixel_ray(camera, x, y)
+            begin = start[pixel] if start[pixel] >= 0.0 else camera.nearest / ray.speed
+            hit = first_hit(nodes, ray, begin, PixelSide(camera.side_at_0, camera.side_per_z), stack)
+            seen = hit.node >= 0 and hit.t * ray.speed <= camera.farthest
+            node[pixel] = hit.node if seen else -1
+            level[pixel] = hit.level if seen else 0
+            t[pixel] = hit.t if seen else np.inf
+
+
+@kernel
+def _trace_means(nodes, luminance, camera, pixels, side, means):  # type: ignore[no-untyped-def]
+    for index in numba.prange(len(pixels)):
+        row = pixels[index] // camera.width_px
+        column = pixels[index] % camera.width_px
+        stack = np.empty(MAX_LEVELS, np.int64)
+        total = 0.0
+        for j in range(side):
+            y = 2.0 * (row + (j + 0.5) / side) / camera.height_px - 1.0
+            for i in range(side):
+                x = 2.0 * (column + (i + 0.5) / side) / camera.width_px - 1.0
+                node = first_seen(nodes, camera, pixel_ray(camera, x, y), 1.0, stack).node
+                total += luminance[node] / LUMINANCE_SCALE if node >= 0 else 0.0
+        means[index] = total / (side * side)
 
 
 class Ray(NamedTuple):

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""SIMD vectors in kernels: values that hold a number for each of several lanes, and what arithmetic needs of them.
+
+The compiler makes vectors of simple loops by itself, but not of walks through a tree. There a kernel names the vectors:
+operators work lane by lane, comparisons give the lanes that hold as the bits of an integer, lane 0 lowest. Processors
+with shorter registers take several for one vector. Indices are flat, into C-ordered arrays, and are not checked.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+from llvmlite import ir
+from numba.core import types
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+
+LANES = 16
+OCTANTS = 8
+
+_MASK = types.int64
+
+
+class VectorType(types.Type):  # type: ignore[misc]
+    """Numba's type of a vector of floats."""
+
+    def __init__(self, element: types.Float, lanes: int) -> None:
+        self.element, self.lanes = element, lanes
+        super().__init__(name=f"Vector({element}, {lanes})")
+
+    @property
+    def ir(self) -> ir.VectorType:
+        """Type in the compiler's own code."""
+        return ir.VectorType(ir.DoubleType() if self.element == types.float64 else ir.FloatType(), self.lanes)
+
+
+@register_model(VectorType)
+class _VectorModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: VectorType) -> None:
+        super().__init__(manager, kind, kind.ir)
+
+
+def _vectors(*found: Any) -> bool:
+    return all(isinstance(one, VectorType) for one in found) and len(set(found)) == 1
+
+
+class _Arithmetic(AbstractTemplate):  # type: ignore[misc]
+    def generic(self, args: Any, kws: Any) -> Any:
+        if len(args) == 2 and not kws and _vectors(*args):
+            return signature(args[0], *args)
+        return None
+
+
+def _register(function: Any, name: str) -> None:
+    infer_global(function)(type(f"_Vector{name}", (_Arithmetic,), {}))
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return getattr(builder, name)(*arguments)
+
+    lower_builtin(function, VectorType, VectorType)(build)
+
+
+_register(operator.add, "fadd")
+_register(operator.sub, "fsub")
+_register(operator.mul, "fmul")
+_register(operator.truediv, "fdiv")
+
+
+def _splat(builder: Any, kind: VectorType, value: Any) -> Any:
+    nothing = ir.Constant(kind.ir, ir.Undefined)
+    first = builder.insert_element(nothing, value, ir.IntType(32)(0))
+    return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(ir.IntType(32), kind.lanes), None))
+
+
+def _splatting(lanes: int) -> Any:
+    def typing(_typing: Any, value: Any) -> Any:
+        kind = VectorType(value, lanes)
+
+        def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+            return _splat(builder, kind, arguments[0])
+
+        return kind(value), build
+
+    return typing
+
+
+splat = intrinsic(_splatting(LANES))  # vector of one number in every lane: splat(number)
+splat_octants = intrinsic(_splatting(OCTANTS))  # the same with a lane for each child of a node
+
+
+@intrinsic
+def load(_typing: Any, array: Any, _index: Any) -> Any:
+    """Vector of the elements from an index on: load(array, index)."""
+    kind = VectorType(array.dtype, LANES)
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address = _address(context, builder, signature, *arguments)
+        vector = builder.load(builder.bitcast(address, kind.ir.as_pointer()))
+        vector.align = array.dtype.bitwidth // 8
+        return vector
+
+    return kind(array, types.intp), build
+
+
+@intrinsic
+def store(_typing: Any, array: Any, _index: Any, vector: Any) -> Any:
+    """Store a vector from an index on: store(array, index, vector); nothing is returned."""
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address = _address(context, builder, signature, *arguments[:2])
+        pointer = builder.bitcast(address, vector.ir.as_pointer())
+        builder.store(arguments[2], pointer).align = array.dtype.bitwidth // 8
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, vector), build
+
+
+def _choosing(sign: str) -> Any:
+    def typing(_typing: Any, left: Any, right: Any) -> Any:
+        def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+            first, second = arguments
+            return builder.select(builder.fcmp_ordered(sign, first, second), first, second)
+
+        return (left(left, right), build) if _vectors(left, right) else None
+
+    return typing
+
+
+smaller = intrinsic(_choosing("<"))  # vector of the smaller numbers, lane by lane: smaller(left, right)
+larger = intrinsic(_choosing(">"))  # vector of the larger numbers, lane by lane: larger(left, right)
+
+
+@intrinsic
+def less(_typing: Any, left: Any, right: Any) -> Any:
+    """Lanes where left < right, as the bits of an integer: less(left, right)."""
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        bits = builder.bitcast(builder.fcmp_ordered("<", *arguments), ir.IntType(left.lanes))
+        return builder.zext(bits, ir.IntType(64))
+
+    return (_MASK(left, right), build) if _vectors(left, right) else None
+
+
+@intrinsic
+def select(_typing: Any, mask: Any, left: Any, right: Any) -> Any:
+    """Vector of left in the lanes of a mask, of right in the others: select(mask, left, right)."""
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        bits = builder.trunc(arguments[0], ir.IntType(left.lanes))
+        chosen = builder.bitcast(bits, ir.VectorType(ir.IntType(1), left.lanes))
+        return builder.select(chosen, arguments[1], arguments[2])
+
+    return (left(_MASK, left, right), build) if isinstance(mask, types.Integer) and _vectors(left, right) else None
+
+
+@intrinsic
+def square_root(_typing: Any, vector: Any) -> Any:
+    """Vector of square roots: square_root(vector)."""
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.call(_intrinsic(builder, "sqrt", vector, vector.ir), arguments)
+
+    return vector(vector), build
+
+
+def _reducing(name: str) -> Any:
+    def typing(_typing: Any, vector: Any) -> Any:
+        def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+            function = _intrinsic(builder, f"vector.reduce.{name}", vector, vector.ir.element)
+            return builder.call(function, arguments, fastmath=("nnan",))
+
+        return vector.element(vector), build
+
+    return typing
+
+
+smallest = intrinsic(_reducing("fmin"))  # smallest number of a vector: smallest(vector)
+largest = intrinsic(_reducing("fmax"))  # largest number of a vector: largest(vector)
+
+
+@intrinsic
+def first_bit(_typing: Any, value: Any) -> Any:
+    """Index of the lowest bit that is set, of an integer that is not 0: first_bit(value)."""
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.cttz(arguments[0], ir.IntType(1)(1))
+
+    return types.int64(types.int64), build
+
+
+@intrinsic
+def bit_count(_typing: Any, value: Any) -> Any:
+    """Number of bits that are set: bit_count(value)."""
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.ctpop(arguments[0])
+
+    return types.int64(types.int64), build
+
+
+def _intrinsic(builder: Any, name: str, vector: VectorType, result: Any) -> Any:
+    """Declare one of the compiler's functions of a vector."""
+    name = f"llvm.{name}.v{vector.lanes}f{vector.element.bitwidth}"
+    known = builder.module.globals.get(name)
+    return known or ir.Function(builder.module, ir.FunctionType(result, [vector.ir]), name)
+
+
+def _address(context: Any, builder: Any, signature: Any, array: Any, index: Any) -> Any:
+    data = context.make_array(signature.args[0])(context, builder, array).data
+    return builder.gep(data, [index])

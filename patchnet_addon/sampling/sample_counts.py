@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Allocation of samples: a mean number of samples per active pixel, spread over them by priority (methods 7.25b).
+
+A pixel gets 1, 4, 16, 64, 256 or 1024 samples: one, or a square of 2 to 32 a side. Going from one count to the next is
+an upgrade, and the budget buys those upgrades that are expected to lower the squared error most per sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..runtime.bounds import SPP
+from .pixel_buffers import PixelBuffers
+from .refine import refinable
+
+SIDES = (1, 2, 4, 8, 16, 32)  # samples per pixel side
+COUNTS = np.array(SIDES, np.int32) ** 2
+# Measured on octrees: the squared error of each count over that of one sample, and the part of it that grows with
+# priority; the rest is alike in all pixels. Errors are those against the last count, the reference.
+_ERROR = np.array([1.0, 0.33, 0.055, 0.004, 0.0005, 0.0])
+_BY_PRIORITY = np.array([0.75, 0.5, 0.25, 0.125, 0.0625, 0.0])
+_COST = np.diff(COUNTS).astype(np.int64)  # samples of each upgrade
+# Worth of one of these samples is _BASE + _SLOPE * priority, in units of the mean priority. Both fall from upgrade to
+# upgrade, so that no pixel wants one without those before.
+_BASE = -np.diff(_ERROR * (1.0 - _BY_PRIORITY)) / _COST
+_SLOPE = -np.diff(_ERROR * _BY_PRIORITY) / _COST
+_LITTLE = np.finfo(np.float64).tiny  # below every priority that a score gives
+_LARGEST = 1e100  # of priorities, so that their sum is finite
+_ROUNDED = 1.0 + 1e-12  # gives back what rounding took from a mean that is a total over a count
+
+
+def sample_counts(priorities: np.ndarray, mean: float) -> np.ndarray:
+    """(A,) int32: samples of A pixels whose `priorities` (A,) fall, for at most `mean` samples per pixel on average.
+
+    No pixel has fewer samples than one after it; pixels whose priority is not above 0 have one. What is left of the
+    budget pays for no further upgrade. Raises SettingError for a mean outside 1 to 1024.
+    """
+    SPP.check(mean)
+    counts = np.ones(len(priorities), np.int32)
+    urgent = np.minimum(priorities[: np.count_nonzero(priorities > 0)].astype(np.float64), _LARGEST)
+    if len(urgent):
+        spare = int(mean * len(priorities) * _ROUNDED) - len(priorities)
+        for level, length in enumerate(_upgraded(urgent / urgent.mean(), spare), start=1):
+            counts[:length] = COUNTS[level]
+    return counts
+
+
+def samples_in_order(buffers: PixelBuffers, priorities: np.ndarray, order: np.ndarray, mean: float) -> np.ndarray:
+    """(A,) int32: samples of the active pixels of a view in their `order` (A,), by `priorities` (P,).
+
+    Pixels of importance 0 have one. A score of 0 counts as very little: it says that nothing is known to be wrong, as
+    where there is no look-ahead, and such pixels may hold a third of all error. Raises SettingError for a mean outside
+    1 to 1024.
+    """
+    ranked, matter = priorities[order].astype(np.float64), refinable(buffers)
+    ranked[:matter], ranked[matter:] = np.maximum(ranked[:matter], _LITTLE), 0.0
+    return sample_counts(ranked, mean)
+
+
+def runs_of_equal_counts(counts: np.ndarray) -> Iterator[tuple[int, slice]]:
+    """Samples per pixel side, and the pixels that have so many, for `counts` (A,) that fall; not those of one sample.
+
+    The most samples come first.
+    """
+    for side in SIDES[:0:-1]:
+        first, last = np.searchsorted(-counts, -(side**2), "left"), np.searchsorted(-counts, -(side**2), "right")
+        if first < last:
+            yield side, slice(int(first), int(last))
+
+
+def _upgraded(relative: np.ndarray, spare: int) -> np.ndarray:
+    """(5,) int64: how many of the first pixels take each upgrade, those of most worth within `spare` samples.
+
+    relative: (E,) priorities over their mean, which fall. The best choice for a budget is all upgrades of more worth
+    than a Lagrange multiplier: the smallest one that the budget pays for.
+    """
+    rising = -relative  # as searchsorted wants it
+
+    def above(bits: int) -> np.ndarray:
+        multiplier = np.int64(bits).view(np.float64)
+        lowest = (multiplier - _BASE) / _SLOPE
+        return np.searchsorted(rising, -lowest, "right")
+
+    # Bits of positive doubles are in the order of their values, so halving them finds the very number.
+    low, high = 0, int((_BASE[0] + 2.0 * _SLOPE[0] * relative[0]).view(np.int64))  # everything, and nothing
+    while low < high:
+        middle = (low + high) // 2
+        if above(middle) @ _COST <= spare:
+            high = middle
+        else:
+            low = middle + 1
+    taken = above(high)
+    return _rest_spent(taken, relative, spare - int(taken @ _COST))
+
+
+def _rest_spent(taken: np.ndarray, relative: np.ndarray, spare: int) -> np.ndarray:
+    """Spend what is left on upgrades that it still pays for, those of most worth first, until none is left."""
+    taken = taken.copy()
+    while True:
+        most = np.concatenate([[len(relative)], taken[:-1]])  # a pixel takes an upgrade after the one before
+        possible = np.flatnonzero((taken < most) & (spare >= _COST))
+        if not len(possible):
+            return taken
+        worth = _BASE[possible] + _SLOPE[possible] * relative[taken[possible]]
+        level = possible[np.argmax(worth)]
+        alike = np.searchsorted(-relative, -relative[taken[level]], "right")  # pixels of one priority at once
+        count = min(int(min(alike, most[level])) - int(taken[level]), spare // int(_COST[level]))
+        taken[level] += count
+        spare -= count * int(_COST[level])

@@ -1,0 +1,331 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Walk of a packet of 4x4 rays through the subtree of one node: each ray is tested on its own, all at once.
+
+A ray enters a node at the largest of its start and of the distances of the node's three lower planes. A node that fits
+the ray's pixel, or a leaf, ends the ray's phase (methods 4.1b). A ray that looks for more goes on from there: to the
+first voxel that fits a finer footprint, then to the first one behind its patch (methods 3.12).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..runtime.kernels import lean_device
+from ..runtime.vectors import (
+    LANES,
+    bit_count,
+    first_bit,
+    larger,
+    largest,
+    less,
+    load,
+    select,
+    smaller,
+    smallest,
+    splat,
+    store,
+)  # fmt: skip
+from .tile import BEHIND, COARSE, FINE, RAYS
+
+PATCH_SIDES = 1.5  # of the voxel that fits the pixel, from its entry on: where sight behind the patch begins
+_FAR = 1e300
+_SAFE = 1e-12  # relative
+
+
+@lean_device
+def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: ignore[no-untyped-def]
+    """Walk the subtree of the node at level `top` with the rays of a packet that are alive; returns visited nodes."""
+    first = packet * LANES
+    size = 1.0 / (np.int64(1) << top)
+    enter = _entry(tile, first, levels, top, size)
+    leave = _exit(tile, first, levels, top, size)
+    lanes = tile.alive[packet] & less(enter, leave)
+    if lanes == 0:
+        return 1
+    # Below the smaller side a node of this subtree fits every ray, above the larger one it fits none.
+    smallest_side, largest_side = _fitting_sides(search, tile, packet, lanes, (enter, leave))
+    visits = 1
+    level = top - 1
+    while True:
+        # The node at level + 1, of side `size`, is met by `lanes`.
+        if lanes != 0:
+            if size < largest_side or nodes.child_mask[levels.node[level + 1]] == 0:
+                lanes = _end_phases(nodes, search, tile, packet, levels, level + 1, lanes)
+            if lanes != 0:
+                level += 1
+                size *= 0.5
+                if search.last == COARSE and (size < smallest_side or level + 1 == search.depth):
+                    visits += _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes)
+                else:
+                    _open(nodes, tile, first, mirror, levels, level, lanes)
+        alive = tile.alive[packet]
+        if alive == 0:
+            break
+        while level >= top and levels.pending[level] == 0:
+            level -= 1
+            size *= 2.0
+        if level < top:
+            break
+        pending = levels.pending[level]
+        octant = first_bit(pending)
+        levels.pending[level] = pending & (pending - 1)
+        lanes = levels.lanes[level, octant] & alive
+        if lanes != 0:
+            visits += 1
+            step_down(nodes, mirror, levels, level, octant)
+    return visits
+
+
+@lean_device
+def _fitting_sides(search, tile, packet, lanes, through):  # type: ignore[no-untyped-def]
+    """Sides below which a node fits all rays and from which on it fits none, for nodes that rays enter and leave
+    within the lengths `through`; with a margin for rounding.
+    """
+    speed = load(tile.speed, packet * LANES)
+    nearest = smallest(select(lanes, through[0] * speed, splat(_FAR)))
+    farthest = largest(select(lanes, through[1] * speed, splat(-_FAR)))
+    near, far = search.at_0 + search.per_z * nearest, search.at_0 + search.per_z * farthest
+    return 2.0 * near * (1.0 - _SAFE), 2.0 * far * (1.0 + _SAFE)
+
+
+@lean_device
+def step_down(nodes, mirror, levels, level, octant):  # type: ignore[no-untyped-def]
+    """Write the child of a level's node at a mirrored octant into the next level."""
+    node = levels.node[level]
+    below = (np.int64(1) << (octant ^ mirror)) - 1
+    levels.node[level + 1] = np.int64(nodes.first_child[node]) + bit_count(np.int64(nodes.child_mask[node]) & below)
+    for axis in range(3):
+        levels.cell[level + 1, axis] = 2 * levels.cell[level, axis] + ((octant >> axis) & 1)
+
+
+@lean_device
+def mirrored_children(mask, mirror):  # type: ignore[no-untyped-def]
+    """Child mask in mirrored coordinates."""
+    mask = np.int64(mask)
+    if mirror & 1:
+        mask = (mask & 0x55) << 1 | (mask >> 1) & 0x55
+    if mirror & 2:
+        mask = (mask & 0x33) << 2 | (mask >> 2) & 0x33
+    if mirror & 4:
+        mask = (mask & 0x0F) << 4 | mask >> 4
+    return mask
+
+
+@lean_device
+def _to_plane(tile, axis, first, plane):  # type: ignore[no-untyped-def]
+    """Lengths of a packet's rays to a plane across an axis."""
+    origin = load(tile.origin, axis * RAYS + first)
+    return (splat(plane) - origin) * load(tile.inverse, axis * RAYS + first)
+
+
+@lean_device
+def _entry(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
+    """Lengths at which a packet's rays enter the node of a level."""
+    x = _to_plane(tile, 0, first, levels.cell[level, 0] * size)
+    y = _to_plane(tile, 1, first, levels.cell[level, 1] * size)
+    z = _to_plane(tile, 2, first, levels.cell[level, 2] * size)
+    return larger(larger(x, y), larger(z, load(tile.start, first)))
+
+
+@lean_device
+def _exit(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
+    """Lengths at which a packet's rays leave the node of a level."""
+    x = _to_plane(tile, 0, first, (levels.cell[level, 0] + 1) * size)
+    y = _to_plane(tile, 1, first, (levels.cell[level, 1] + 1) * size)
+    z = _to_plane(tile, 2, first, (levels.cell[level, 2] + 1) * size)
+    return smaller(smaller(x, y), z)
+
+
+@lean_device
+def _end_phases(nodes, search, tile, packet, levels, level, lanes):  # type: ignore[no-untyped-def]
+    """End the phases of rays among `lanes` that the node of a level stops; returns the lanes that go on inside it."""
+    first = packet * LANES
+    size = 1.0 / (np.int64(1) << level)
+    leaf = nodes.child_mask[levels.node[level]] == 0
+    tested = lanes
+    while tested != 0:
+        enter = _entry(tile, first, levels, level, size)
+        stopped = tested
+        behind = tested & tile.phase[BEHIND, packet]
+        if behind != 0:  # these may begin beyond the node
+            stopped &= less(enter, _exit(tile, first, levels, level, size)) | ~behind
+        if not leaf:
+            stopped &= less(splat(size), splat(2.0) * _pixel_side(search, tile, packet, enter))
+            if search.last == BEHIND:
+                passed = tested & ~stopped & tile.phase[FINE, packet]
+                _fit_restart(search, tile, packet, levels, level, passed)
+        tested = np.int64(0)
+        for phase in range(BEHIND, -1, -1):  # the last first, so that a phase that begins does not end with the others
+            ended = stopped & tile.phase[phase, packet]
+            if ended != 0:
+                _record(tile, packet, phase, levels, level, ended, enter)
+                tested |= _begin_next(search, tile, packet, phase, levels, level, ended)
+    return np.int64(0) if leaf else lanes & tile.alive[packet]
+
+
+@lean_device
+def _pixel_side(search, tile, packet, length):  # type: ignore[no-untyped-def]
+    """Sides of the pixels, or of what is finer, of a packet's rays at a length."""
+    pixel = splat(search.at_0) + splat(search.per_z) * (length * load(tile.speed, packet * LANES))
+    if search.last == COARSE:
+        return pixel
+    return pixel * select(tile.phase[COARSE, packet], splat(1.0), splat(search.finer))
+
+
+@lean_device
+def _record(tile, packet, phase, levels, level, ended, enter):  # type: ignore[no-untyped-def]
+    """Record the node of a level as what rays found in a phase."""
+    first = packet * LANES
+    here = phase * RAYS + first
+    _put(tile.t, here, ended, enter)
+    _put(tile.node, here, ended, splat(np.float64(levels.node[level])))
+    if phase == COARSE:
+        _put_cell(tile, first, ended, np.int64(1) << level, levels.cell[level])
+
+
+@lean_device
+def _put(array, index, lanes, values):  # type: ignore[no-untyped-def]
+    """Store values in some lanes."""
+    store(array, index, select(lanes, values, load(array, index)))
+
+
+@lean_device
+def _put_cell(tile, first, lanes, cells, cell):  # type: ignore[no-untyped-def]
+    """Store the voxel that stopped some rays of a packet: cells of its level a side, and its own."""
+    _put(tile.cells, first, lanes, splat(np.float64(cells)))
+    _put(tile.cell, first, lanes, splat(np.float64(cell[0])))
+    _put(tile.cell, RAYS + first, lanes, splat(np.float64(cell[1])))
+    _put(tile.cell, 2 * RAYS + first, lanes, splat(np.float64(cell[2])))
+
+
+@lean_device
+def _begin_next(search, tile, packet, phase, levels, level, ended):  # type: ignore[no-untyped-def]
+    """Begin the phase after that which ended for some lanes; returns them without those that are done."""
+    first = packet * LANES
+    tile.phase[phase, packet] &= ~ended
+    done = ended if phase >= search.last else ended & tile.answered[packet]
+    tile.alive[packet] &= ~done
+    begun = ended & ~done
+    if begun == 0:
+        return begun
+    if phase == COARSE:
+        beyond = load(tile.t, first) + splat(PATCH_SIDES / (np.int64(1) << level))
+        _put(tile.restart, first, begun, beyond)
+        tile.phase[FINE, packet] |= begun
+        if search.last == BEHIND:
+            for above in range(level):
+                _fit_restart(search, tile, packet, levels, above, begun)
+    else:
+        _put(tile.start, first, begun, load(tile.restart, first))
+        tile.phase[BEHIND, packet] |= begun
+    return begun
+
+
+@lean_device
+def _fit_restart(search, tile, packet, levels, level, lanes):  # type: ignore[no-untyped-def]
+    """Answer the phase BEHIND of rays among `lanes` for which the node of a level holds what they see there.
+
+    Pixels grow with the distance, so a node that was too large where the ray entered it may fit where the ray is to
+    begin again. Nodes that a ray has passed are not visited again, so each is asked as it is passed.
+    """
+    first = packet * LANES
+    size = 1.0 / (np.int64(1) << level)
+    restart = load(tile.restart, first)
+    pixel = splat(search.at_0) + splat(search.per_z) * (restart * load(tile.speed, first))
+    fits = lanes & ~tile.answered[packet] & less(splat(size), splat(2.0 * search.finer) * pixel)
+    if fits != 0:
+        fits &= less(restart, _exit(tile, first, levels, level, size))
+        fits &= ~less(restart, _entry(tile, first, levels, level, size))
+        if fits != 0:
+            _record(tile, packet, BEHIND, levels, level, fits, restart)
+            tile.answered[packet] |= fits
+
+
+@lean_device
+def _open(nodes, tile, first, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
+    """Find the children of a level's node that each ray among `lanes` meets."""
+    x, y, z = _child_planes(tile, first, levels, level)
+    existing = mirrored_children(nodes.child_mask[levels.node[level]], mirror)
+    found = levels.lanes[level]
+    pending = np.int64(0)
+    if existing & 0x03:
+        pending |= _open_pair(found, existing, 0, lanes, x, larger(y[0], z[0]), smaller(y[1], z[1]))
+    if existing & 0x0C:
+        pending |= _open_pair(found, existing, 2, lanes, x, larger(y[1], z[0]), smaller(y[2], z[1]))
+    if existing & 0x30:
+        pending |= _open_pair(found, existing, 4, lanes, x, larger(y[0], z[1]), smaller(y[1], z[2]))
+    if existing & 0xC0:
+        pending |= _open_pair(found, existing, 6, lanes, x, larger(y[1], z[1]), smaller(y[2], z[2]))
+    levels.pending[level] = pending
+
+
+@lean_device
+def _child_planes(tile, first, levels, level):  # type: ignore[no-untyped-def]
+    """Lengths to the planes of a level's children: those along x also as entries, after the ray's start."""
+    child = 0.5 / (np.int64(1) << level)
+    cell = levels.cell
+    start = load(tile.start, first)
+    low, middle, high = _three_planes(tile, 0, first, 2 * cell[level, 0], child)
+    y = _three_planes(tile, 1, first, 2 * cell[level, 1], child)
+    z = _three_planes(tile, 2, first, 2 * cell[level, 2], child)
+    return (larger(low, start), larger(middle, start), middle, high), y, z
+
+
+@lean_device
+def _three_planes(tile, axis, first, cell, child):  # type: ignore[no-untyped-def]
+    """Lengths to the lower, middle and upper plane of a node whose first child has this cell."""
+    return (
+        _to_plane(tile, axis, first, cell * child),
+        _to_plane(tile, axis, first, (cell + 1) * child),
+        _to_plane(tile, axis, first, (cell + 2) * child),
+    )
+
+
+@lean_device
+def _open_pair(found, existing, octant, lanes, along, enter, leave):  # type: ignore[no-untyped-def]
+    """Write the lanes that meet an octant and its neighbour along x; returns the bits of those that some lane meets.
+
+    along: lengths at which rays enter the lower and the upper of both, and at which they leave them.
+    """
+    pending = np.int64(0)
+    if (existing >> octant) & 1:
+        met = lanes & less(larger(along[0], enter), smaller(along[2], leave))
+        found[octant] = met
+        if met != 0:
+            pending |= np.int64(1) << octant
+    if (existing >> (octant + 1)) & 1:
+        met = lanes & less(larger(along[1], enter), smaller(along[3], leave))
+        found[octant + 1] = met
+        if met != 0:
+            pending |= np.int64(1) << (octant + 1)
+    return pending
+
+
+@lean_device
+def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
+    """Stop rays among `lanes` at the first child of a level's node that they meet; returns the visited children.
+
+    For children that stop every ray: nothing of theirs is read.
+    """
+    x, y, z = _child_planes(tile, packet * LANES, levels, level)
+    existing = mirrored_children(nodes.child_mask[levels.node[level]], mirror)
+    levels.pending[level] = 0
+    left, visits = lanes, 0
+    for pair in range(4):
+        if (existing >> (2 * pair)) & 3 == 0:
+            continue
+        low, high = (y[1], y[2]) if pair & 1 else (y[0], y[1])
+        near, far = (z[1], z[2]) if pair & 2 else (z[0], z[1])
+        enter, leave = larger(low, near), smaller(high, far)
+        for side in range(2):
+            octant = 2 * pair + side
+            if (existing >> octant) & 1:
+                entry = larger(x[side], enter)
+                met = left & less(entry, smaller(x[2 + side], leave))
+                if met != 0:
+                    visits += 1
+                    left &= ~met
+                    step_down(nodes, mirror, levels, level, octant)
+                    _record(tile, packet, COARSE, levels, level + 1, met, entry)
+    tile.alive[packet] &= left | ~lanes
+    return visits

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Walk through the octree with the rays of a tile of 8x8 pixels at once (methods 4.1, 4.1b).
+
+Neighbouring rays meet the same nodes, so a tile walks down the octree once, nearest children first. Large nodes are
+tested against the whole tile: bounds of the rays' plane distances, as axial distances, say which children none of them
+can meet. A leaf, or a node that is not much wider than a pixel, goes on with packets (`packet_walk.py`). Once all rays
+are done, what lies behind is not visited. Rays that are mirrored differently take turns. The order of visits changes
+no distance, so hits are those of rays that walk one at a time, bit for bit.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..runtime.kernels import lean_device
+from ..runtime.vectors import (
+    LANES,
+    OCTANTS,
+    first_bit,
+    larger,
+    largest,
+    less,
+    load,
+    select,
+    smaller,
+    smallest,
+    splat,
+    splat_octants,
+    store,
+)  # fmt: skip
+from .packet_walk import mirrored_children, step_down, walk_packet
+from .tile import COARSE, PACKETS, PHASES, RAYS
+
+_WIDE = 10.0  # voxel sides over pixel sides, from which on a node is tested for the whole tile; 5 and 20 are slower
+_FAR = 1e300
+_SAFE = 1e-12  # relative; bounds are rounded otherwise than the rays' own distances
+_UPPER_X, _UPPER_Y, _UPPER_Z = 0b10101010, 0b11001100, 0b11110000  # children in the upper half of each axis
+
+
+class _Bounds(NamedTuple):
+    """Bounds of those rays of a tile that are mirrored alike: on each axis origin and axial distance per unit.
+
+    start: axial distance where the first of them begins. mirror: a bit per axis.
+    """
+
+    origin_low: tuple[float, float, float]
+    origin_high: tuple[float, float, float]
+    inverse_low: tuple[float, float, float]
+    inverse_high: tuple[float, float, float]
+    start: float
+    mirror: int
+
+
+@lean_device
+def trace_tile(nodes, search, tile, levels):  # type: ignore[no-untyped-def]
+    """First hits of a tile's rays in all phases of a `Search`; returns how many nodes a tile or a packet has visited.
+
+    nodes: `Nodes`. tile: `Tile` with its rays set. levels: scratch.
+    """
+    tile.node[:] = -1
+    visits = 0
+    for mirror in range(8):
+        some = np.int64(0)
+        for packet in range(PACKETS):
+            lanes = tile.wanted[packet]
+            for axis in range(3):
+                down = tile.mirrored[axis, packet]
+                lanes &= down if (mirror >> axis) & 1 else ~down
+            tile.alive[packet] = lanes
+            tile.answered[packet] = 0
+            for phase in range(PHASES):
+                tile.phase[phase, packet] = lanes if phase == COARSE else 0
+            some |= lanes
+        if some != 0:
+            visits += _walk(nodes, search, tile, _bounds(tile, mirror), levels)
+    return visits
+
+
+@lean_device
+def _bounds(tile, mirror):  # type: ignore[no-untyped-def]
+    """Bounds of the rays of a tile that are alive."""
+    x, y, z = _axis_bounds(tile, 0), _axis_bounds(tile, 1), _axis_bounds(tile, 2)
+    start = _FAR
+    for packet in range(PACKETS):
+        first = packet * LANES
+        axial = load(tile.start, first) * load(tile.speed, first)
+        start = min(start, smallest(select(tile.alive[packet], axial, splat(_FAR))))
+    return _Bounds((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]), (x[3], y[3], z[3]), start, mirror)
+
+
+@lean_device
+def _axis_bounds(tile, axis):  # type: ignore[no-untyped-def]
+    """Smallest and largest origin, smallest and largest axial distance per unit along an axis."""
+    low, high = splat(_FAR), splat(-_FAR)
+    first_origin, last_origin, near, far = low, high, low, high
+    for packet in range(PACKETS):
+        alive = tile.alive[packet]
+        first = packet * LANES
+        origin = load(tile.origin, axis * RAYS + first)
+        inverse = load(tile.inverse, axis * RAYS + first) * load(tile.speed, first)
+        first_origin = smaller(first_origin, select(alive, origin, low))
+        last_origin = larger(last_origin, select(alive, origin, high))
+        near = smaller(near, select(alive, inverse, low))
+        far = larger(far, select(alive, inverse, high))
+    return smallest(first_origin), largest(last_origin), smallest(near), largest(far)
+
+
+@lean_device
+def _walk(nodes, search, tile, bounds, levels):  # type: ignore[no-untyped-def]
+    """Walk down with all rays of a tile that are alive; returns the number of visits."""
+    level = np.int64(0)
+    levels.node[0] = 0
+    for axis in range(3):
+        levels.cell[0, axis] = 0
+    pixel = search.at_0 + search.per_z * _root_exit(bounds)
+    if nodes.child_mask[0] == 0 or _WIDE * pixel > 1.0:
+        return 1 + _walk_packets(nodes, search, tile, bounds.mirror, levels, level)
+    visits = 1
+    size = 1.0
+    _open(nodes, bounds, levels, level)
+    while level >= 0:
+        pending = levels.pending[level]
+        if pending == 0:
+            level -= 1
+            size *= 2.0
+            continue
+        octant = first_bit(pending)
+        levels.pending[level] = pending & (pending - 1)
+        visits += 1
+        step_down(nodes, bounds.mirror, levels, level, octant)
+        pixel = search.at_0 + search.per_z * levels.exits[level, octant]
+        if nodes.child_mask[levels.node[level + 1]] == 0 or 0.5 * size < _WIDE * pixel:
+            visits += _walk_packets(nodes, search, tile, bounds.mirror, levels, level + 1)
+            if tile.alive[0] | tile.alive[1] | tile.alive[2] | tile.alive[3] == 0:
+                break
+        else:
+            level += 1
+            size *= 0.5
+            _open(nodes, bounds, levels, level)
+    return visits
+
+
+@lean_device
+def _walk_packets(nodes, search, tile, mirror, levels, top):  # type: ignore[no-untyped-def]
+    """Walk the subtree of the node at level `top` with each packet; returns the number of visits."""
+    visits = 0
+    for packet in range(PACKETS):
+        if tile.alive[packet] != 0:
+            visits += walk_packet(nodes, search, tile, packet, mirror, levels, top)
+    return visits
+
+
+@lean_device
+def _open(nodes, bounds, levels, level):  # type: ignore[no-untyped-def]
+    """Find the children of a level's node that rays of the tile may meet."""
+    child = 0.5 / (np.int64(1) << level)
+    x0, x1, x2, x3 = _plane_bounds(bounds, levels.cell[level, 0], child, 0)
+    y0, y1, y2, y3 = _plane_bounds(bounds, levels.cell[level, 1], child, 1)
+    z0, z1, z2, z3 = _plane_bounds(bounds, levels.cell[level, 2], child, 2)
+    enter_x = select(_UPPER_X, splat_octants(x1), splat_octants(x0))
+    enter_y = select(_UPPER_Y, splat_octants(y1), splat_octants(y0))
+    enter_z = select(_UPPER_Z, splat_octants(z1), splat_octants(z0))
+    leave_x = select(_UPPER_X, splat_octants(x3), splat_octants(x2))
+    leave_y = select(_UPPER_Y, splat_octants(y3), splat_octants(y2))
+    leave_z = select(_UPPER_Z, splat_octants(z3), splat_octants(z2))
+    enter = larger(larger(enter_x, enter_y), larger(enter_z, splat_octants(bounds.start)))
+    leave = smaller(smaller(leave_x, leave_y), leave_z)
+    store(levels.exits, level * OCTANTS, leave)
+    met = less(enter, leave + leave * splat_octants(_SAFE))
+    levels.pending[level] = met & mirrored_children(nodes.child_mask[levels.node[level]], bounds.mirror)
+
+
+@lean_device
+def _root_exit(bounds):  # type: ignore[no-untyped-def]
+    """Largest axial distance at which a ray of the tile leaves the cube."""
+    x = _plane_bounds(bounds, 0, 0.5, 0)
+    y = _plane_bounds(bounds, 0, 0.5, 1)
+    z = _plane_bounds(bounds, 0, 0.5, 2)
+    return max(min(min(x[3], y[3]), z[3]), 0.0)
+
+
+@lean_device
+def _plane_bounds(bounds, cell, child, axis):  # type: ignore[no-untyped-def]
+    """Smallest axial distances of a node's lower and middle plane, largest of its middle and upper plane."""
+    low, middle, high = 2 * cell * child, (2 * cell + 1) * child, (2 * cell + 2) * child
+    near, far = bounds.inverse_low[axis], bounds.inverse_high[axis]
+    behind, ahead = bounds.origin_high[axis], bounds.origin_low[axis]
+    return (
+        _least(low - behind, near, far),
+        _least(middle - behind, near, far),
+        _most(middle - ahead, near, far),
+        _most(high - ahead, near, far),
+    )
+
+
+@lean_device
+def _least(distance, near, far):  # type: ignore[no-untyped-def]
+    return distance * (near if distance >= 0.0 else far)
+
+
+@lean_device
+def _most(distance, near, far):  # type: ignore[no-untyped-def]
+    return distance * (far if distance >= 0.0 else near)

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Samples per pixel in jobs, operators, panels, presets, overlay, commands, renders and viewports."""
+
+import json
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet import commands
+from patchnet.operators.pipeline.views import View, view
+from patchnet.operators.render_engine import panels as engine_panels
+from patchnet.operators.render_engine.viewport_preview import ViewportPreview
+from patchnet.operators.scene.cameras import choose_cameras, tracing_camera
+from patchnet.operators.session import results
+from patchnet.operators.session.shown_view import view_to_show
+from patchnet.operators.settings.groups import ViewSettings
+from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.operators.ui import presets_menu
+from patchnet.operators.ui.panels.compare import PATCHNET_PT_compare
+from patchnet.operators.ui.panels.preview import PATCHNET_PT_preview
+from patchnet.operators.ui.panels.statistics import PATCHNET_PT_statistics
+from patchnet.operators.ui.properties import scene_settings
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
+from patchnet.patchnet_addon.sampling.ranking import rank
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
+from patchnet.tests.blender.drawn import drawn
+from patchnet.tests.blender.engine_scene import build_for_engine, rendered
+from patchnet.tests.blender.job_scene import QUICK, SMALL, build
+from patchnet.tests.blender.test_viewport_preview import WORLD, new_picture
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+SIZE = (48, 32)
+
+
+def seen(scene: bpy.types.Scene, wanted: ViewSettings, *, color: bool = False) -> View:
+    """A view of the small scene."""
+    scene.patchnet.color = color
+    bpy.ops.patchnet.voxelize(depth=6)
+    bpy.ops.patchnet.precompute_codes()
+    camera = tracing_camera(scene.camera, scene, SIZE)
+    return drain(view(results.codes_of(scene), camera, wanted, "VISIBLE", compare=True))
+
+
+@pytest.mark.parametrize("color", [False, True])
+def test_a_job_traces_the_samples_that_it_says(scene: bpy.types.Scene, color: bool) -> None:
+    found = seen(scene, ViewSettings(size=SIZE, spp=6.0), color=color)
+    buffers, refined, report = found.buffers, found.refined, found.report["spp"]
+    active = buffers.active
+    assert report["budget"] == 6.0 and 5.9 < report["spent"] <= 6.0
+    assert report["spent"] == pytest.approx(refined.samples[active].mean())
+    assert report["pixels"] == {str(n): int((refined.samples[active] == n).sum()) for n in (1, 4, 16, 64, 256, 1024)}
+    for side in (2, 4):
+        pixels = np.flatnonzero(refined.samples == side**2)
+        means = supersample_pixels(found.octree, found.camera, pixels, side)
+        assert len(pixels) > 3
+        np.testing.assert_array_equal(refined.luminance[pixels], means.luminance)
+        assert not np.array_equal(means.luminance, buffers.reference[pixels]), "traced, not taken from the reference"
+        if color:
+            np.testing.assert_array_equal(refined.colors[pixels], means.colors)
+    error = (refined.luminance.astype(float) - buffers.reference)[active] ** 2
+    assert found.errors == (found.report["mse_unrefined"], report["mse"])
+    assert report["mse"] == pytest.approx(error.mean()) and report["mse"] < found.report["mse_unrefined"]
+    other = seen(scene, ViewSettings(size=SIZE), color=color)
+    assert "spp" not in other.report and other.report["mse"] == found.report["mse"], "strategies compare by their share"
+    assert other.errors[1] == other.report["mse"]["patchnet-behind"]
+    for name in ("preview", "priority", "reference"):
+        np.testing.assert_array_equal(other.pictures[name], found.pictures[name])
+    for name in ("order", "refined", "error"):
+        assert not np.array_equal(other.pictures[name], found.pictures[name]), name
+
+
+def test_pixels_say_their_samples(scene: bpy.types.Scene) -> None:
+    wanted = ViewSettings(size=SIZE, spp=6.0)
+    found = seen(scene, wanted)
+    shown = view_to_show(found, wanted, 0.0)
+    np.testing.assert_array_equal(shown.values["samples"].ravel(), found.refined.samples)
+    np.testing.assert_array_equal(shown.values["refined luminance"].ravel(), found.refined.luminance)
+    row, column = np.argwhere(shown.values["samples"] == 16)[0]
+    assert shown.describe_pixel(int(column), int(row), 0.25)[-1] == "Samples 16"
+
+
+def test_panel_and_figures(scene: bpy.types.Scene, capfd: pytest.CaptureFixture[str]) -> None:
+    assert bpy.ops.patchnet.run_all(light="two-lights", **SMALL) == {"FINISHED"}
+    by_share = results.voxels_of(scene).errors
+    scene.patchnet.spp = 4.0
+    assert "'Samples per Pixel' changed: render again" in drawn(PATCHNET_PT_preview)
+    assert {"budget", "spp"} <= set(drawn(PATCHNET_PT_preview))
+    assert {"budget", "spp"} <= set(drawn(engine_panels.PATCHNET_PT_render_refinement))
+    assert bpy.ops.patchnet.render_preview(size=SMALL["size"]) == {"FINISHED"}
+    assert "after refining with 4 samples per pixel" in capfd.readouterr().out
+    result = results.voxels_of(scene)
+    assert result.errors[0] == by_share[0] and result.errors[1] != by_share[1]
+    assert f"Error {result.errors[0]:.2e}, refined {result.errors[1]:.2e}" in "\n".join(drawn(PATCHNET_PT_statistics))
+    assert bpy.ops.patchnet.compare(size=SMALL["size"]) == {"FINISHED"}
+    assert "Mean squared error, budget 30%" in drawn(PATCHNET_PT_compare)
+    assert bpy.ops.patchnet.render_preview(size=SMALL["size"], spp=0.0) == {"FINISHED"}, "0 is a share again"
+    assert results.voxels_of(scene).errors == by_share
+
+
+def test_settings_and_what_is_wrong_with_them(scene: bpy.types.Scene) -> None:
+    assert scene_settings(scene).view.spp is None and JobSettings().view.spp is None
+    scene.patchnet.spp = 7.5
+    assert scene_settings(scene).view.spp == 7.5
+    assert scene_settings(scene).view.budget_text == "7.5 samples per pixel"
+    assert ViewSettings(budget=0.25).budget_text == "a budget of 25%"
+    scene.patchnet.spp = 5000.0
+    assert scene.patchnet.spp == 1024.0
+    scene.patchnet.spp = 0.5
+    with pytest.raises(RuntimeError, match=r"Samples per pixel 0.5 is outside 1 to 1024: give the mean"):
+        bpy.ops.patchnet.run_all(light="two-lights", **SMALL)
+    with pytest.raises(SettingError, match="Samples per pixel"):
+        ViewSettings(spp=1025.0)
+
+
+def test_every_preset_says_which_budget(scene: bpy.types.Scene) -> None:
+    (folder,) = [path for path in map(Path, bpy.utils.preset_paths("patchnet")) if "operators" in path.parts]
+    presets = sorted(folder.glob("*.py"))
+    assert len(presets) == 4 and {"budget", "spp"} <= set(presets_menu._VALUES)
+    for path in presets:
+        scene.patchnet.spp = 9.0
+        assert bpy.ops.patchnet.apply_preset(filepath=str(path)) == {"FINISHED"}
+        assert scene.patchnet.spp == 0.0
+
+
+def test_command(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    words = ["run", str(scene_file), "--out", str(out), "--weights", str(weights), *QUICK]
+    assert commands.main([*words, "--spp", "4", "--log-format", "json"]) == 0
+    (frame,) = json.loads((out / "report.json").read_text())["frames"]
+    assert frame["spp"]["budget"] == 4.0 and 3.5 < frame["spp"]["spent"] <= 4.0
+    assert set(frame["mse"]) == set(STRATEGIES) and frame["budget"] == 0.3
+    printed, lines = capsys.readouterr()
+    assert f"With {frame['spp']['spent']:.4g} samples per pixel by priority" in printed
+    assert f"{frame['spp']['mse']:.2e}; as many rays as a share {frame['spp']['mse_of_share']:.2e}" in printed
+    (said,) = [json.loads(line) for line in lines.splitlines() if '"views"' in line]
+    assert said["views"][0]["mse"] == frame["spp"]["mse"]
+
+
+@pytest.mark.parametrize("value", ["0.5", "0", "1025", "many"])
+def test_bad_arguments(value: str, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build()
+    scene = tmp_path / "small.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    assert commands.main(["run", str(scene), "--out", str(tmp_path / "out"), *QUICK, "--spp", value]) == 2
+    said = capsys.readouterr().err
+    assert "--spp" in said and "1 to 1024" in said and "Traceback" not in said
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("mean", [1.0, 6.0, 1024.0])
+def test_render_and_its_sample_count(weights: Path, tmp_path: Path, mean: float) -> None:
+    scene = build_for_engine(weights, tmp_path)
+    scene.patchnet.spp = mean
+    found = rendered(scene)
+    result = results.result_of(scene)
+    assert result is not None and result.coded is not None
+    camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
+    chosen = [STRATEGIES[scene.patchnet.strategy], STRATEGIES["patchnet"]]
+    buffers = drain(trace_view(result.octree, camera, chosen, coded=result.coded))
+    samples = rank(chosen[0], buffers, 0.3).samples(mean)
+    np.testing.assert_array_equal(found["Sample Count"][..., 0], buffers.picture(samples))
+    assert samples[buffers.active].mean() <= mean and (mean == 1.0) == (samples.max() == 1)
+    if mean == 1024.0:
+        assert set(samples.tolist()) == {1, 1024}
+
+
+def test_slices_of_a_viewport_end_with_the_picture_of_a_render() -> None:
+    preview = ViewportPreview(new_picture(), 0.4, WORLD, 9.0)
+    while not preview.done:
+        preview.work(0.0)
+    picture: AdaptivePicture = new_picture()
+    drain(picture.trace())
+    drain(picture.refine(0.4, spp=9.0))
+    np.testing.assert_array_equal(preview.picture.samples, picture.samples)
+    np.testing.assert_array_equal(preview.picture.colors, picture.colors)
+    wrong = ViewportPreview(new_picture(), 0.4, WORLD, 0.5)
+    with pytest.raises(SettingError, match="Samples per pixel"):
+        drain(wrong.steps)

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Predictions of pixels by the compiled decoder against NumPy's, which is held to the definition elsewhere."""
+
+from types import SimpleNamespace
+
+import numba
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.codes import predict as module
+from patchnet.patchnet_addon.codes.corner_rows import MEAN_SIZE, CornerCodes, write_mean_code
+from patchnet.patchnet_addon.codes.encode import encode_octree
+from patchnet.patchnet_addon.codes.predict import interpolate_codes_reference, predict, predict_reference
+from patchnet.patchnet_addon.network.compiled_decode import TILE
+from patchnet.patchnet_addon.network.weights import Weights, load_weights
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.engine.octree_samples import random_octree
+
+TOLERANCE = 1e-5  # the order of additions differs, and the reference interpolates in float64
+
+
+@pytest.fixture(scope="module", params=["random", "shipped"])
+def coded(request):
+    weights = Weights.random(seed=9, bias=0.1) if request.param == "random" else load_weights()
+    return drain(encode_octree(random_octree(seed=8, depth=5, count=500, adaptive=True), weights))
+
+
+def sample_hits(coded, count, seed=1, *, seeing=None):
+    """Pixels that hit any node, or none; `seeing`: all with look-ahead, or none."""
+    random = np.random.default_rng(seed)
+    nodes = np.arange(-1, coded.octree.node_count)
+    if seeing is not None:
+        nodes = nodes[(np.append(-1, coded.coded_index)[nodes + 1] >= 0) == seeing]
+    node = random.choice(nodes, count)
+    direction = random.normal(size=(count, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    up = np.cross(direction, [0.3, 0.5, 0.8])
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    return SimpleNamespace(
+        node=node,
+        entry_voxel=random.uniform(size=(count, 3)).astype(np.float32),
+        direction=direction.astype(np.float32),
+        up=up.astype(np.float32),
+        ratio=random.uniform(0.5, 1, count).astype(np.float32),
+        luminance=np.where(node >= 0, coded.octree.luminance_float(node), np.float32(0.25)),
+    )
+
+
+def check(coded, hits):
+    prediction, wanted = predict(coded, hits), predict_reference(coded, hits)
+    np.testing.assert_array_equal(prediction.look_ahead, wanted.look_ahead)
+    for ours, reference in ((prediction.coverage, wanted.coverage), (prediction.luminance, wanted.luminance)):
+        assert ours.dtype == reference.dtype == np.float32
+        np.testing.assert_allclose(ours, reference, atol=TOLERANCE, rtol=0)
+    blind = ~prediction.look_ahead
+    assert (prediction.coverage[blind] == 1).all()
+    np.testing.assert_array_equal(prediction.luminance[blind], hits.luminance[blind])
+    return prediction
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, TILE - 1, TILE, TILE + 1, 5 * TILE + 3, 9000])
+def test_prediction_is_numpys(coded, count):
+    check(coded, sample_hits(coded, count))
+
+
+@pytest.mark.parametrize("count", [1, TILE, 2 * TILE + 5])
+def test_pixels_that_all_have_look_ahead_and_pixels_that_have_none(coded, count):
+    assert check(coded, sample_hits(coded, count, seeing=True)).look_ahead.all()
+    assert not check(coded, sample_hits(coded, count, seeing=False)).look_ahead.any()
+
+
+def test_octree_without_codes():
+    shallow = drain(encode_octree(random_octree(depth=1, count=5), Weights.random()))
+    assert not check(shallow, sample_hits(shallow, 100)).look_ahead.any()
+
+
+def test_a_pixel_has_the_same_bits_in_any_company_and_number_of_threads(coded, monkeypatch):
+    hits = sample_hits(coded, 1000, seeing=True)
+    whole = predict(coded, hits)
+    part = SimpleNamespace(**{name: array[337:338] for name, array in vars(hits).items()})
+    assert predict(coded, part).coverage[0] == whole.coverage[337]
+    assert predict(coded, part).luminance[0] == whole.luminance[337]
+    monkeypatch.setattr(module, "_PART", TILE + 5)
+    threads = numba.get_num_threads()
+    try:
+        numba.set_num_threads(1)
+        other = predict(coded, hits)
+    finally:
+        numba.set_num_threads(threads)
+    np.testing.assert_array_equal(other.coverage, whole.coverage)
+    np.testing.assert_array_equal(other.luminance, whole.luminance)
+
+
+def test_arrays_of_other_types_and_orders(coded):
+    hits = sample_hits(coded, 300)
+    others = SimpleNamespace(**vars(hits))
+    others.node, others.ratio = hits.node.astype(np.int32), hits.ratio.astype(np.float64)
+    others.direction = np.asfortranarray(hits.direction)
+    np.testing.assert_array_equal(predict(coded, others).coverage, predict(coded, hits).coverage)
+
+
+def test_far_values_saturate(coded):
+    """Without an overflow, in half floats of all sizes."""
+    far = type(coded)(coded.octree, coded.weights, np.full_like(coded.codes, 60000), coded.node_corners)
+    prediction = predict(far, sample_hits(coded, 500, seeing=True))
+    assert np.isin(prediction.coverage, (0, 1)).mean() > 0.9
+    assert np.isfinite(prediction.coverage).all() and np.isfinite(prediction.luminance).all()
+
+
+def test_mean_of_codes(coded):
+    random = np.random.default_rng(0)
+    rows = random.integers(0, len(coded.node_corners), 100)
+    points = random.uniform(size=(100, 3)).astype(np.float32)
+    points[:4] = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 0, 1)]
+    means = mean_codes(coded, rows, points)
+    np.testing.assert_allclose(means, interpolate_codes_reference(coded, rows, points), atol=1e-5, rtol=1e-5)
+    wanted = coded.codes[coded.node_corners[rows[:4], [0, 1, 2, 5]]]
+    np.testing.assert_array_equal(means[:4], wanted.astype(np.float32))
+
+
+def mean_codes(coded, rows, points):
+    means = np.empty((len(rows), MEAN_SIZE), np.float32)
+    codes = CornerCodes.of(coded)
+    for row, point, mean in zip(rows, points, means, strict=True):
+        write_mean_code(codes.halves, codes.node_corners, row, tuple(point), mean)
+    return np.concatenate([means[:, :8], means[:, 14:]], axis=1)
+
+
+def test_half_floats_of_every_size():
+    """All finite half floats, subnormal ones and zeros of both signs too, at a corner: exactly."""
+    halves = np.arange(1 << 16, dtype=np.uint16).view(np.float16)
+    halves = np.append(halves[np.isfinite(halves)], np.zeros(2, np.float16))
+    codes = np.resize(halves, (-(-len(halves) // 10), 10))
+    corners = np.repeat(np.arange(len(codes), dtype=np.uint32)[:, None], 8, axis=1)
+    coded = SimpleNamespace(codes=codes, node_corners=corners, coded_index=np.zeros(1, np.int32))
+    points = np.zeros((len(codes), 3), np.float32)
+    np.testing.assert_array_equal(mean_codes(coded, np.arange(len(codes)), points), codes.astype(np.float32))

@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Samples per pixel by priority: the allocation against its definition, and the pictures that are traced with it."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
+from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from patchnet.patchnet_addon.sampling.ranking import Ranking, rank
+from patchnet.patchnet_addon.sampling.refined_picture import refined_by_samples, refined_by_share, samples_report
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.sample_counts import COUNTS, SIDES, runs_of_equal_counts, sample_counts
+from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing import pixels as tracing_pixels
+from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
+from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.engine.test_adaptive import camera, colored, halves
+from patchnet.tests.engine.test_sampling import random_buffers
+
+CHOSEN = STRATEGIES["ss-variance"]
+ERROR = np.array([1.0, 0.33, 0.055, 0.004, 0.0005, 0.0])  # methods 7.25b
+BY_PRIORITY = np.array([0.75, 0.5, 0.25, 0.125, 0.0625, 0.0])
+MEANS = [1.0, 1.01, 1.7, 4.0, 33.3, 300.0, 1023.0, 1024.0]
+
+
+def falling(seed: int, count: int, zeros: float = 0.2) -> np.ndarray:
+    """Priorities of several orders of magnitude, some of them equal, some 0."""
+    rng = np.random.default_rng(seed)
+    values = np.where(rng.random(count) < 0.5, 10 ** rng.uniform(-4, 0, count), rng.integers(1, 9, count) / 8)
+    return np.sort(np.where(rng.random(count) < zeros, 0.0, values))[::-1].astype(np.float32)
+
+
+def expected_errors(priorities: np.ndarray) -> np.ndarray:
+    """(6, A): squared error of each pixel with each number of samples, as methods 7.25b expects it."""
+    values = priorities.astype(np.float64)
+    relative = values / values[values > 0].mean() if (values > 0).any() else values
+    return ERROR[:, None] * (BY_PRIORITY[:, None] * relative + (1.0 - BY_PRIORITY[:, None]))
+
+
+def upgrades(priorities: np.ndarray) -> list[tuple[float, int, int, int]]:
+    """(less worth a sample, level, pixel, samples) of every upgrade, most worth first, equal ones in their order."""
+    gain = np.diff(expected_errors(priorities), axis=0)
+    each = [
+        (round(gain[level, pixel] / cost, 15), level, pixel, int(cost))
+        for level, cost in enumerate(np.diff(COUNTS))
+        for pixel, value in enumerate(priorities)
+        if value > 0
+    ]
+    return sorted(each)
+
+
+def sample_counts_reference(priorities: np.ndarray, mean: float) -> np.ndarray:
+    """Upgrade by upgrade, in the order of their worth, each that still can be paid for and that follows the others."""
+    levels = np.zeros(len(priorities), int)
+    spare = int(mean * len(priorities) * (1 + 1e-12)) - len(priorities)
+    for _, level, pixel, cost in upgrades(priorities):
+        follows = levels[pixel] == level and (pixel == 0 or levels[pixel - 1] > level)
+        if cost <= spare and follows:
+            levels[pixel] += 1
+            spare -= cost
+    return COUNTS[levels]
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    count=st.integers(0, 40),
+    mean=st.one_of(st.sampled_from(MEANS), st.floats(1, 1024), st.floats(1, 20)),
+)
+@settings(max_examples=200, deadline=None)
+def test_against_one_upgrade_after_another(seed: int, count: int, mean: float) -> None:
+    priorities = falling(seed, count)
+    np.testing.assert_array_equal(sample_counts(priorities, mean), sample_counts_reference(priorities, mean))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 17, 1000, 50_001])
+@pytest.mark.parametrize("mean", MEANS)
+def test_budget_is_kept_and_spent_and_more_priority_gets_no_less(count: int, mean: float) -> None:
+    priorities = falling(count, count)
+    counts = sample_counts(priorities, mean)
+    assert counts.dtype == np.int32 and set(counts.tolist()) <= set(COUNTS.tolist())
+    assert counts.sum() <= mean * count * (1 + 1e-12)
+    assert (np.diff(counts) <= 0).all() and (counts[priorities <= 0] == 1).all()
+    left, urgent = mean * count - counts.sum(), int(np.count_nonzero(priorities))
+    for level in range(5):  # the next pixel of each upgrade costs more than what is left
+        taken, before = (np.count_nonzero(counts > COUNTS[at]) for at in (level, level - 1))
+        if taken < (before if level else urgent):
+            assert COUNTS[level + 1] - COUNTS[level] > left - 1e-6
+    np.testing.assert_array_equal(counts, sample_counts(priorities.copy(), mean))
+
+
+def test_no_other_choice_of_as_many_samples_leaves_less() -> None:
+    """Where the budget ends with an upgrade; all allocations of four pixels are tried."""
+    priorities = np.array([0.9, 0.35, 0.3, 0.01])
+    every = np.array(list(itertools.product(COUNTS, repeat=4)))
+    expected = expected_errors(priorities)
+    left = sum(expected[np.searchsorted(COUNTS, every[:, pixel]), pixel] for pixel in range(4))
+    total = 4
+    for _, _, _, cost in upgrades(priorities)[:-1]:
+        total += cost
+        counts = sample_counts(priorities, total / 4)
+        assert counts.sum() == total
+        mine = expected[np.searchsorted(COUNTS, counts), np.arange(4)].sum()
+        assert mine <= left[every.sum(axis=1) <= total].min() * (1 + 1e-12)
+
+
+def test_each_upgrade_is_worth_less_than_the_one_before() -> None:
+    """For every priority: no pixel would rather have the second without the first."""
+    worth = -np.diff(expected_errors(10.0 ** np.arange(4.0, -9.0, -1.0)), axis=0) / np.diff(COUNTS)[:, None]
+    assert (worth > 0).all() and (np.diff(worth, axis=0) < 0).all()
+
+
+def test_priorities_have_no_scale() -> None:
+    priorities = falling(7, 500)
+    counts = sample_counts(priorities, 9.0)
+    np.testing.assert_array_equal(sample_counts(priorities * np.float32(2.0**-40), 9.0), counts)
+    np.testing.assert_array_equal(sample_counts(priorities * np.float32(2.0**40), 9.0), counts)
+
+
+def test_extremes() -> None:
+    priorities = falling(3, 200)
+    assert (sample_counts(priorities, 1.0) == 1).all()
+    np.testing.assert_array_equal(sample_counts(priorities, 1024.0), np.where(priorities > 0, 1024, 1))
+    assert (sample_counts(np.zeros(9), 50.0) == 1).all() and sample_counts(np.zeros(0), 50.0).shape == (0,)
+    alike = sample_counts(np.full(10, 0.3), 2.5)
+    np.testing.assert_array_equal(alike, [4] * 5 + [1] * 5)
+    not_numbers = np.array([np.inf, 1e38, 1e-45, np.nan], np.float32)
+    with np.errstate(all="raise", under="ignore"):
+        counts = sample_counts(not_numbers, 300.0)
+    np.testing.assert_array_equal(counts, [256, 256, 256, 1])
+
+
+@pytest.mark.parametrize("mean", [0.0, 0.99, 1024.5, -4.0, float("nan"), float("inf")])
+def test_a_mean_outside_its_range(mean: float) -> None:
+    with pytest.raises(SettingError, match=r"Samples per pixel .* is outside 1 to 1024: give the mean"):
+        sample_counts(np.ones(3), mean)
+
+
+def test_runs() -> None:
+    counts = np.array([1024, 1024, 64, 4, 4, 4, 1, 1], np.int32)
+    assert list(runs_of_equal_counts(counts)) == [(32, slice(0, 2)), (8, slice(2, 3)), (2, slice(3, 6))]
+    assert list(runs_of_equal_counts(np.ones(3, np.int32))) == []
+
+
+@pytest.mark.parametrize("name", STRATEGIES)
+def test_a_view_by_every_strategy(name: str) -> None:
+    buffers = random_buffers(4)
+    weights = np.where(np.arange(len(buffers.preview)) % 3 == 0, 0.0, 0.7).astype(np.float32)
+    for seen in (buffers, replace(buffers, importance=weights)):
+        ranking = rank(STRATEGIES[name], seen, 0.3)
+        samples = ranking.samples(6.0)
+        assert samples[seen.active].mean() <= 6.0 and samples[seen.active].mean() > 5.9
+        assert (samples[~seen.active] == 1).all() and (np.diff(samples[ranking.order]) <= 0).all()
+        if seen.importance is not None:
+            assert (samples[weights == 0] == 1).all()
+        shown = ranking.urgency(int(np.count_nonzero(samples > 1)))
+        np.testing.assert_array_equal(shown > 0, (samples > 1) & (ranking.priority > 0))
+
+
+def test_scores_of_zero_may_be_wrong_and_importance_of_zero_never_matters() -> None:
+    """A pixel without look-ahead has a score of 0: it gets its samples after all that have a score."""
+    buffers = random_buffers(4)
+    score = np.zeros(len(buffers.preview), np.float32)
+    score[np.flatnonzero(buffers.active)[:50]] = 0.5
+    weights = (np.arange(len(score)) % 5 > 0).astype(np.float32)
+    buffers = replace(buffers, importance=weights)
+    zero = replace(CHOSEN, score=lambda _: score)
+    most = rank(zero, buffers, 0.3).samples(1024.0)
+    np.testing.assert_array_equal(most, np.where(buffers.active & (weights > 0), 1024, 1))
+    some = rank(zero, buffers, 0.3).samples(3.0)
+    assert some[(score > 0) & (weights > 0)].min() > 1 and (some[weights == 0] == 1).all()
+    assert set(some[buffers.active & (score == 0)].tolist()) == {1, 4}
+
+
+def view(with_color: bool = False) -> tuple[AdaptivePicture, Ranking, PixelBuffers]:
+    """A traced picture, and the same view with its reference."""
+    octree = colored(random_octree()) if with_color else random_octree()
+    picture = AdaptivePicture(octree, camera(), CHOSEN)
+    drain(picture.trace())
+    buffers = drain(trace_view(octree, camera(), [CHOSEN]))
+    return picture, rank(CHOSEN, buffers, 0.3), buffers
+
+
+@pytest.mark.parametrize("with_color", [False, True])
+def test_pixels_are_traced_with_their_samples(with_color: bool) -> None:
+    picture, ranking, buffers = view(with_color)
+    drain(picture.refine(0.0, pace=Pace(batch_rays=3000), spp=9.0))
+    samples = ranking.samples(9.0)
+    np.testing.assert_array_equal(picture.samples, samples)
+    assert set(samples.tolist()) == {1, 4, 16}
+    for side in SIDES:
+        pixels = np.flatnonzero(samples == side**2)
+        if side == 1:
+            seen = buffers.preview[pixels, None] if buffers.preview_color is None else buffers.preview_color[pixels]
+            np.testing.assert_array_equal(picture.colors[pixels], np.broadcast_to(seen, (len(pixels), 3)))
+        else:
+            means = supersample_pixels(picture.octree, picture.camera, pixels, side)
+            np.testing.assert_array_equal(picture.colors[pixels], means.colors)
+            np.testing.assert_array_equal(picture.alpha[pixels], means.coverage)
+
+
+def test_every_chosen_pixel_is_traced_once_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[tuple[int, np.ndarray]] = []
+
+    def counted(octree, camera, pixels, side):  # type: ignore[no-untyped-def]
+        calls.append((side, pixels))
+        return supersample_pixels(octree, camera, pixels, side)
+
+    monkeypatch.setattr(tracing_pixels, "supersample_pixels", counted)
+    picture, ranking, _ = view()
+    reports = []
+    drain(picture.refine(0.0, pace=Pace(batch_rays=500), spp=9.0), reports.append)
+    samples = ranking.samples(9.0)
+    traced = np.concatenate([pixels for _, pixels in calls])
+    np.testing.assert_array_equal(np.sort(traced), np.flatnonzero(samples > 1))
+    assert sum(side**2 * len(pixels) for side, pixels in calls) == samples[samples > 1].sum()
+    assert [side for side, _ in calls] == sorted((side for side, _ in calls), reverse=True), "the most urgent first"
+    assert all(side**2 * len(pixels) <= max(500, side**2) for side, pixels in calls)
+    shares = [report.fraction for report in reports]
+    assert shares == sorted(shares) and shares[0] == 0.0 and shares[-1] < 1.0
+
+    calls.clear()
+    drain(picture.refine(0.0, spp=9.0))
+    assert not calls, "all of them have their samples"
+
+
+def test_a_quick_pass_first_ends_with_the_same_picture() -> None:
+    at_once, in_two, _ = view()[0], view()[0], None
+    drain(at_once.refine(0.0, spp=9.0))
+    drain(in_two.refine(0.0, 4, spp=9.0))
+    assert in_two.samples.max() == 16
+    drain(in_two.refine(0.0, spp=9.0))
+    np.testing.assert_array_equal(in_two.samples, at_once.samples)
+    np.testing.assert_array_equal(in_two.colors, at_once.colors)
+
+
+def test_importance_of_zero_keeps_one_ray() -> None:
+    picture = AdaptivePicture(random_octree(), camera(), CHOSEN, importance=halves)
+    drain(picture.trace())
+    drain(picture.refine(0.0, spp=40.0))
+    assert picture.buffers is not None and picture.buffers.importance is not None
+    assert (picture.samples[picture.buffers.importance == 0] == 1).all()
+    assert 30.0 < picture.samples[picture.buffers.active].mean() <= 40.0
+
+
+@pytest.mark.parametrize("with_color", [False, True])
+def test_the_picture_of_a_job_is_that_of_a_render(with_color: bool) -> None:
+    picture, ranking, buffers = view(with_color)
+    drain(picture.refine(0.0, spp=9.0))
+    refined = drain(refined_by_samples(picture.octree, picture.camera, ranking, 9.0, Pace(batch_rays=3000)))
+    np.testing.assert_array_equal(refined.samples, picture.samples)
+    assert refined.refined_count == np.count_nonzero(picture.samples > 1)
+    if with_color:
+        np.testing.assert_array_equal(refined.colors, picture.colors)
+    else:
+        np.testing.assert_array_equal(refined.luminance, picture.colors[:, 0])
+        assert refined.colors is None
+    assert not np.shares_memory(refined.luminance, buffers.preview)
+
+
+def test_ends_of_the_range_are_preview_and_reference() -> None:
+    picture, ranking, buffers = view()
+    none = drain(refined_by_samples(picture.octree, picture.camera, ranking, 1.0))
+    np.testing.assert_array_equal(none.luminance, buffers.preview)
+    every = drain(refined_by_samples(picture.octree, picture.camera, ranking, 1024.0))
+    active = buffers.active
+    np.testing.assert_allclose(every.luminance[active], buffers.reference[active], rtol=1e-6)
+
+
+def test_figures_of_a_report() -> None:
+    picture, ranking, buffers = view()
+    refined = drain(refined_by_samples(picture.octree, picture.camera, ranking, 9.0))
+    found = samples_report(ranking, refined, 9.0)
+    active = buffers.active
+    assert found["budget"] == 9.0 and found["spent"] == pytest.approx(refined.samples[active].mean())
+    assert sum(found["pixels"].values()) == active.sum() and list(found["pixels"]) == [str(count) for count in COUNTS]
+    error = (refined.luminance.astype(float) - buffers.reference)[active] ** 2
+    assert found["mse"] == pytest.approx(error.mean(), rel=1e-12)
+    by_share = refined_by_share(rank(CHOSEN, buffers, refined.samples[refined.samples > 1].sum() / 1024 / active.sum()))
+    error = (by_share.luminance.astype(float) - buffers.reference)[active] ** 2
+    assert found["mse_of_share"] == pytest.approx(error.mean(), rel=1e-12)
+
+
+@pytest.mark.parametrize("mean", [2.0, 8.0, 32.0])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_less_error_is_left_than_by_a_share_of_as_many_rays(seed: int, mean: float) -> None:
+    octree, eye = random_octree(seed, depth=7, count=4000), camera(46, 34)
+    buffers = drain(trace_view(octree, eye, [CHOSEN]))
+    ranking = rank(CHOSEN, buffers, 0.3)
+    found = samples_report(ranking, drain(refined_by_samples(octree, eye, ranking, mean)), mean)
+    assert found["mse"] < 0.8 * found["mse_of_share"]

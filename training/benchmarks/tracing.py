@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rays per second of the tracer in turns with Embree on the same triangles, and with our own rays one at a time.
+
+Views are found from the octree: from far outside, from the free space within, and close to what that sees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from statistics import geometric_mean, median
+from typing import Any
+
+import numba
+import numpy as np
+
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
+from ...patchnet_addon.tracing.pixels import supersample_pixels
+from ...patchnet_addon.tracing.render import first_hits, trace_pixels, visits_per_ray
+from ...patchnet_addon.tracing.tile import BEHIND, COARSE, FINE, Search
+from ...patchnet_addon.tracing.viewpoints import viewpoints
+from .embree_peer import EmbreeScene
+from .single_rays import single_hits, single_means
+from .timing import Comparison, take_turns
+
+_BLOCK = 4  # pixels a side that are super-sampled together, as refinement does
+_BLOCKS = 40
+_SIDE = 32
+_CLOSE = 0.15  # of the way from what the view within sees back to it
+
+
+def benchmark_tracing(
+    octree: Octree,
+    cameras: Sequence[Camera],
+    embree: EmbreeScene | None = None,
+    repeats: int = 5,
+    *,
+    threads: int = 1,
+) -> Comparison:
+    """Rates of all cameras; their geometric mean over Embree's is the ratio, None without Embree.
+
+    One thread is bound to a core and measured in processor seconds, several in wall seconds; Embree has one in any
+    case.
+    """
+    before = numba.get_num_threads()
+    numba.set_num_threads(min(threads, before))
+    try:
+        rows = [_view(octree, camera, embree, repeats, threads) for camera in cameras]
+    finally:
+        numba.set_num_threads(before)
+    ours = geometric_mean([row["rays_per_s"]["ours"] for row in rows])
+    peer = None if embree is None else geometric_mean([row["rays_per_s"]["embree"] for row in rows])
+    details = {
+        "depth": octree.depth,
+        "nodes": octree.node_count,
+        "threads": threads,
+        "clock": "wall" if threads > 1 else "processor",
+        "repeats": repeats,
+        "peer_name": None if embree is None else embree.name,
+        "size": [cameras[0].width_px, cameras[0].height_px],
+        "views": rows,
+    }
+    return Comparison("trace", ours, peer, None if peer is None else ours / peer, details, unit="rays per second")
+
+
+def views_of(octree: Octree, size_px: tuple[int, int]) -> list[Camera]:
+    """Views Far, Inside and Close of an octree with light; Inside is the best of the places with room.
+
+    Where no place has room, both others look from the same side as Far, from nearer.
+    """
+    cells = octree.grid.to_world((octree.cells(level := min(octree.depth, 6)) + 0.5) / (1 << level))
+    low, high = cells.min(axis=0), cells.max(axis=0)
+    middle, reach = (low + high) / 2, float(np.linalg.norm(high - low))
+    out = np.array([0.55, -0.75, 0.4])
+    far = Camera.look_at(middle + reach * out, middle, size_px=size_px, name="Far")
+    try:
+        inside = replace(drain(viewpoints(octree, 1, size_px))[0], name="Inside")
+    except PatchNetError:
+        inside = Camera.look_at(middle + 0.5 * reach * out, middle, size_px=size_px, name="Inside")
+    hits = first_hits(octree, inside.with_size(33, 33))
+    seen = hits.z_world[hits.hit]
+    forward = float(np.median(seen)) * (1.0 - _CLOSE) if len(seen) else 0.0
+    close = replace(inside, position_world=inside.position_world + forward * inside.forward, name="Close")
+    return [far, inside, close]
+
+
+def growth_with_threads(octree: Octree, camera: Camera, repeats: int, counts: Sequence[int]) -> dict[int, float]:
+    """Rays per second of first hits by number of threads, wall seconds."""
+    before = numba.get_num_threads()
+    rates = {}
+    try:
+        for count in counts:
+            numba.set_num_threads(count)
+            seconds = take_turns({"ours": partial(trace_pixels, octree, camera)}, repeats, all_cores=True)["ours"]
+            rates[count] = camera.pixel_count / median(seconds)
+    finally:
+        numba.set_num_threads(before)
+    return rates
+
+
+def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: int, threads: int) -> dict[str, Any]:
+    """Rates of one camera, and what the second and third answer of a walk cost."""
+    unit = camera_in_unit_cube(camera, octree.grid)
+    coarse = Search(unit.side_at_0, unit.side_per_z, 0.25, COARSE, octree.depth)
+    pixels = _blocks(camera)
+    runs: dict[str, Callable[[], Any]] = {
+        "ours": partial(trace_pixels, octree, camera, coarse),
+        "leaves": partial(trace_pixels, octree, camera, coarse._replace(at_0=0.0, per_z=0.0)),
+        "fine": partial(trace_pixels, octree, camera, coarse._replace(last=FINE)),
+        "behind": partial(trace_pixels, octree, camera, coarse._replace(last=BEHIND)),
+        "picture": partial(first_hits, octree, camera),
+        "reference": partial(supersample_pixels, octree, camera, pixels, _SIDE),
+        "single": partial(single_hits, octree, camera),
+        "single_reference": partial(single_means, octree, camera, pixels, _SIDE),
+    }
+    if embree is not None:
+        runs["embree"] = partial(embree.trace, embree.rays(camera))
+    for run in runs.values():
+        run()  # compiles, and reads the octree into the caches' reach
+    seconds = {name: median(values) for name, values in _turns(runs, repeats, threads).items()}
+    rays = dict.fromkeys(runs, camera.pixel_count) | dict.fromkeys(
+        ("reference", "single_reference"), len(pixels) * _SIDE**2
+    )
+    rates = {name: rays[name] / seconds[name] for name in runs}
+    return {
+        "name": camera.name,
+        "hit_share": float(first_hits(octree, camera).hit.mean()),
+        "visits_per_ray": visits_per_ray(octree, camera),
+        "rays_per_s": rates,
+        "ratio": None if embree is None else rates["ours"] / rates["embree"],
+        "over_single": rates["ours"] / rates["single"],
+        "reference_over_single": rates["reference"] / rates["single_reference"],
+        "fine_costs": seconds["fine"] / seconds["ours"] - 1.0,
+        "behind_costs": (seconds["behind"] - seconds["fine"]) / seconds["ours"],
+    }
+
+
+def _turns(runs: dict[str, Callable[[], Any]], repeats: int, threads: int) -> dict[str, list[float]]:
+    return take_turns(runs, repeats, all_cores=threads > 1)
+
+
+def _blocks(camera: Camera) -> np.ndarray:
+    """Pixels (N,) int64 of small squares all over the picture, always the same."""
+    rng = np.random.default_rng(0)
+    rows = rng.integers(0, max(camera.height_px - _BLOCK, 1), _BLOCKS)
+    columns = rng.integers(0, max(camera.width_px - _BLOCK, 1), _BLOCKS)
+    inside = np.arange(_BLOCK)
+    row = np.minimum(rows[:, None, None] + inside[:, None], camera.height_px - 1)
+    column = np.minimum(columns[:, None, None] + inside, camera.width_px - 1)
+    return np.unique(row * camera.width_px + column)
