@@ -31,8 +31,8 @@ class Tile(NamedTuple):
     direction: (3, 64) float64, as it is. speed: (64,) axial distance per length.
     start: (64,) float64, length where the ray begins, or begins again. restart: (64,) float64, its patch's end.
     mirrored: (3, 4) int64, lanes of each packet that are mirrored on an axis.
-    alive: (4,) int64, lanes that are still on their way. phase: (3, 4) int64, lanes in each phase. answered: (4,) int64,
-    lanes that know what is behind their patch before they are there.
+    alive: (4,) int64, lanes that are still on their way. phase: (3, 4) int64, lanes in each phase.
+    answered: (4,) int64, lanes that know what is behind their patch before they are there.
     node, t: (3, 64) float64, node that a phase ended with, -1 for a miss, and the length to it.
     cells: (64,) float64, 2^level of the voxel that fits the pixel. cell: (3, 64) float64, its mirrored cell.
     entry: (3, 64) float64, entry point in that voxel, [0, 1]^3, written by `find_entries`.
