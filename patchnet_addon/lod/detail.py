@@ -27,6 +27,7 @@ from ..tracing.tile import (
     make_tile,
     node_seen,
     ray_of,
+    spread_picture,
     want_pixels,
 )  # fmt: skip
 from ..tracing.tile_walk import trace_tile
@@ -133,6 +134,7 @@ def _trace_tiles(nodes, camera, rows, offset, levels_down, scratch, stops):  # t
         for column in range(TILE):
             tile.xs[column] = 2.0 * (first_column + column + 0.5 + offset[0]) / camera.width_px - 1.0
         want_pixels(tile, count - first, camera.width_px - first_column)
+        spread_picture(tile)
         aim_tile(camera, tile)
         trace_tile(nodes, search, tile, levels)
         find_entries(tile)

@@ -10,7 +10,7 @@ import numpy as np
 from ..octree.octree import Octree
 from ..runtime.bounds import RAYS
 from .camera import Camera, camera_in_unit_cube
-from .supersample import MAX_SIDE, MEANS, NO_CHROMA, mean_of_rays
+from .supersample import MAX_SIDE, MEANS, NO_CHROMA, block_order, mean_of_rays
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +35,9 @@ def supersample_pixels(octree: Octree, camera: Camera, pixels: np.ndarray, side:
     unit = camera_in_unit_cube(camera, octree.grid).finer(side)
     chroma = NO_CHROMA if octree.chroma is None else octree.chroma
     pixels = np.asarray(pixels, np.int64)
-    means = np.empty((len(pixels), MEANS), np.float32)
-    mean_of_rays(octree.nodes, (octree.luminance, chroma), unit, pixels, (side, 0.0, octree.depth), means)
+    order = block_order(pixels, camera.width_px, side)
+    found = np.empty((len(pixels), MEANS), np.float32)
+    mean_of_rays(octree.nodes, (octree.luminance, chroma), unit, pixels[order], (side, 0.0, octree.depth), found)
+    means = np.empty_like(found)
+    means[order] = found
     return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())

@@ -30,6 +30,7 @@ from .tile import (
     make_tile,
     node_seen,
     ray_of,
+    spread_picture,
     want_pixels,
 )  # fmt: skip
 from .tile_walk import trace_tile
@@ -216,6 +217,7 @@ def _trace_tiles(nodes, camera, search, first_row, scratch, traced):  # type: ig
         for column in range(TILE):
             tile.xs[column] = (2.0 * (first_column + column) + 1.0) / camera.width_px - 1.0
         want_pixels(tile, rows, columns)
+        spread_picture(tile)
         aim_tile(camera, tile)
         visits += trace_tile(nodes, search, tile, levels)
         find_entries(tile)

@@ -13,14 +13,26 @@ from ..runtime.progress import Progress, Steps
 from ..runtime.vectors import LANES, first_bit
 from ..surface.chroma_kernels import decode_color
 from .camera import Camera, camera_in_unit_cube
-from .tile import COARSE, PACKETS, TILE, Search, aim_tile, make_levels, make_tile, node_seen, want_pixels
+from .tile import (
+    COARSE,
+    PACKETS,
+    TILE,
+    Search,
+    aim_tile,
+    make_levels,
+    make_tile,
+    node_seen,
+    ray_of,
+    spread_picture,
+    want_pixels,
+)
 from .tile_walk import trace_tile
 
 MAX_SIDE = int(RAYS.high)  # per pixel side
 NO_CHROMA = np.empty((0, 2), np.uint8)
 MEANS = 5  # luminance, red, green, blue, coverage
 _ROWS_PER_STEP = 8
-_RUN = 16  # pixels that one core takes at once
+_RUN = 64  # pixels that one core takes at once; a multiple of those in a tile
 
 
 def supersample(
@@ -55,15 +67,26 @@ def _supersampled(
         last = min(row + _ROWS_PER_STEP, camera.height_px)
         here = slice(row * camera.width_px, last * camera.width_px)
         pixels = np.arange(here.start, here.stop, dtype=np.int64)
+        pixels = pixels[block_order(pixels, camera.width_px, side)]
         means = np.empty((len(pixels), MEANS), np.float32)
         mean_of_rays(
             octree.nodes, (octree.luminance, chroma), unit, pixels, (side, float(background), octree.depth), means
         )
-        luminance[here] = means[:, 0]
+        luminance[pixels] = means[:, 0]
         if len(chroma):
-            colors[here] = means[:, 1:4]
+            colors[pixels] = means[:, 1:4]
         yield Progress(last, camera.height_px, f"Sampling {side}x{side}")
     return luminance, colors
+
+
+def block_order(pixels: np.ndarray, width_px: int, side: int) -> np.ndarray:
+    """Order (N,) int64 of pixels (N,) by the blocks of the picture whose side x side rays fill a tile."""
+    across = TILE // side
+    if across < 2:
+        return np.arange(len(pixels))
+    row, column = np.divmod(pixels, width_px)
+    block = row // across * width_px + column // across
+    return np.argsort((block * across + row % across) * across + column % across)
 
 
 @kernel
@@ -83,15 +106,51 @@ def mean_of_rays(nodes, light, camera, pixels, sampling, means):  # type: ignore
 @device
 def _mean_of_run(nodes, light, camera, pixels, sampling, means):  # type: ignore[no-untyped-def]
     """Write the means of some pixels; light: luminance and chroma."""
-    _mean_of_pixels(nodes, light, camera, pixels, sampling, (make_tile(), make_levels(), np.empty(MEANS)), means)
+    scratch = make_tile(), make_levels(), np.empty(MEANS)
+    if sampling[0] in (1, 2, 4):
+        _means_of_groups(nodes, light, camera, pixels, sampling, scratch, means)
+    else:
+        _means_of_pixels(nodes, light, camera, pixels, sampling, scratch, means)
 
 
 @lean_device
-def _mean_of_pixels(nodes, light, camera, pixels, sampling, scratch, means):  # type: ignore[no-untyped-def]
-    """Trace the rays of each pixel in tiles, and write their means; sampling: side, background, depth of the octree."""
-    side, background, depth = sampling
+def _means_of_groups(nodes, light, camera, pixels, sampling, scratch, means):  # type: ignore[no-untyped-def]
+    """Trace the rays of several pixels in one tile, as many as have room in it, and write their means.
+
+    sampling: side, background, depth of the octree.
+    """
+    side = sampling[0]
+    across = TILE // side  # pixels along a side of a tile
     tile, levels, sums = scratch
-    search = Search(camera.side_at_0, camera.side_per_z, 1.0, COARSE, depth)
+    search = Search(camera.side_at_0, camera.side_per_z, 1.0, COARSE, sampling[2])
+    for first in range(0, len(pixels), across * across):
+        count = min(across * across, len(pixels) - first)
+        tile.wanted[:] = 0
+        for spot in range(count):
+            row, column = pixels[first + spot] // camera.width_px, pixels[first + spot] % camera.width_px
+            for j in range(side):
+                for i in range(side):
+                    ray = ray_of(side * (spot // across) + j, side * (spot % across) + i)
+                    tile.picture[0, ray] = 2.0 * (column + (i + 0.5) / side) / camera.width_px - 1.0
+                    tile.picture[1, ray] = 2.0 * (row + (j + 0.5) / side) / camera.height_px - 1.0
+                    tile.wanted[ray // LANES] |= np.int64(1) << (ray % LANES)
+        aim_tile(camera, tile)
+        trace_tile(nodes, search, tile, levels)
+        for spot in range(count):
+            sums[:] = 0.0
+            for j in range(side):
+                for i in range(side):
+                    ray = ray_of(side * (spot // across) + j, side * (spot % across) + i)
+                    _add_ray(camera, tile, ray, light, sums)
+            _write_means(sums, light, sampling, means[first + spot])
+
+
+@lean_device
+def _means_of_pixels(nodes, light, camera, pixels, sampling, scratch, means):  # type: ignore[no-untyped-def]
+    """Trace the rays of each pixel in tiles of its own, and write their means; as `_means_of_groups`."""
+    side = sampling[0]
+    tile, levels, sums = scratch
+    search = Search(camera.side_at_0, camera.side_per_z, 1.0, COARSE, sampling[2])
     for index in range(len(pixels)):
         row, column = pixels[index] // camera.width_px, pixels[index] % camera.width_px
         sums[:] = 0.0
@@ -101,34 +160,41 @@ def _mean_of_pixels(nodes, light, camera, pixels, sampling, scratch, means):  # 
                     tile.xs[k] = 2.0 * (column + (first_i + k + 0.5) / side) / camera.width_px - 1.0
                     tile.ys[k] = 2.0 * (row + (first_j + k + 0.5) / side) / camera.height_px - 1.0
                 want_pixels(tile, side - first_j, side - first_i)
+                spread_picture(tile)
                 aim_tile(camera, tile)
                 trace_tile(nodes, search, tile, levels)
-                _add_tile(camera, tile, light, sums)
-        rays = side * side
-        missed = background * (rays - sums[4])
-        seen = sums[0] / LUMINANCE_SCALE + missed
-        means[index, 0] = seen / rays
-        for channel in range(1, 4):
-            means[index, channel] = (sums[channel] + missed if len(light[1]) else seen) / rays
-        means[index, 4] = sums[4] / rays
+                for packet in range(PACKETS):
+                    left = tile.wanted[packet]
+                    while left != 0:
+                        _add_ray(camera, tile, packet * LANES + first_bit(left), light, sums)
+                        left &= left - 1
+        _write_means(sums, light, sampling, means[index])
 
 
 @lean_device
-def _add_tile(camera, tile, light, sums):  # type: ignore[no-untyped-def]
-    """Add what a tile's rays have met to the sums: stored luminance, whose sum is exact, colours, and their number."""
+def _add_ray(camera, tile, ray, light, sums):  # type: ignore[no-untyped-def]
+    """Add what a ray has met to the sums: stored luminance, whose sum is exact, colours, and the number of hits."""
     luminance, chroma = light
-    for packet in range(PACKETS):
-        left = tile.wanted[packet]
-        while left != 0:
-            ray = packet * LANES + first_bit(left)
-            left &= left - 1
-            node = node_seen(camera, tile, COARSE, ray)
-            if node >= 0:
-                sums[0] += luminance[node]
-                sums[4] += 1.0
-                if len(chroma):
-                    seen = luminance[node] / LUMINANCE_SCALE
-                    red, green, blue = decode_color(seen, chroma[node, 0], chroma[node, 1])
-                    sums[1] += red
-                    sums[2] += green
-                    sums[3] += blue
+    node = node_seen(camera, tile, COARSE, ray)
+    if node >= 0:
+        sums[0] += luminance[node]
+        sums[4] += 1.0
+        if len(chroma):
+            seen = luminance[node] / LUMINANCE_SCALE
+            red, green, blue = decode_color(seen, chroma[node, 0], chroma[node, 1])
+            sums[1] += red
+            sums[2] += green
+            sums[3] += blue
+
+
+@lean_device
+def _write_means(sums, light, sampling, means):  # type: ignore[no-untyped-def]
+    """Write the means (MEANS,) of a pixel."""
+    side, background, _ = sampling
+    rays = side * side
+    missed = background * (rays - sums[4])
+    seen = sums[0] / LUMINANCE_SCALE + missed
+    means[0] = seen / rays
+    for channel in range(1, 4):
+        means[channel] = (sums[channel] + missed if len(light[1]) else seen) / rays
+    means[4] = sums[4] / rays

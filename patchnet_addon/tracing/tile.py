@@ -37,7 +37,7 @@ class Tile(NamedTuple):
     cells: (64,) float64, 2^level of the voxel that fits the pixel. cell: (3, 64) float64, its mirrored cell.
     entry: (3, 64) float64, entry point in that voxel, [0, 1]^3, written by `find_entries`.
     wanted: (4,) int64, lanes of each packet that are to be traced. xs, ys: (8,) float64, picture coordinates in [-1, 1]
-    of the tile's columns and rows. picture: (2, 16) float64, scratch.
+    of the tile's columns and rows. picture: (2, 64) float64, picture coordinates of each ray.
     """
 
     origin: np.ndarray
@@ -113,7 +113,7 @@ def make_tile():  # type: ignore[no-untyped-def]
         wanted=np.empty(PACKETS, np.int64),
         xs=np.empty(TILE),
         ys=np.empty(TILE),
-        picture=np.empty((2, LANES)),
+        picture=np.empty((2, RAYS)),
     )
 
 
@@ -150,25 +150,32 @@ def want_pixels(tile, rows, columns):  # type: ignore[no-untyped-def]
 
 
 @lean_device
+def spread_picture(tile):  # type: ignore[no-untyped-def]
+    """Give each ray the picture coordinates of its column and row."""
+    for packet in range(PACKETS):
+        for lane in range(LANES):
+            ray = packet * LANES + lane
+            tile.picture[0, ray] = tile.xs[_PACKET * (packet & 1) + (lane & 3)]
+            tile.picture[1, ray] = tile.ys[_PACKET * (packet >> 1) + (lane >> 2)]
+
+
+@lean_device
 def aim_tile(camera, tile):  # type: ignore[no-untyped-def]
-    """Set the rays of a tile to those of `pixel_ray` through its picture coordinates.
+    """Set the rays of a tile to those of the camera through their picture coordinates.
 
     Packets without a lane that is to be traced are left out.
     """
     for packet in range(PACKETS):
         if tile.wanted[packet] == 0:
             continue
-        for lane in range(LANES):
-            tile.picture[0, lane] = tile.xs[_PACKET * (packet & 1) + (lane & 3)]
-            tile.picture[1, lane] = tile.ys[_PACKET * (packet >> 1) + (lane >> 2)]
-        sx = load(tile.picture, 0) + splat(camera.shift_x)
-        sy = load(tile.picture, LANES) + splat(camera.shift_y)
+        first = packet * LANES
+        sx = load(tile.picture, first) + splat(camera.shift_x)
+        sy = load(tile.picture, RAYS + first) + splat(camera.shift_y)
         ox, dx = _aimed(camera, sx, sy, 0)
         oy, dy = _aimed(camera, sx, sy, 1)
         oz, dz = _aimed(camera, sx, sy, 2)
         length = square_root(dx * dx + dy * dy + dz * dz)
         speed = splat(1.0) / length if camera.perspective else splat(1.0)
-        first = packet * LANES
         store(tile.speed, first, speed)
         store(tile.start, first, splat(camera.nearest) / speed)
         _set_axis(tile, 0, packet, ox, dx / length)
