@@ -21,8 +21,8 @@ from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
 from ..training.run_files import WEIGHTS, check_run
-from ..training.settings import PRESETS, TrainSettings
-from .shared.arguments import add_number, add_out
+from ..training.settings import PRECISIONS, PRESETS, TrainSettings
+from .shared.arguments import add_device, add_number, add_out
 from .shared.lines import say_result
 
 
@@ -43,8 +43,17 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add_number(parser, "--rate", bounds.LEARNING_RATE, help="highest learning rate")
     parser.add_argument("--schedule", choices=("paper", "cosine"), help="how the learning rate falls")
     add_number(parser, "--luminance-weight", bounds.LUMINANCE_WEIGHT, help="factor of the luminance error in the loss")
-    parser.add_argument("--precision", choices=("auto", "bf16", "fp32"), help="of the encoder's matrix products")
+    parser.add_argument(
+        "--precision", choices=PRECISIONS, help="of the encoder's matrix products; tf32: of all, on a GPU"
+    )
     add_number(parser, "--seed", bounds.SEED, help="random seed")
+    add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
+    add_number(
+        parser,
+        "--threads",
+        bounds.THREADS,
+        help="threads of the CPU that train, or gather batches for a GPU (all cores)",
+    )
     parser.add_argument("--resume", action="store_true", help="continue the run in --out")
     add_number(
         parser,
@@ -70,6 +79,7 @@ def run(args: argparse.Namespace) -> int:
         import torch  # noqa: F401
     except ImportError as cause:
         raise SettingError("Training needs torch: install it with `pip install 'patchnet-blender[train]'`") from cause
+    from ..patchnet_addon.network.devices import found_device
     from ..patchnet_addon.network.weights import save_weights
     from ..training.dataset import load_dataset
     from ..training.model_card import write_card
@@ -77,15 +87,17 @@ def run(args: argparse.Namespace) -> int:
     from ..training.trainer import RunOptions, train
     from .shared.progress_bars import ProgressBars
 
+    device = found_device(args.device, "--device")
     datasets = [load_dataset(path) for path in files]
     settings = settings_of(args, sum(dataset.samples.views[..., 0].size for dataset in datasets))
     options = RunOptions(args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after)
+    options.device, options.threads = device, args.threads
     options.notes = {
         "command": describe_command(sys.argv),
         "settings": asdict(settings),
         "data": [dataset.name for dataset in datasets],
         "versions": describe_versions(),
-        "machine": describe_machine(),
+        "machine": describe_machine(device),
     }
     with ProgressBars() as bars:
         weights = drain(train(datasets, settings, options), bars.show)

@@ -24,13 +24,13 @@ class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Load the weights, encode, keep the codes beside the octree."""
-        from .pipeline.stages import encode_as_set, load_network
+        from .pipeline.stages import encode, load_network
 
         before = results.voxels_of(context.scene)
         clock = StageClock()
         with clock.stage("codes"):
             weights = load_network(settings.network)
-            coded, encoding = yield from encode_as_set(before.octree, weights, settings.compute)
+            coded, encoding = yield from encode(before.octree, weights, settings.compute)
         made = replace(before, coded=coded, seconds=before.seconds | clock.seconds, encoder=encoding.text)
         results.keep(context.scene, results.without_view(made), "codes")
         for warning in encoding.warnings:

@@ -45,6 +45,7 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
 
     compare: measure all strategies. Raises SettingError, SceneError.
     """
+    from .pipeline.encoder import decoding_device
     from .pipeline.views import view
     from .scene.cameras import choose_cameras
 
@@ -54,7 +55,9 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     camera = choose_cameras(depsgraph, settings.view.cameras, settings.view.size, bounds)[0]
     clock = StageClock()
     with clock.stage("views"):
-        result = yield from view(coded, camera, settings.view, before.scope, compare=compare)
+        result = yield from view(
+            coded, camera, settings.view, before.scope, compare=compare, device=decoding_device(settings.compute)
+        )
     results.keep(
         context.scene, seen(replace(before, seconds=before.seconds | clock.seconds), result, compared=compare), "view"
     )

@@ -19,10 +19,10 @@ from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ..patchnet_addon.runtime.kernels import serial_kernel
 from .forest import Forest
-from .samples import COVERAGE_SCALE
+from .samples import COVERAGE_SCALE, SIGNED, UNIT
 from .symmetry import COUNT, Symmetries, cube_symmetries
 
-_PAIR_POSITION = np.array(
+PAIR_POSITION = np.array(
     [[sum(((c >> axis & 1) + (s >> axis & 1)) * 3**axis for axis in range(3)) for c in range(8)] for s in range(8)],
     np.int32,
 )  # (slice, corner) -> block of the brick
@@ -76,6 +76,10 @@ class Augmentation:
         remap[:, 3] = remap[:, 3] < remap_share
         return cls(random.integers(0, COUNT, count).astype(np.int32), remap)
 
+    def part(self, first: int, last: int) -> Augmentation:
+        """Augmentation of the voxels `first` to `last`, the last one excluded."""
+        return Augmentation(self.symmetry[first:last], self.remap[first:last])
+
 
 @cache
 def _symmetries(lookahead: int) -> Symmetries:
@@ -118,7 +122,7 @@ def gather_batch(
         blocks,
         moved,
     )
-    start, pair_block, pair_corner = _list_pairs(moved, _PAIR_POSITION)
+    start, pair_block, pair_corner = _list_pairs(moved, PAIR_POSITION)
     return Batch(blocks, start, pair_block, pair_corner, *_move_views(views, augmentation.symmetry, symmetries, linear))
 
 
@@ -126,8 +130,8 @@ def _move_views(
     views: np.ndarray, symmetry: np.ndarray, symmetries: Symmetries, linear: np.ndarray
 ) -> tuple[np.ndarray, ...]:
     """Entry, direction, up, ratio, coverage, luminance of stored views (V, R, 12) after the augmentation."""
-    unit = views.astype(np.float32) / np.float32(65535)
-    signed = views[..., 3:9].view(np.int16).astype(np.float32) / np.float32(32767)
+    unit = views.astype(np.float32) / np.float32(UNIT)
+    signed = views[..., 3:9].view(np.int16).astype(np.float32) / np.float32(SIGNED)
     axis = np.broadcast_to(symmetries.axis[symmetry][:, None], (*views.shape[:2], 3))
     sign = symmetries.sign[symmetry][:, None]
     entry = sign * np.take_along_axis(unit[..., :3] - np.float32(0.5), axis, 2) + np.float32(0.5)

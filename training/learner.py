@@ -3,54 +3,49 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import torch
 from torch import Tensor
 
+from ..patchnet_addon.network.devices import CPU
+from ..patchnet_addon.network.torch_precision import float32_products
 from ..patchnet_addon.network.weights import Weights
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
-from .batches import Batch
-from .settings import TrainSettings
+from .settings import TF32, TrainSettings
 from .sliced_net import SlicedNet
-
-
-@dataclass(frozen=True)
-class Losses:
-    """Mean absolute errors of a batch: of coverage, and of luminance over the views that see anything."""
-
-    coverage: float
-    luminance: float
+from .tensor_batch import TensorBatch
 
 
 class Learner:
-    """Network, optimiser and moving mean."""
+    """Network, optimiser and moving mean, on one device."""
 
-    def __init__(self, settings: TrainSettings, lookahead: int = DEFAULT_LOOKAHEAD) -> None:
-        self.settings = settings
+    def __init__(self, settings: TrainSettings, lookahead: int = DEFAULT_LOOKAHEAD, device: str = CPU) -> None:
+        self.settings, self.device = settings, torch.device(device)
         weights = Weights.random(settings.seed, lookahead=lookahead)
-        self.model, self.mean = SlicedNet(weights), SlicedNet(weights)
+        self.model, self.mean = (SlicedNet(weights).to(self.device) for _ in range(2))
         self.optimizer = torch.optim.Adam(self.model.trained(), settings.learning_rate, betas=(0.9, 0.999), fused=True)
         self.steps = 0
         self.seconds = 0.0  # of training so far, over all interruptions
 
-    def gradients(self, batch: Batch, dtype: torch.dtype) -> tuple[list[Tensor], Losses]:
-        """Gradients of the loss of a batch, and its errors; the encoder's products run in `dtype`.
+    def gradients(self, batch: TensorBatch, dtype: torch.dtype, share: float = 1.0) -> tuple[list[Tensor], Tensor]:
+        """Gradients of the loss of a batch, and its sums (3,) for `mean_errors`.
 
-        Touches nothing, so that several threads may work on parts of a step.
+        share: of the step that the batch is; both are multiplied by it, so that those of all parts add up. The
+        encoder's products run in `dtype`. Touches nothing, so that several threads may work on parts of a step.
         """
-        coverage, luminance, share = errors(self.model(batch, dtype), batch)
-        loss = coverage + self.settings.luminance_weight * luminance * share
-        gradients = torch.autograd.grad(loss, self.model.trained())
-        return list(gradients), Losses(float(coverage.detach()), float(luminance.detach()))
+        with float32_products(self.device, tf32=self.settings.precision == TF32):
+            coverage, luminance, seen = errors(self.model(batch, dtype), batch)
+            loss = share * (coverage + self.settings.luminance_weight * luminance * seen)
+            gradients = torch.autograd.grad(loss, self.model.trained())
+        return list(gradients), share * torch.stack([coverage, luminance * seen, seen]).detach()
 
     def step(self, parts: list[list[Tensor]], rate: float) -> None:
-        """Take one step at learning rate `rate` along the mean of the gradients of equally large parts of a batch."""
+        """Take one step at learning rate `rate` along the sum of the gradients of the parts of a step."""
         for group in self.optimizer.param_groups:
             group["lr"] = rate
         for parameter, *gradients in zip(self.model.trained(), *parts, strict=True):
-            parameter.grad = torch.stack(gradients).mean(0) if len(gradients) > 1 else gradients[0]
+            parameter.grad = torch.stack(gradients).sum(0) if len(gradients) > 1 else gradients[0]
         if self.settings.clip:
             torch.nn.utils.clip_grad_norm_(self.model.trained(), self.settings.clip)
         self.optimizer.step()
@@ -65,7 +60,7 @@ class Learner:
                 mean.lerp_(value, 1.0 - decay)
 
     def state(self) -> dict[str, Any]:
-        """All that `load` needs to go on exactly."""
+        """All that `load` needs to go on exactly, on whatever device."""
         return {
             "model": self.model.state_dict(),
             "mean": self.mean.state_dict(),
@@ -82,10 +77,14 @@ class Learner:
         self.steps, self.seconds = int(state["steps"]), float(state["seconds"])
 
 
-def errors(predicted: Tensor, batch: Batch) -> tuple[Tensor, Tensor, Tensor]:
+def errors(predicted: Tensor, batch: TensorBatch) -> tuple[Tensor, Tensor, Tensor]:
     """Mean absolute errors of coverage and of luminance where something is seen, and the share of such views."""
-    coverage = torch.from_numpy(batch.coverage)
-    seen = (coverage > 0).float()
-    of_coverage = (predicted[..., 0] - coverage).abs().mean()
-    of_luminance = ((predicted[..., 1] - torch.from_numpy(batch.luminance)).abs() * seen).sum() / seen.sum().clamp(1)
+    seen = (batch.coverage > 0).float()
+    of_coverage = (predicted[..., 0] - batch.coverage).abs().mean()
+    of_luminance = ((predicted[..., 1] - batch.luminance).abs() * seen).sum() / seen.sum().clamp(1)
     return of_coverage, of_luminance, seen.mean()
+
+
+def mean_errors(sums: Tensor) -> Tensor:
+    """Errors (2,) of a step, of coverage and of luminance where something is seen, from the sums (3,) of its parts."""
+    return torch.stack([sums[0], sums[1] / sums[2].clamp(min=1e-9)])

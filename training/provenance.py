@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 
+from ..patchnet_addon.network.devices import CPU, device_title
+
 _PACKAGES = ("patchnet-blender", "numpy", "numba", "torch")
 
 
@@ -29,8 +31,8 @@ def describe_versions() -> str:
     return ", ".join(found)
 
 
-def describe_machine() -> str:
-    """Processor and number of its threads."""
+def describe_machine(device: str = CPU) -> str:
+    """Processor and number of its threads, and the GPU if `device` is one."""
     model = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.is_file():
@@ -38,4 +40,5 @@ def describe_machine() -> str:
             line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")
         ]
         model = names[0] if names else model
-    return f"{os.cpu_count()} threads of {model}"
+    threads = f"{os.cpu_count()} threads of {model}"
+    return threads if device == CPU else f"{device_title(device)} beside {threads}"

@@ -22,7 +22,7 @@ from ..patchnet_addon.runtime.progress import Progress, Steps
 from .voxel_choice import choose_voxels, held_out_voxels, usable_nodes
 
 VIEW_FIELDS = 12  # entry 3, direction 3, up 3, ratio, coverage, luminance
-_UNIT, _SIGNED = 65535.0, 32767.0
+UNIT, SIGNED = 65535.0, 32767.0
 _ATTEMPTS = 400  # per voxel and view; a voxel that is hidden from nearly everywhere is left out
 _CHUNK = 32768
 COVERAGE_SCALE = 4096.0
@@ -189,18 +189,18 @@ def _draw_views(nodes, luminance, voxels, start, first_hit, lookahead, views, go
             if enter > 1e29 or (first_hit and not _is_first_hit(brick.counts, origin, direction, enter)):
                 continue
             # Round first and render what is stored, so that the sample is exact.
-            ratio = np.uint16(np.rint((0.5 + 0.5 * _uniform(state)) * _UNIT))
+            ratio = np.uint16(np.rint((0.5 + 0.5 * _uniform(state)) * UNIT))
             for axis in range(3):
                 entry = min(max(origin[axis] + enter * direction[axis], 0.0), 1.0)
-                views[group, found, axis] = np.uint16(np.rint(entry * _UNIT))
-                along = np.int16(np.rint(direction[axis] * _SIGNED))
-                across = np.int16(np.rint(up[axis] * _SIGNED))
+                views[group, found, axis] = np.uint16(np.rint(entry * UNIT))
+                along = np.int16(np.rint(direction[axis] * SIGNED))
+                across = np.int16(np.rint(up[axis] * SIGNED))
                 views[group, found, 3 + axis] = np.uint16(along)
                 views[group, found, 6 + axis] = np.uint16(across)
-                origin[axis] = views[group, found, axis] / _UNIT
-                direction[axis] = along / _SIGNED
-                up[axis] = across / _SIGNED
-            ray = PatchRay(origin, direction, up, float(ratio) / _UNIT)
+                origin[axis] = views[group, found, axis] / UNIT
+                direction[axis] = along / SIGNED
+                up[axis] = across / SIGNED
+            ray = PatchRay(origin, direction, up, float(ratio) / UNIT)
             sigma, mean = render_patch(luminance, brick, ray, lookahead, viewport)
             views[group, found, 9] = ratio
             views[group, found, 10] = np.uint16(np.rint(sigma * COVERAGE_SCALE))

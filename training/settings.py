@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 
+AUTO, BF16, FP32, TF32 = PRECISIONS = ("auto", "bf16", "fp32", "tf32")
+
 
 @dataclass(frozen=True)
 class TrainSettings:
@@ -17,8 +19,8 @@ class TrainSettings:
     schedule: "paper" (drops to a tenth after 4/8 and 7/8 of the run, methods 7.21) or "cosine".
     warm_up: steps of rising learning rate. average: decay of the moving mean of weights that is saved, 0 for none.
     clip: largest norm of a gradient, 0 for no limit. augment: methods 7.20. luminance_weight: factor of |dL| in the
-    loss. precision: "bf16" for the encoder's products, "fp32", or "auto": bf16 where the processor has it natively, and
-    fp32 for the last fiftieth.
+    loss. precision: "fp32"; "bf16" for the encoder's products; "tf32" for all products on a GPU, fp32 on a CPU; or
+    "auto": fp32 on a GPU, on a CPU bf16 where the processor has it natively, and fp32 for the last fiftieth.
     """
 
     passes: int = 128_000_000
@@ -31,7 +33,7 @@ class TrainSettings:
     clip: float = 0.0
     augment: bool = False
     luminance_weight: float = 1.0
-    precision: str = "auto"
+    precision: str = AUTO
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -45,8 +47,8 @@ class TrainSettings:
             row.check(value)
         if self.schedule not in ("paper", "cosine"):
             raise SettingError(f"Schedule '{self.schedule}' is unknown: use paper or cosine")
-        if self.precision not in ("auto", "bf16", "fp32"):
-            raise SettingError(f"Precision '{self.precision}' is unknown: use auto, bf16 or fp32")
+        if self.precision not in PRECISIONS:
+            raise SettingError(f"Precision '{self.precision}' is unknown: use one of {', '.join(PRECISIONS)}")
 
 
 PAPER = TrainSettings()

@@ -11,8 +11,8 @@ from torch import Tensor, nn
 
 from ..patchnet_addon.network.torch_model import PatchNet
 from ..patchnet_addon.network.weights import Weights
-from .batches import Batch
 from .corner_layer import CornerLayer, from_slices, to_slices
+from .tensor_batch import TensorBatch
 
 
 class SlicedNet(nn.Module):
@@ -34,21 +34,23 @@ class SlicedNet(nn.Module):
         """Parameters that are learned."""
         return [parameter for parameter in self.parameters() if parameter.requires_grad]
 
-    def forward(self, batch: Batch, dtype: torch.dtype) -> Tensor:
-        """Coverage and luminance (V, R, 2) in [-1, 2]; codes and decoder in float32 whatever the encoder's `dtype`."""
+    def forward(self, batch: TensorBatch, dtype: torch.dtype) -> Tensor:
+        """Coverage and luminance (V, R, 2) in [-1, 2]; codes and decoder in float32 whatever the encoder's `dtype`.
+
+        The batch lies on the network's device.
+        """
         voxels, views = batch.ratio.shape
         first, *middle, last = self._encoder()
-        blocks = torch.from_numpy(batch.blocks).to(dtype)
-        pairs = torch.from_numpy(batch.pair_block), torch.from_numpy(batch.pair_corner)
-        hidden = CornerLayer.apply(self.slices, blocks, batch.slice_start.tolist(), *pairs, 8 * voxels)
+        blocks = batch.blocks.to(dtype)
+        pairs = batch.pair_block, batch.pair_corner
+        hidden = CornerLayer.apply(self.slices, blocks, batch.slice_start, *pairs, 8 * voxels)
         hidden = torch.relu(hidden + first.bias.to(dtype))
         for layer in middle:
             hidden = torch.relu(functional.linear(hidden, layer.weight.to(dtype), layer.bias.to(dtype)))
         codes = last(hidden.float()).view(voxels, 8, -1)
-        codes = torch.bmm(corner_shares(torch.from_numpy(batch.entry)), codes)  # (V, R, 10)
-        flat = [torch.from_numpy(array).reshape(voxels * views, -1) for array in (batch.direction, batch.up)]
-        ratio = torch.from_numpy(batch.ratio).reshape(-1)
-        return self.net.decode(codes.flatten(0, 1), flat[0], flat[1], ratio).view(voxels, views, 2)
+        codes = torch.bmm(corner_shares(batch.entry), codes)  # (V, R, 10)
+        direction, up = (part.reshape(voxels * views, 3) for part in (batch.direction, batch.up))
+        return self.net.decode(codes.flatten(0, 1), direction, up, batch.ratio.reshape(-1)).view(voxels, views, 2)
 
     def to_weights(self, metadata: dict[str, Any] | None = None) -> Weights:
         """Copy of the parameters as plain arrays."""

@@ -12,35 +12,37 @@ import os
 import pickle
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
+from ..patchnet_addon.network.devices import CPU, enough_memory, found_device
 from ..patchnet_addon.network.weights import Weights, save_weights
-from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from ..patchnet_addon.octree.voxelize import usable_cores
+from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, THREADS
 from ..patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from ..patchnet_addon.runtime.progress import Progress, Steps
-from .batches import Augmentation
 from .corpus import Corpus
+from .crews import crew_for
 from .dataset import Dataset
 from .forest import concatenate
-from .learner import Learner, Losses
+from .learner import Learner
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .schedule import learning_rate
-from .settings import TrainSettings
+from .settings import AUTO, BF16, TrainSettings
 from .validation import validate
-
-PARTS = 2
 
 
 @dataclass
 class RunOptions:
-    """Options of carrying out a run, none of which changes its result."""
+    """Options of carrying out a run, which change its result by rounding at most.
+
+    device: cpu, cuda, cuda:N, or auto (`patchnet_addon/network/devices.py`). threads: of the CPU, which learn or gather
+    for a GPU; None for one a core. gather: see `crew_for`.
+    """
 
     out: Path
     resume: bool = False
@@ -49,19 +51,27 @@ class RunOptions:
     validate_steps: int = 2000
     stop_after: int | None = None  # end early after this many steps, leaving a checkpoint
     notes: dict[str, Any] = field(default_factory=dict)
+    device: str = CPU
+    threads: int | None = None
+    gather: str = ""
 
 
 def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOptions) -> Steps[Weights]:
     """Train on `datasets` and return the weights, the moving mean if there is one.
 
-    Keeps `checkpoint.pt`, `patchnet.safetensors` and `log.jsonl` in `options.out` up to date. Raises PatchNetError if
-    the data cannot be used.
+    Keeps `checkpoint.pt`, `patchnet.safetensors` and `log.jsonl` in `options.out` up to date. A run that is resumed on
+    the same device with as many threads goes on exactly, else within rounding. Raises PatchNetError if the data or the
+    device cannot be used.
     """
+    device = found_device(options.device)
+    threads = usable_cores() if options.threads is None else options.threads
+    THREADS.check(threads)
     corpus, held_out = corpus_of(datasets)
     voxels = max(1, settings.batch // corpus.views.shape[1])
     per_step = voxels * corpus.views.shape[1]
     total = max(1, settings.passes // per_step)
-    learner = Learner(settings, corpus.lookahead)
+    with enough_memory("training"):
+        learner = Learner(settings, corpus.lookahead, device)
     check_run(options.out, resume=options.resume)
     options.out.mkdir(parents=True, exist_ok=True)
     run = asdict(settings) | {"data": [dataset.metadata.get("octree_hash", dataset.name) for dataset in datasets]}
@@ -69,14 +79,17 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
     log = Log(options.out / LOG, learner.steps)
-    crew = WorkerPool(learner, corpus, voxels)
+    with enough_memory("training"):
+        crew = crew_for(learner, corpus, voxels, threads, options.gather)
     end = min(total, options.stop_after or total)
     before, saved = time.monotonic() - learner.seconds, time.monotonic()
     try:
         while learner.steps < end:
             rate = learning_rate(learner.steps, total, settings)
-            gradients, losses = crew.gradients(learner.steps, encoder_type(settings, learner.steps / total))
-            learner.step(gradients, rate)
+            dtype = encoder_type(settings, learner.steps / total, device)
+            with enough_memory("batches of this size (--batch)"):
+                gradients, losses = crew.gradients(learner.steps, dtype)
+                learner.step(gradients, rate)
             log.add(losses)
             learner.seconds = time.monotonic() - before
             passes = learner.steps * per_step
@@ -131,62 +144,11 @@ def corpus_of(datasets: Sequence[Dataset]) -> tuple[Corpus, dict[str, Corpus]]:
     return Corpus(forest, tree, voxel, view, lookahead), held_out
 
 
-def rows_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> np.ndarray:
-    """Voxels (voxels,) of a step; each epoch runs through all of them in a new order."""
-    count = len(corpus.tree)
-    places = step * voxels + np.arange(voxels)
-    rows = np.empty(voxels, np.int64)
-    for epoch in np.unique(places // count):
-        here = places // count == epoch
-        rows[here] = _order(settings.seed, int(epoch), count)[places[here] % count]
-    return rows
-
-
-@lru_cache(maxsize=2)
-def _order(seed: int, epoch: int, count: int) -> np.ndarray:
-    return np.random.default_rng([seed, 1, epoch]).permutation(count)
-
-
-class WorkerPool:
-    """Threads that each gather and learn from one part of a step, with single-threaded products.
-
-    That suits small matrices better than threads inside every product, and a busy machine slows it less. The number of
-    parts is fixed, so that results do not depend on the machine.
-    """
-
-    def __init__(self, learner: Learner, corpus: Corpus, voxels: int) -> None:
-        self._learner, self._corpus, self._voxels = learner, corpus, voxels
-        threads = min(PARTS, os.cpu_count() or 1)
-        self._pool = ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,))
-
-    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[torch.Tensor]], Losses]:
-        """Gradients of the parts of a step, and its errors."""
-        settings = self._learner.settings
-        rows = rows_of_step(self._corpus, settings, self._voxels, step)
-        parts = min(PARTS, len(rows))
-        rows = rows[: len(rows) // parts * parts].reshape(parts, -1)
-        jobs = [self._pool.submit(self._part, part, rows[part], step, dtype) for part in range(parts)]
-        gradients, losses = zip(*(job.result() for job in jobs), strict=True)
-        coverage = sum(loss.coverage for loss in losses) / parts
-        return list(gradients), Losses(coverage, sum(loss.luminance for loss in losses) / parts)
-
-    def _part(self, part: int, rows: np.ndarray, step: int, dtype: torch.dtype) -> tuple[list[torch.Tensor], Losses]:
-        settings = self._learner.settings
-        augmentation = Augmentation.none(len(rows))
-        if settings.augment:
-            augmentation = Augmentation.random(len(rows), np.random.default_rng([settings.seed, 2, step, part]))
-        return self._learner.gradients(self._corpus.batch(rows, augmentation), dtype)
-
-    def close(self) -> None:
-        """End the threads."""
-        self._pool.shutdown()
-
-
-def encoder_type(settings: TrainSettings, share: float) -> torch.dtype:
-    """Number type of the encoder's products when `share` of the run is done."""
-    if settings.precision == "auto":
-        return torch.bfloat16 if has_fast_bf16() and share < 0.98 else torch.float32
-    return torch.bfloat16 if settings.precision == "bf16" else torch.float32
+def encoder_type(settings: TrainSettings, share: float, device: str = CPU) -> torch.dtype:
+    """Number type of the encoder's products on a device when `share` of the run is done."""
+    if settings.precision == AUTO:
+        return torch.bfloat16 if device == CPU and has_fast_bf16() and share < 0.98 else torch.float32
+    return torch.bfloat16 if settings.precision == BF16 else torch.float32
 
 
 def has_fast_bf16() -> bool:
@@ -206,7 +168,7 @@ def save_checkpoint(out: Path, learner: Learner, run: dict[str, Any], notes: dic
 def load_checkpoint(path: Path, learner: Learner, run: dict[str, Any]) -> None:
     """Go on from a checkpoint; raises PatchNetError if it is damaged or of other settings or data."""
     try:
-        state = torch.load(path, weights_only=True)
+        state = torch.load(path, map_location=CPU, weights_only=True)
         other = {"lookahead": DEFAULT_LOOKAHEAD} | state["run"]
         changed = [name for name in run if other.get(name) != run[name]]
         if not changed:
@@ -226,16 +188,15 @@ class Log:
         kept = [line for line in lines if json.loads(line)["step"] <= steps]
         path.write_text("".join(line + "\n" for line in kept))
         self._path = path
-        self._losses: list[Losses] = []
+        self._losses: list[torch.Tensor] = []
 
-    def add(self, losses: Losses) -> None:
-        """Remember the errors of one step."""
+    def add(self, losses: torch.Tensor) -> None:
+        """Remember the errors (2,) of one step; they are not looked at before, so that no step waits for a GPU."""
         self._losses.append(losses)
 
     def write_means(self, step: int, passes: int, rate: float, seconds: float) -> None:
         """Write the mean errors since the last time."""
-        coverage = float(np.mean([losses.coverage for losses in self._losses]))
-        luminance = float(np.mean([losses.luminance for losses in self._losses]))
+        coverage, luminance = torch.stack(self._losses).double().mean(0).tolist()
         self._losses.clear()
         errors = {"coverage": round(coverage, 6), "luminance": round(luminance, 6)}
         self.write({"step": step, "passes": passes, "seconds": round(seconds, 1), "rate": rate} | errors)

@@ -8,9 +8,11 @@ from collections.abc import Mapping
 import numpy as np
 import torch
 
+from ..patchnet_addon.network.torch_precision import float32_products
 from .batches import Augmentation
 from .corpus import Corpus
 from .sliced_net import SlicedNet
+from .tensor_batch import TensorBatch
 
 _LIMIT = 2048  # voxels per scene and validation
 _CHUNK = 512
@@ -39,8 +41,9 @@ def _errors(model: SlicedNet, corpus: Corpus, start: int) -> tuple[np.ndarray, .
     """True coverage and luminance, predicted coverage and luminance, each flat."""
     rows = np.arange(start, min(start + _CHUNK, len(corpus.tree)))
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
-    with torch.no_grad():
-        predicted = model(batch, torch.float32).clamp(0, 1).numpy()
+    device = model.slices.device
+    with torch.no_grad(), float32_products(device):
+        predicted = model(TensorBatch.of(batch, device), torch.float32).clamp(0, 1).cpu().numpy()
     return batch.coverage.ravel(), batch.luminance.ravel(), predicted[..., 0].ravel(), predicted[..., 1].ravel()
 
 

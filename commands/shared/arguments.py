@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ...patchnet_addon.network.devices import AUTO, read_device
 from ...patchnet_addon.runtime.bounds import Bounds
 from ...patchnet_addon.runtime.errors import OutputError
 
@@ -18,6 +19,13 @@ def add_number(parser: argparse._ActionsContainer, flag: str, bounds: Bounds, **
     A value outside raises SettingError, which argparse lets through.
     """
     parser.add_argument(flag, type=partial(bounds.read, what=flag), **others)
+
+
+def add_device(parser: argparse._ActionsContainer, text: str) -> None:
+    """Argument `--device`: auto, cpu, cuda or cuda:N; another raises SettingError, which argparse lets through."""
+    parser.add_argument(
+        "--device", type=partial(read_device, what="--device"), default=AUTO, metavar="auto|cpu|cuda|cuda:N", help=text
+    )
 
 
 def add_out(parser: argparse.ArgumentParser, text: str, **others: Any) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
-from .arguments import add_number
+from .arguments import add_device, add_number
 from .cycles import add_cycles, cycles_settings
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser, "heatmap_maximum")
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
     add_settings(parser, "weights")
+    add_device(parser, "what the network encodes and decodes on; auto: a GPU where torch has one (auto)")
     add_cycles(parser)
 
 
@@ -93,6 +94,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         fit=args.depth == "fit",
         size=tuple(args.size),
         strategy=args.strategy,
+        network_device=args.device,
         colormap=args.colormap,
         out=out,
         cycles=cycles_settings(args),

@@ -3,24 +3,20 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ...patchnet_addon.network.devices import AUTO, CPU, device_title, found_device, torch_has_gpu
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import SettingError
-from ..schema.table import AUTO, GPU
-from ..settings.groups import ComputeSettings
+from ..settings.groups import NETWORK_DEVICE, ComputeSettings
 
 if TYPE_CHECKING:  # it brings numba
     from ...patchnet_addon.network.encode import Encoder
 
 _OWN = "own kernels on the CPU"
-_TORCH_DEVICES = {"CPU": "cpu", "GPU": "cuda", AUTO: "auto"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,38 +39,37 @@ def chosen_encoder(weights: Weights, compute: ComputeSettings) -> Iterator[Encod
     from ...patchnet_addon.network.other_python import OtherPythonEncoder
 
     warnings: tuple[str, ...] = ()
+    wanted = compute.torch_device
     if compute.torch_python is not None:
         try:
-            other = OtherPythonEncoder(compute.torch_python, weights, _TORCH_DEVICES[compute.encoder_device])
+            other = OtherPythonEncoder(compute.torch_python, weights, wanted)
         except SettingError as error:
-            if compute.encoder_device == GPU:
+            if wanted not in (AUTO, CPU):
                 raise
             warnings = (f"{error}. Encoding used PatchNet's own kernels instead, with the same result",)
         else:
             with other:
                 yield Encoding(other, f"torch {other.said['torch']} on {other.said['device']}, another Python")
             return
-    if compute.encoder_device == GPU or (compute.encoder_device == AUTO and torch_has_gpu()):
-        yield Encoding(make_encoder(weights, "torch", "cuda"), "torch on a GPU", warnings)
-        return
-    yield Encoding(make_encoder(weights, "compiled"), _OWN, warnings)
+    device = found_device(wanted, NETWORK_DEVICE)
+    text = _OWN if device == CPU else f"torch on {device_title(device)}"
+    yield Encoding(make_encoder(weights, device=device), text, warnings)
+
+
+def decoding_device(compute: ComputeSettings) -> str:
+    """Device of this Python that decodes; the other Python that is named encodes only, so the CPU may decode for it.
+
+    Raises SettingError if a GPU is asked for and there is none.
+    """
+    if compute.torch_python is not None and not torch_has_gpu():
+        return CPU
+    return found_device(compute.torch_device, NETWORK_DEVICE)
 
 
 def encoder_text(compute: ComputeSettings) -> str:
     """Name of the encoder that would run, in a few words, without starting anything."""
     if compute.torch_python is not None:
         return f"torch of {compute.torch_python.name}"
-    if compute.encoder_device == GPU or (compute.encoder_device == AUTO and torch_has_gpu()):
-        return "torch on a GPU"
-    return _OWN
-
-
-def torch_has_gpu() -> bool:
-    """Return whether this Python has torch, and torch an NVIDIA GPU; torch is imported only where there may be one."""
-    if importlib.util.find_spec("torch") is None:
-        return False
-    if sys.platform == "linux" and not Path("/dev/nvidiactl").exists():
-        return False
-    import torch
-
-    return bool(torch.cuda.is_available())
+    if compute.torch_device == CPU or (compute.torch_device == AUTO and not torch_has_gpu()):
+        return _OWN
+    return "torch on a GPU"

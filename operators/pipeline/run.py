@@ -29,11 +29,12 @@ from ..state.scene_state import SceneState
 from .camera_folders import view_folders
 from .cycles_pictures import save_cycles
 from .cycles_regions import CyclesView, refine_view
+from .encoder import decoding_device
 from .lit_octree import Recipe, build_lit_octree, fit_cameras
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs
 from .output_folder import output_folder
 from .reports import write_report
-from .stages import encode_as_set, load_network
+from .stages import encode, load_network
 from .versions import machine, versions
 from .views import View, overview, save_view, view
 
@@ -82,6 +83,7 @@ def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResul
 def _compute(
     context: bpy.types.Context, settings: JobSettings, weights: Weights, clock: StageClock, kept: BakePageCache
 ) -> Steps[JobResult]:
+    device = decoding_device(settings.compute)  # before anything is baked
     cameras: list[Camera] = []
     surface, wanted = settings.surface, settings.view
 
@@ -93,12 +95,12 @@ def _compute(
 
     made = yield from build_lit_octree(context, settings, clock, kept, Recipe(cameras=fit_to))
     with clock.stage("codes"):
-        coded, encoding = yield from encode_as_set(made.octree, weights, settings.compute)
+        coded, encoding = yield from encode(made.octree, weights, settings.compute)
     views: list[View] = []
     cycles: list[CyclesView] = []
     for camera in cameras:
         with clock.stage("views"):
-            views.append((yield from view(coded, camera, wanted, surface.scope, compare=True)))
+            views.append((yield from view(coded, camera, wanted, surface.scope, compare=True, device=device)))
         if wanted.cycles is not None:
             with clock.stage("cycles"):
                 sun = settings.light.daylight

@@ -244,12 +244,7 @@ def lookahead_of(network: NetworkSettings) -> int:
     return load_network(network).lookahead
 
 
-def encode(octree: Octree, weights: Weights) -> Steps[CodedOctree]:
-    """Codes for all voxels with look-ahead, on the CPU."""
-    return (yield from run_in_worker(lambda: _encoded(octree, weights), Progress(0, 1, _ENCODING)))
-
-
-def encode_as_set(octree: Octree, weights: Weights, compute: ComputeSettings) -> Steps[tuple[CodedOctree, Encoding]]:
+def encode(octree: Octree, weights: Weights, compute: ComputeSettings) -> Steps[tuple[CodedOctree, Encoding]]:
     """Codes for all voxels with look-ahead, and the encoder that the settings' devices chose; raises SettingError."""
     yield Progress(0, 1, _ENCODING)
     with chosen_encoder(weights, compute) as chosen:
@@ -258,7 +253,7 @@ def encode_as_set(octree: Octree, weights: Weights, compute: ComputeSettings) ->
     return coded, chosen
 
 
-def _encoded(octree: Octree, weights: Weights, encoder: Encoder | None = None) -> Steps[CodedOctree]:
+def _encoded(octree: Octree, weights: Weights, encoder: Encoder) -> Steps[CodedOctree]:
     from ...patchnet_addon.codes.encode import encode_octree
 
     return encode_octree(octree, weights, encoder=encoder)

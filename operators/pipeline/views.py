@@ -15,6 +15,7 @@ from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import error_picture, heatmap, overlay, tint
 from ...patchnet_addon.image.tone import shown
+from ...patchnet_addon.network.devices import CPU
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
@@ -75,17 +76,20 @@ class View:
         return self.buffers.picture(self.ranking.priority)
 
 
-def view(coded: CodedOctree, camera: Camera, settings: ViewSettings, scope: str, *, compare: bool) -> Steps[View]:
+def view(
+    coded: CodedOctree, camera: Camera, settings: ViewSettings, scope: str, *, compare: bool, device: str = CPU
+) -> Steps[View]:
     """Preview, priority, refinement, reference and errors of one camera.
 
     scope: which objects were voxelized, for importance that is painted on them. compare: measure all strategies, the
     exact oracles too, not only the chosen one. All of them rank by what the settings' importance makes of their scores.
-    Raises SettingError if what was painted is not there.
+    device: what decodes, see `predict`. Raises SettingError if what was painted, or the device, is not there.
     """
     chosen = strategy(settings.strategy)
     strategies = list(STRATEGIES.values()) if compare else [chosen, STRATEGIES["optimal"]]
     tracing = run_in_worker(
-        lambda: trace_view(coded.octree, camera, strategies, coded=coded), Progress(0, 1, "Tracing the preview")
+        lambda: trace_view(coded.octree, camera, strategies, coded=coded, device=device),
+        Progress(0, 1, "Tracing the preview"),
     )
     buffers = yield from labelled(tracing, f"{camera.name}: {{}}")
     if settings.importance is not None:

@@ -77,7 +77,7 @@ def octree_of_frame(
 def _coded(scene: bpy.types.Scene, result: SceneResult, settings: JobSettings) -> Steps[CodedOctree]:
     """Codes of a result, which are kept with it where it is kept."""
     if result.coded is None:
-        coded = yield from encode(result.octree, load_network(settings.network))
+        coded, _ = yield from encode(result.octree, load_network(settings.network), settings.compute)
         if results.result_of(scene) is result:
             results.keep(scene, replace(result, coded=coded), "codes")
         return coded
@@ -107,7 +107,7 @@ def _compute(
     )
     with BakePageCache() as kept:
         made = yield from build_lit_octree(bpy.context, settings, StageClock(), kept, recipe)
-    coded = yield from encode(made.octree, weights)
+    coded, _ = yield from encode(made.octree, weights, settings.compute)
     for warning in made.warnings:
         warn(warning)
     return SceneResult(made.octree, settings.surface.scope, made.layout, settings.light.kind, coded, state=made.state)

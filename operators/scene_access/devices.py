@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Devices, CPU or GPU, that Cycles bakes on and that the encoder may ask for."""
+"""Devices, CPU or GPU, that Cycles bakes on."""
 
 from __future__ import annotations
 

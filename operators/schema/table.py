@@ -130,10 +130,11 @@ _NETWORK = (
         argument="--weights", help="weights file instead of the one that is shipped",
     ),
     Setting(
-        "encoder_device", "Encode On", "What the network encodes on. The codes are the same", CODES, Kind.CHOICE, AUTO,
+        "network_device", "Network On", "What the network encodes and decodes on; results differ by rounding alone",
+        CODES, Kind.CHOICE, AUTO,
         choices=(
-            (AUTO, "Automatic", "The Python of the preferences if one is named, else a GPU where torch has one, else "
-             "CPU"),
+            (AUTO, "Automatic", "A GPU where torch has one, else CPU; the Python of the preferences encodes if one is "
+             "named"),
             (CPU, "CPU", "All cores of the CPU, without torch if none is there"),
             (GPU, "GPU", "An NVIDIA GPU through torch; an error if there is none"),
         ),

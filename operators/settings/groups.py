@@ -10,16 +10,18 @@ from typing import Any
 import numpy as np
 
 from ...patchnet_addon.image.colormaps import COLORMAPS
+from ...patchnet_addon.network.devices import CUDA, read_device
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.surface.mesh import MeshSource
 from ..importance.painted import Importance
 from ..scene_access.devices import DEVICES
 from ..schema.setting import Kind
-from ..schema.table import CYCLES, TABLE, TWO_LIGHTS, VISIBLE
+from ..schema.table import CYCLES, GPU, TABLE, TWO_LIGHTS, VISIBLE
 from .cycles_settings import CyclesSettings
 
 Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
+NETWORK_DEVICE = f"The network's device ({TABLE['network_device'].label}, --device)"
 _FLAT = "flat name"  # of a field whose own name says too little among all settings
 
 
@@ -140,20 +142,26 @@ class ComputeSettings:
     """Settings of what computes.
 
     memory_bytes: what the octree may take while it is built; None for all that is free. It bounds the depth, so it is
-    in keys. device: of the bake; encoder_device: of the network where torch is there. torch_python: another Python
-    that has torch. They decide which device computes, and not what: they count for no frame's key.
+    in keys. device: of the bake. network_device: of encoding and decoding, AUTO, CPU or GPU, or as torch names one,
+    cuda:1. torch_python: another Python that has torch, which encodes. They decide which device computes, and not what:
+    they count for no frame's key.
     """
 
     memory_bytes: int | None = None
     device: str = field(default=TABLE["device"].default, repr=False)
-    encoder_device: str = field(default=TABLE["encoder_device"].default, repr=False)
+    network_device: str = field(default=TABLE["network_device"].default, repr=False)
     torch_python: Path | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         _check_numbers(self)
-        for name in (self.device, self.encoder_device):
-            if name not in DEVICES:
-                raise SettingError(f"There is no device {name!r}: choose one of {', '.join(DEVICES)}")
+        if self.device not in DEVICES:
+            raise SettingError(f"There is no device {self.device!r}: choose one of {', '.join(DEVICES)}")
+        read_device(self.torch_device, NETWORK_DEVICE)
+
+    @property
+    def torch_device(self) -> str:
+        """What the network runs on, as torch names it: auto, cpu, cuda or cuda:N."""
+        return CUDA if self.network_device == GPU else self.network_device.lower()
 
 
 def fields_by_flat_name(group: Any) -> dict[str, str]:

@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-import importlib.util
-from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..network.compiled_encode import CompiledEncoder
+from ..network.devices import AUTO, CPU, enough_memory, found_device, has_torch, read_device
 from ..network.encode import Encoder, NumpyEncoder
 from ..network.weights import CODE_SIZE, Weights
 from ..octree.octree import Octree
@@ -23,6 +23,9 @@ from .corners import corner_ranges, find_corners, write_corner_rows
 from .encode_corners import encode_corners
 from .patches import corner_neighbours, voxel_blocks
 
+if TYPE_CHECKING:
+    from .torch_tree import TorchCorners
+
 BACKENDS = ("auto", "compiled", "numpy", "torch")
 _LABEL = "Encoding corners"
 _HALF_MAX = float(np.finfo(np.float16).max)
@@ -33,15 +36,16 @@ def encode_octree(
     weights: Weights,
     *,
     backend: str = "auto",
-    device: str = "cpu",
+    device: str = CPU,
     encoder: Encoder | None = None,
 ) -> Steps[CodedOctree]:
     """Octree with codes, as many levels ahead as the weights look.
 
     Corners go range by range, so that what is needed beside octree and codes does not grow with them: about 20 MB.
     `backend` "auto" is torch for another `device` than the CPU, else our compiled products; "numpy" has NumPy's. All
-    give the same codes to 1e-4. An `encoder` of these weights counts instead of both. Raises SettingError for a backend
-    or device that is not there, and for more nodes or corners than 32 bits can name.
+    give the same codes to 1e-4 and 1e-5 of the largest. `device`: cpu, cuda, cuda:N, or auto (`network/devices.py`). An
+    `encoder` of these weights counts instead of both. Raises SettingError for a backend or device that is not there, or
+    has too little memory, and for more nodes or corners than 32 bits can name.
     """
     if encoder is None:
         encoder = make_encoder(weights, backend, device)
@@ -56,34 +60,51 @@ def encode_octree(
         yield Progress(len(counts), len(ranges), "Finding corners")
     check_count(sum(counts), UINT32_COUNT, "corners of voxels", NODE_ADVICE)
     codes = np.empty((sum(counts), CODE_SIZE), np.float16)
+    with enough_memory("the octree"):
+        on_device = _corners_on_device(encoder, octree, weights.lookahead)
     done = 0
     for where in ranges:
         corners = find_corners(octree, coded, where)
-        for found in _encode(encoder, octree, where.level, corners, weights):
+        for start in range(0, len(corners), _part(encoder, corners)):
+            part = corners[start : start + _part(encoder, corners)]
+            with enough_memory("encoding"):
+                if on_device is not None:
+                    found = on_device(where.level, part)
+                else:
+                    found = _encode(encoder, octree, where.level, part, weights.lookahead)
             codes[done : done + len(found)] = np.clip(found, -_HALF_MAX, _HALF_MAX)
             done += len(found)
             yield Progress(done, len(codes), _LABEL)
     return CodedOctree(octree, weights, codes, table, coded)
 
 
-def make_encoder(weights: Weights, backend: str = "auto", device: str = "cpu") -> Encoder:
-    """Encoder that `encode_octree` uses for these settings."""
+def make_encoder(weights: Weights, backend: str = "auto", device: str = CPU) -> Encoder:
+    """Encoder that `encode_octree` uses for these settings; raises SettingError for what is not there."""
     if backend not in BACKENDS:
         raise SettingError(f"Backend '{backend}' is unknown: choose one of {', '.join(BACKENDS)}")
-    if backend == "auto":
-        backend = "compiled" if device == "cpu" else "torch"
-    if backend != "torch":
-        if device != "cpu":
+    if backend in ("compiled", "numpy"):
+        if read_device(device) not in (AUTO, CPU):
             raise SettingError(f"Backend '{backend}' runs on the CPU, not on '{device}': choose backend 'torch'")
         return CompiledEncoder(weights) if backend == "compiled" else NumpyEncoder(weights)
-    if importlib.util.find_spec("torch") is None:
+    device = found_device(device)
+    if backend == "auto" and device == CPU:
+        return CompiledEncoder(weights)
+    if not has_torch():
         raise SettingError("Backend 'torch' needs PyTorch, which this Python does not have: choose backend 'compiled'")
     from ..network.torch_encode import TorchEncoder
 
-    try:
+    with enough_memory("encoding"):
         return TorchEncoder(weights, device)
-    except (RuntimeError, AssertionError) as cause:
-        raise SettingError(f"Device '{device}' cannot be used by PyTorch here: choose device 'cpu'") from cause
+
+
+def _corners_on_device(encoder: Encoder, octree: Octree, lookahead: int) -> TorchCorners | None:
+    """Encoder of corners whose blocks the encoder's GPU gathers, if it is one and has room for the octree."""
+    device = getattr(encoder, "device", None)  # only torch's has one
+    if device is None or device.type == CPU:
+        return None
+    from .torch_tree import TorchCorners, tree_fits
+
+    return TorchCorners(encoder, octree, lookahead) if tree_fits(octree, device) else None  # type: ignore[arg-type]
 
 
 def _levels(octree: Octree, weights: Weights) -> range:
@@ -91,15 +112,16 @@ def _levels(octree: Octree, weights: Weights) -> range:
     return range(max(octree.depth - weights.lookahead + 1, 0))
 
 
-def _encode(
-    encoder: Encoder, octree: Octree, level: int, corners: np.ndarray, weights: Weights
-) -> Iterator[np.ndarray]:
-    """Codes (c, 10) float32 of corners (C, 3) of a level, part by part."""
+def _part(encoder: Encoder, corners: np.ndarray) -> int:
+    """Number of corners that an encoder is given at once; the compiled one makes its own chunks."""
+    return max(len(corners), 1) if isinstance(encoder, CompiledEncoder) else encoder.chunk
+
+
+def _encode(encoder: Encoder, octree: Octree, level: int, corners: np.ndarray, lookahead: int) -> np.ndarray:
+    """Codes (C, 10) float32 of corners (C, 3) of a level."""
     if isinstance(encoder, CompiledEncoder):
-        yield encode_corners(octree, level, corners, encoder.layers, weights.lookahead, encoder.chunk)
-        return
-    for start in range(0, len(corners), encoder.chunk):
-        yield encode_chunk(encoder, octree, level, corners[start : start + encoder.chunk], weights.lookahead)
+        return encode_corners(octree, level, corners, encoder.layers, lookahead, encoder.chunk)
+    return encode_chunk(encoder, octree, level, corners, lookahead)
 
 
 def encode_chunk(encoder: Encoder, octree: Octree, level: int, corners: np.ndarray, lookahead: int) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..network.compiled_decode import DIRECTION, RATIO, TILE, UP, DecoderLayers, decode_tile, empty_tile
 from ..network.decode import decode
+from ..network.devices import CPU, enough_memory, found_device
 from ..network.weights import CODE_SIZE
 from ..runtime.kernels import device, kernel
 from .coded_nodes import coded_row
@@ -48,11 +49,15 @@ class _Rays(NamedTuple):
     ratio: np.ndarray
 
 
-def predict(coded: CodedOctree, hits: Hits) -> Prediction:
-    """Decode coverage and luminance of all pixels, on all cores.
+def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
+    """Decode coverage and luminance of all pixels, on all cores of the CPU or on a GPU.
 
-    Those without look-ahead keep what they show, so that their priority is 0 (methods 4.1b).
+    Those without look-ahead keep what they show, so that their priority is 0 (methods 4.1b). `device`: cpu, cuda,
+    cuda:N, or auto (`network/devices.py`); all give the same to 1e-3. Raises SettingError for one that is not there, or
+    has too little memory.
     """
+    if (device := found_device(device)) != CPU:
+        return predict_on(device, coded, hits)
     entry, direction, up, ratio = (
         np.ascontiguousarray(array, np.float32) for array in (hits.entry_voxel, hits.direction, hits.up, hits.ratio)
     )
@@ -84,6 +89,26 @@ def predict_reference(coded: CodedOctree, hits: Hits) -> Prediction:
     coverage[pixels], luminance[pixels] = decode(
         coded.weights, codes, hits.direction[pixels], hits.up[pixels], hits.ratio[pixels]
     )
+    return Prediction(coverage, luminance, rows >= 0)
+
+
+def predict_on(device: str, coded: CodedOctree, hits: Hits) -> Prediction:
+    """Prediction as `predict` makes it, by torch; all codes are copied to `device`, as torch names it, for this call.
+
+    Raises SettingError where they do not fit.
+    """
+    from ..network.torch_decode import TorchDecoder
+
+    rows = coded.rows_of(hits.node)
+    pixels = np.flatnonzero(rows >= 0)
+    coverage = np.ones(len(rows), np.float32)
+    luminance = hits.luminance.astype(np.float32)
+    with enough_memory("decoding"):
+        decode_there = TorchDecoder(coded.weights, coded.codes, device)
+        coverage[pixels], luminance[pixels] = decode_there(
+            coded.corners_of(rows[pixels]),
+            *(part[pixels] for part in (hits.entry_voxel, hits.direction, hits.up, hits.ratio)),
+        )
     return Prediction(coverage, luminance, rows >= 0)
 
 

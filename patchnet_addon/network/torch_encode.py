@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """PatchNet's encoder on torch, on the CPU or a GPU; the scheme is that of `encode.py`.
 
-Another Python may run this file on its own: it imports nothing of the package but `octants.py`.
+Another Python may run this file on its own: it imports nothing of the package but `octants.py` and
+`torch_precision.py`.
 """
 
 from __future__ import annotations
@@ -10,36 +11,62 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from torch import Tensor
 from torch.nn import functional
 
 from .octants import octant_matrices
+from .torch_precision import float32_products
 
 if TYPE_CHECKING:
     from .weights import Weights
 
+_CHUNKS = (4096, 65536)  # corners at once: the fewest, and the most, which fill a GPU
+_MEMORY_SHARE = 4  # one of so many parts of a GPU's free memory is for what a chunk needs
+
 
 class TorchEncoder:
-    """`Encoder` on a torch device, for example "cpu" or "cuda"."""
+    """`Encoder` on a torch device, for example "cpu", "cuda" or "cuda:1", in float32 whatever torch is set to.
+
+    device: where it computes, for callers whose blocks are there already (`encode_tensors`).
+    """
 
     def __init__(self, weights: Weights, device: str = "cpu") -> None:
-        self._device = torch.device(device)
-        self.chunk = 4096 if self._device.type == "cpu" else 65536
+        """Copy the encoder's layers to `device`; raises RuntimeError or AssertionError where torch has no such one."""
+        self.device = torch.device(device)
         matrix, bias = weights.encoder[0]
+        self.chunk = _chunk(self.device, matrix.shape[1] // 8)
         self._octants = self._tensor(octant_matrices(matrix))
         self._bias = self._tensor(bias)
         self._layers = [(self._tensor(matrix.T), self._tensor(bias)) for matrix, bias in weights.encoder[1:]]
 
-    @torch.inference_mode()
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Codes (C, 10) float32, see `Encoder`."""
-        products = (self._tensor(blocks) @ self._octants).view(-1, len(self._bias))  # (8 U, 256)
-        bags = rows * 8 + np.arange(8)
-        bags[rows == 0] = 0  # block 0 is empty, and padding is not read
-        values = functional.embedding_bag(self._tensor(bags), products, mode="sum", padding_idx=0)
-        values += self._bias
-        for matrix, bias in self._layers:
-            values = torch.addmm(bias, values.relu_(), matrix)
-        return values.cpu().numpy()
+        codes: np.ndarray = self.encode_tensors(self._tensor(blocks), self._tensor(rows).long()).cpu().numpy()
+        return codes
 
-    def _tensor(self, array: np.ndarray) -> torch.Tensor:
-        return torch.from_numpy(np.ascontiguousarray(array)).to(self._device)
+    @torch.inference_mode()
+    def encode_tensors(self, blocks: Tensor, rows: Tensor) -> Tensor:
+        """Codes (C, 10) float32 of corners with blocks (U, B) float32 and rows (C, 8) int64, all on the device."""
+        with float32_products(self.device):
+            products = (blocks @ self._octants).view(-1, len(self._bias))  # (8 U, 256)
+            bags = rows * 8 + torch.arange(8, device=self.device)
+            bags.masked_fill_(rows == 0, 0)  # block 0 is empty, and padding is not read
+            values = functional.embedding_bag(bags, products, mode="sum", padding_idx=0)
+            values += self._bias
+            for matrix, bias in self._layers:
+                values = torch.addmm(bias, values.relu_(), matrix)
+        return values
+
+    def _tensor(self, array: np.ndarray) -> Tensor:
+        return torch.from_numpy(np.ascontiguousarray(array)).to(self.device)
+
+
+def _chunk(device: torch.device, block_values: int) -> int:
+    """Corners at once, a power of two, whose blocks, cells and products a GPU's free memory holds well."""
+    least, most = _CHUNKS
+    if device.type != "cuda":
+        return least
+    free, _ = torch.cuda.mem_get_info(device)
+    needed = 4 * block_values + 4 * 8 * 256 + 16 * block_values + 8192  # bytes a corner, with about a block for each
+    fitting = max(int(free) // _MEMORY_SHARE // needed, 1)
+    return min(max(1 << (fitting.bit_length() - 1), least), most)

@@ -18,8 +18,9 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numba
-from numba.core import event, types
+from numba.core import event
 from numba.core.caching import FunctionCache
+from numba.core.types.misc import unliteral
 
 from .cache_folder import kernel_folder, user_cache_folder
 from .compiling import compilation_begins, compilation_ends
@@ -132,8 +133,8 @@ def _plain_call(compiled: Any, arguments: Any, keywords: Any) -> Any:
     numba would compile a function once more for each constant that it is called with. Where constants help, the
     compiler finds them when it inlines.
     """
-    plain = {name: types.unliteral(kind) for name, kind in dict(keywords).items()}
-    return type(compiled).get_call_template(compiled, tuple(types.unliteral(kind) for kind in arguments), plain)
+    plain = {name: unliteral(kind) for name, kind in dict(keywords).items()}
+    return type(compiled).get_call_template(compiled, tuple(unliteral(kind) for kind in arguments), plain)
 
 
 def _serialised(function: Function, compiled: Any) -> Function:

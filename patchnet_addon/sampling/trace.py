@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from ..network.devices import CPU
 from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.errors import SettingError
@@ -26,12 +27,14 @@ def trace_view(
     coded: CodedOctree | None = None,
     reference: bool = True,
     lookahead: int | None = None,
+    device: str = CPU,
 ) -> Steps[PixelBuffers]:
     """Picture at 1 sample per pixel, what `strategies` need of the rest, and the 32x32 reference if wanted.
 
     Pictures are in colour too if the octree is. lookahead: levels that the exact oracle and rays behind the patch look
-    ahead, 1 to 3; None: those of the weights of `coded`, or two without codes. Raises SettingError if a strategy needs
-    codes and `coded` is None, or if their weights look another number of levels ahead.
+    ahead, 1 to 3; None: those of the weights of `coded`, or two without codes. device: what decodes, see `predict`.
+    Raises SettingError if a strategy needs codes and `coded` is None, if their weights look another number of levels
+    ahead, or for a device that is not there.
     """
     from ..codes.predict import predict
     from ..tracing.render import first_hits, hit_colors, patch_hits
@@ -53,7 +56,7 @@ def trace_view(
         hits, luminance_behind = patch.hits, patch.behind
     else:
         hits, luminance_behind = first_hits(octree, camera), None
-    prediction = predict(coded, hits) if PREDICTION in needs and coded is not None else None
+    prediction = predict(coded, hits, device) if PREDICTION in needs and coded is not None else None
     exact = None
     if EXACT in needs:
         from ..codes.exact import exact_prediction

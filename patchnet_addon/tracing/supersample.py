@@ -104,7 +104,7 @@ def mean_of_rays(nodes, light, camera, pixels, sampling, means):  # type: ignore
 @device
 def _mean_of_run(nodes, light, camera, pixels, sampling, means):  # type: ignore[no-untyped-def]
     """Write the means of some pixels; light: luminance and chroma."""
-    scratch = make_tile(), make_levels(), np.empty((RAYS, MEANS))
+    scratch = make_tile(), make_levels(), np.empty((TILE * TILE, MEANS))
     _means_of_pixels(nodes, light, camera, pixels, sampling, scratch, means)
 
 

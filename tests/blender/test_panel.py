@@ -215,8 +215,8 @@ def test_device(scene: bpy.types.Scene) -> None:
         bpy.ops.patchnet.run_all(depth=4, size=(16, 16), device="GPU")
     bpy.ops.patchnet.estimate(depth=4, size=(16, 16), device="CPU")
     assert "Bake on: CPU" in results.estimate_of(scene).lines
-    with pytest.raises(RuntimeError, match=r"cannot be used by PyTorch here|needs PyTorch"):
-        bpy.ops.patchnet.run_all(light="two-lights", depth=4, size=(16, 16), encoder_device="GPU")
+    with pytest.raises(RuntimeError, match=r"needs an NVIDIA GPU, and PyTorch .* finds none|needs PyTorch"):
+        bpy.ops.patchnet.run_all(light="two-lights", depth=4, size=(16, 16), network_device="GPU")
 
 
 def shipped() -> dict[str, Path]:

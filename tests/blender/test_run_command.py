@@ -73,6 +73,24 @@ def test_light_is_added_where_there_is_none(
     assert "Note: The scene has no light: it was lit with a sun and a sky" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("device", "sentence"), [("gpu", "--device 'gpu' is unknown: choose auto, cpu, cuda"), ("cuda:777", "'cuda:777'")]
+)
+def test_devices_that_are_not_there(
+    device: str, sentence: str, scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before anything is baked."""
+    assert run(scene_file, tmp_path / "out", weights, "--device", device) == 2
+    said = capsys.readouterr().err
+    assert sentence in said and "Voxelizing" not in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_cpu_is_a_device(scene_file: Path, tmp_path: Path, weights: Path) -> None:
+    assert run(scene_file, tmp_path / "out", weights, "--device", "cpu") == 0
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["encoder"] == "own kernels on the CPU"
+
+
 def damaged(path: Path) -> Path:
     path.write_bytes(b"this is no scene, whatever its name says" * 20)
     return path

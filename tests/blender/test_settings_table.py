@@ -49,10 +49,16 @@ def test_every_setting_of_the_octree_is_tried() -> None:
 def test_devices_change_no_key() -> None:
     build()
     depsgraph, settings = bpy.context.evaluated_depsgraph_get(), JobSettings()
-    other = settings.changed(device="CPU", encoder_device="CPU", torch_python=Path("other"))
+    other = settings.changed(device="CPU", network_device="CPU", torch_python=Path("other"))
     assert other != settings
     assert surface_key(depsgraph, other) == surface_key(depsgraph, settings)
     assert repr(other) == repr(settings)
+
+
+def test_devices_of_the_network_as_torch_names_them() -> None:
+    given = ("AUTO", "CPU", "GPU", "auto", "cpu", "cuda", "cuda:1")
+    found = [ComputeSettings(network_device=name).torch_device for name in given]
+    assert found == ["auto", "cpu", "cuda", "auto", "cpu", "cuda", "cuda:1"]
 
 
 def test_every_setting_is_a_property_and_a_field() -> None:
@@ -103,7 +109,11 @@ def test_a_setting_stands_in_one_group() -> None:
         (ViewSettings, {"strategy": "guess"}, "guess"),
         (ViewSettings, {"size": (4, -1)}, "-1 is outside"),
         (ViewSettings, {"colormap": "gray"}, "There is no colour map 'gray'"),
-        (ComputeSettings, {"encoder_device": "TPU"}, "There is no device 'TPU'"),
+        (
+            ComputeSettings,
+            {"network_device": "TPU"},
+            r"The network's device \(Network On, --device\) 'tpu' is unknown: choose auto, cpu, cuda",
+        ),
         (ComputeSettings, {"memory_bytes": 1}, "is outside"),
         (
             JobSettings,

@@ -115,7 +115,7 @@ def test_octree_without_look_ahead_has_no_codes(weights):
         ({"backend": "jax"}, "unknown"),
         ({"backend": "numpy", "device": "cuda"}, "runs on the CPU"),
         ({"backend": "compiled", "device": "cuda"}, "runs on the CPU"),
-        ({"backend": "torch", "device": "nonsense"}, "cannot be used"),
+        ({"backend": "torch", "device": "nonsense"}, "Device 'nonsense' is unknown: choose auto, cpu, cuda"),
     ],
 )
 def test_backends_that_are_not_there(weights, settings, sentence):

@@ -20,7 +20,9 @@ from patchnet.training.schedule import learning_rate
 from patchnet.training.settings import PRESETS, TrainSettings
 
 torch = pytest.importorskip("torch")
-from patchnet.training.trainer import RunOptions, corpus_of, rows_of_step, train  # noqa: E402  needs torch
+from patchnet.training.crews import rows_of_step  # noqa: E402  needs torch
+from patchnet.training.tensor_batch import TensorBatch  # noqa: E402  needs torch
+from patchnet.training.trainer import RunOptions, corpus_of, train  # noqa: E402  needs torch
 
 SETTINGS = TrainSettings(passes=6 * 256, batch=256, precision="fp32", augment=True, average=0.9, clip=1.0, warm_up=2)
 
@@ -52,7 +54,7 @@ def test_sparse_first_layer_equals_the_network(datasets: list[Dataset]) -> None:
     patches = eight.reshape(len(rows), 1, 8, 2560).expand(-1, 4, -1, -1).reshape(-1, 8, 2560)
     views = [torch.from_numpy(getattr(batch, name)).flatten(0, 1) for name in ("entry", "direction", "up", "ratio")]
     expected = plain(patches, *views)
-    found = sliced(batch, torch.float32)
+    found = sliced(TensorBatch.of(batch, torch.device("cpu")), torch.float32)
     torch.testing.assert_close(found.view(-1, 2), expected, atol=1e-5, rtol=0)
     expected.square().sum().backward()
     found.square().sum().backward()

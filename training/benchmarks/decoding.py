@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from statistics import median
 from typing import Any, NamedTuple
@@ -41,7 +41,7 @@ def benchmark_decoding(coded: CodedOctree, pixels: int = 500_000, repeats: int =
     One thread is bound to a core and measured in processor seconds, several in wall seconds. BLAS has as many threads
     only where the process was told so (`threads.py`). Raises SettingError for an octree without look-ahead.
     """
-    cameras, hits = _views(coded, pixels)
+    cameras, hits = views_around(coded, pixels)
     before = numba.get_num_threads()
     numba.set_num_threads(min(threads, before))
     try:
@@ -86,7 +86,19 @@ def _rate_details(rates: dict[str, float], peak: float) -> dict[str, Any]:
     }
 
 
-def _views(coded: CodedOctree, pixels: int) -> tuple[list[Camera], Hits]:
+@dataclass(frozen=True, eq=False)
+class JoinedHits(Hits):
+    """Hits of several cameras as one picture; `ups` (P, 3) float32 is each ray's own, and `camera_up` of the first."""
+
+    ups: np.ndarray
+
+    @property
+    def up(self) -> np.ndarray:
+        """(P, 3) float32, the picture's up orthogonal to each ray."""
+        return self.ups
+
+
+def views_around(coded: CodedOctree, pixels: int) -> tuple[list[Camera], Hits]:
     """Cameras around an octree, and what all see, as one picture with so many pixels that have look-ahead."""
     cameras: list[Camera] = []
     views: list[Hits] = []
@@ -99,13 +111,10 @@ def _views(coded: CodedOctree, pixels: int) -> tuple[list[Camera], Hits]:
         if not seen:
             raise SettingError("From around this octree no pixel has look-ahead: take a deeper one")
         found += seen
-    arrays = {field.name: getattr(views[0], field.name) for field in fields(Hits)}
-    joined = {
-        name: np.concatenate([getattr(view, name) for view in views])
-        for name, value in arrays.items()
-        if isinstance(value, np.ndarray)
-    }
-    return cameras, Hits(width_px=len(joined["node"]), height_px=1, **joined)
+    of_pixels = [field.name for field in fields(Hits) if field.name not in ("width_px", "height_px", "camera_up")]
+    joined = {name: np.concatenate([getattr(view, name) for view in views]) for name in (*of_pixels, "up")}
+    ups = joined.pop("up")
+    return cameras, JoinedHits(width_px=len(ups), height_px=1, camera_up=views[0].camera_up, ups=ups, **joined)
 
 
 def _camera(octree: Octree, weights: Weights, number: int) -> Camera:

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Octree on a torch device: the blocks of voxels there, by gathers; what `patches.py` and `brick.py` do on the CPU.
+
+Encoding and training on a GPU are so fast that one core cannot gather blocks for them.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..network.torch_copy import to_device
+from ..network.torch_encode import TorchEncoder
+from ..octree.nodes import Nodes
+from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT, Octree
+from .patches import OCTANTS
+
+NODE_BYTES = 10  # of child mask, first child, luminance, normal
+
+
+class Tree(Protocol):
+    """Node arrays of an octree, or of several one after the other, as `Octree` has them."""
+
+    @property
+    def nodes(self) -> Nodes:
+        """Arrays that lead from a node to its children."""
+
+    @property
+    def luminance(self) -> np.ndarray:
+        """(n,) uint16."""
+
+    @property
+    def normal(self) -> np.ndarray:
+        """(n, 3) int8."""
+
+
+def tree_fits(tree: Tree, device: torch.device) -> bool:
+    """Return whether the node arrays take at most half of a GPU's free memory; a CPU holds them already."""
+    if device.type != "cuda":
+        return True
+    free, _ = torch.cuda.mem_get_info(device)
+    return 2 * NODE_BYTES * len(tree.luminance) <= int(free)
+
+
+class TorchTree:
+    """Copy of a tree's node arrays on a torch device; nodes are int64 tensors there, -1 for none."""
+
+    def __init__(self, tree: Tree, device: torch.device) -> None:
+        self.device = device
+        self.luminance = to_device(tree.luminance, device)  # (n,) int16, bits of uint16
+        self.normal = to_device(tree.normal, device)  # (n, 3) int8
+        self._child_mask = to_device(tree.nodes.child_mask, device)  # (n,) uint8
+        self._first_child = to_device(tree.nodes.first_child, device)  # (n,) int32
+        masks, octants = np.arange(256)[:, None], np.arange(8)
+        place = POPCOUNT[masks & ((1 << octants) - 1)].astype(np.int64)  # among the children that exist
+        self._place = to_device(np.where(masks >> octants & 1, place, -1), device)  # (256, 8), -1 for no child
+
+    def covering(self, level: int, cells: Tensor, root: Tensor | int = 0, own_level: Tensor | None = None) -> Tensor:
+        """Node (N,) at each cell (N, 3) of a level, the coarser leaf that covers it, or -1; cells may lie outside.
+
+        root: (N,) nodes to go down from. own_level: (N,) levels of the cells, up to `level`, if they differ.
+        """
+        levels = torch.as_tensor(level if own_level is None else own_level, device=self.device)
+        sides = (torch.ones_like(levels) << levels)[..., None]
+        x, y, z = cells.unbind(-1)
+        inside = ((cells >= 0) & (cells < sides)).all(-1)
+        node = torch.where(inside, torch.as_tensor(root, device=self.device), -1)
+        for shift in range(level - 1, -1, -1):
+            octant = (x >> shift & 1) | (y >> shift & 1) << 1 | (z >> shift & 1) << 2
+            mask, below = self._children(node)
+            stays = (mask == 0) | (node < 0)
+            if own_level is not None:
+                stays |= own_level <= shift
+            node = torch.where(stays, node, below.gather(-1, octant[:, None]).squeeze(-1))
+        return node
+
+    def fine_cells(self, nodes: Tensor, lookahead: int) -> Tensor:
+        """Nodes (M, 8^n) of the cells n = `lookahead` levels below `nodes` (M,), order z, y, x, -1 where empty.
+
+        A coarser leaf fills its part of the block, see `fill_block`.
+        """
+        cells = nodes[:, None]
+        for _ in range(lookahead):
+            mask, below = self._children(cells)
+            stays = (mask == 0) | (cells < 0)
+            cells = torch.where(stays[..., None], cells[..., None], below).flatten(1)
+        return cells[:, torch.from_numpy(paths(lookahead)).to(self.device)]
+
+    def values(self, cells: Tensor) -> Tensor:
+        """Occupancy, luminance and normal (..., 5) float32 of cells (...,); zeros where they are empty."""
+        there, safe = cells >= 0, cells.clamp(min=0)
+        luminance = (self.luminance[safe].int() & 0xFFFF).float() / LUMINANCE_SCALE
+        normal = self.normal[safe].float() / NORMAL_SCALE
+        values = torch.cat([torch.ones_like(luminance)[..., None], luminance[..., None], normal], dim=-1)
+        return values.masked_fill_(~there[..., None], 0.0)
+
+    def _children(self, nodes: Tensor) -> tuple[Tensor, Tensor]:
+        """Child masks (...,) and children (..., 8), -1 for none, of nodes (...,); those of node -1 mean nothing."""
+        safe = nodes.clamp(min=0)
+        mask = self._child_mask[safe].int()
+        place = self._place[mask]
+        first = self._first_child[safe].long()[..., None]
+        return mask, torch.where(place >= 0, first + place, -1)
+
+
+class TorchCorners:
+    """Encoder of the corners of an octree that lies on the encoder's device, and the blocks with it."""
+
+    def __init__(self, encoder: TorchEncoder, octree: Octree, lookahead: int) -> None:
+        self._encoder, self._lookahead = encoder, lookahead
+        self._tree = TorchTree(octree, encoder.device)
+
+    @torch.inference_mode()
+    def __call__(self, level: int, corners: np.ndarray) -> np.ndarray:
+        """Codes (C, 10) float32 of corners (C, 3) of a level; every voxel around them is read once."""
+        device = self._encoder.device
+        cells = torch.from_numpy(corners.astype(np.int64)).to(device)[:, None] - 1
+        cells = (cells + torch.from_numpy(OCTANTS.astype(np.int64)).to(device)).view(-1, 3)
+        found = torch.cat([self._tree.covering(level, cells), torch.full((1,), -1, device=device)])
+        nodes, rows = torch.unique(found, return_inverse=True)  # node -1 comes first
+        fine = self._tree.fine_cells(nodes, self._lookahead)
+        blocks = self._tree.values(fine).view(len(nodes), -1)
+        codes: np.ndarray = self._encoder.encode_tensors(blocks, rows[:-1].view(-1, 8)).cpu().numpy()
+        return codes
+
+
+def paths(lookahead: int) -> np.ndarray:
+    """Place (8^n,) int64 of each cell of a block, order z, y, x, when n = `lookahead` octants are read one by one."""
+    side = 1 << lookahead
+    z, y, x = np.unravel_index(np.arange(side**3), (side,) * 3)
+    place = np.zeros(side**3, np.int64)
+    for bit in range(lookahead - 1, -1, -1):
+        place = 8 * place + ((x >> bit & 1) | (y >> bit & 1) << 1 | (z >> bit & 1) << 2)
+    return place

@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Names of devices, and encoding and decoding on them: the same results as on the CPU without torch, to a tolerance.
+
+Codes to 1e-4 and 1e-5 of the largest before they are rounded to half floats, coverage and luminance to 1e-3.
+"""
+
+import warnings
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.codes import encode
+from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
+from patchnet.patchnet_addon.codes.patches import covering_nodes, voxel_blocks
+from patchnet.patchnet_addon.codes.predict import predict, predict_on
+from patchnet.patchnet_addon.network import devices
+from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
+from patchnet.patchnet_addon.network.devices import enough_memory, found_device, read_device
+from patchnet.patchnet_addon.network.weights import Weights, load_weights
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.torch_devices import DEVICES, gpu_only
+
+torch = pytest.importorskip("torch")
+from patchnet.patchnet_addon.codes.torch_tree import TorchCorners, TorchTree, tree_fits  # noqa: E402  needs torch
+from patchnet.patchnet_addon.network import torch_decode, torch_encode  # noqa: E402  needs torch
+from patchnet.patchnet_addon.network.torch_copy import to_device  # noqa: E402  needs torch
+from patchnet.patchnet_addon.network.torch_precision import float32_products  # noqa: E402  needs torch
+
+CODES, OUTPUTS = 1e-4, 1e-3
+HALF = 2.0**-11  # relative rounding of a half float
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["uniform", "adaptive"])
+def octree(request):
+    return random_octree(seed=8, depth=6, count=3000, adaptive=request.param)
+
+
+@pytest.fixture(scope="module")
+def weights():
+    return load_weights()
+
+
+@pytest.fixture(scope="module")
+def coded(octree, weights):
+    return drain(encode_octree(octree, weights, backend="compiled"))
+
+
+def assert_same_codes(found, wanted):
+    """Half floats of codes that agree as encoders do."""
+    found, wanted = found.astype(np.float32), wanted.astype(np.float32)
+    np.testing.assert_allclose(found, wanted, rtol=2 * HALF, atol=CODES + 1e-5 * np.abs(wanted).max())
+
+
+def test_names_of_devices():
+    assert [read_device(name) for name in ("auto", "cpu", "cuda", "cuda:0", " CUDA:12 ")] == [
+        "auto", "cpu", "cuda", "cuda:0", "cuda:12"
+    ]  # fmt: skip
+    for name in ("", "gpu", "tpu", "cuda:", "cuda:x", "cuda:-1", "cpu:0", "cuda:99999"):
+        with pytest.raises(SettingError, match=r"--device '.*' is unknown: choose auto, cpu, cuda, or cuda:N"):
+            read_device(name, "--device")
+
+
+def test_a_device_is_found_or_its_error_says_what_to_do(monkeypatch):
+    assert found_device("cpu") == "cpu"
+    monkeypatch.setattr(devices, "torch_has_gpu", lambda: False)
+    assert found_device("auto") == "cpu"
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(SettingError, match=r"--device 'cuda' needs an NVIDIA GPU, and PyTorch .* finds none here: "):
+        found_device("cuda", "--device")
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    monkeypatch.setattr(torch.cuda, "current_device", lambda: 1)
+    assert [found_device(name) for name in ("cuda", "cuda:0", "cuda:1")] == ["cuda:1", "cuda:0", "cuda:1"]
+    with pytest.raises(SettingError, match=r"'cuda:2' is not there: choose one .* \(cuda:0, cuda:1\), or cpu"):
+        found_device("cuda:2")
+    monkeypatch.setattr(devices, "torch_has_gpu", lambda: True)
+    assert found_device("auto") == "cuda:1"
+    monkeypatch.setattr(devices, "has_torch", lambda: False)
+    with pytest.raises(SettingError, match="'cuda' needs PyTorch, which this Python does not have: install"):
+        found_device("cuda")
+
+
+def test_what_does_not_fit_is_said():
+    with pytest.raises(SettingError, match=r"too little free memory for encoding: close"), enough_memory("encoding"):
+        raise torch.OutOfMemoryError("CUDA out of memory")
+    with pytest.raises(RuntimeError, match="else"), enough_memory("encoding"):
+        raise RuntimeError("something else")
+
+
+def test_precision_is_as_before_after_products():
+    matmul = torch.backends.cuda.matmul
+    name, words = ("fp32_precision", ("ieee", "tf32")) if has_words() else ("allow_tf32", (False, True))
+    before = matmul.allow_tf32
+    try:
+        for kept in (True, False):
+            matmul.allow_tf32 = kept
+            for tf32 in (False, True):
+                with float32_products(torch.device("cuda"), tf32=tf32):
+                    assert getattr(matmul, name) == words[tf32]
+                assert matmul.allow_tf32 == kept
+    finally:
+        matmul.allow_tf32 = before
+
+
+def has_words():
+    """Return whether this torch has words for precisions; up to 2.8 there are switches alone."""
+    return hasattr(torch.backends.cuda.matmul, "fp32_precision")
+
+
+def test_copies_keep_their_bits(monkeypatch):
+    """Of read-only arrays too, which files of codes are, part by part."""
+    monkeypatch.setattr("patchnet.patchnet_addon.network.torch_copy._PART_BYTES", 12)
+    random = np.random.default_rng(0)
+    for kind in (np.uint8, np.int8, np.uint16, np.uint32, np.int64, np.float16, np.float32):
+        array = random.integers(0, 120, (7, 3)).astype(kind)
+        if kind in (np.uint16, np.uint32):
+            array[0] = np.iinfo(kind).max
+        array.setflags(write=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found = to_device(array, torch.device("cpu"))
+        np.testing.assert_array_equal(found.numpy().view(kind), array)
+        assert to_device(array[:0], torch.device("cpu")).shape == (0, 3)
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("lookahead", [1, 2, 3])
+def test_blocks_on_a_device(octree, lookahead, device):
+    """Bit for bit those of the kernels; cells outside the cube are empty."""
+    tree = TorchTree(octree, torch.device(device))
+    assert tree_fits(octree, torch.device(device))
+    random = np.random.default_rng(0)
+    for level in range(octree.depth + 1):
+        cells = random.integers(-1, (1 << level) + 1, (500, 3))
+        nodes = covering_nodes(octree, level, cells)
+        np.testing.assert_array_equal(tree.covering(level, torch.from_numpy(cells).to(device)).cpu(), nodes)
+        distinct = np.unique(nodes)
+        fine = tree.fine_cells(torch.from_numpy(distinct).to(device), lookahead)
+        blocks = voxel_blocks(octree, distinct, lookahead)
+        np.testing.assert_array_equal(tree.values(fine).cpu().numpy().reshape(blocks.shape), blocks)
+
+
+def test_cells_of_different_levels_on_a_device(octree):
+    tree = TorchTree(octree, torch.device("cpu"))
+    level = np.random.default_rng(1).integers(0, octree.depth + 1, 300)
+    cells = np.random.default_rng(2).integers(-1, (1 << level) + 1, (3, 300)).T
+    wanted = [covering_nodes(octree, one, cell[None])[0] for one, cell in zip(level, cells, strict=True)]
+    found = tree.covering(octree.depth, torch.from_numpy(cells), own_level=torch.from_numpy(level))
+    np.testing.assert_array_equal(found, wanted)
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("lookahead", [1, 2, 3])
+def test_codes_of_a_device(octree, lookahead, device, monkeypatch):
+    """By blocks that are gathered there, and by blocks that the CPU gathers, in several chunks."""
+    weights = Weights.random(4, bias=0.1, lookahead=lookahead)
+    wanted = drain(encode_octree(octree, weights, backend="compiled")).codes
+    encoder = make_encoder(weights, "torch", device)
+    encoder.chunk = 301
+    monkeypatch.setattr(encode, "_corners_on_device", lambda *arguments: TorchCorners(*arguments))
+    assert_same_codes(drain(encode_octree(octree, weights, encoder=encoder)).codes, wanted)
+    monkeypatch.undo()
+    monkeypatch.setattr("patchnet.patchnet_addon.codes.torch_tree.tree_fits", lambda *_: False)
+    assert_same_codes(drain(encode_octree(octree, weights, encoder=encoder)).codes, wanted)
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_codes_before_they_are_rounded(device):
+    """With the shipped weights, whose codes of such cells reach 200."""
+    random = np.random.default_rng(7)
+    blocks = np.where(random.random((900, 64, 1)) < 0.3, random.uniform(-1, 1, (900, 64, 5)), 0)
+    blocks = blocks.reshape(900, 320).astype(np.float32)
+    blocks[0] = 0
+    rows = np.where(random.random((2000, 8)) < 0.5, random.integers(1, 900, (2000, 8)), 0)
+    weights = load_weights()
+    wanted = CompiledEncoder(weights)(blocks, rows)
+    found = make_encoder(weights, "torch", device)(blocks, rows)
+    assert np.abs(found - wanted).max() <= CODES + 1e-5 * np.abs(wanted).max()
+
+
+@gpu_only
+def test_a_gpu_encodes_where_it_is_asked_to(octree, weights, coded):
+    for device in ("cuda", "cuda:0", "auto"):
+        assert isinstance(make_encoder(weights, device=device), torch_encode.TorchEncoder)
+    assert make_encoder(weights, device="cuda").chunk >= 4096
+    assert_same_codes(drain(encode_octree(octree, weights, device="cuda")).codes, coded.codes)
+
+
+@gpu_only
+def test_tf32_of_the_process_changes_nothing(octree, weights, coded):
+    """As NVIDIA's images switch it on for all; and it is on again afterwards."""
+    matmul = torch.backends.cuda.matmul
+    before = matmul.allow_tf32
+    try:
+        matmul.allow_tf32 = True
+        assert_same_codes(drain(encode_octree(octree, weights, device="cuda")).codes, coded.codes)
+        assert matmul.allow_tf32
+    finally:
+        matmul.allow_tf32 = before
+
+
+def views_of(octree, count, seed=1):
+    """Hits as `predict` reads them: some misses, some nodes without look-ahead."""
+    random = np.random.default_rng(seed)
+    nodes = random.integers(-1, octree.node_count, count)
+    direction = random.normal(size=(count, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    up = np.cross(direction, [0.3, 0.5, 0.8])
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    return SimpleNamespace(
+        node=nodes,
+        entry_voxel=random.uniform(size=(count, 3)).astype(np.float32),
+        direction=direction.astype(np.float32),
+        up=up.astype(np.float32),
+        ratio=random.uniform(0.5, 1, count).astype(np.float32),
+        luminance=random.random(count, np.float32),
+    )
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_outputs_of_a_device(octree, coded, device, monkeypatch):
+    """In several batches, of codes that are mapped read-only as files are."""
+    monkeypatch.setattr(torch_decode, "BATCH", 101)
+    hits = views_of(octree, 1000)
+    wanted = predict(coded, hits)
+    assert 50 < np.count_nonzero(wanted.look_ahead) < 1000
+    coded.codes.setflags(write=False)
+    found = predict_on(device, coded, hits)
+    assert found.coverage.dtype == found.luminance.dtype == np.float32
+    np.testing.assert_array_equal(found.look_ahead, wanted.look_ahead)
+    np.testing.assert_allclose(found.coverage, wanted.coverage, atol=OUTPUTS)
+    np.testing.assert_allclose(found.luminance, wanted.luminance, atol=OUTPUTS)
+    nothing = predict_on(device, coded, views_of(octree, 0))
+    assert nothing.coverage.shape == nothing.luminance.shape == (0,)
+
+
+def test_a_device_that_is_not_there_decodes_nothing(octree, coded):
+    hits = views_of(octree, 10)
+    with pytest.raises(SettingError, match="Device 'tpu' is unknown"):
+        predict(coded, hits, "tpu")
+    camera = Camera.look_at(np.array([1.5, -1.2, 1.1]), np.full(3, 0.5), size_px=(16, 12))
+    with pytest.raises(SettingError, match="'cuda:1234'"):
+        drain(trace_view(octree, camera, [STRATEGIES["patchnet"]], coded=coded, reference=False, device="cuda:1234"))
+
+
+@gpu_only
+def test_a_view_on_a_gpu(octree, coded):
+    camera = Camera.look_at(np.array([1.5, -1.2, 1.1]), np.full(3, 0.5), size_px=(64, 48))
+    wanted, found = (
+        drain(
+            trace_view(octree, camera, [STRATEGIES["patchnet"]], coded=coded, reference=False, device=device)
+        ).prediction
+        for device in ("cpu", "cuda")
+    )
+    np.testing.assert_allclose(found.coverage, wanted.coverage, atol=OUTPUTS)
+    np.testing.assert_allclose(found.luminance, wanted.luminance, atol=OUTPUTS)
+    np.testing.assert_array_equal(found.look_ahead, wanted.look_ahead)

@@ -1,0 +1,287 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Codes, decodes and training samples per second on a torch device, beside the CPU in the same run, in turns.
+
+Wall seconds, all cores, medians. What is timed ends with its results on the host, or with a wait for the GPU, so that
+nothing still runs when the clock stops. Both sides have run before: nothing is compiled or allocated within the time.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from statistics import median
+from typing import Any
+
+import numpy as np
+import torch
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.codes.encode import encode_octree, make_encoder
+from ...patchnet_addon.codes.predict import predict, predict_on
+from ...patchnet_addon.network.compiled_encode import CompiledEncoder
+from ...patchnet_addon.network.devices import CPU, device_title, found_device
+from ...patchnet_addon.network.torch_decode import TorchDecoder
+from ...patchnet_addon.network.torch_encode import TorchEncoder
+from ...patchnet_addon.network.weights import CODE_SIZE, Weights
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.octree.voxelize import usable_cores
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.progress import drain
+from ..corpus import Corpus
+from ..crews import DEVICE, HOST, Crew, crew_for
+from ..dataset import Dataset
+from ..learner import Learner
+from ..provenance import describe_machine, describe_versions
+from ..samples import SampleSettings, draw_samples
+from ..settings import BF16, FP32, IMPROVED, TF32
+from ..trainer import corpus_of, encoder_type
+from .decoding import views_around
+from .timing import Comparison, take_turns
+
+Run = Callable[[], Any]
+BATCHES = {2048: 100, 8192: 40}  # samples a step, and steps a run on a GPU
+_CPU_STEPS = 5  # a run, however large
+
+
+@dataclass(frozen=True)
+class DeviceBench:
+    """Settings of the measurement: device, pixels to decode, corners of the network alone, samples that are drawn."""
+
+    device: str
+    pixels: int = 1_000_000
+    corners: int = 200_000
+    samples: int = 200_000
+    repeats: int = 5
+    threads: int | None = None
+
+
+def benchmark_device(octree: Octree, weights: Weights, bench: DeviceBench) -> Comparison:
+    """Rates of `bench.device` and the CPU, and how far their results are apart.
+
+    "cpu" measures torch on the CPU against our own kernels. Raises SettingError for a device that is not there, and for
+    an octree without look-ahead.
+    """
+    device = found_device(bench.device, "--device")
+    threads = bench.threads or usable_cores()
+    torch.set_num_threads(usable_cores())
+    measured, differences = _codes(octree, weights, device, bench)
+    coded = drain(encode_octree(octree, weights))
+    for part in (_decodes(coded, device, bench), _samples(octree, device, threads, bench)):
+        measured += part[0]
+        differences |= part[1]
+    first = measured[0]
+    details = {
+        "device": device_title(device),
+        "machine": describe_machine(),
+        "versions": describe_versions(),
+        "threads": threads,
+        "clock": "wall",
+        "repeats": bench.repeats,
+        "nodes": octree.node_count,
+        "codes": len(coded.codes),
+        "finding_corners_s": _finding_corners(octree, weights),
+        "measured": measured,
+        "differences": differences,
+    }
+    return Comparison("device", first["device"], first["cpu"], first["ratio"], details, unit="codes per second")
+
+
+def _codes(
+    octree: Octree, weights: Weights, device: str, bench: DeviceBench
+) -> tuple[list[dict[str, Any]], dict[str, float]]:
+    """Rates of encoding: of the whole octree, and of the network alone."""
+    there, here = make_encoder(weights, "torch", device), make_encoder(weights, "compiled")
+    assert isinstance(there, TorchEncoder)
+    runs: dict[str, Run] = {
+        "device": lambda: drain(encode_octree(octree, weights, encoder=there)),
+        "cpu": lambda: drain(encode_octree(octree, weights, encoder=here)),
+    }
+    count = [len(run().codes) for run in runs.values()][-1]
+    whole = _row("codes, whole octree", "codes/s", count, take_turns(runs, bench.repeats, all_cores=True))
+    large = _record_chunks(octree, weights, bench.corners, there.chunk)
+    small = _record_chunks(octree, weights, bench.corners, here.chunk)
+    tensors = [tuple(torch.from_numpy(part).to(there.device) for part in chunk) for chunk in large]
+    runs = {
+        "device": lambda: _finished(there.device, [there.encode_tensors(*chunk) for chunk in tensors]),
+        "cpu": lambda: [here(*chunk) for chunk in small],
+    }
+    for run in runs.values():
+        run()
+    seconds = take_turns(runs, bench.repeats, all_cores=True)
+    corners = {"device": sum(len(rows) for _, rows in large), "cpu": sum(len(rows) for _, rows in small)}
+    alone = _row("codes, network alone", "codes/s", corners, seconds)
+    ours_exact = here(*small[-1])
+    difference = np.abs(there(*small[-1]) - ours_exact).max()  # before they are rounded to half floats
+    return [whole, alone], {"codes": float(difference), "largest_code": float(np.abs(ours_exact).max())}
+
+
+class _Recorder:
+    """Recorder: an `Encoder` that keeps the last chunks, which are those of the finest level, and encodes nothing."""
+
+    def __init__(self, chunk: int, corners: int) -> None:
+        self.chunk = chunk
+        self.chunks: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=-(-corners // chunk))
+
+    def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        self.chunks.append((blocks, rows))
+        return np.zeros((len(rows), CODE_SIZE), np.float32)
+
+
+def _record_chunks(octree: Octree, weights: Weights, corners: int, chunk: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Blocks and rows of the last chunks of an octree, of `chunk` corners each and about `corners` together.
+
+    Raises SettingError if there are none.
+    """
+    recorder = _Recorder(chunk, corners)
+    drain(encode_octree(octree, weights, encoder=recorder))
+    if not recorder.chunks:
+        raise SettingError("This octree has no corners to encode: take more --nodes")
+    return list(recorder.chunks)
+
+
+def _finding_corners(octree: Octree, weights: Weights) -> float:
+    """Seconds of `encode_octree` until the first codes are there: it finds corners on the CPU, whatever encodes."""
+    start = time.perf_counter()
+    recorder = _Recorder(CompiledEncoder(weights).chunk, 1)
+    for _ in encode_octree(octree, weights, encoder=recorder):
+        if recorder.chunks:
+            break
+    return time.perf_counter() - start
+
+
+def _decodes(coded: CodedOctree, device: str, bench: DeviceBench) -> tuple[list[dict[str, Any]], dict[str, float]]:
+    """Rates of decoding: of a view, codes copied for it, and with codes that are there."""
+    _, hits = views_around(coded, bench.pixels)
+    rows = coded.rows_of(hits.node)
+    pixels = np.flatnonzero(rows >= 0)
+    corners = coded.corners_of(rows[pixels])
+    views = hits.entry_voxel[pixels], hits.direction[pixels], hits.up[pixels], hits.ratio[pixels]
+    decoder = TorchDecoder(coded.weights, coded.codes, device)
+    runs: dict[str, Run] = {
+        "device": lambda: predict_on(device, coded, hits),
+        "there": lambda: decoder(corners, *views),
+        "cpu": lambda: predict(coded, hits),
+    }
+    theirs, _, ours = runs["device"](), runs["there"](), runs["cpu"]()
+    seconds = take_turns(runs, bench.repeats, all_cores=True)
+    measured = [
+        _row(name, "decodes/s", len(pixels), {"device": seconds[who], "cpu": seconds["cpu"]})
+        for name, who in (("decodes, whole view", "device"), ("decodes, network alone", "there"))
+    ]
+    return measured, {
+        "coverage": float(np.abs(theirs.coverage - ours.coverage).max(initial=0)),
+        "luminance": float(np.abs(theirs.luminance - ours.luminance).max(initial=0)),
+    }
+
+
+def _samples(
+    octree: Octree, device: str, threads: int, bench: DeviceBench
+) -> tuple[list[dict[str, Any]], dict[str, float]]:
+    """Rates of training steps, and the CPU's by its threads."""
+    samples = drain(
+        draw_samples(octree, bench.samples, SampleSettings(min_level=min(5, octree.depth - 3), held_out=0.0))
+    )
+    corpus, _ = corpus_of([Dataset("shells", octree, samples, {})])
+    measured: list[dict[str, Any]] = []
+    differences: dict[str, float] = {}
+    for batch, steps in BATCHES.items():
+        settings = replace(IMPROVED, batch=batch, precision=FP32)
+        local = Training(corpus, settings, CPU, threads)
+        steps = steps if device != CPU else _CPU_STEPS
+        others = {"fp32": Training(corpus, settings, device, threads, DEVICE, steps)}
+        if device != CPU:
+            others["fp32, fed by the CPU"] = Training(corpus, settings, device, threads, HOST, steps)
+            for precision in (TF32, BF16):
+                changed = replace(settings, precision=precision)
+                others[precision] = Training(corpus, changed, device, threads, DEVICE, steps)
+        everyone = {"cpu": local} | others
+        errors = {name: training().cpu() for name, training in everyone.items()}
+        for name in others:
+            relative = float(((errors[name] - errors["cpu"]) / errors["cpu"]).abs().max())
+            differences[f"errors of a step, {name}"] = max(relative, differences.get(f"errors of a step, {name}", 0.0))
+        seconds = take_turns(dict(everyone), bench.repeats, all_cores=True)
+        for name, other in others.items():
+            counts = {"device": other.samples, "cpu": local.samples}
+            pair = {"device": seconds[name], "cpu": seconds["cpu"]}
+            measured.append(_row(f"samples, {batch} a step, {name}", "samples/s", counts, pair))
+        for training in everyone.values():
+            training.close()
+    measured += _by_threads(corpus, threads)
+    return measured, differences
+
+
+def _by_threads(corpus: Corpus, threads: int) -> list[dict[str, Any]]:
+    """Rates of the CPU with all threads beside fewer of them."""
+    settings = replace(IMPROVED, precision=FP32)
+    counts = [count for count in (1, 2, 4, 8, 16, 32, 64) if count < threads]
+    trainings = {count: Training(corpus, settings, CPU, count) for count in (*counts, threads)}
+    for training in trainings.values():
+        training()
+    seconds = take_turns({str(count): training for count, training in trainings.items()}, 3, all_cores=True)
+    for training in trainings.values():
+        training.close()
+    number = trainings[threads].samples
+    return [
+        _row(
+            f"samples, 2048 a step, {threads} threads, not {count}", "samples/s", number,
+            {"device": seconds[str(threads)], "cpu": seconds[str(count)]},
+        )
+        for count in counts
+    ]  # fmt: skip
+
+
+class Training:
+    """Training steps on a device, a few at each call; returns the errors (2,) of the first of them."""
+
+    def __init__(
+        self, corpus: Corpus, settings: Any, device: str, threads: int, gather: str = "", steps: int = _CPU_STEPS
+    ) -> None:
+        self._corpus, self._threads, self._gather, self._steps = corpus, threads, gather, steps
+        self._learner = Learner(settings, corpus.lookahead, device)
+        self._voxels = max(1, settings.batch // corpus.views.shape[1])
+        self._type = encoder_type(settings, 0.0, device)
+        self._kept: Crew | None = None
+
+    @property
+    def samples(self) -> int:
+        """Samples of a call."""
+        return self._steps * self._voxels * int(self._corpus.views.shape[1])
+
+    def __call__(self) -> torch.Tensor:
+        """Take the steps, and wait for the last one."""
+        crew = self._kept or crew_for(self._learner, self._corpus, self._voxels, self._threads, self._gather)
+        first = None
+        for _ in range(self._steps):
+            gradients, errors = crew.gradients(self._learner.steps, self._type)
+            self._learner.step(gradients, 1e-4)
+            first = errors if first is None else first
+        assert first is not None
+        _finished(self._learner.device, None)
+        if self._gather == HOST:  # it gathers ahead, and would do so outside the time
+            crew.close()
+        else:
+            self._kept = crew
+        return first
+
+    def close(self) -> None:
+        """End the crew."""
+        if self._kept is not None:
+            self._kept.close()
+        self._kept = None
+
+
+def _finished(device: torch.device, result: Any) -> Any:
+    """Wait for what runs on a GPU."""
+    if device.type == "cuda":
+        torch.cuda.synchronize(device)
+    return result
+
+
+def _row(what: str, unit: str, count: int | dict[str, int], seconds: dict[str, list[float]]) -> dict[str, Any]:
+    """Rates of both sides as JSON values; count: of one run, of each side if they differ."""
+    counts = count if isinstance(count, dict) else {"device": count, "cpu": count}
+    rates = {who: counts[who] / median(values) for who, values in seconds.items()}
+    runs = {f"{who}_runs": [round(value, 5) for value in values] for who, values in seconds.items()}
+    return {"what": what, "unit": unit, **rates, "ratio": rates["device"] / rates["cpu"], "counts": counts, **runs}

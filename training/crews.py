@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Crews that carry a training step out: any number of CPU threads, or one GPU that threads gather batches for.
+
+What a step learns from depends on the seed and its number alone, so all crews take the same steps, but for rounding.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from .batches import Augmentation
+from .corpus import Corpus
+from .learner import Learner, mean_errors
+from .settings import TrainSettings
+from .tensor_batch import TensorBatch
+from .torch_corpus import TorchCorpus, corpus_fits
+
+_PART_VOXELS = 16  # smaller parts of a step cost more than they are worth
+_MOST_AHEAD = 16  # batches that wait for a GPU
+HOST, DEVICE = "host", "device"  # where a GPU's batches are gathered
+
+
+class Crew(Protocol):
+    """Crew of a run; `title` says in a few words who computes."""
+
+    title: str
+
+    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
+        """Gradients of the parts of a step, which add up, and its errors (2,) of coverage and luminance."""
+
+    def close(self) -> None:
+        """End the threads."""
+
+
+def crew_for(learner: Learner, corpus: Corpus, voxels: int, threads: int, gather: str = "") -> Crew:
+    """Crew for the learner's device, with `voxels` a step.
+
+    gather: HOST or DEVICE, where a GPU's batches are gathered; by default on the GPU if its memory holds the data.
+    """
+    if learner.device.type == "cpu":
+        return ThreadCrew(learner, corpus, voxels, threads)
+    if gather == DEVICE or (not gather and corpus_fits(corpus, learner.device)):
+        return GpuCrew(learner, corpus, voxels)
+    return FedGpuCrew(learner, corpus, voxels, threads)
+
+
+class ThreadCrew:
+    """Threads that each gather and learn from one part of a step, with products on one thread.
+
+    That suits small matrices better than threads inside every product, and a busy machine slows it less. There are as
+    many parts as threads, so that rounding alone depends on their number; threads beyond that work inside products.
+    """
+
+    def __init__(self, learner: Learner, corpus: Corpus, voxels: int, threads: int) -> None:
+        self._learner, self._corpus, self._voxels = learner, corpus, voxels
+        self._parts = max(1, min(threads, voxels // _PART_VOXELS))
+        inside = max(1, threads // self._parts)
+        self._pool = ThreadPoolExecutor(self._parts, initializer=torch.set_num_threads, initargs=(inside,))
+        self.title = f"{threads} CPU threads"
+
+    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
+        """Gradients of the parts of a step, and its errors, see `Crew`."""
+        rows, augmentation = plan_of_step(self._corpus, self._learner.settings, self._voxels, step)
+        cuts = np.linspace(0, len(rows), self._parts + 1).round().astype(int).tolist()
+        jobs = [
+            self._pool.submit(self._part, rows[first:last], augmentation.part(first, last), dtype)
+            for first, last in itertools.pairwise(cuts)
+        ]
+        gradients, sums = zip(*(job.result() for job in jobs), strict=True)
+        return list(gradients), mean_errors(torch.stack(sums).sum(0))
+
+    def _part(self, rows: np.ndarray, augmentation: Augmentation, dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
+        batch = TensorBatch.of(self._corpus.batch(rows, augmentation), self._learner.device)
+        return self._learner.gradients(batch, dtype, len(rows) / self._voxels)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._pool.shutdown()
+
+
+class GpuCrew:
+    """GPU that holds the data and gathers its batches itself."""
+
+    def __init__(self, learner: Learner, corpus: Corpus, voxels: int) -> None:
+        self._learner, self._corpus, self._voxels = learner, corpus, voxels
+        self._data = TorchCorpus(corpus, learner.device)
+        self.title = f"{learner.device}, data on it"
+
+    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
+        """Gradients of a step as one part, and its errors, see `Crew`."""
+        batch = self._data.batch(*plan_of_step(self._corpus, self._learner.settings, self._voxels, step))
+        gradients, sums = self._learner.gradients(batch, dtype)
+        return [gradients], mean_errors(sums)
+
+    def close(self) -> None:
+        """Give the data's memory back."""
+        del self._data
+
+
+class FedGpuCrew:
+    """GPU whose batches are gathered by threads, some steps ahead, and copied from pinned memory."""
+
+    def __init__(self, learner: Learner, corpus: Corpus, voxels: int, threads: int) -> None:
+        self._learner, self._corpus, self._voxels = learner, corpus, voxels
+        self._pool = ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,))
+        self._ahead: deque[tuple[int, Future[TensorBatch]]] = deque()
+        self._most = min(threads + 1, _MOST_AHEAD)
+        self.title = f"{learner.device}, fed by {threads} CPU threads"
+
+    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
+        """Gradients of a step as one part, and its errors, see `Crew`; steps are asked for in their order."""
+        following = self._ahead[-1][0] + 1 if self._ahead else step
+        for number in range(following, step + self._most):
+            self._ahead.append((number, self._pool.submit(self._gathered, number)))
+        number, batch = self._ahead.popleft()
+        assert number == step
+        gradients, sums = self._learner.gradients(batch.result(), dtype)
+        return [gradients], mean_errors(sums)
+
+    def _gathered(self, step: int) -> TensorBatch:
+        plan = plan_of_step(self._corpus, self._learner.settings, self._voxels, step)
+        return TensorBatch.of(self._corpus.batch(*plan), self._learner.device)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._pool.shutdown(cancel_futures=True)
+        self._ahead.clear()
+
+
+def plan_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> tuple[np.ndarray, Augmentation]:
+    """Voxels (voxels,) of a step and how they are augmented, by seed and step alone."""
+    rows = rows_of_step(corpus, settings, voxels, step)
+    if not settings.augment:
+        return rows, Augmentation.none(len(rows))
+    return rows, Augmentation.random(len(rows), np.random.default_rng([settings.seed, 2, step]))
+
+
+def rows_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> np.ndarray:
+    """Voxels (voxels,) of a step; each epoch runs through all of them in a new order."""
+    count = len(corpus.tree)
+    places = step * voxels + np.arange(voxels)
+    rows = np.empty(voxels, np.int64)
+    for epoch in np.unique(places // count):
+        here = places // count == epoch
+        rows[here] = _order(settings.seed, int(epoch), count)[places[here] % count]
+    return rows
+
+
+@lru_cache(maxsize=2)
+def _order(seed: int, epoch: int, count: int) -> np.ndarray:
+    return np.random.default_rng([seed, 1, epoch]).permutation(count)
