@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes import predict as module
-from patchnet.patchnet_addon.codes.corner_rows import MEAN_SIZE, CornerCodes, write_mean_code
+from patchnet.patchnet_addon.codes.corner_codes import MEAN_SIZE, CornerCodes, write_mean_code
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.predict import interpolate_codes_reference, predict, predict_reference
 from patchnet.patchnet_addon.network.compiled_decode import TILE
@@ -30,7 +30,7 @@ def sample_hits(coded, count, seed=1, *, seeing=None):
     random = np.random.default_rng(seed)
     nodes = np.arange(-1, coded.octree.node_count)
     if seeing is not None:
-        nodes = nodes[(np.append(-1, coded.coded_index)[nodes + 1] >= 0) == seeing]
+        nodes = nodes[(coded.rows_of(nodes) >= 0) == seeing]
     node = random.choice(nodes, count)
     direction = random.normal(size=(count, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
@@ -122,7 +122,7 @@ def mean_codes(coded, rows, points):
     means = np.empty((len(rows), MEAN_SIZE), np.float32)
     codes = CornerCodes.of(coded)
     for row, point, mean in zip(rows, points, means, strict=True):
-        write_mean_code(codes.halves, codes.node_corners, row, tuple(point), mean)
+        write_mean_code(codes.halves, codes.rows, row, tuple(point), mean)
     return np.concatenate([means[:, :8], means[:, 14:]], axis=1)
 
 
@@ -131,7 +131,8 @@ def test_half_floats_of_every_size():
     halves = np.arange(1 << 16, dtype=np.uint16).view(np.float16)
     halves = np.append(halves[np.isfinite(halves)], np.zeros(2, np.float16))
     codes = np.resize(halves, (-(-len(halves) // 10), 10))
-    corners = np.repeat(np.arange(len(codes), dtype=np.uint32)[:, None], 8, axis=1)
-    coded = SimpleNamespace(codes=codes, node_corners=corners, coded_index=np.zeros(1, np.int32))
+    table = np.arange(len(codes), dtype=np.uint32)[:, None] * np.array([1, 1, 0], np.uint32)
+    there = np.vstack([codes, np.zeros((1, 10), np.float16)])  # the corner at x + 1 of the last voxel
+    coded = SimpleNamespace(codes=there, corner_rows=table, nodes=SimpleNamespace(bits=None, before=None))
     points = np.zeros((len(codes), 3), np.float32)
     np.testing.assert_array_equal(mean_codes(coded, np.arange(len(codes)), points), codes.astype(np.float32))
