@@ -18,8 +18,14 @@ from ..runtime.progress import Progress, Steps
 from ..runtime.vectors import first_bit
 from ..tracing.camera import Camera, CameraUnit, camera_in_unit_cube
 from ..tracing.tile import (
+    CELL,
+    CELLS,
     COARSE,
+    LENGTH,
+    SPEED,
     TILE,
+    XS,
+    YS,
     Search,
     aim_tile,
     find_entries,
@@ -29,7 +35,7 @@ from ..tracing.tile import (
     ray_of,
     spread_picture,
     want_pixels,
-)  # fmt: skip
+)
 from ..tracing.tile_walk import trace_tile
 
 _ROWS_PER_STEP = 64
@@ -129,10 +135,10 @@ def _trace_tiles(nodes, camera, rows, offset, levels_down, scratch, stops):  # t
     shrink = 1.0 / (np.int64(1) << finer)
     search = Search(shrink * camera.side_at_0, shrink * camera.side_per_z, 1.0, COARSE, MAX_LEVELS)
     for row in range(TILE):
-        tile.ys[row] = 2.0 * (first_row + first + row + 0.5 + offset[1]) / camera.height_px - 1.0
+        tile.numbers[YS, row] = 2.0 * (first_row + first + row + 0.5 + offset[1]) / camera.height_px - 1.0
     for first_column in range(0, camera.width_px, TILE):
         for column in range(TILE):
-            tile.xs[column] = 2.0 * (first_column + column + 0.5 + offset[0]) / camera.width_px - 1.0
+            tile.numbers[XS, column] = 2.0 * (first_column + column + 0.5 + offset[0]) / camera.width_px - 1.0
         want_pixels(tile, count - first, camera.width_px - first_column)
         spread_picture(tile)
         aim_tile(camera, tile)
@@ -144,12 +150,15 @@ def _trace_tiles(nodes, camera, rows, offset, levels_down, scratch, stops):  # t
                 node = node_seen(camera, tile, COARSE, ray)
                 if node >= 0:
                     stop = (first + row) * camera.width_px + first_column + column
-                    pixel = camera.side_at_0 + camera.side_per_z * tile.t[COARSE, ray] * tile.speed[ray]
-                    stops.level[stop] = first_bit(np.int64(tile.cells[ray]))
+                    pixel = (
+                        camera.side_at_0
+                        + camera.side_per_z * tile.numbers[LENGTH + COARSE, ray] * tile.numbers[SPEED, ray]
+                    )
+                    stops.level[stop] = first_bit(np.int64(tile.numbers[CELLS, ray]))
                     stops.wanted[stop] = fitting_level(pixel) + lookahead
                     stops.ahead[stop] = has_lookahead(nodes.child_mask, nodes.first_child, node, lookahead)
                     for axis in range(3):
-                        stops.cell[stop, axis] = tile.cell[axis, ray]
+                        stops.cell[stop, axis] = tile.numbers[CELL + axis, ray]
 
 
 @serial_kernel

@@ -25,7 +25,28 @@ from ..runtime.vectors import (
     splat,
     store,
 )  # fmt: skip
-from .tile import BEHIND, COARSE, FINE, RAYS
+from .tile import (
+    ALIVE,
+    ANSWERED,
+    AT,
+    BEHIND,
+    CELL,
+    CELLS,
+    COARSE,
+    FINE,
+    HERE,
+    INVERSE,
+    LENGTH,
+    MET,
+    NODE,
+    ORIGIN,
+    PENDING,
+    PHASE,
+    RAYS,
+    RESTART,
+    SPEED,
+    START,
+)
 
 PATCH_SIDES = 1.5  # of the voxel that fits the pixel, from its entry on: where sight behind the patch begins
 _FAR = 1e300
@@ -39,7 +60,7 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: igno
     size = 1.0 / (np.int64(1) << top)
     enter = _entry(tile, first, levels, top, size)
     leave = _exit(tile, first, levels, top, size)
-    lanes = tile.alive[packet] & less(enter, leave)
+    lanes = tile.lanes[ALIVE, packet] & less(enter, leave)
     if lanes == 0:
         return 1
     # Below the smaller side a node of this subtree fits every ray, above the larger one it fits none.
@@ -49,7 +70,7 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: igno
     while True:
         # The node at level + 1, of side `size`, is met by `lanes`.
         if lanes != 0:
-            if size < largest_side or nodes.child_mask[levels.node[level + 1]] == 0:
+            if size < largest_side or nodes.child_mask[levels.state[level + 1, HERE]] == 0:
                 lanes = _end_phases(nodes, search, tile, packet, levels, level + 1, lanes)
             if lanes != 0:
                 level += 1
@@ -58,18 +79,18 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: igno
                     visits += _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes)
                 else:
                     _open(nodes, tile, first, mirror, levels, level, lanes)
-        alive = tile.alive[packet]
+        alive = tile.lanes[ALIVE, packet]
         if alive == 0:
             break
-        while level >= top and levels.pending[level] == 0:
+        while level >= top and levels.state[level, PENDING] == 0:
             level -= 1
             size *= 2.0
         if level < top:
             break
-        pending = levels.pending[level]
+        pending = levels.state[level, PENDING]
         octant = first_bit(pending)
-        levels.pending[level] = pending & (pending - 1)
-        lanes = levels.lanes[level, octant] & alive
+        levels.state[level, PENDING] = pending & (pending - 1)
+        lanes = levels.state[level, MET + octant] & alive
         if lanes != 0:
             visits += 1
             step_down(nodes, mirror, levels, level, octant)
@@ -81,7 +102,7 @@ def _fitting_sides(search, tile, packet, lanes, through):  # type: ignore[no-unt
     """Sides below which a node fits all rays and from which on it fits none, for nodes that rays enter and leave
     within the lengths `through`; with a margin for rounding.
     """
-    speed = load(tile.speed, packet * LANES)
+    speed = load(tile.numbers, SPEED * RAYS + packet * LANES)
     nearest = smallest(select(lanes, through[0] * speed, splat(_FAR)))
     farthest = largest(select(lanes, through[1] * speed, splat(-_FAR)))
     near, far = search.at_0 + search.per_z * nearest, search.at_0 + search.per_z * farthest
@@ -91,11 +112,13 @@ def _fitting_sides(search, tile, packet, lanes, through):  # type: ignore[no-unt
 @lean_device
 def step_down(nodes, mirror, levels, level, octant):  # type: ignore[no-untyped-def]
     """Write the child of a level's node at a mirrored octant into the next level."""
-    node = levels.node[level]
+    node = levels.state[level, HERE]
     below = (np.int64(1) << (octant ^ mirror)) - 1
-    levels.node[level + 1] = np.int64(nodes.first_child[node]) + bit_count(np.int64(nodes.child_mask[node]) & below)
+    levels.state[level + 1, HERE] = np.int64(nodes.first_child[node]) + bit_count(
+        np.int64(nodes.child_mask[node]) & below
+    )
     for axis in range(3):
-        levels.cell[level + 1, axis] = 2 * levels.cell[level, axis] + ((octant >> axis) & 1)
+        levels.state[level + 1, AT + axis] = 2 * levels.state[level, AT + axis] + ((octant >> axis) & 1)
 
 
 @lean_device
@@ -114,25 +137,25 @@ def mirrored_children(mask, mirror):  # type: ignore[no-untyped-def]
 @lean_device
 def _to_plane(tile, axis, first, plane):  # type: ignore[no-untyped-def]
     """Lengths of a packet's rays to a plane across an axis."""
-    origin = load(tile.origin, axis * RAYS + first)
-    return (splat(plane) - origin) * load(tile.inverse, axis * RAYS + first)
+    origin = load(tile.numbers, (ORIGIN + axis) * RAYS + first)
+    return (splat(plane) - origin) * load(tile.numbers, (INVERSE + axis) * RAYS + first)
 
 
 @lean_device
 def _entry(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
     """Lengths at which a packet's rays enter the node of a level."""
-    x = _to_plane(tile, 0, first, levels.cell[level, 0] * size)
-    y = _to_plane(tile, 1, first, levels.cell[level, 1] * size)
-    z = _to_plane(tile, 2, first, levels.cell[level, 2] * size)
-    return larger(larger(x, y), larger(z, load(tile.start, first)))
+    x = _to_plane(tile, 0, first, levels.state[level, AT] * size)
+    y = _to_plane(tile, 1, first, levels.state[level, AT + 1] * size)
+    z = _to_plane(tile, 2, first, levels.state[level, AT + 2] * size)
+    return larger(larger(x, y), larger(z, load(tile.numbers, START * RAYS + first)))
 
 
 @lean_device
 def _exit(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
     """Lengths at which a packet's rays leave the node of a level."""
-    x = _to_plane(tile, 0, first, (levels.cell[level, 0] + 1) * size)
-    y = _to_plane(tile, 1, first, (levels.cell[level, 1] + 1) * size)
-    z = _to_plane(tile, 2, first, (levels.cell[level, 2] + 1) * size)
+    x = _to_plane(tile, 0, first, (levels.state[level, AT] + 1) * size)
+    y = _to_plane(tile, 1, first, (levels.state[level, AT + 1] + 1) * size)
+    z = _to_plane(tile, 2, first, (levels.state[level, AT + 2] + 1) * size)
     return smaller(smaller(x, y), z)
 
 
@@ -141,35 +164,35 @@ def _end_phases(nodes, search, tile, packet, levels, level, lanes):  # type: ign
     """End the phases of rays among `lanes` that the node of a level stops; returns the lanes that go on inside it."""
     first = packet * LANES
     size = 1.0 / (np.int64(1) << level)
-    leaf = nodes.child_mask[levels.node[level]] == 0
+    leaf = nodes.child_mask[levels.state[level, HERE]] == 0
     tested = lanes
     while tested != 0:
         enter = _entry(tile, first, levels, level, size)
         stopped = tested
-        behind = tested & tile.phase[BEHIND, packet]
+        behind = tested & tile.lanes[PHASE + BEHIND, packet]
         if behind != 0:  # these may begin beyond the node
             stopped &= less(enter, _exit(tile, first, levels, level, size)) | ~behind
         if not leaf:
             stopped &= less(splat(size), splat(2.0) * _pixel_side(search, tile, packet, enter))
             if search.last == BEHIND:
-                passed = tested & ~stopped & tile.phase[FINE, packet]
+                passed = tested & ~stopped & tile.lanes[PHASE + FINE, packet]
                 _fit_restart(search, tile, packet, levels, level, passed)
         tested = np.int64(0)
         for phase in range(BEHIND, -1, -1):  # the last first, so that a phase that begins does not end with the others
-            ended = stopped & tile.phase[phase, packet]
+            ended = stopped & tile.lanes[PHASE + phase, packet]
             if ended != 0:
                 _record(tile, packet, phase, levels, level, ended, enter)
                 tested |= _begin_next(search, tile, packet, phase, levels, level, ended)
-    return np.int64(0) if leaf else lanes & tile.alive[packet]
+    return np.int64(0) if leaf else lanes & tile.lanes[ALIVE, packet]
 
 
 @lean_device
 def _pixel_side(search, tile, packet, length):  # type: ignore[no-untyped-def]
     """Sides of the pixels, or of what is finer, of a packet's rays at a length."""
-    pixel = splat(search.at_0) + splat(search.per_z) * (length * load(tile.speed, packet * LANES))
+    pixel = splat(search.at_0) + splat(search.per_z) * (length * load(tile.numbers, SPEED * RAYS + packet * LANES))
     if search.last == COARSE:
         return pixel
-    return pixel * select(tile.phase[COARSE, packet], splat(1.0), splat(search.finer))
+    return pixel * select(tile.lanes[PHASE + COARSE, packet], splat(1.0), splat(search.finer))
 
 
 @lean_device
@@ -177,10 +200,10 @@ def _record(tile, packet, phase, levels, level, ended, enter):  # type: ignore[n
     """Record the node of a level as what rays found in a phase."""
     first = packet * LANES
     here = phase * RAYS + first
-    _put(tile.t, here, ended, enter)
-    _put(tile.node, here, ended, splat(np.float64(levels.node[level])))
+    _put(tile.numbers, LENGTH * RAYS + here, ended, enter)
+    _put(tile.numbers, NODE * RAYS + here, ended, splat(np.float64(levels.state[level, HERE])))
     if phase == COARSE:
-        _put_cell(tile, first, ended, np.int64(1) << level, levels.cell[level])
+        _put_cell(tile, first, ended, levels, level)
 
 
 @lean_device
@@ -190,34 +213,33 @@ def _put(array, index, lanes, values):  # type: ignore[no-untyped-def]
 
 
 @lean_device
-def _put_cell(tile, first, lanes, cells, cell):  # type: ignore[no-untyped-def]
+def _put_cell(tile, first, lanes, levels, level):  # type: ignore[no-untyped-def]
     """Store the voxel that stopped some rays of a packet: cells of its level a side, and its own."""
-    _put(tile.cells, first, lanes, splat(np.float64(cells)))
-    _put(tile.cell, first, lanes, splat(np.float64(cell[0])))
-    _put(tile.cell, RAYS + first, lanes, splat(np.float64(cell[1])))
-    _put(tile.cell, 2 * RAYS + first, lanes, splat(np.float64(cell[2])))
+    _put(tile.numbers, CELLS * RAYS + first, lanes, splat(np.float64(np.int64(1) << level)))
+    for axis in range(3):
+        _put(tile.numbers, (CELL + axis) * RAYS + first, lanes, splat(np.float64(levels.state[level, AT + axis])))
 
 
 @lean_device
 def _begin_next(search, tile, packet, phase, levels, level, ended):  # type: ignore[no-untyped-def]
     """Begin the phase after that which ended for some lanes; returns them without those that are done."""
     first = packet * LANES
-    tile.phase[phase, packet] &= ~ended
-    done = ended if phase >= search.last else ended & tile.answered[packet]
-    tile.alive[packet] &= ~done
+    tile.lanes[PHASE + phase, packet] &= ~ended
+    done = ended if phase >= search.last else ended & tile.lanes[ANSWERED, packet]
+    tile.lanes[ALIVE, packet] &= ~done
     begun = ended & ~done
     if begun == 0:
         return begun
     if phase == COARSE:
-        beyond = load(tile.t, first) + splat(PATCH_SIDES / (np.int64(1) << level))
-        _put(tile.restart, first, begun, beyond)
-        tile.phase[FINE, packet] |= begun
+        beyond = load(tile.numbers, LENGTH * RAYS + first) + splat(PATCH_SIDES / (np.int64(1) << level))
+        _put(tile.numbers, RESTART * RAYS + first, begun, beyond)
+        tile.lanes[PHASE + FINE, packet] |= begun
         if search.last == BEHIND:
             for above in range(level):
                 _fit_restart(search, tile, packet, levels, above, begun)
     else:
-        _put(tile.start, first, begun, load(tile.restart, first))
-        tile.phase[BEHIND, packet] |= begun
+        _put(tile.numbers, START * RAYS + first, begun, load(tile.numbers, RESTART * RAYS + first))
+        tile.lanes[PHASE + BEHIND, packet] |= begun
     return begun
 
 
@@ -230,23 +252,23 @@ def _fit_restart(search, tile, packet, levels, level, lanes):  # type: ignore[no
     """
     first = packet * LANES
     size = 1.0 / (np.int64(1) << level)
-    restart = load(tile.restart, first)
-    pixel = splat(search.at_0) + splat(search.per_z) * (restart * load(tile.speed, first))
-    fits = lanes & ~tile.answered[packet] & less(splat(size), splat(2.0 * search.finer) * pixel)
+    restart = load(tile.numbers, RESTART * RAYS + first)
+    pixel = splat(search.at_0) + splat(search.per_z) * (restart * load(tile.numbers, SPEED * RAYS + first))
+    fits = lanes & ~tile.lanes[ANSWERED, packet] & less(splat(size), splat(2.0 * search.finer) * pixel)
     if fits != 0:
         fits &= less(restart, _exit(tile, first, levels, level, size))
         fits &= ~less(restart, _entry(tile, first, levels, level, size))
         if fits != 0:
             _record(tile, packet, BEHIND, levels, level, fits, restart)
-            tile.answered[packet] |= fits
+            tile.lanes[ANSWERED, packet] |= fits
 
 
 @lean_device
 def _open(nodes, tile, first, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
     """Find the children of a level's node that each ray among `lanes` meets."""
     x, y, z = _child_planes(tile, first, levels, level)
-    existing = mirrored_children(nodes.child_mask[levels.node[level]], mirror)
-    found = levels.lanes[level]
+    existing = mirrored_children(nodes.child_mask[levels.state[level, HERE]], mirror)
+    found = levels.state[level]
     pending = np.int64(0)
     if existing & 0x03:
         pending |= _open_pair(found, existing, 0, lanes, x, larger(y[0], z[0]), smaller(y[1], z[1]))
@@ -256,18 +278,17 @@ def _open(nodes, tile, first, mirror, levels, level, lanes):  # type: ignore[no-
         pending |= _open_pair(found, existing, 4, lanes, x, larger(y[0], z[1]), smaller(y[1], z[2]))
     if existing & 0xC0:
         pending |= _open_pair(found, existing, 6, lanes, x, larger(y[1], z[1]), smaller(y[2], z[2]))
-    levels.pending[level] = pending
+    levels.state[level, PENDING] = pending
 
 
 @lean_device
 def _child_planes(tile, first, levels, level):  # type: ignore[no-untyped-def]
     """Lengths to the planes of a level's children: those along x also as entries, after the ray's start."""
     child = 0.5 / (np.int64(1) << level)
-    cell = levels.cell
-    start = load(tile.start, first)
-    low, middle, high = _three_planes(tile, 0, first, 2 * cell[level, 0], child)
-    y = _three_planes(tile, 1, first, 2 * cell[level, 1], child)
-    z = _three_planes(tile, 2, first, 2 * cell[level, 2], child)
+    start = load(tile.numbers, START * RAYS + first)
+    low, middle, high = _three_planes(tile, 0, first, 2 * levels.state[level, AT], child)
+    y = _three_planes(tile, 1, first, 2 * levels.state[level, AT + 1], child)
+    z = _three_planes(tile, 2, first, 2 * levels.state[level, AT + 2], child)
     return (larger(low, start), larger(middle, start), middle, high), y, z
 
 
@@ -290,12 +311,12 @@ def _open_pair(found, existing, octant, lanes, along, enter, leave):  # type: ig
     pending = np.int64(0)
     if (existing >> octant) & 1:
         met = lanes & less(larger(along[0], enter), smaller(along[2], leave))
-        found[octant] = met
+        found[MET + octant] = met
         if met != 0:
             pending |= np.int64(1) << octant
     if (existing >> (octant + 1)) & 1:
         met = lanes & less(larger(along[1], enter), smaller(along[3], leave))
-        found[octant + 1] = met
+        found[MET + octant + 1] = met
         if met != 0:
             pending |= np.int64(1) << (octant + 1)
     return pending
@@ -308,8 +329,8 @@ def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):  # typ
     For children that stop every ray: nothing of theirs is read.
     """
     x, y, z = _child_planes(tile, packet * LANES, levels, level)
-    existing = mirrored_children(nodes.child_mask[levels.node[level]], mirror)
-    levels.pending[level] = 0
+    existing = mirrored_children(nodes.child_mask[levels.state[level, HERE]], mirror)
+    levels.state[level, PENDING] = 0
     left, visits = lanes, 0
     for pair in range(4):
         if (existing >> (2 * pair)) & 3 == 0:
@@ -327,5 +348,5 @@ def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):  # typ
                     left &= ~met
                     step_down(nodes, mirror, levels, level, octant)
                     _record(tile, packet, COARSE, levels, level + 1, met, entry)
-    tile.alive[packet] &= left | ~lanes
+    tile.lanes[ALIVE, packet] &= left | ~lanes
     return visits

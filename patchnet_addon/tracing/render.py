@@ -20,9 +20,17 @@ from ..runtime.vectors import first_bit
 from .camera import Camera, camera_in_unit_cube
 from .tile import (
     BEHIND,
+    CELL,
+    CELLS,
     COARSE,
+    DIRECTION,
+    ENTRY,
     FINE,
+    LENGTH,
+    SPEED,
     TILE,
+    XS,
+    YS,
     Search,
     aim_tile,
     find_entries,
@@ -32,7 +40,7 @@ from .tile import (
     ray_of,
     spread_picture,
     want_pixels,
-)  # fmt: skip
+)
 from .tile_walk import trace_tile
 
 
@@ -209,13 +217,13 @@ def _trace_tiles(nodes, camera, search, first_row, scratch, traced):  # type: ig
     """Trace the tiles whose first row of pixels is `first_row` into `traced`, which a parallel kernel cannot write."""
     tile, levels = scratch
     for row in range(TILE):
-        tile.ys[row] = (2.0 * (first_row + row) + 1.0) / camera.height_px - 1.0
+        tile.numbers[YS, row] = (2.0 * (first_row + row) + 1.0) / camera.height_px - 1.0
     rows = min(TILE, camera.height_px - first_row)
     visits = 0
     for first_column in range(0, camera.width_px, TILE):
         columns = min(TILE, camera.width_px - first_column)
         for column in range(TILE):
-            tile.xs[column] = (2.0 * (first_column + column) + 1.0) / camera.width_px - 1.0
+            tile.numbers[XS, column] = (2.0 * (first_column + column) + 1.0) / camera.width_px - 1.0
         want_pixels(tile, rows, columns)
         spread_picture(tile)
         aim_tile(camera, tile)
@@ -234,7 +242,7 @@ def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped
     node = node_seen(camera, tile, COARSE, ray)
     traced.node[pixel] = node
     for axis in range(3):
-        traced.direction[pixel, axis] = tile.direction[axis, ray]
+        traced.direction[pixel, axis] = tile.numbers[DIRECTION + axis, ray]
     if search.last >= FINE:
         traced.fine[pixel] = node_seen(camera, tile, FINE, ray)
     if search.last >= BEHIND:
@@ -248,12 +256,12 @@ def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped
             traced.cell[pixel, axis] = -1
             traced.entry[pixel, axis] = 0.0
         return
-    t, cells = tile.t[COARSE, ray], tile.cells[ray]
-    z = t * tile.speed[ray]
+    t, cells = tile.numbers[LENGTH + COARSE, ray], tile.numbers[CELLS, ray]
+    z = t * tile.numbers[SPEED, ray]
     traced.level[pixel] = first_bit(np.int64(cells))
     traced.ratio[pixel] = pixel_voxel_ratio(camera.side_at_0 + camera.side_per_z * z, cells)
     traced.t_world[pixel] = t * camera.side_world
     traced.z_world[pixel] = z * camera.side_world
     for axis in range(3):
-        traced.cell[pixel, axis] = tile.cell[axis, ray]
-        traced.entry[pixel, axis] = tile.entry[axis, ray]
+        traced.cell[pixel, axis] = tile.numbers[CELL + axis, ray]
+        traced.entry[pixel, axis] = tile.numbers[ENTRY + axis, ray]

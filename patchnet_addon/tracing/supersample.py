@@ -16,7 +16,12 @@ from .camera import Camera, camera_in_unit_cube
 from .tile import (
     COARSE,
     PACKETS,
+    PICTURE,
+    PIXEL,
     TILE,
+    WANTED,
+    XS,
+    YS,
     Search,
     aim_tile,
     make_levels,
@@ -123,17 +128,17 @@ def _means_of_pixels(nodes, light, camera, pixels, sampling, scratch, means):  #
         sums[:] = 0.0
         for first_j in range(0, side, TILE):
             for first_i in range(0, side, TILE):
-                tile.wanted[:] = 0
+                tile.lanes[WANTED, :] = 0
                 for spot in range(count):
                     _aim_pixel(camera, tile, pixels[first + spot], (first_j, first_i), side, spot)
                 aim_tile(camera, tile)
                 trace_tile(nodes, search, tile, levels)
                 for packet in range(PACKETS):
-                    left = tile.wanted[packet]
+                    left = tile.lanes[WANTED, packet]
                     while left != 0:
                         ray = packet * LANES + first_bit(left)
                         left &= left - 1
-                        _add_ray(camera, tile, ray, light, sums[tile.pixel[ray]])
+                        _add_ray(camera, tile, ray, light, sums[np.int64(tile.numbers[PIXEL, ray])])
         for spot in range(count):
             _write_means(sums[spot], light, sampling, means[first + spot])
 
@@ -148,14 +153,14 @@ def _aim_pixel(camera, tile, pixel, corner, side, spot):  # type: ignore[no-unty
     top, left = side * (spot // across), side * (spot % across)
     row, column = pixel // camera.width_px, pixel % camera.width_px
     for k in range(min(side, TILE)):
-        tile.xs[k] = 2.0 * (column + (corner[1] + k + 0.5) / side) / camera.width_px - 1.0
-        tile.ys[k] = 2.0 * (row + (corner[0] + k + 0.5) / side) / camera.height_px - 1.0
+        tile.numbers[XS, k] = 2.0 * (column + (corner[1] + k + 0.5) / side) / camera.width_px - 1.0
+        tile.numbers[YS, k] = 2.0 * (row + (corner[0] + k + 0.5) / side) / camera.height_px - 1.0
     for j in range(min(TILE, side - corner[0])):
         for i in range(min(TILE, side - corner[1])):
             ray = ray_of(top + j, left + i)
-            tile.picture[0, ray], tile.picture[1, ray] = tile.xs[i], tile.ys[j]
-            tile.pixel[ray] = spot
-            tile.wanted[ray // LANES] |= np.int64(1) << (ray % LANES)
+            tile.numbers[PICTURE, ray], tile.numbers[PICTURE + 1, ray] = tile.numbers[XS, i], tile.numbers[YS, j]
+            tile.numbers[PIXEL, ray] = spot
+            tile.lanes[WANTED, ray // LANES] |= np.int64(1) << (ray % LANES)
 
 
 @lean_device

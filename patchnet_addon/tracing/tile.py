@@ -27,55 +27,48 @@ _TINY = 1e-150
 class Tile(NamedTuple):
     """Rays of a tile and what they have met so far; ray 16 p + 4 y + x is that of a pixel of packet p.
 
-    origin, inverse: (3, 64) float64, in the unit cube, mirrored; inverse is 1 / direction.
-    direction: (3, 64) float64, as it is. speed: (64,) axial distance per length.
-    start: (64,) float64, length where the ray begins, or begins again. restart: (64,) float64, its patch's end.
-    mirrored: (3, 4) int64, lanes of each packet that are mirrored on an axis.
-    alive: (4,) int64, lanes that are still on their way. phase: (3, 4) int64, lanes in each phase.
-    answered: (4,) int64, lanes that know what is behind their patch before they are there.
-    node, t: (3, 64) float64, node that a phase ended with, -1 for a miss, and the length to it.
-    cells: (64,) float64, 2^level of the voxel that fits the pixel. cell: (3, 64) float64, its mirrored cell.
-    entry: (3, 64) float64, entry point in that voxel, [0, 1]^3, written by `find_entries`.
-    wanted: (4,) int64, lanes of each packet that are to be traced. xs, ys: (8,) float64, picture coordinates in [-1, 1]
-    of the tile's columns and rows. picture: (2, 64) float64, picture coordinates of each ray. pixel:
-    (64,) int64, index of its pixel where a tile has rays of several.
+    numbers: (30, 64) float64, a row for each number of a ray, as named below.
+    lanes: (9, 4) int64, lanes of each packet as bits, a row for each set of them, as named below.
+    Two arrays and not one for each name, since each takes seconds to compile wherever it is passed on.
     """
 
-    origin: np.ndarray
-    inverse: np.ndarray
-    direction: np.ndarray
-    speed: np.ndarray
-    start: np.ndarray
-    restart: np.ndarray
-    mirrored: np.ndarray
-    alive: np.ndarray
-    phase: np.ndarray
-    answered: np.ndarray
-    node: np.ndarray
-    t: np.ndarray
-    cells: np.ndarray
-    cell: np.ndarray
-    entry: np.ndarray
-    wanted: np.ndarray
-    xs: np.ndarray
-    ys: np.ndarray
-    picture: np.ndarray
-    pixel: np.ndarray
+    numbers: np.ndarray
+    lanes: np.ndarray
+
+
+# Rows of `numbers`; those of x, y and z follow each other. In the unit cube, mirrored: where a ray comes from, and
+# 1 / direction. Then its direction as it is, axial distance per length, lengths where it begins, or begins again, and
+# where its patch ends.
+ORIGIN, INVERSE, DIRECTION, SPEED, START, RESTART = 0, 3, 6, 9, 10, 11
+# What each phase ended with: node, -1 for a miss, and the length to it.
+NODE, LENGTH = 12, 15
+# Of the voxel that fits the pixel: 2^level, its mirrored cell, and where the ray enters it, [0, 1]^3 (`find_entries`).
+CELLS, CELL, ENTRY = 18, 19, 22
+# Picture coordinates of the ray, [-1, 1] to the right and up; index of its pixel where a tile has rays of several;
+# picture coordinates of the tile's columns and rows.
+PICTURE, PIXEL, XS, YS = 25, 27, 28, 29
+_NUMBERS = 30
+# Rows of `lanes`: to be traced, still on their way, knowing what is behind their patch before they are there; in each
+# phase; mirrored on each axis.
+WANTED, ALIVE, ANSWERED, PHASE, MIRRORED = 0, 1, 2, 3, 6
+_LANE_SETS = 9
 
 
 class Levels(NamedTuple):
     """Nodes on the way down to the present one, by level, and which of their children are still to be visited.
 
-    node: (MAX_LEVELS,) int64. cell: (MAX_LEVELS, 3) int64, mirrored. pending: (MAX_LEVELS,) int64, a bit per octant.
+    state: (MAX_LEVELS, 13) int64; its columns are named below.
     exits: (MAX_LEVELS, 8) float64, largest axial distance at which a ray of the tile leaves a child.
-    lanes: (MAX_LEVELS, 8) int64, lanes of the present packet that meet a child.
     """
 
-    node: np.ndarray
-    cell: np.ndarray
-    pending: np.ndarray
+    state: np.ndarray
     exits: np.ndarray
-    lanes: np.ndarray
+
+
+# Columns of `state`: the node, its mirrored cell, its children to be visited as bits, and the lanes of the present
+# packet that meet each child.
+HERE, AT, PENDING, MET = 0, 1, 4, 5
+_COLUMNS = 13
 
 
 class Search(NamedTuple):
@@ -96,40 +89,13 @@ class Search(NamedTuple):
 @device
 def make_tile():  # type: ignore[no-untyped-def]
     """Scratch for a tile."""
-    return Tile(
-        origin=np.empty((3, RAYS)),
-        inverse=np.empty((3, RAYS)),
-        direction=np.empty((3, RAYS)),
-        speed=np.empty(RAYS),
-        start=np.empty(RAYS),
-        restart=np.empty(RAYS),
-        mirrored=np.empty((3, PACKETS), np.int64),
-        alive=np.empty(PACKETS, np.int64),
-        phase=np.empty((PHASES, PACKETS), np.int64),
-        answered=np.empty(PACKETS, np.int64),
-        node=np.empty((PHASES, RAYS)),
-        t=np.empty((PHASES, RAYS)),
-        cells=np.empty(RAYS),
-        cell=np.empty((3, RAYS)),
-        entry=np.empty((3, RAYS)),
-        wanted=np.empty(PACKETS, np.int64),
-        xs=np.empty(TILE),
-        ys=np.empty(TILE),
-        picture=np.empty((2, RAYS)),
-        pixel=np.empty(RAYS, np.int64),
-    )
+    return Tile(np.empty((_NUMBERS, RAYS)), np.empty((_LANE_SETS, PACKETS), np.int64))
 
 
 @device
 def make_levels():  # type: ignore[no-untyped-def]
     """Scratch for a walk."""
-    return Levels(
-        node=np.empty(MAX_LEVELS, np.int64),
-        cell=np.empty((MAX_LEVELS, 3), np.int64),
-        pending=np.empty(MAX_LEVELS, np.int64),
-        exits=np.empty((MAX_LEVELS, OCTANTS)),
-        lanes=np.empty((MAX_LEVELS, OCTANTS), np.int64),
-    )
+    return Levels(np.empty((MAX_LEVELS, _COLUMNS), np.int64), np.empty((MAX_LEVELS, OCTANTS)))
 
 
 @lean_device
@@ -143,13 +109,13 @@ def want_pixels(tile, rows, columns):  # type: ignore[no-untyped-def]
     """Set the lanes that are to be traced to the pixels in the first `rows` and `columns` of a tile."""
     for packet in range(PACKETS):
         if rows >= TILE and columns >= TILE:
-            tile.wanted[packet] = EVERY_LANE
+            tile.lanes[WANTED, packet] = EVERY_LANE
             continue
-        tile.wanted[packet] = 0
+        tile.lanes[WANTED, packet] = 0
         for lane in range(LANES):
             row, column = _PACKET * (packet >> 1) + (lane >> 2), _PACKET * (packet & 1) + (lane & 3)
             if row < rows and column < columns:
-                tile.wanted[packet] |= np.int64(1) << lane
+                tile.lanes[WANTED, packet] |= np.int64(1) << lane
 
 
 @lean_device
@@ -158,8 +124,8 @@ def spread_picture(tile):  # type: ignore[no-untyped-def]
     for packet in range(PACKETS):
         for lane in range(LANES):
             ray = packet * LANES + lane
-            tile.picture[0, ray] = tile.xs[_PACKET * (packet & 1) + (lane & 3)]
-            tile.picture[1, ray] = tile.ys[_PACKET * (packet >> 1) + (lane >> 2)]
+            tile.numbers[PICTURE, ray] = tile.numbers[XS, _PACKET * (packet & 1) + (lane & 3)]
+            tile.numbers[PICTURE + 1, ray] = tile.numbers[YS, _PACKET * (packet >> 1) + (lane >> 2)]
 
 
 @lean_device
@@ -169,18 +135,18 @@ def aim_tile(camera, tile):  # type: ignore[no-untyped-def]
     Packets without a lane that is to be traced are left out.
     """
     for packet in range(PACKETS):
-        if tile.wanted[packet] == 0:
+        if tile.lanes[WANTED, packet] == 0:
             continue
         first = packet * LANES
-        sx = load(tile.picture, first) + splat(camera.shift_x)
-        sy = load(tile.picture, RAYS + first) + splat(camera.shift_y)
+        sx = load(tile.numbers, PICTURE * RAYS + first) + splat(camera.shift_x)
+        sy = load(tile.numbers, (PICTURE + 1) * RAYS + first) + splat(camera.shift_y)
         ox, dx = _aimed(camera, sx, sy, 0)
         oy, dy = _aimed(camera, sx, sy, 1)
         oz, dz = _aimed(camera, sx, sy, 2)
         length = square_root(dx * dx + dy * dy + dz * dz)
         speed = splat(1.0) / length if camera.perspective else splat(1.0)
-        store(tile.speed, first, speed)
-        store(tile.start, first, splat(camera.nearest) / speed)
+        store(tile.numbers, SPEED * RAYS + first, speed)
+        store(tile.numbers, START * RAYS + first, splat(camera.nearest) / speed)
         _set_axis(tile, 0, packet, ox, dx / length)
         _set_axis(tile, 1, packet, oy, dy / length)
         _set_axis(tile, 2, packet, oz, dz / length)
@@ -202,18 +168,18 @@ def _set_axis(tile, axis, packet, origin, direction):  # type: ignore[no-untyped
     """Store the rays of a packet on one axis, mirrored if they run downwards."""
     first = axis * RAYS + packet * LANES
     down = less(direction, splat(0.0))
-    store(tile.direction, first, direction)
-    store(tile.origin, first, select(down, splat(1.0) - origin, origin))
+    store(tile.numbers, DIRECTION * RAYS + first, direction)
+    store(tile.numbers, ORIGIN * RAYS + first, select(down, splat(1.0) - origin, origin))
     along = larger(select(down, splat(0.0) - direction, direction), splat(_TINY))
-    store(tile.inverse, first, splat(1.0) / along)
-    tile.mirrored[axis, packet] = down
+    store(tile.numbers, INVERSE * RAYS + first, splat(1.0) / along)
+    tile.lanes[MIRRORED + axis, packet] = down
 
 
 @lean_device
 def node_seen(camera, tile, phase, ray):  # type: ignore[no-untyped-def]
     """Node that a ray found in a phase, -1 if that is farther than the camera sees."""
-    node = np.int64(tile.node[phase, ray])
-    if node >= 0 and tile.t[phase, ray] * tile.speed[ray] > camera.farthest:
+    node = np.int64(tile.numbers[NODE + phase, ray])
+    if node >= 0 and tile.numbers[LENGTH + phase, ray] * tile.numbers[SPEED, ray] > camera.farthest:
         return np.int64(-1)
     return node
 
@@ -222,16 +188,16 @@ def node_seen(camera, tile, phase, ray):  # type: ignore[no-untyped-def]
 def find_entries(tile):  # type: ignore[no-untyped-def]
     """Find where rays enter the voxel that stopped them, and turn its cell back to that of the octree."""
     for packet in range(PACKETS):
-        if tile.wanted[packet] == 0:
+        if tile.lanes[WANTED, packet] == 0:
             continue
         first = packet * LANES
-        t, cells = load(tile.t, first), load(tile.cells, first)
+        t, cells = load(tile.numbers, LENGTH * RAYS + first), load(tile.numbers, CELLS * RAYS + first)
         for axis in range(3):
             here = axis * RAYS + first
-            down = tile.mirrored[axis, packet]
-            cell, origin = load(tile.cell, here), load(tile.origin, here)
+            down = tile.lanes[MIRRORED + axis, packet]
+            cell, origin = load(tile.numbers, CELL * RAYS + here), load(tile.numbers, ORIGIN * RAYS + here)
             cell = select(down, cells - splat(1.0) - cell, cell)
             origin = select(down, splat(1.0) - origin, origin)
-            local = (origin + t * load(tile.direction, here)) * cells - cell
-            store(tile.cell, here, cell)
-            store(tile.entry, here, smaller(larger(local, splat(0.0)), splat(1.0)))
+            local = (origin + t * load(tile.numbers, DIRECTION * RAYS + here)) * cells - cell
+            store(tile.numbers, CELL * RAYS + here, cell)
+            store(tile.numbers, ENTRY * RAYS + here, smaller(larger(local, splat(0.0)), splat(1.0)))

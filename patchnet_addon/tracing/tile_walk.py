@@ -31,7 +31,25 @@ from ..runtime.vectors import (
     store,
 )  # fmt: skip
 from .packet_walk import mirrored_children, step_down, walk_packet
-from .tile import COARSE, PACKETS, PHASES, RAYS
+from .tile import (
+    ALIVE,
+    ANSWERED,
+    AT,
+    COARSE,
+    HERE,
+    INVERSE,
+    MIRRORED,
+    NODE,
+    ORIGIN,
+    PACKETS,
+    PENDING,
+    PHASE,
+    PHASES,
+    RAYS,
+    SPEED,
+    START,
+    WANTED,
+)
 
 _WIDE = 10.0  # voxel sides over pixel sides, from which on a node is tested for the whole tile; 5 and 20 are slower
 _FAR = 1e300
@@ -59,19 +77,20 @@ def trace_tile(nodes, search, tile, levels):  # type: ignore[no-untyped-def]
 
     nodes: `Nodes`. tile: `Tile` with its rays set. levels: scratch.
     """
-    tile.node[:] = -1
+    for phase in range(PHASES):
+        tile.numbers[NODE + phase] = -1.0
     visits = 0
     for mirror in range(8):
         some = np.int64(0)
         for packet in range(PACKETS):
-            lanes = tile.wanted[packet]
+            lanes = tile.lanes[WANTED, packet]
             for axis in range(3):
-                down = tile.mirrored[axis, packet]
+                down = tile.lanes[MIRRORED + axis, packet]
                 lanes &= down if (mirror >> axis) & 1 else ~down
-            tile.alive[packet] = lanes
-            tile.answered[packet] = 0
+            tile.lanes[ALIVE, packet] = lanes
+            tile.lanes[ANSWERED, packet] = 0
             for phase in range(PHASES):
-                tile.phase[phase, packet] = lanes if phase == COARSE else 0
+                tile.lanes[PHASE + phase, packet] = lanes if phase == COARSE else 0
             some |= lanes
         if some != 0:
             visits += _walk(nodes, search, tile, _bounds(tile, mirror), levels)
@@ -85,8 +104,8 @@ def _bounds(tile, mirror):  # type: ignore[no-untyped-def]
     start = _FAR
     for packet in range(PACKETS):
         first = packet * LANES
-        axial = load(tile.start, first) * load(tile.speed, first)
-        start = min(start, smallest(select(tile.alive[packet], axial, splat(_FAR))))
+        axial = load(tile.numbers, START * RAYS + first) * load(tile.numbers, SPEED * RAYS + first)
+        start = min(start, smallest(select(tile.lanes[ALIVE, packet], axial, splat(_FAR))))
     return _Bounds((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]), (x[3], y[3], z[3]), start, mirror)
 
 
@@ -96,10 +115,10 @@ def _axis_bounds(tile, axis):  # type: ignore[no-untyped-def]
     low, high = splat(_FAR), splat(-_FAR)
     first_origin, last_origin, near, far = low, high, low, high
     for packet in range(PACKETS):
-        alive = tile.alive[packet]
+        alive = tile.lanes[ALIVE, packet]
         first = packet * LANES
-        origin = load(tile.origin, axis * RAYS + first)
-        inverse = load(tile.inverse, axis * RAYS + first) * load(tile.speed, first)
+        origin = load(tile.numbers, (ORIGIN + axis) * RAYS + first)
+        inverse = load(tile.numbers, (INVERSE + axis) * RAYS + first) * load(tile.numbers, SPEED * RAYS + first)
         first_origin = smaller(first_origin, select(alive, origin, low))
         last_origin = larger(last_origin, select(alive, origin, high))
         near = smaller(near, select(alive, inverse, low))
@@ -111,9 +130,9 @@ def _axis_bounds(tile, axis):  # type: ignore[no-untyped-def]
 def _walk(nodes, search, tile, bounds, levels):  # type: ignore[no-untyped-def]
     """Walk down with all rays of a tile that are alive; returns the number of visits."""
     level = np.int64(0)
-    levels.node[0] = 0
+    levels.state[0, HERE] = 0
     for axis in range(3):
-        levels.cell[0, axis] = 0
+        levels.state[0, AT + axis] = 0
     pixel = search.at_0 + search.per_z * _root_exit(bounds)
     if nodes.child_mask[0] == 0 or _WIDE * pixel > 1.0:
         return 1 + _walk_packets(nodes, search, tile, bounds.mirror, levels, level)
@@ -121,19 +140,19 @@ def _walk(nodes, search, tile, bounds, levels):  # type: ignore[no-untyped-def]
     size = 1.0
     _open(nodes, bounds, levels, level)
     while level >= 0:
-        pending = levels.pending[level]
+        pending = levels.state[level, PENDING]
         if pending == 0:
             level -= 1
             size *= 2.0
             continue
         octant = first_bit(pending)
-        levels.pending[level] = pending & (pending - 1)
+        levels.state[level, PENDING] = pending & (pending - 1)
         visits += 1
         step_down(nodes, bounds.mirror, levels, level, octant)
         pixel = search.at_0 + search.per_z * levels.exits[level, octant]
-        if nodes.child_mask[levels.node[level + 1]] == 0 or 0.5 * size < _WIDE * pixel:
+        if nodes.child_mask[levels.state[level + 1, HERE]] == 0 or 0.5 * size < _WIDE * pixel:
             visits += _walk_packets(nodes, search, tile, bounds.mirror, levels, level + 1)
-            if tile.alive[0] | tile.alive[1] | tile.alive[2] | tile.alive[3] == 0:
+            if tile.lanes[ALIVE, 0] | tile.lanes[ALIVE, 1] | tile.lanes[ALIVE, 2] | tile.lanes[ALIVE, 3] == 0:
                 break
         else:
             level += 1
@@ -147,7 +166,7 @@ def _walk_packets(nodes, search, tile, mirror, levels, top):  # type: ignore[no-
     """Walk the subtree of the node at level `top` with each packet; returns the number of visits."""
     visits = 0
     for packet in range(PACKETS):
-        if tile.alive[packet] != 0:
+        if tile.lanes[ALIVE, packet] != 0:
             visits += walk_packet(nodes, search, tile, packet, mirror, levels, top)
     return visits
 
@@ -156,9 +175,9 @@ def _walk_packets(nodes, search, tile, mirror, levels, top):  # type: ignore[no-
 def _open(nodes, bounds, levels, level):  # type: ignore[no-untyped-def]
     """Find the children of a level's node that rays of the tile may meet."""
     child = 0.5 / (np.int64(1) << level)
-    x0, x1, x2, x3 = _plane_bounds(bounds, levels.cell[level, 0], child, 0)
-    y0, y1, y2, y3 = _plane_bounds(bounds, levels.cell[level, 1], child, 1)
-    z0, z1, z2, z3 = _plane_bounds(bounds, levels.cell[level, 2], child, 2)
+    x0, x1, x2, x3 = _plane_bounds(bounds, levels.state[level, AT], child, 0)
+    y0, y1, y2, y3 = _plane_bounds(bounds, levels.state[level, AT + 1], child, 1)
+    z0, z1, z2, z3 = _plane_bounds(bounds, levels.state[level, AT + 2], child, 2)
     enter_x = select(_UPPER_X, splat_octants(x1), splat_octants(x0))
     enter_y = select(_UPPER_Y, splat_octants(y1), splat_octants(y0))
     enter_z = select(_UPPER_Z, splat_octants(z1), splat_octants(z0))
@@ -169,7 +188,7 @@ def _open(nodes, bounds, levels, level):  # type: ignore[no-untyped-def]
     leave = smaller(smaller(leave_x, leave_y), leave_z)
     store(levels.exits, level * OCTANTS, leave)
     met = less(enter, leave + leave * splat_octants(_SAFE))
-    levels.pending[level] = met & mirrored_children(nodes.child_mask[levels.node[level]], bounds.mirror)
+    levels.state[level, PENDING] = met & mirrored_children(nodes.child_mask[levels.state[level, HERE]], bounds.mirror)
 
 
 @lean_device
