@@ -26,7 +26,7 @@ from ..state.watch import read_state
 from .encoder import encoder_text
 from .stages import lookahead_of
 
-_BYTES_PER_CODED = 32 + 2.2 * 20  # its corners' rows, and codes that it shares with neighbours
+_BYTES_PER_CODED = 12.2 + 2.2 * 20  # what finds its codes, and codes that it shares with neighbours
 
 
 @dataclass
