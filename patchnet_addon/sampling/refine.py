@@ -23,9 +23,33 @@ def refinement_order(buffers: PixelBuffers, score: np.ndarray) -> np.ndarray:
     active = np.flatnonzero(buffers.active)
     ties = pixel_hash(len(score))[active]
     urgency = priority(buffers, score)[active]
-    if buffers.importance is None:
-        return active[np.lexsort((ties, -urgency))]
-    return active[np.lexsort((ties, -urgency, buffers.importance[active] <= 0))]
+    order = _falling(urgency, ties)
+    if buffers.importance is not None:
+        order = order[np.argsort(buffers.importance[active][order] <= 0, kind="stable")]
+    return active[order]
+
+
+def _falling(values: np.ndarray, ties: np.ndarray) -> np.ndarray:
+    """Order (N,) int64 of falling values (N,), and of rising `ties` (N,) uint64, all different, among equal ones.
+
+    As np.lexsort((ties, -values)), in less time: only what is equal is sorted twice, and mostly that is one
+    long run of zeros.
+    """
+    order = np.argsort(-values)
+    found = values[order]
+    ends = np.append(np.flatnonzero(found[1:] != found[:-1]) + 1, len(found))
+    lengths = np.diff(ends, prepend=0)
+    if len(found) == 0 or len(lengths) == len(found):
+        return order
+    longest = int(np.argmax(lengths))
+    run = slice(ends[longest] - lengths[longest], ends[longest])
+    order[run] = order[run][np.argsort(ties[order[run]])]
+    lengths_of = np.repeat(lengths, lengths)
+    lengths_of[run] = 1
+    equal = np.flatnonzero(lengths_of > 1)
+    among = order[equal]
+    order[equal] = among[np.lexsort((ties[among], np.repeat(np.arange(len(lengths)), lengths)[equal]))]
+    return order
 
 
 def refinable(buffers: PixelBuffers) -> int:

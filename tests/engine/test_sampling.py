@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Strategies, budgets and errors against their definitions (methods 3, 5, 7.23-7.25)."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -176,6 +177,22 @@ def test_missing_part_is_named() -> None:
     buffers = random_buffers()
     with pytest.raises(SettingError, match="reference"):
         STRATEGIES["optimal"].scores(PixelBuffers(hits=buffers.hits))
+
+
+@pytest.mark.parametrize("kinds", [1, 2, 7, 10_000])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_order_is_that_of_score_then_hash(kinds, dtype) -> None:
+    """Whatever is equal: everything, much, little, or nothing."""
+    buffers = random_buffers(3, 40, 60)
+    rng = np.random.default_rng(kinds)
+    score = (rng.integers(0, kinds, 40 * 60) / kinds).astype(dtype)
+    for importance in (None, (rng.random(40 * 60) < 0.8).astype(np.float32)):
+        weighed = replace(buffers, importance=importance)
+        active = np.flatnonzero(buffers.active)
+        urgency = score[active] if importance is None else (score * importance)[active]
+        keys = [pixel_hash(len(score))[active], -urgency]
+        keys += [] if importance is None else [importance[active] <= 0]
+        np.testing.assert_array_equal(refinement_order(weighed, score), active[np.lexsort(keys)])
 
 
 def test_empty_frame_has_no_error() -> None:
