@@ -160,7 +160,7 @@ class ComputeSettings:
 
     @property
     def torch_device(self) -> str:
-        """What the network runs on, as torch names it: auto, cpu, cuda or cuda:N."""
+        """Device that the network runs on, as torch names it: auto, cpu, cuda or cuda:N."""
         return CUDA if self.network_device == GPU else self.network_device.lower()
 
 

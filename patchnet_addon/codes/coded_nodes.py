@@ -66,7 +66,7 @@ def coded_rows_reference(octree: Octree, lookahead: int) -> np.ndarray:
 
 @device
 def is_coded(bits, node):  # type: ignore[no-untyped-def]
-    """Whether a node, 0 or more, has codes."""
+    """Return whether a node, 0 or more, has codes."""
     word = node >> 6
     return word < len(bits) and (bits[word] >> np.uint64(node & 63)) & np.uint64(1) != 0
 
@@ -86,7 +86,7 @@ def coded_row(bits, before, node):  # type: ignore[no-untyped-def]
 
 @device
 def _has_descendants(nodes, node, levels):  # type: ignore[no-untyped-def]
-    """Whether a node has descendants so many levels, 1 to 3, further down."""
+    """Return whether a node has descendants so many levels, 1 to 3, further down."""
     count = count_ones(np.uint64(nodes.child_mask[node]))
     if count == 0 or levels == 1:
         return count > 0

@@ -150,7 +150,7 @@ def wavy_floor(depth):
 
 
 def test_memory_does_not_grow_with_the_octree(monkeypatch):
-    """What is allocated beside the result is the same for an octree and for one sixteen times as large."""
+    """Memory beside the result is the same for an octree and for one sixteen times as large."""
     monkeypatch.setattr(encode, "corner_ranges", partial(corner_ranges, most=2048))
     weights = Weights.random(seed=1)
     encoder = make_encoder(weights)

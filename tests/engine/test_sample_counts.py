@@ -96,7 +96,7 @@ def test_budget_is_kept_and_spent_and_more_priority_gets_no_less(count: int, mea
 
 
 def test_no_other_choice_of_as_many_samples_leaves_less() -> None:
-    """Where the budget ends with an upgrade; all allocations of four pixels are tried."""
+    """A budget that ends with an upgrade; all allocations of four pixels are tried."""
     priorities = np.array([0.9, 0.35, 0.3, 0.01])
     every = np.array(list(itertools.product(COUNTS, repeat=4)))
     expected = expected_errors(priorities)
