@@ -239,8 +239,11 @@ def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, n
         if total > len(cells):  # too many for the room there was: this triangle once more
             more_cells = np.empty((2 * total, 2), np.uint64)
             more_measures = np.empty((2 * total, 3), np.float64)
-            more_cells[:count] = cells[:count]
-            more_measures[:count] = measures[:count]
+            for row in range(count):  # as one assignment, its check of shapes takes five seconds to compile
+                for column in range(2):
+                    more_cells[row, column] = cells[row, column]
+                for column in range(3):
+                    more_measures[row, column] = measures[row, column]
             cells, measures = more_cells, more_measures
             continue
         count = total
