@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 import numba
 from numba.core import event
 from numba.core.caching import FunctionCache
+from numba.core.registry import CPUDispatcher
 from numba.core.types.misc import unliteral
 
 from .cache_folder import kernel_folder, user_cache_folder
@@ -108,15 +109,12 @@ _FULLY = numba.config.OPT, numba.config.LOOP_VECTORIZE
 event.register("numba:compile", _Compilations())
 
 
-_NOT_FROM_PYTHON = {"no_cpython_wrapper": True}
-
-
 def device(function: Function) -> Function:
     """Decorate a function that kernels call; inlined by the compiler, never launched by itself.
 
     Python cannot call it: unpacking its arguments would take longer to compile than most of these functions.
     """
-    return _compiled(function, **_NOT_FROM_PYTHON)
+    return _for_kernels(_compiled(function, no_cpython_wrapper=True))
 
 
 def lean_device(function: Function) -> Function:
@@ -124,7 +122,7 @@ def lean_device(function: Function) -> Function:
 
     Each count is an atomic instruction, which a short function that takes many arrays spends most of its time on.
     """
-    return _compiled(function, _nrt=False, **_NOT_FROM_PYTHON)
+    return _for_kernels(_compiled(function, no_cpython_wrapper=True, _nrt=False))
 
 
 def kernel(function: Function) -> Function:
@@ -143,6 +141,19 @@ def _compiled(function: Function, **options: bool) -> Any:
     compiled.get_call_template = functools.partial(_plain_call, compiled)
     with contextlib.suppress(RuntimeError):  # no folder at all can be written
         compiled._cache = _Cache(function)  # what cache=True would do, but for the errors
+    return compiled
+
+
+class _DeviceFunction(CPUDispatcher):  # type: ignore[misc]
+    """Function that only kernels can call."""
+
+    def __call__(self, *_arguments: Any) -> Any:
+        """Refuse; without this, Python would jump to what was never compiled."""
+        raise TypeError(f"{self.__name__} is a device function: call it from a kernel, or its py_func from Python")
+
+
+def _for_kernels(compiled: Any) -> Any:
+    compiled.__class__ = _DeviceFunction
     return compiled
 
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from patchnet.patchnet_addon.tracing.tile import ray_of
+
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = [path for folder in ("patchnet_addon", "training") for path in sorted((ROOT / folder).rglob("*.py"))]
 
@@ -42,3 +44,10 @@ def test_no_kernel_writes_to_an_array_in_a_tuple() -> None:
 def test_such_writes_are_found(line: str) -> None:
     (kernel,) = kernels(f"@kernel\ndef trace(hits):\n    for i in prange(3):\n        {line}\n")
     assert lost_writes(kernel) == ["hits.node[i]"]
+
+
+def test_python_cannot_call_a_device_function():
+    """It has no code for that: a call would end the process."""
+    with pytest.raises(TypeError, match="ray_of is a device function: call it from a kernel, or its py_func"):
+        ray_of(1, 2)
+    assert ray_of.py_func(4, 4) == 48

@@ -13,6 +13,7 @@ from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.predict import interpolate_codes_reference, predict, predict_reference
 from patchnet.patchnet_addon.network.compiled_decode import TILE
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
+from patchnet.patchnet_addon.runtime.kernels import serial_kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import random_octree
 
@@ -118,11 +119,17 @@ def test_mean_of_codes(coded):
     np.testing.assert_array_equal(means[:4], wanted.astype(np.float32))
 
 
+@serial_kernel
+def write_means(halves, table, rows, points, means):
+    for index in range(len(rows)):
+        point = points[index, 0], points[index, 1], points[index, 2]
+        write_mean_code(halves, table, rows[index], point, means[index])
+
+
 def mean_codes(coded, rows, points):
     means = np.empty((len(rows), MEAN_SIZE), np.float32)
     codes = CornerCodes.of(coded)
-    for row, point, mean in zip(rows, points, means, strict=True):
-        write_mean_code(codes.halves, codes.rows, row, tuple(point), mean)
+    write_means(codes.halves, codes.rows, np.asarray(rows), points, means)
     return np.concatenate([means[:, :8], means[:, 14:]], axis=1)
 
 
