@@ -35,7 +35,7 @@ def measure(args: argparse.Namespace) -> Comparison:
     from ...patchnet_addon.octree.file import load_octree
     from ...patchnet_addon.octree.voxelize import usable_cores
     from ...patchnet_addon.runtime.progress import drain
-    from ...training.benchmarks.frames import benchmark_frames, frame_rows
+    from ...training.benchmarks.frames import benchmark_frames
     from ...training.benchmarks.shells import octree_of_shells
     from ...training.benchmarks.tracing import views_of
 
@@ -45,7 +45,7 @@ def measure(args: argparse.Namespace) -> Comparison:
     threads = args.threads or usable_cores()
     results = [benchmark_frames(coded, camera, args.repeats, threads=threads) for camera in cameras]
     name = args.file.name if args.file is not None else "shells"
-    details = {"octree": name, "depth": octree.depth, "frames": frame_rows(results)}
+    details = {"octree": name, "depth": octree.depth, "frames": [result.as_json() for result in results]}
     return replace(results[0], details=details | results[0].details)
 
 

@@ -88,7 +88,7 @@ class _Compilations(event.Listener):  # type: ignore[misc]
     """Listener to each function that is compiled because the cache does not have it.
 
     What kernels call is optimised a little: the code that counts is optimised again, in full, with the kernel that it
-    is linked into. So all kernels compile in two thirds of the time.
+    is linked into. Functions that are not ours, of numba or of another extension, are left as they are.
     """
 
     def __init__(self) -> None:
@@ -97,15 +97,15 @@ class _Compilations(event.Listener):  # type: ignore[misc]
     def on_start(self, compilation: event.Event) -> None:
         compilation_begins()
         self._before.append((numba.config.OPT, numba.config.LOOP_VECTORIZE))
-        whole = getattr(compilation.data["dispatcher"], "optimise_fully", False)
-        numba.config.OPT, numba.config.LOOP_VECTORIZE = _FULLY if whole else (1, 0)
+        if isinstance(compilation.data["dispatcher"], _DeviceFunction):
+            numba.config.OPT, numba.config.LOOP_VECTORIZE = _LITTLE
 
     def on_end(self, _event: event.Event) -> None:
         numba.config.OPT, numba.config.LOOP_VECTORIZE = self._before.pop()
         compilation_ends()
 
 
-_FULLY = numba.config.OPT, numba.config.LOOP_VECTORIZE
+_LITTLE = 1, 0  # of LLVM's levels, and no vectors made of loops
 event.register("numba:compile", _Compilations())
 
 
@@ -127,12 +127,12 @@ def lean_device(function: Function) -> Function:
 
 def kernel(function: Function) -> Function:
     """Compile a function over arrays for all cores at its first call; launches are serialised."""
-    return _serialised(function, _fully(_compiled(function, parallel=True)))
+    return _serialised(function, _compiled(function, parallel=True))
 
 
 def serial_kernel(function: Function) -> Function:
     """Compile like `kernel`, for work that one core does in order; may be launched from several threads at once."""
-    return _fully(_compiled(function))
+    return _compiled(function)
 
 
 def _compiled(function: Function, **options: bool) -> Any:
@@ -154,11 +154,6 @@ class _DeviceFunction(CPUDispatcher):  # type: ignore[misc]
 
 def _for_kernels(compiled: Any) -> Any:
     compiled.__class__ = _DeviceFunction
-    return compiled
-
-
-def _fully(compiled: Any) -> Any:
-    compiled.optimise_fully = True
     return compiled
 
 

@@ -3,10 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from statistics import median
-from time import perf_counter
-from typing import Any
 
 import numba
 import numpy as np
@@ -15,6 +12,7 @@ from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.predict import predict
 from ...patchnet_addon.image.heatmap import tint
 from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.ranking import rank
 from ...patchnet_addon.sampling.registry import STRATEGIES
@@ -56,30 +54,17 @@ def benchmark_frames(coded: CodedOctree, camera: Camera, repeats: int = 5, *, th
 
 def _frame(coded: CodedOctree, camera: Camera) -> dict[str, float]:
     """Wall seconds of each stage of one frame."""
-    clock = _Clock()
-    traced = clock.time("trace", lambda: patch_hits(coded.octree, camera, lookahead=coded.weights.lookahead))
-    prediction = clock.time("decode", lambda: predict(coded, traced.hits))
+    clock = StageClock()
+    with clock.stage("trace"):
+        traced = patch_hits(coded.octree, camera, lookahead=coded.weights.lookahead)
+    with clock.stage("decode"):
+        prediction = predict(coded, traced.hits)
     buffers = PixelBuffers(traced.hits, behind=traced.behind, prediction=prediction)
-    ranking = clock.time("priority", lambda: rank(STRATEGIES["patchnet-behind"], buffers, _BUDGET))
-    count = int(np.count_nonzero(ranking.mask))
-    clock.time("picture", lambda: tint(buffers.picture(buffers.preview), buffers.picture(ranking.urgency(count))))
-    clock.time("uniform", lambda: drain(supersample(coded.octree, camera, _UNIFORM_SIDE)))
+    with clock.stage("priority"):
+        ranking = rank(STRATEGIES["patchnet-behind"], buffers, _BUDGET)
+    with clock.stage("picture"):
+        refined = int(np.count_nonzero(ranking.mask))
+        tint(buffers.picture(buffers.preview), buffers.picture(ranking.urgency(refined)))
+    with clock.stage("uniform"):
+        drain(supersample(coded.octree, camera, _UNIFORM_SIDE))
     return clock.seconds
-
-
-class _Clock:
-    """Wall seconds by name."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    def time(self, name: str, run: Callable[[], Any]) -> Any:
-        start = perf_counter()
-        result = run()
-        self.seconds[name] = perf_counter() - start
-        return result
-
-
-def frame_rows(results: Sequence[Comparison]) -> list[dict[str, Any]]:
-    """Plain JSON values of several frames."""
-    return [result.as_json() for result in results]
