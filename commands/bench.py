@@ -14,12 +14,26 @@ from __future__ import annotations
 import argparse
 import json
 
-from .benches import bake, decode, depths, device, encode, fit, frame, nodes, opening, scene, trace, voxel_grids
+from .benches import (
+    bake,
+    decode,
+    depths,
+    device,
+    encode,
+    first_use,
+    fit,
+    frame,
+    nodes,
+    opening,
+    scene,
+    trace,
+    voxel_grids,
+)
 
 BENCHES = {
     "voxelize": voxel_grids, "depths": depths, "open": opening, "nodes": nodes, "scene": scene, "fit": fit,
     "bake": bake, "encode": encode, "decode": decode, "trace": trace, "frame": frame,
-    "device": device,
+    "device": device, "first-use": first_use,
 }  # fmt: skip
 
 

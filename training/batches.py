@@ -17,7 +17,7 @@ from ..patchnet_addon.codes.brick import Brick, fill_brick
 from ..patchnet_addon.network.weights import CHANNELS
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
-from ..patchnet_addon.runtime.kernels import serial_kernel
+from ..patchnet_addon.runtime.kernels import kernel
 from .forest import Forest
 from .samples import COVERAGE_SCALE, SIGNED, UNIT
 from .symmetry import COUNT, Symmetries, cube_symmetries
@@ -142,7 +142,7 @@ def _move_views(
     return entry, direction, up, unit[..., 9], coverage, luminance
 
 
-@serial_kernel
+@kernel
 def _gather_nodes(nodes, luminance, root, voxel, remap, lookahead, bricks, linear):
     for v in range(len(root)):
         brick = Brick(bricks.nodes[v], bricks.counts[v])
@@ -167,7 +167,7 @@ def _gather_nodes(nodes, luminance, root, voxel, remap, lookahead, bricks, linea
             linear[v, 0], linear[v, 1] = gain, place - gain * dark
 
 
-@serial_kernel
+@kernel
 def _write_blocks(luminance, normal, bricks, linear, symmetry, symmetries, blocks, moved):
     row = 0
     for v in range(len(symmetry)):
@@ -194,7 +194,7 @@ def _write_blocks(luminance, normal, bricks, linear, symmetry, symmetries, block
             row += 1
 
 
-@serial_kernel
+@kernel
 def _list_pairs(moved, position):
     start = np.zeros(9, np.int64)
     total = 0

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import prange
 
 from ..patchnet_addon.codes.brick import Brick, check_nodes, fill_brick
 from ..patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRay, Viewport, render_patch
@@ -19,6 +18,7 @@ from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
 from ..patchnet_addon.runtime.errors import PatchNetError
 from ..patchnet_addon.runtime.kernels import device, kernel
 from ..patchnet_addon.runtime.progress import Progress, Steps
+from ..patchnet_addon.runtime.threads import run_parts
 from .voxel_choice import choose_voxels, held_out_voxels, usable_nodes
 
 VIEW_FIELDS = 12  # entry 3, direction 3, up 3, ratio, coverage, luminance
@@ -101,7 +101,9 @@ def _views(octree: Octree, voxels: np.ndarray, settings: SampleSettings, number:
     views = np.zeros((len(voxels), settings.views, VIEW_FIELDS), np.uint16)
     good = np.zeros(len(voxels), np.bool_)
     start = np.uint64((settings.seed * 0x9E3779B97F4A7C15 + number) & 0xFFFFFFFFFFFFFFFF)
-    _draw_views(
+    run_parts(
+        _draw_views,
+        len(voxels),
         octree.nodes,
         octree.luminance,
         voxels.astype(np.int32),
@@ -172,8 +174,8 @@ def _is_first_hit(counts, origin, direction, enter):
 
 
 @kernel
-def _draw_views(nodes, luminance, voxels, start, first_hit, lookahead, views, good):
-    for group in prange(len(voxels)):
+def _draw_views(first, last, nodes, luminance, voxels, start, first_hit, lookahead, views, good):
+    for group in range(first, last):
         brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
         viewport = Viewport(np.empty((6, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
         fill_brick(nodes, 0, voxels[group, 0], voxels[group, 1:], lookahead, brick)

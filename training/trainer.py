@@ -21,10 +21,10 @@ import torch
 
 from ..patchnet_addon.network.devices import CPU, enough_memory, found_device
 from ..patchnet_addon.network.weights import Weights, save_weights
-from ..patchnet_addon.octree.voxelize import usable_cores
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, THREADS
 from ..patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from ..patchnet_addon.runtime.progress import Progress, Steps
+from ..patchnet_addon.runtime.threads import usable_cores
 from .corpus import Corpus
 from .crews import crew_for
 from .dataset import Dataset

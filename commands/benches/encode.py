@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def measure(args: argparse.Namespace) -> Comparison:
     """Rates of all; one core is measured in a process that has one thread; raises PatchNetError."""
     from ...patchnet_addon.network.weights import load_weights
-    from ...patchnet_addon.octree.voxelize import usable_cores
+    from ...patchnet_addon.runtime.threads import usable_cores
     from ...training.benchmarks.encoding import benchmark_encoding
     from ...training.benchmarks.threads import has_threads
 

@@ -33,8 +33,8 @@ def measure(args: argparse.Namespace) -> Comparison:
     from ...patchnet_addon.codes.encode import encode_octree
     from ...patchnet_addon.network.weights import load_weights
     from ...patchnet_addon.octree.file import load_octree
-    from ...patchnet_addon.octree.voxelize import usable_cores
     from ...patchnet_addon.runtime.progress import drain
+    from ...patchnet_addon.runtime.threads import usable_cores
     from ...training.benchmarks.frames import benchmark_frames
     from ...training.benchmarks.shells import octree_of_shells
     from ...training.benchmarks.tracing import views_of

@@ -76,7 +76,7 @@ def _octree(args: argparse.Namespace, triangles: Any) -> Octree:
 
 
 def _thread_counts() -> list[int]:
-    from ...patchnet_addon.octree.voxelize import usable_cores
+    from ...patchnet_addon.runtime.threads import usable_cores
 
     cores = usable_cores()
     return sorted({cores, *(1 << power for power in range(cores.bit_length()) if 1 << power <= cores)})

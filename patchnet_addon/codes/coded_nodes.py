@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from ..octree.octree import Octree
 from ..runtime.bits import count_ones
 from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
 from ..runtime.widths import NODE_ADVICE, UINT32_COUNT, check_count
 
 _GROUP = 8  # words from count to count
@@ -43,7 +43,7 @@ def coded_nodes(octree: Octree, lookahead: int) -> CodedNodes:
     check_count(end, UINT32_COUNT, "nodes of levels with look-ahead", NODE_ADVICE)
     bits = np.zeros(-(-end // 64), np.uint64)
     before = np.zeros(-(-len(bits) // _GROUP), np.uint32)
-    _mark(octree.nodes, lookahead, end, bits, before)
+    run_parts(_mark, len(before), octree.nodes, lookahead, end, bits, before)
     sums = np.cumsum(before, dtype=np.int64)
     before[1:] = sums[:-1]
     before[:1] = 0
@@ -54,7 +54,7 @@ def coded_rows(coded: CodedNodes, nodes: np.ndarray) -> np.ndarray:
     """Row (...,) int64 of each node (...,) among the coded ones, -1 for those that are not; node -1 is none."""
     wanted = np.asarray(nodes, np.int64)
     rows = np.empty(wanted.size, np.int64)
-    _find_rows(coded.bits, coded.before, np.ascontiguousarray(wanted.reshape(-1)), rows)
+    run_parts(_find_rows, len(rows), coded.bits, coded.before, np.ascontiguousarray(wanted.reshape(-1)), rows)
     return rows.reshape(wanted.shape)
 
 
@@ -103,9 +103,9 @@ def _has_descendants(nodes, node, levels):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _mark(nodes, lookahead, end, bits, groups):  # type: ignore[no-untyped-def]
+def _mark(first, last, nodes, lookahead, end, bits, groups):  # type: ignore[no-untyped-def]
     """Write the bits of nodes 0 to `end`, and the number of them in each group of words."""
-    for group in numba.prange(len(groups)):
+    for group in range(first, last):
         count = 0
         for word in range(group * _GROUP, min((group + 1) * _GROUP, len(bits))):
             found = np.uint64(0)
@@ -118,6 +118,6 @@ def _mark(nodes, lookahead, end, bits, groups):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _find_rows(bits, before, nodes, rows):  # type: ignore[no-untyped-def]
-    for index in numba.prange(len(nodes)):
+def _find_rows(first, last, bits, before, nodes, rows):  # type: ignore[no-untyped-def]
+    for index in range(first, last):
         rows[index] = coded_row(bits, before, nodes[index])

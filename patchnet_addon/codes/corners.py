@@ -16,7 +16,7 @@ import numpy as np
 
 from ..octree.octree import Octree
 from ..runtime.errors import SettingError
-from ..runtime.kernels import device, serial_kernel
+from ..runtime.kernels import device, kernel
 from .brick import child_at
 from .coded_nodes import CodedNodes, coded_row, is_coded
 from .corner_rows import COLUMNS, write_corner_row
@@ -161,7 +161,7 @@ def _stack(bits, level):  # type: ignore[no-untyped-def]
     return stack, 0 if is_coded(bits, np.int64(0)) else -1
 
 
-@serial_kernel
+@kernel
 def _count(nodes, bits, level, lines, axis, counts):  # type: ignore[no-untyped-def]
     """Add the coded voxels around some lines to `counts`, by y (axis 0) or z (axis 1)."""
     stack, top = _stack(bits, level)
@@ -173,7 +173,7 @@ def _count(nodes, bits, level, lines, axis, counts):  # type: ignore[no-untyped-
             top = _push_children(nodes, bits, level, lines, stack, top)
 
 
-@serial_kernel
+@kernel
 def _find(nodes, coded, level, lines, voxels, first, found):  # type: ignore[no-untyped-def]
     """Find the corners of some lines; `state` gets their number and that of steps which the table cannot hold."""
     places, rows = np.empty((3, voxels), np.int32), np.empty(voxels, np.int64)

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from ..network.compiled_encode import PackedLayers
@@ -24,6 +23,7 @@ from ..network.weights import CHANNELS, CODE_SIZE
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.bits import lowest_one
 from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
 from .brick import covering_node, fill_block
 
 _TILES = 32  # whose steps are kept at a time
@@ -63,26 +63,18 @@ def encode_corners(
     """Codes (C, 10) float32 of corners (C, 3) int32 of a level; `chunk`, how many at a time, changes the time alone."""
     codes = np.empty((len(corners), CODE_SIZE), np.float32)
     cells = Cells(*octree.nodes, octree.luminance, octree.normal)
-    parts = max(min(numba.get_num_threads(), -(-len(corners) // chunk)), 1)
-    _encode(cells, (level, lookahead), corners, layers, chunk, parts, codes)
+    run_parts(_encode, -(-len(corners) // chunk), cells, (level, lookahead), corners, layers, chunk, codes)
     return codes
 
 
 @kernel
-def _encode(cells, levels, corners, layers, size, parts, codes):  # type: ignore[no-untyped-def]
-    """Encode chunk after chunk of `size` corners; part p of the cores takes chunks p, p + parts, ..."""
-    for part in numba.prange(parts):
-        _encode_part(cells, levels, corners, layers, (size, np.int64(part), parts), codes)
-
-
-@device
-def _encode_part(cells, levels, corners, layers, chunks, codes):  # type: ignore[no-untyped-def]
+def _encode(first, last, cells, levels, corners, layers, size, codes):  # type: ignore[no-untyped-def]
+    """Encode chunks of `size` corners."""
     level, lookahead = levels
-    size, part, parts = chunks
     voxels = _make_voxels(size, lookahead)
     hidden = len(layers.first_bias)
     sums, other = np.empty((size + 1, hidden), np.float32), np.empty((size + 1, hidden), np.float32)
-    for start in range(part * size, len(corners), parts * size):
+    for start in range(first * size, min(last * size, len(corners)), size):
         here = corners[start : min(start + size, len(corners))]
         count = _find_voxels(cells, level, here, voxels)
         _fill_blocks(cells, lookahead, count, voxels)

@@ -12,11 +12,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
 from .brick import Brick, check_nodes, fill_brick
 
 VIEWPORT_PX = 64
@@ -59,7 +59,7 @@ def render_patches(
         up=np.ascontiguousarray(rays.up, np.float32),
         ratio=np.ascontiguousarray(rays.ratio, np.float32),
     )
-    _render(octree.nodes, octree.luminance, rays, lookahead, coverage, luminance)
+    run_parts(_render, len(rays.level), octree.nodes, octree.luminance, rays, lookahead, coverage, luminance)
     return coverage, luminance
 
 
@@ -202,8 +202,8 @@ def render_patch(luminance, brick, ray, lookahead, viewport):
 
 
 @kernel
-def _render(nodes, luminance, rays, lookahead, coverage_out, luminance_out):
-    for group in prange(len(rays.level)):
+def _render(first, last, nodes, luminance, rays, lookahead, coverage_out, luminance_out):
+    for group in range(first, last):
         brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
         viewport = Viewport(np.empty((6, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
         fill_brick(nodes, 0, rays.level[group], rays.cell[group], lookahead, brick)

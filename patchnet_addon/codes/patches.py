@@ -18,7 +18,7 @@ from ..cells.morton import morton_decode, morton_encode
 from ..network.weights import CHANNELS
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.kernels import serial_kernel
+from ..runtime.kernels import kernel
 from .brick import check_nodes, covering_node, fill_block
 
 # Offsets (8, 3) of a voxel's corners, x fastest; octant o of a corner is the voxel at corner - 1 + OCTANTS[o].
@@ -107,14 +107,14 @@ def corner_blocks(octree: Octree, level: int, corners: np.ndarray, lookahead: in
     return eight.transpose(0, 1, 4, 2, 5, 3, 6, 7).reshape(-1, *(2 * side,) * 3, CHANNELS)
 
 
-@serial_kernel
+@kernel
 def _find_covering(nodes, level, cells, found):
     for row in range(len(cells)):
         x, y, z = np.int64(cells[row, 0]), np.int64(cells[row, 1]), np.int64(cells[row, 2])
         found[row] = covering_node(nodes, 0, level, x, y, z)
 
 
-@serial_kernel
+@kernel
 def _fill_blocks(nodes, luminance, normal, voxels, lookahead, blocks):
     """Write the blocks of nodes `voxels` (N,) into `blocks` (N, 8^lookahead, 5), all zero."""
     cells = np.empty(blocks.shape[1], np.int32)

@@ -6,7 +6,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-import numba
 import numpy as np
 
 from ..network.compiled_decode import DIRECTION, RATIO, TILE, UP, DecoderLayers, decode_tile, empty_tile
@@ -14,6 +13,7 @@ from ..network.decode import decode
 from ..network.devices import CPU, enough_memory, found_device
 from ..network.weights import CODE_SIZE
 from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
 from .coded_nodes import coded_row
 from .coded_octree import CodedOctree
 from .corner_codes import MEAN_SIZE, CornerCodes, write_mean_code
@@ -21,8 +21,6 @@ from .patches import OCTANTS
 
 if TYPE_CHECKING:
     from ..tracing.render import Hits
-
-_PART = 64 * TILE  # pixels that a core takes at once, at most; its last tile is filled in part
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +64,12 @@ def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
     prediction = Prediction(
         np.ones(pixels, np.float32), np.array(hits.luminance, np.float32), np.zeros(pixels, np.bool_)
     )
-    part = min(_PART, max(-(-pixels // (4 * numba.get_num_threads())), TILE))  # small pictures are for all cores, too
-    _predict(
+    run_parts(
+        _predict,
+        -(-pixels // TILE),
         rays,
         CornerCodes.of(coded),
         DecoderLayers.pack(coded.weights),
-        part,
         prediction.coverage,
         prediction.luminance,
         prediction.look_ahead,
@@ -124,29 +122,23 @@ def interpolate_codes_reference(coded: CodedOctree, rows: np.ndarray, entry_voxe
 
 
 @kernel
-def _predict(rays, corner_codes, layers, part, coverage, luminance, look_ahead):  # type: ignore[no-untyped-def]
-    """Write coverage and luminance of the pixels with look-ahead, and which these are."""
-    pixels = len(coverage)
-    for number in numba.prange((pixels + part - 1) // part):
-        first = np.int64(number) * part
-        last = min(first + part, pixels)
-        _predict_part(rays, corner_codes, layers, (first, last), coverage, luminance, look_ahead)
+def _predict(first, last, rays, corner_codes, layers, coverage, luminance, look_ahead):  # type: ignore[no-untyped-def]
+    """Write coverage and luminance of the pixels with look-ahead in runs of TILE pixels, and which these are.
 
-
-@device
-def _predict_part(rays, corner_codes, layers, part, coverage, luminance, look_ahead):  # type: ignore[no-untyped-def]
-    """Predict for a range of pixels: those with look-ahead are gathered, and decoded when they fill a tile."""
+    They are gathered, and decoded when they fill a tile.
+    """
     tile = empty_tile(), empty_tile()
     pixels, rows = np.empty(TILE, np.int64), np.empty(TILE, np.int64)
     nodes, bits, before = rays.node, corner_codes.bits, corner_codes.before
     count = 0
-    for pixel in range(part[0], part[1]):
+    end = min(last * TILE, len(coverage))
+    for pixel in range(first * TILE, end):
         row = coded_row(bits, before, nodes[pixel])
         if row >= 0:
             look_ahead[pixel] = True
             pixels[count], rows[count] = pixel, row
             count += 1
-        if count == TILE or (pixel == part[1] - 1 and count > 0):
+        if count == TILE or (pixel == end - 1 and count > 0):
             _fill_codes(corner_codes, rows[:count], rays.entry, pixels, tile[0])
             _fill_rays(rays.direction, rays.up, rays.ratio, pixels[:count], tile[0])
             outputs = decode_tile(tile[0], tile[1], layers)

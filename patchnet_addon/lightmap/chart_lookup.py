@@ -6,10 +6,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
 from .charts import Charts
 from .packing import FIRST, SECOND, SINGLE
 
@@ -102,10 +102,10 @@ def _nearest(half, u, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _lookup(triangle, barycentric, pages, rectangles, corners, texels, out):  # type: ignore[no-untyped-def]
+def _lookup(first, last, triangle, barycentric, pages, rectangles, corners, texels, out):  # type: ignore[no-untyped-def]
     channels = texels.shape[1]
     origin, along = corners.origin, corners.along
-    for index in numba.prange(len(triangle)):
+    for index in range(first, last):
         t = triangle[index]
         half = _half(rectangles, t)
         page = pages[t]
@@ -160,14 +160,15 @@ def lookup(charts: Charts, texels: np.ndarray, triangles: np.ndarray, barycentri
     """
     out = np.empty((len(triangles), texels.shape[1]), np.float32)
     corners = _Corners(charts.origin, charts.along)
-    _lookup(triangles, barycentric, charts.page, _Rectangles.of_charts(charts), corners, texels, out)
+    rectangles = _Rectangles.of_charts(charts)
+    run_parts(_lookup, len(triangles), triangles, barycentric, charts.page, rectangles, corners, texels, out)
     return out
 
 
 @kernel
-def _means(triangle, pages, rectangles, texels, out):  # type: ignore[no-untyped-def]
+def _means(first, last, triangle, pages, rectangles, texels, out):  # type: ignore[no-untyped-def]
     channels = texels.shape[1]
-    for index in numba.prange(len(triangle)):
+    for index in range(first, last):
         half = _half(rectangles, triangle[index])
         page = pages[triangle[index]]
         single = half.kind == SINGLE
@@ -198,7 +199,7 @@ def triangle_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, pa
     """
     out = np.empty((len(triangles), texels.shape[1]), np.float64)
     pages = charts.page if page is None else np.zeros_like(charts.page)
-    _means(triangles, pages, _Rectangles.of_charts(charts), texels, out)
+    run_parts(_means, len(triangles), triangles, pages, _Rectangles.of_charts(charts), texels, out)
     return out
 
 
@@ -215,8 +216,8 @@ def group_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, page:
 
 
 @kernel
-def _owners(triangle, rectangles, out):  # type: ignore[no-untyped-def]
-    for index in numba.prange(len(triangle)):
+def _owners(first, last, triangle, rectangles, out):  # type: ignore[no-untyped-def]
+    for index in range(first, last):
         t = triangle[index]
         half = _half(rectangles, t)
         if half.kind == SINGLE:
@@ -234,5 +235,6 @@ def _owners(triangle, rectangles, out):  # type: ignore[no-untyped-def]
 def texel_owners(charts: Charts, page: int) -> np.ndarray:
     """Triangle (side * side,) int32 to which each texel of a page belongs, -1 for none."""
     out = np.full(charts.page_side**2, -1, np.int32)
-    _owners(np.flatnonzero(charts.page == page), _Rectangles.of_charts(charts), out)
+    here = np.flatnonzero(charts.page == page)
+    run_parts(_owners, len(here), here, _Rectangles.of_charts(charts), out)
     return out

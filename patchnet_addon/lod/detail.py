@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from ..cells.contract import MAX_LEVELS, fitting_level, has_lookahead
@@ -13,8 +12,9 @@ from ..cells.morton_kernels import cell_key
 from ..octree.grid import Grid
 from ..octree.nodes import Nodes
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.kernels import device, kernel, lean_device, serial_kernel
+from ..runtime.kernels import kernel, lean_device
 from ..runtime.progress import Progress, Steps
+from ..runtime.threads import run_parts
 from ..runtime.vectors import first_bit
 from ..tracing.camera import Camera, CameraUnit, camera_in_unit_cube
 from ..tracing.tile import (
@@ -105,30 +105,26 @@ def _stops(
         wanted=np.zeros(count, np.uint8),
         ahead=np.zeros(count, np.bool_),
     )
-    _trace(nodes, unit, rows[0], offset, finer, lookahead, stops)
+    bands = -(-(rows[1] - rows[0]) // TILE)
+    run_parts(_trace_bands, bands, nodes, unit, rows[0], offset, (finer, lookahead), stops)
     return stops
 
 
 @kernel
-def _trace(nodes, camera, first_row, offset, finer, lookahead, stops):  # type: ignore[no-untyped-def]
-    rows = len(stops.wanted) // camera.width_px
-    for band in numba.prange((rows + TILE - 1) // TILE):
-        first = np.int64(band) * TILE  # prange's own integers would compile it twice
-        _trace_band(nodes, camera, (first_row, first, rows), offset, finer, lookahead, stops)
-
-
-@device
-def _trace_band(nodes, camera, rows, offset, finer, lookahead, stops):  # type: ignore[no-untyped-def]
-    """Trace a row of tiles; rows: the first of the picture, the band's first after that one, and their number."""
-    _trace_tiles(nodes, camera, rows, offset, (finer, lookahead), (make_tile(), make_levels()), stops)
-
-
-@lean_device
-def _trace_tiles(nodes, camera, rows, offset, levels_down, scratch, stops):  # type: ignore[no-untyped-def]
-    """Trace the tiles of a band into `stops`, which a parallel kernel cannot write.
+def _trace_bands(first, last, nodes, camera, first_row, offset, levels_down, stops):  # type: ignore[no-untyped-def]
+    """Trace rows of tiles below a row of the picture.
 
     offset: from the pixels' centres, in pixels. levels_down: of the rays' footprint, and of the look-ahead.
     """
+    scratch = make_tile(), make_levels()
+    rows = len(stops.wanted) // camera.width_px
+    for band in range(first, last):
+        _trace_band(nodes, camera, (first_row, band * TILE, rows), offset, levels_down, scratch, stops)
+
+
+@lean_device
+def _trace_band(nodes, camera, rows, offset, levels_down, scratch, stops):  # type: ignore[no-untyped-def]
+    """Trace a row of tiles; rows: the first of the picture, the band's first after that one, and their number."""
     first_row, first, count = rows
     finer, lookahead = levels_down
     tile, levels = scratch
@@ -161,7 +157,7 @@ def _trace_tiles(nodes, camera, rows, offset, levels_down, scratch, stops):  # t
                         stops.cell[stop, axis] = tile.numbers[CELL + axis, ray]
 
 
-@serial_kernel
+@kernel
 def _request(stops, margin, block_level, needed):  # type: ignore[no-untyped-def]
     """Raise `needed` in all blocks that a cell meets, or one of those `margin` cells around it."""
     blocks = np.int64(1) << block_level
@@ -187,7 +183,7 @@ def _request(stops, margin, block_level, needed):  # type: ignore[no-untyped-def
                     needed[block] = max(needed[block], stops.wanted[ray])
 
 
-@serial_kernel
+@kernel
 def _count(stops, block_level, pixels):  # type: ignore[no-untyped-def]
     """Add one to the block of each cell; one that is larger than a block counts in its first."""
     for ray in range(len(stops.wanted)):

@@ -20,7 +20,7 @@ from ..octree.nodes import Nodes
 from ..octree.voxelize import voxelize
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ..runtime.errors import GeometryError
-from ..runtime.kernels import serial_kernel
+from ..runtime.kernels import kernel
 from ..runtime.progress import Steps, labelled
 from ..surface.mesh import MeshSource, ShadingFn
 from ..tracing.camera import Camera
@@ -165,7 +165,7 @@ def _leaf_keys(source: MeshSource, grid: Grid, layout: LeafLevels, shade: Shadin
     return {level: np.concatenate([keys[level] for keys in passes if level in keys]) for level in levels}
 
 
-@serial_kernel
+@kernel
 def _add_expected(keys, level, shift, levels, expected):  # type: ignore[no-untyped-def]
     """Add to `expected` (blocks,) what each leaf of `level` becomes on the level that its block is to have."""
     for key in keys:

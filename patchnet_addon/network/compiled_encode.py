@@ -10,11 +10,10 @@ from __future__ import annotations
 from functools import cached_property
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
-from ..runtime.kernels import kernel
-from .encode import Buffers, sum_corner
+from ..runtime.threads import run_parts
+from .encode import Buffers, sum_octants
 from .octants import octant_matrices
 from .product import Panels, multiply
 from .weights import CHANNELS, Weights
@@ -65,7 +64,7 @@ class CompiledEncoder:
         products = self._buffers("products", len(blocks), self._octants.width)  # (U, 8 * 256)
         multiply(blocks, self._octants, products, order=similar_order(blocks))
         values = self._buffers("layer 0", len(rows), len(self._bias))
-        _sum_octants(products, np.asarray(rows, np.int64), self._bias, values)
+        run_parts(sum_octants, len(rows), products, np.asarray(rows, np.int64), self._bias, values)
         for index, layer in enumerate(self._layers, 1):
             result = self._buffers(f"layer {index}", len(rows), layer.width)
             multiply(values, layer, result, relu=index < len(self._layers))
@@ -80,10 +79,3 @@ def similar_order(blocks: np.ndarray) -> np.ndarray:
     if words.shape[1] == 1:
         return np.argsort(words[:, 0], kind="stable")
     return np.lexsort(words.T[::-1])
-
-
-@kernel
-def _sum_octants(products, rows, bias, values):
-    """First layer with ReLU, see `sum_corner`."""
-    for corner in numba.prange(len(rows)):
-        sum_corner(products, rows[corner], bias, values, np.int64(corner))

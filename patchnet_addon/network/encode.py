@@ -12,7 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ..runtime.kernels import device, serial_kernel
+from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
 from .lanes import LANES, add, at_least, load, store, zeros
 from .octants import octant_matrices
 from .weights import Weights
@@ -60,7 +61,7 @@ class NumpyEncoder:
         products = self._buffers("products", len(blocks), self._octants.shape[1])  # (U, 8 * 256)
         np.matmul(blocks, self._octants, out=products)
         values = self._buffers("layer 0", len(rows), len(self._bias))
-        _sum_octants(products, np.asarray(rows, np.int64), self._bias, values)
+        run_parts(sum_octants, len(rows), products, np.asarray(rows, np.int64), self._bias, values)
         for index, (matrix, bias) in enumerate(self._layers, 1):
             result = self._buffers(f"layer {index}", len(rows), len(bias))
             np.matmul(values, matrix, out=result)
@@ -71,10 +72,10 @@ class NumpyEncoder:
         return values.copy()
 
 
-@serial_kernel
-def _sum_octants(products, rows, bias, values):
-    """First layer with ReLU, on one core, as `codes/patches.py` explains."""
-    for corner in range(len(rows)):
+@kernel
+def sum_octants(first, last, products, rows, bias, values):
+    """First layer of corners with ReLU, as `codes/patches.py` explains."""
+    for corner in range(first, last):
         sum_corner(products, rows[corner], bias, values, corner)
 
 

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
 from .lanes import LANES, add_product, at_least, load, spread, store
 
 WIDTH = 2 * LANES  # columns of a panel
@@ -68,8 +68,8 @@ def multiply(
         order = np.arange(len(values))
     tiles = np.append(order, np.repeat(order[-1:], -len(order) % ROWS)).reshape(-1, ROWS)  # the last row fills the last
     least = np.array([0 if relu else -np.inf], np.float32)  # in memory, from where it is spread over a vector
-    parts = numba.get_num_threads()
-    _multiply(values, values.view(np.int32), tiles, panels.matrix, panels.bias, least, result, parts)
+    blocks = -(-len(tiles) // _TILES)
+    run_parts(_multiply, blocks, values, values.view(np.int32), tiles, panels.matrix, panels.bias, least, result)
 
 
 def multiply_reference(
@@ -91,12 +91,11 @@ def _check(array: np.ndarray, shape: tuple[int, int]) -> None:
 
 
 @kernel
-def _multiply(values, bits, tiles, panels, bias, least, result, parts):
-    """Block after block; part p of the cores takes blocks p, p + parts, ..., as later ones may have more to do."""
-    for part in numba.prange(parts):
-        for first in range(part * _TILES, len(tiles), parts * _TILES):
-            last = min(first + _TILES, len(tiles))
-            _multiply_block(values, bits, tiles[first:last], panels, bias, least, result)
+def _multiply(first, last, values, bits, tiles, panels, bias, least, result):
+    """Multiply blocks of rows."""
+    for block in range(first, last):
+        here = tiles[block * _TILES : (block + 1) * _TILES]
+        _multiply_block(values, bits, here, panels, bias, least, result)
 
 
 @device

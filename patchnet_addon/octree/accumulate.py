@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..runtime.kernels import device, serial_kernel
+from ..runtime.kernels import device, kernel
 from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments
@@ -136,7 +136,7 @@ def _slot(table, key):  # type: ignore[no-untyped-def]
     return np.int64((mixed >> np.uint64(32)) & np.uint64(len(table) - 1))
 
 
-@serial_kernel
+@kernel
 def _insert_all(table, brick_key, bricks):  # type: ignore[no-untyped-def]
     for brick in range(bricks):
         slot = _slot(table, brick_key[brick])
@@ -183,7 +183,7 @@ def _red_and_blue(color, luminance):  # type: ignore[no-untyped-def]
     return min(red * scale, _MAX_LUMINANCE), min(blue * scale, _MAX_LUMINANCE)
 
 
-@serial_kernel
+@kernel
 def _add(first, fragments, shading, normals, units, bricks):  # type: ignore[no-untyped-def]
     """Add fragments from `first` on; returns the first that found no room, or their number."""
     keys, triangle, area = fragments.keys, fragments.triangle, fragments.area_world
@@ -220,7 +220,7 @@ def _add(first, fragments, shading, normals, units, bricks):  # type: ignore[no-
     return len(keys)
 
 
-@serial_kernel
+@kernel
 def _emit(order, bricks, area_unit, keys, sums):  # type: ignore[no-untyped-def]
     """Leaves of the bricks in `order`, in Morton order, from fixed point to world units."""
     _, brick_key, brick_rows, rows, _ = bricks

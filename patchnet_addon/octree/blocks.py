@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..cells.morton_kernels import cell_key
-from ..runtime.kernels import device, serial_kernel
+from ..runtime.kernels import device, kernel
 from ..surface.mesh import MeshSource
 from .clip import BRICK_LEVELS
 from .grid import Grid
@@ -142,7 +142,7 @@ def _extents(corners):  # type: ignore[no-untyped-def]
     return widths, shadows, widest
 
 
-@serial_kernel
+@kernel
 def _expected_work(corners_voxel, resolution, wanted, shift, work):  # type: ignore[no-untyped-def]
     """Add the expected fragments of each triangle in wanted blocks, by points spread over it."""
     side = 2.0 ** (np.int64(shift) // 3)
@@ -158,7 +158,7 @@ def _expected_work(corners_voxel, resolution, wanted, shift, work):  # type: ign
                     work[triangle] += (widths + shadows) / points
 
 
-@serial_kernel
+@kernel
 def _add_load(corners_voxel, depth, shift, levels, load):  # type: ignore[no-untyped-def]
     """Add each triangle's expected fragments to the blocks it lies in, by points spread over it.
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells.morton_kernels import cell_key
-from ..runtime.kernels import device, serial_kernel
+from ..runtime.kernels import device, kernel
 from ..surface.polygon import POLYGON_ROWS, cell_range, load_triangle, moments, split_x, split_y, split_z, splitter
 
 BRICK_LEVELS = 5  # a brick has 32 cells along each axis
@@ -213,7 +213,7 @@ def _clip_triangle(rows, wanted, sink, count):  # type: ignore[no-untyped-def]
     return _clip_piece(rows, _TRIANGLE, 3, brick, wanted, sink, count)
 
 
-@serial_kernel
+@kernel
 def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, near, block):  # type: ignore[no-untyped-def]
     """Fragments of triangles first..last-1 in the slabs slabs[0]..slabs[1]-1 of cells along x.
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..runtime.kernels import serial_kernel
+from ..runtime.kernels import kernel
 from ..runtime.widths import NODE_ADVICE, UINT32_COUNT, check_count
 from ..surface.chroma_kernels import decode_color, encode_shares
 from .octree import LUMINANCE_SCALE, NORMAL_SCALE
@@ -118,7 +118,7 @@ def stored_luminance(luminance: np.ndarray) -> np.ndarray:
     return stored
 
 
-@serial_kernel
+@kernel
 def _parents(keys, parents, mask):  # type: ignore[no-untyped-def]
     """Fill `parents` and `mask`; returns how many parents there are."""
     parent = -1
@@ -132,7 +132,7 @@ def _parents(keys, parents, mask):  # type: ignore[no-untyped-def]
     return parent + 1
 
 
-@serial_kernel
+@kernel
 def _merge(leaves, inner, inner_mask, keys, mask):  # type: ignore[no-untyped-def]
     i = 0
     j = 0
@@ -147,7 +147,7 @@ def _merge(leaves, inner, inner_mask, keys, mask):  # type: ignore[no-untyped-de
             j += 1
 
 
-@serial_kernel
+@kernel
 def _number_children(child_mask, first_child):  # type: ignore[no-untyped-def]
     child = 1
     for node in range(len(child_mask)):
@@ -158,7 +158,7 @@ def _number_children(child_mask, first_child):  # type: ignore[no-untyped-def]
             mask &= mask - np.uint8(1)
 
 
-@serial_kernel
+@kernel
 def _sums(child_mask, child_sums, leaf_sums, sums):  # type: ignore[no-untyped-def]
     leaf = 0
     child = 0
@@ -176,7 +176,7 @@ def _sums(child_mask, child_sums, leaf_sums, sums):  # type: ignore[no-untyped-d
             mask &= mask - np.uint8(1)
 
 
-@serial_kernel
+@kernel
 def _round_normals(sums, normal):  # type: ignore[no-untyped-def]
     for i in range(len(sums)):
         for axis in range(3):
@@ -184,7 +184,7 @@ def _round_normals(sums, normal):  # type: ignore[no-untyped-def]
             normal[i, axis] = np.rint(min(max(mean, -1.0), 1.0) * NORMAL_SCALE)
 
 
-@serial_kernel
+@kernel
 def _mean_luminance(child_mask, child_area, child_luminance, leaf_luminance, luminance):  # type: ignore[no-untyped-def]
     leaf = 0
     child = 0
@@ -204,13 +204,13 @@ def _mean_luminance(child_mask, child_area, child_luminance, leaf_luminance, lum
         luminance[node] = total / area
 
 
-@serial_kernel
+@kernel
 def _store_luminance(luminance, stored):  # type: ignore[no-untyped-def]
     for i in range(len(luminance)):
         stored[i] = np.rint(float(luminance[i]) * LUMINANCE_SCALE)
 
 
-@serial_kernel
+@kernel
 def _mean_red_blue(child_mask, child_area, child_red_blue, leaf_luminance, leaf_chroma, red_blue):  # type: ignore[no-untyped-def]
     leaf = 0
     child = 0
@@ -236,7 +236,7 @@ def _mean_red_blue(child_mask, child_area, child_red_blue, leaf_luminance, leaf_
         red_blue[node, 1] = blue / area
 
 
-@serial_kernel
+@kernel
 def _store_chroma(luminance, red_blue, stored):  # type: ignore[no-untyped-def]
     for i in range(len(luminance)):
         stored[i, 0], stored[i, 1] = encode_shares(float(luminance[i]), red_blue[i, 0], red_blue[i, 1])

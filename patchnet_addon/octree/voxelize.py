@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -13,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..runtime.progress import Progress, Steps
+from ..runtime.threads import usable_cores
 from ..runtime.widths import INT32_COUNT, check_count
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from .accumulate import LeafAccumulator
@@ -142,11 +142,6 @@ def _kept(shares: list[_Share], keep: Callable[[list[LeafSums], int], Kept]) -> 
     """Take what is kept of each share, in order, made on all cores; the shares are let go."""
     with ThreadPoolExecutor(len(shares)) as pool:
         return list(pool.map(lambda share: keep(share.take(), share.block_level), shares))
-
-
-def usable_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def clip_batch(

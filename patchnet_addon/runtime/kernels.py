@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compilation of numba kernels: one cache folder, one launch at a time.
+"""Compilation of numba kernels, and the one folder in which they are kept.
 
-Two facts shape this file. Parallel kernels launched from two threads at once abort the process under numba's
-`workqueue` layer, so every parallel launch takes one lock. And numba's cache does not notice an edited callee in
-another file, so the cache folder's name holds a hash of all sources of kernels and of what they import.
+numba's cache does not notice an edited callee in another file, so the folder's name holds a hash of all sources of
+kernels and of what they import.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ import functools
 import hashlib
 import logging
 import pickle
-import threading
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -28,8 +26,6 @@ from .compiling import compilation_begins, compilation_ends
 from .source_hash import ROOT, source_hash
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-_LAUNCH_LOCK = threading.RLock()
 
 
 def _with_kernels() -> list[str]:
@@ -85,27 +81,15 @@ def _say_uncached(cause: Exception) -> None:
 
 
 class _Compilations(event.Listener):  # type: ignore[misc]
-    """Listener to each function that is compiled because the cache does not have it.
+    """Listener to each function that is compiled because the cache does not have it."""
 
-    What kernels call is optimised a little: the code that counts is optimised again, in full, with the kernel that it
-    is linked into. Functions that are not ours, of numba or of another extension, are left as they are.
-    """
-
-    def __init__(self) -> None:
-        self._before: list[tuple[int, int]] = []
-
-    def on_start(self, compilation: event.Event) -> None:
+    def on_start(self, _event: event.Event) -> None:
         compilation_begins()
-        self._before.append((numba.config.OPT, numba.config.LOOP_VECTORIZE))
-        if isinstance(compilation.data["dispatcher"], _DeviceFunction):
-            numba.config.OPT, numba.config.LOOP_VECTORIZE = _LITTLE
 
     def on_end(self, _event: event.Event) -> None:
-        numba.config.OPT, numba.config.LOOP_VECTORIZE = self._before.pop()
         compilation_ends()
 
 
-_LITTLE = 1, 0  # of LLVM's levels, and no vectors made of loops
 event.register("numba:compile", _Compilations())
 
 
@@ -126,13 +110,11 @@ def lean_device(function: Function) -> Function:
 
 
 def kernel(function: Function) -> Function:
-    """Compile a function over arrays for all cores at its first call; launches are serialised."""
-    return _serialised(function, _compiled(function, parallel=True))
+    """Compile a function over arrays at its first call; it runs without the interpreter's lock, in any thread.
 
-
-def serial_kernel(function: Function) -> Function:
-    """Compile like `kernel`, for work that one core does in order; may be launched from several threads at once."""
-    return _compiled(function)
+    For all cores, see `run_parts` of threads.py.
+    """
+    return _compiled(function)  # type: ignore[no-any-return]
 
 
 def _compiled(function: Function, **options: bool) -> Any:
@@ -165,12 +147,3 @@ def _plain_call(compiled: Any, arguments: Any, keywords: Any) -> Any:
     """
     plain = {name: unliteral(kind) for name, kind in dict(keywords).items()}
     return type(compiled).get_call_template(compiled, tuple(unliteral(kind) for kind in arguments), plain)
-
-
-def _serialised(function: Function, compiled: Any) -> Function:
-    @functools.wraps(function)
-    def launch(*arguments: Any) -> Any:
-        with _LAUNCH_LOCK:
-            return compiled(*arguments)
-
-    return launch  # type: ignore[return-value]

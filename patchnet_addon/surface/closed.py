@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.kernels import serial_kernel
+from ..runtime.kernels import kernel
 
 
 def closed_pieces(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -34,7 +34,7 @@ def closed_pieces(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return result
 
 
-@serial_kernel
+@kernel
 def _pieces(triangles, count):  # type: ignore[no-untyped-def]
     """Smallest vertex of the connected piece of each vertex (union by index, paths halved)."""
     parent = np.arange(count)

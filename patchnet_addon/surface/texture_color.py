@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
 from .chroma import BLUE, GREEN, RED
 from .mesh import Fragments, TriangleBatch
 from .texels import MipChain, mip_level, wrapped
@@ -29,7 +29,7 @@ def color_of_fragments(
     """
     out = np.empty((len(fragments), 3), np.float32)
     given = np.asarray(luminance, np.float32)
-    _colors(batch.arrays, fragments.arrays, table.chains, table.materials, given, out)
+    run_parts(_colors, len(fragments), batch.arrays, fragments.arrays, table.chains, table.materials, given, out)
     return out
 
 
@@ -73,13 +73,13 @@ def _trilinear(colors, levels, chain, level, u, v):  # type: ignore[no-untyped-d
 
 
 @kernel
-def _colors(triangles, fragments, chains, materials, luminance, out):  # type: ignore[no-untyped-def]
+def _colors(begin, end, triangles, fragments, chains, materials, luminance, out):  # type: ignore[no-untyped-def]
     corners, uvs, material_of = triangles.corners_world, triangles.uvs, triangles.materials
     triangle, barycentric, area = fragments.triangle, fragments.barycentric, fragments.area_world
     colors, levels, transform = chains.colors, chains.levels, chains.transform
     first, level_count, wrap = chains.first, chains.level_count, chains.wrap
     chain_of, color_chain_of, base_color = materials.chain, materials.color_chain, materials.base_color
-    for index in numba.prange(len(triangle)):
+    for index in range(begin, end):
         t = triangle[index]
         material = material_of[t]
         k = color_chain_of[material] if color_chain_of[material] >= 0 else chain_of[material]

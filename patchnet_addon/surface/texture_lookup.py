@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
 from .footprint import ROWS, footprint_means, piece_on_texture
 from .mesh import Fragments, TriangleBatch
 from .texels import MipChain, bilinear, cut, mip_level
@@ -16,7 +16,6 @@ from .textures import TextureTable
 
 # A bilinear lookup in a box-filtered level has the variance of a box sqrt(3) times as wide as its texels.
 _LEVEL_BIAS = 0.5 * math.log2(3.0)
-_CHUNK = 1024  # fragments that share the room for their outlines
 
 
 def surface_of_fragments(
@@ -28,7 +27,9 @@ def surface_of_fragments(
     """
     luminance = np.empty(len(fragments), np.float32)
     opacity = np.empty(len(fragments), np.float32)
-    _surface(batch.arrays, fragments.arrays, table.chains, table.materials, luminance, opacity)
+    run_parts(
+        _surface, len(fragments), batch.arrays, fragments.arrays, table.chains, table.materials, luminance, opacity
+    )
     return luminance, opacity
 
 
@@ -100,7 +101,7 @@ def on_texture(m, s, r):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _surface(triangles, fragments, chains, materials, luminance_out, opacity_out):  # type: ignore[no-untyped-def]
+def _surface(begin, end, triangles, fragments, chains, materials, luminance_out, opacity_out):  # type: ignore[no-untyped-def]
     corners, uvs, material_of = triangles.corners_world, triangles.uvs, triangles.materials
     triangle, barycentric, area = fragments.triangle, fragments.barycentric, fragments.area_world
     cut_keys, corners_voxel = fragments.cut_keys, fragments.corners_voxel
@@ -108,43 +109,42 @@ def _surface(triangles, fragments, chains, materials, luminance_out, opacity_out
     first, level_count, wrap = chains.first, chains.level_count, chains.wrap
     chain_of, color_chain_of = materials.chain, materials.color_chain
     plain_luminance, plain_opacity, thresholds = materials.luminance, materials.opacity, materials.threshold
-    for chunk in numba.prange((len(triangle) + _CHUNK - 1) // _CHUNK):
-        rows = np.empty((ROWS, 5), np.float64)
-        for index in range(chunk * _CHUNK, min((chunk + 1) * _CHUNK, len(triangle))):
-            t = triangle[index]
-            material = material_of[t]
-            k = chain_of[material]
-            if k < 0:
-                luminance_out[index] = plain_luminance[material]
-                opacity_out[index] = plain_opacity[material]
-                continue
-            s, r = uv_at(uvs[t], barycentric[index])
+    rows = np.empty((ROWS, 5), np.float64)
+    for index in range(begin, end):
+        t = triangle[index]
+        material = material_of[t]
+        k = chain_of[material]
+        if k < 0:
+            luminance_out[index] = plain_luminance[material]
+            opacity_out[index] = plain_opacity[material]
+            continue
+        s, r = uv_at(uvs[t], barycentric[index])
+        m = transform[k]
+        u, v = on_texture(m, s, r)
+        chain = MipChain(first[k], level_count[k], wrap[k])
+        threshold = thresholds[material] / plain_opacity[material]
+        premultiplied = -1.0
+        opacity = -1.0
+        if len(cut_keys) and not solid[k]:
+            count = piece_on_texture(rows, corners_voxel, cut_keys[index], t, uvs[t], m)
+            if count >= 3:
+                premultiplied, opacity = footprint_means(rows, count, u, v, texels, levels, chain, threshold)
+        if premultiplied < 0.0 and opacity != 0.0:
+            level = level_of_size(levels, chain, m, corners[t], uvs[t], area[index])
+            premultiplied, around = _trilinear(texels, levels, chain, level, threshold, u, v)
+            luminance = premultiplied / around if around > 1e-6 else 0.0
+            opacity = around if opacity < 0.0 else opacity
+        else:
+            luminance = premultiplied / opacity if opacity > 1e-6 else 0.0
+        k = color_chain_of[material]
+        if k >= 0:  # the colour is laid out in its own way
             m = transform[k]
             u, v = on_texture(m, s, r)
             chain = MipChain(first[k], level_count[k], wrap[k])
-            threshold = thresholds[material] / plain_opacity[material]
-            premultiplied = -1.0
-            opacity = -1.0
-            if len(cut_keys) and not solid[k]:
-                count = piece_on_texture(rows, corners_voxel, cut_keys[index], t, uvs[t], m)
-                if count >= 3:
-                    premultiplied, opacity = footprint_means(rows, count, u, v, texels, levels, chain, threshold)
-            if premultiplied < 0.0 and opacity != 0.0:
-                level = level_of_size(levels, chain, m, corners[t], uvs[t], area[index])
-                premultiplied, around = _trilinear(texels, levels, chain, level, threshold, u, v)
-                luminance = premultiplied / around if around > 1e-6 else 0.0
-                opacity = around if opacity < 0.0 else opacity
-            else:
-                luminance = premultiplied / opacity if opacity > 1e-6 else 0.0
-            k = color_chain_of[material]
-            if k >= 0:  # the colour is laid out in its own way
-                m = transform[k]
-                u, v = on_texture(m, s, r)
-                chain = MipChain(first[k], level_count[k], wrap[k])
-                level = level_of_size(levels, chain, m, corners[t], uvs[t], area[index])
-                premultiplied, around = _trilinear(texels, levels, chain, level, math.nan, u, v)
-                luminance = premultiplied / around if around > 1e-6 else 0.0
-            luminance_out[index] = luminance
-            if math.isnan(threshold):
-                opacity *= plain_opacity[material]
-            opacity_out[index] = min(opacity, 1.0)
+            level = level_of_size(levels, chain, m, corners[t], uvs[t], area[index])
+            premultiplied, around = _trilinear(texels, levels, chain, level, math.nan, u, v)
+            luminance = premultiplied / around if around > 1e-6 else 0.0
+        luminance_out[index] = luminance
+        if math.isnan(threshold):
+            opacity *= plain_opacity[material]
+        opacity_out[index] = min(opacity, 1.0)

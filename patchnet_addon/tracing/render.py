@@ -9,13 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from ..cells.contract import pixel_voxel_ratio
 from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.kernels import device, kernel, lean_device
+from ..runtime.kernels import kernel, lean_device
+from ..runtime.threads import run_parts
 from ..runtime.vectors import first_bit
 from .camera import Camera, camera_in_unit_cube
 from .tile import (
@@ -158,7 +158,7 @@ def trace_pixels(octree: Octree, camera: Camera, search: Search | None = None) -
         behind=np.empty(pixels if search.last >= BEHIND else 0, np.int64),
     )
     visits = np.zeros(-(-camera.height_px // TILE), np.int64)
-    _trace_rows(octree.nodes, unit, search, traced, visits)
+    run_parts(_trace_rows, len(visits), octree.nodes, unit, search, traced, visits)
     return traced, visits
 
 
@@ -200,21 +200,16 @@ def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _trace_rows(nodes, camera, search, traced, visits):  # type: ignore[no-untyped-def]
-    for row in numba.prange(len(visits)):
-        # prange's own integers would compile it twice
-        visits[row] = _trace_row(nodes, camera, search, np.int64(row) * TILE, traced)
-
-
-@device
-def _trace_row(nodes, camera, search, first_row, traced):  # type: ignore[no-untyped-def]
-    """Trace a row of tiles; returns the number of visits."""
-    return _trace_tiles(nodes, camera, search, first_row, (make_tile(), make_levels()), traced)
+def _trace_rows(first, last, nodes, camera, search, traced, visits):  # type: ignore[no-untyped-def]
+    """Trace rows of tiles; writes the number of visits of each."""
+    scratch = make_tile(), make_levels()
+    for row in range(first, last):
+        visits[row] = _trace_row(nodes, camera, search, row * TILE, scratch, traced)
 
 
 @lean_device
-def _trace_tiles(nodes, camera, search, first_row, scratch, traced):  # type: ignore[no-untyped-def]
-    """Trace the tiles whose first row of pixels is `first_row` into `traced`, which a parallel kernel cannot write."""
+def _trace_row(nodes, camera, search, first_row, scratch, traced):  # type: ignore[no-untyped-def]
+    """Trace the tiles whose first row of pixels is `first_row` into `traced`; returns the number of visits."""
     tile, levels = scratch
     for row in range(TILE):
         tile.numbers[YS, row] = (2.0 * (first_row + row) + 1.0) / camera.height_px - 1.0

@@ -3,16 +3,17 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from ..octree.nodes import Nodes
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bounds import RAYS
-from ..runtime.kernels import device, kernel, lean_device
+from ..runtime.kernels import kernel, lean_device
 from ..runtime.progress import Progress, Steps
+from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES, first_bit
 from ..surface.chroma_kernels import decode_color
-from .camera import Camera, camera_in_unit_cube
+from .camera import Camera, CameraUnit, camera_in_unit_cube
 from .tile import (
     COARSE,
     PACKETS,
@@ -92,25 +93,30 @@ def block_order(pixels: np.ndarray, width_px: int, side: int) -> np.ndarray:
     return np.argsort((block * across + row % across) * across + column % across)
 
 
-@kernel
-def mean_of_rays(nodes, light, camera, pixels, sampling, means):  # type: ignore[no-untyped-def]
+def mean_of_rays(
+    nodes: Nodes,
+    light: tuple[np.ndarray, np.ndarray],
+    camera: CameraUnit,
+    pixels: np.ndarray,
+    sampling: tuple[int, float, int],
+    means: np.ndarray,
+) -> None:
     """Write what side x side rays of each pixel (N,) see into `means` (N, MEANS) float32.
 
-    light: luminance and chroma of the nodes. sampling: side, background (float), depth of the octree.
+    light: luminance and chroma of the nodes. sampling: side, background, depth of the octree.
 
     Means are those of luminance, red, green, blue, and the share of the rays that met something. Without chroma (0, 2),
     red, green and blue are the luminance.
     """
-    for run in numba.prange((len(pixels) + _RUN - 1) // _RUN):
-        first = np.int64(run) * _RUN
-        _mean_of_run(nodes, light, camera, pixels[first : first + _RUN], sampling, means[first : first + _RUN])
+    run_parts(_means_of_runs, -(-len(pixels) // _RUN), nodes, light, camera, pixels, sampling, means)
 
 
-@device
-def _mean_of_run(nodes, light, camera, pixels, sampling, means):  # type: ignore[no-untyped-def]
-    """Write the means of some pixels; light: luminance and chroma."""
+@kernel
+def _means_of_runs(first, last, nodes, light, camera, pixels, sampling, means):  # type: ignore[no-untyped-def]
+    """Write the means of runs of pixels."""
     scratch = make_tile(), make_levels(), np.empty((TILE * TILE, MEANS))
-    _means_of_pixels(nodes, light, camera, pixels, sampling, scratch, means)
+    begin, end = first * _RUN, last * _RUN
+    _means_of_pixels(nodes, light, camera, pixels[begin:end], sampling, scratch, means[begin:end])
 
 
 @lean_device

@@ -17,9 +17,9 @@ from patchnet.patchnet_addon.runtime.cache_folder import kernel_folder, user_cac
 KERNEL = """
 import logging, sys
 import numba, numpy as np
-from patchnet.patchnet_addon.runtime.kernels import serial_kernel
+from patchnet.patchnet_addon.runtime.kernels import kernel
 
-@serial_kernel
+@kernel
 def total(values):
     result = 0.0
     for value in values:
@@ -31,7 +31,7 @@ if len(sys.argv) > 1:
     def full(self, key, data):
         raise OSError(28, "No space left on device")
     IndexDataCacheFile.save = full
-    serial_kernel(lambda value: value + 1.0)(1.0)
+    kernel(lambda value: value + 1.0)(1.0)
 print(total(np.ones(3)), sum(total.stats.cache_hits.values()), numba.config.CACHE_DIR)
 """
 

@@ -14,24 +14,24 @@ from patchnet.patchnet_addon.cells.contract import (
     pixel_voxel_ratio,
     pixel_voxel_ratio_of,
 )
-from patchnet.patchnet_addon.runtime.kernels import serial_kernel
+from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.tests.engine.octree_samples import random_octree
 
 
-@serial_kernel
+@kernel
 def levels_of(sides, levels):
     for row in range(len(sides)):
         levels[row] = fitting_level(sides[row])
 
 
-@serial_kernel
+@kernel
 def fits_and_ratios(sides, level, fits, ratios):
     for row in range(len(sides)):
         fits[row] = fits_pixel(0.5**level, sides[row])
         ratios[row] = pixel_voxel_ratio(sides[row], 2.0**level)
 
 
-@serial_kernel
+@kernel
 def lookaheads(child_mask, first_child, lookahead, found):
     for node in range(len(found)):
         found[node] = has_lookahead(child_mask, first_child, node, lookahead)

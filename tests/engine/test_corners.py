@@ -23,6 +23,7 @@ from patchnet.patchnet_addon.octree.levels import hierarchy
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.runtime.threads import thread_count
 from patchnet.tests.engine.octree_samples import random_octree
 
 
@@ -163,4 +164,4 @@ def test_memory_does_not_grow_with_the_octree(monkeypatch):
         scratch.append(tracemalloc.get_traced_memory()[1] - coded.nbytes)
         tracemalloc.stop()
         assert all(where.voxels <= 2048 for where in corner_ranges(octree, coded.nodes, depth - 2, 2048))
-    assert scratch[1] - scratch[0] < 200_000 and scratch[1] < 4e6 + 7e6 * numba.get_num_threads()
+    assert scratch[1] - scratch[0] < 200_000 and scratch[1] < 4e6 + 7e6 * thread_count()

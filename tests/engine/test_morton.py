@@ -9,12 +9,12 @@ import pytest
 
 from patchnet.patchnet_addon.cells.morton import morton_decode, morton_decode_square, morton_encode
 from patchnet.patchnet_addon.cells.morton_kernels import cell_coordinate, cell_key
-from patchnet.patchnet_addon.runtime.kernels import serial_kernel
+from patchnet.patchnet_addon.runtime.kernels import kernel
 
 ENGINE = Path(__file__).resolve().parents[2] / "patchnet_addon"
 
 
-@serial_kernel
+@kernel
 def _there_and_back(cells, keys, back):
     for row in range(len(cells)):
         keys[row] = cell_key(cells[row, 0], cells[row, 1], cells[row, 2])

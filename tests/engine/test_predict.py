@@ -3,18 +3,17 @@
 
 from types import SimpleNamespace
 
-import numba
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes import predict as module
 from patchnet.patchnet_addon.codes.corner_codes import MEAN_SIZE, CornerCodes, write_mean_code
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.predict import interpolate_codes_reference, predict, predict_reference
 from patchnet.patchnet_addon.network.compiled_decode import TILE
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
-from patchnet.patchnet_addon.runtime.kernels import serial_kernel
+from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.runtime.threads import limit_threads
 from patchnet.tests.engine.octree_samples import random_octree
 
 TOLERANCE = 1e-5  # the order of additions differs, and the reference interpolates in float64
@@ -75,19 +74,14 @@ def test_octree_without_codes():
     assert not check(shallow, sample_hits(shallow, 100)).look_ahead.any()
 
 
-def test_a_pixel_has_the_same_bits_in_any_company_and_number_of_threads(coded, monkeypatch):
+def test_a_pixel_has_the_same_bits_in_any_company_and_number_of_threads(coded):
     hits = sample_hits(coded, 1000, seeing=True)
     whole = predict(coded, hits)
     part = SimpleNamespace(**{name: array[337:338] for name, array in vars(hits).items()})
     assert predict(coded, part).coverage[0] == whole.coverage[337]
     assert predict(coded, part).luminance[0] == whole.luminance[337]
-    monkeypatch.setattr(module, "_PART", TILE + 5)
-    threads = numba.get_num_threads()
-    try:
-        numba.set_num_threads(1)
+    with limit_threads(1):
         other = predict(coded, hits)
-    finally:
-        numba.set_num_threads(threads)
     np.testing.assert_array_equal(other.coverage, whole.coverage)
     np.testing.assert_array_equal(other.luminance, whole.luminance)
 
@@ -119,7 +113,7 @@ def test_mean_of_codes(coded):
     np.testing.assert_array_equal(means[:4], wanted.astype(np.float32))
 
 
-@serial_kernel
+@kernel
 def write_means(halves, table, rows, points, means):
     for index in range(len(rows)):
         point = points[index, 0], points[index, 1], points[index, 2]

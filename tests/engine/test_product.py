@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Our matrix product against NumPy's, and that a row's bits depend on nothing but the row and the matrix."""
 
-import numba
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.network.compiled_encode import _sum_octants, similar_order
-from patchnet.patchnet_addon.network.encode import sum_octants_reference
+from patchnet.patchnet_addon.network.compiled_encode import similar_order
+from patchnet.patchnet_addon.network.encode import sum_octants, sum_octants_reference
 from patchnet.patchnet_addon.network.product import ROWS, WIDTH, Panels, multiply, multiply_reference
+from patchnet.patchnet_addon.runtime.threads import limit_threads
 
 ROUNDING = 2.0**-24  # of float32, relative
 
@@ -51,12 +51,8 @@ def test_a_row_has_the_same_bits_in_any_company_order_and_number_of_threads():
         np.testing.assert_array_equal(product(values[row : row + 1], matrix, bias)[0], whole[row])
     order = np.random.default_rng(1).permutation(len(values))
     np.testing.assert_array_equal(product(values, matrix, bias, order=order), whole)
-    threads = numba.get_num_threads()
-    try:
-        numba.set_num_threads(1)
+    with limit_threads(1):
         np.testing.assert_array_equal(product(values, matrix, bias), whole)
-    finally:
-        numba.set_num_threads(threads)
 
 
 def test_zeros_of_either_sign_and_empty_rows():
@@ -101,7 +97,7 @@ def test_sum_of_octants(corners):
     rows = np.where(random.random((corners, 8)) < 0.5, random.integers(1, 50, (corners, 8)), 0)
     bias = random.standard_normal(256, dtype=np.float32)
     values = np.empty((corners, 256), np.float32)
-    _sum_octants(products, rows, bias, values)
+    sum_octants(0, len(rows), products, rows, bias, values)
     np.testing.assert_allclose(values, sum_octants_reference(products, rows, bias), atol=1e-5)
 
 

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.runtime.kernels import serial_kernel
+from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.vectors import (
     LANES,
     bit_count,
@@ -24,7 +24,7 @@ from patchnet.patchnet_addon.runtime.vectors import (
 NAMES = ("sum", "difference", "product", "quotient", "smaller", "larger", "root", "chosen", "shifted", "folded")
 
 
-@serial_kernel
+@kernel
 def everything(left, right, mask, out):
     a, b = load(left, 0), load(right, 0)
     results = (
@@ -36,7 +36,7 @@ def everything(left, right, mask, out):
     return less(a, b)
 
 
-@serial_kernel
+@kernel
 def bits(values, out):
     for row in range(len(values)):
         out[row, 0] = first_bit(values[row])

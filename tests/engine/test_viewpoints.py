@@ -3,7 +3,6 @@
 
 from collections.abc import Iterator
 
-import numba
 import numpy as np
 import pytest
 
@@ -12,6 +11,7 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.runtime.threads import limit_threads
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.viewpoints import free_positions, viewpoints
@@ -41,10 +41,8 @@ def octree_of(triangles: np.ndarray, depth: int = 7, luminance: float = 0.5) -> 
 @pytest.fixture(autouse=True)
 def one_thread() -> Iterator[None]:
     """Thousands of pictures of 32 x 24: threads for each cost more than they save, beside other work 20 times so."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)
+    with limit_threads(1):
+        yield
 
 
 @pytest.fixture(scope="module")

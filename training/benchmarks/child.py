@@ -15,10 +15,11 @@ from ...patchnet_addon.runtime.errors import PatchNetError
 
 @dataclass(frozen=True)
 class Finished:
-    """Exit code, wall seconds, most resident memory by wait4(2), and stdout of a command that has ended."""
+    """Exit code, wall and processor seconds, most resident memory by wait4(2), and stdout of an ended command."""
 
     code: int
     seconds: float
+    processor_seconds: float
     peak_bytes: int
     stdout: str
 
@@ -43,4 +44,4 @@ def run_child(command: Sequence[str], environment: Mapping[str, str] | None = No
         if child.stdout is not None:
             child.stdout.close()
     peak = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-    return Finished(child.returncode, time.perf_counter() - start, peak, stdout)
+    return Finished(child.returncode, time.perf_counter() - start, usage.ru_utime + usage.ru_stime, peak, stdout)

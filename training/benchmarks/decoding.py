@@ -14,7 +14,6 @@ from itertools import pairwise
 from statistics import median
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
@@ -22,6 +21,7 @@ from ...patchnet_addon.codes.predict import Prediction, predict, predict_referen
 from ...patchnet_addon.network.weights import DECODER_SIZES, Weights
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.render import Hits, first_hits
 from .encoding import has_torch
@@ -42,9 +42,7 @@ def benchmark_decoding(coded: CodedOctree, pixels: int = 500_000, repeats: int =
     only where the process was told so (`threads.py`). Raises SettingError for an octree without look-ahead.
     """
     cameras, hits = views_around(coded, pixels)
-    before = numba.get_num_threads()
-    numba.set_num_threads(min(threads, before))
-    try:
+    with limit_threads(threads):
         ours, wanted = predict(coded, hits), predict_reference(coded, hits)  # compiles, too
         peer = _fastest_torch(coded.weights, threads) if has_torch() else None
         runs: dict[str, Callable[[], Any]] = {
@@ -57,8 +55,6 @@ def benchmark_decoding(coded: CodedOctree, pixels: int = 500_000, repeats: int =
         decoded = int(ours.look_ahead.sum())
         seconds = take_turns(runs, repeats, all_cores=threads > 1)
         peak = measure_peak(threads)
-    finally:
-        numba.set_num_threads(before)
     counts = dict.fromkeys(runs, decoded) | {"trace": len(hits.node)}
     rates = {name: counts[name] / median(values) for name, values in seconds.items()}
     details = _rate_details(rates, peak) | {

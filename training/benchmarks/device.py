@@ -26,9 +26,9 @@ from ...patchnet_addon.network.torch_decode import TorchDecoder
 from ...patchnet_addon.network.torch_encode import TorchEncoder
 from ...patchnet_addon.network.weights import CODE_SIZE, Weights
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.octree.voxelize import usable_cores
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.threads import usable_cores
 from ..corpus import Corpus
 from ..crews import DEVICE, HOST, Crew, crew_for
 from ..dataset import Dataset

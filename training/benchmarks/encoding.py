@@ -10,12 +10,10 @@ from __future__ import annotations
 import importlib.util
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from statistics import median
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 from ...patchnet_addon.codes.coded_nodes import coded_nodes
@@ -28,6 +26,7 @@ from ...patchnet_addon.network.weights import CHANNELS, Weights
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.threads import limit_threads
 from .encoder_work import measure_memory, needed_operations, peak_run
 from .products import measure_products
 from .timing import Comparison, how_measured, take_turns
@@ -70,7 +69,7 @@ def benchmark_encoding(
     chunks = record_chunks(octree, weights, corners)
     compiled = CompiledEncoder(weights)
     peak_name, peak, peak_operations = peak_run()
-    with _threads(threads):
+    with limit_threads(threads or None):
         runs: dict[str, Callable[[], Any]] = {"compiled": lambda: _encode_ours(compiled, octree, weights, chunks)}
         for name, encoder in _encoders(weights, threads).items():
             runs[name] = lambda encoder=encoder: _encode(encoder, chunks)  # type: ignore[misc]
@@ -111,17 +110,6 @@ def _shares(operations: dict[str, float], rates: dict[str, float], peak: float) 
             name: {kind: rate * count / peak for kind, count in operations.items()} for name, rate in rates.items()
         },
     }
-
-
-@contextmanager
-def _threads(count: int) -> Iterator[None]:
-    """Let our kernels use so many threads, at most as many as there are; 0 changes nothing."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(min(count or before, numba.config.NUMBA_NUM_THREADS))
-    try:
-        yield
-    finally:
-        numba.set_num_threads(before)
 
 
 def _input_details(chunks: list[Chunk]) -> dict[str, Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from statistics import median
 
-import numba
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
@@ -13,6 +12,7 @@ from ...patchnet_addon.codes.predict import predict
 from ...patchnet_addon.image.heatmap import tint
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.stage_clock import StageClock
+from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.ranking import rank
 from ...patchnet_addon.sampling.registry import STRATEGIES
@@ -32,12 +32,8 @@ def benchmark_frames(coded: CodedOctree, camera: Camera, repeats: int = 5, *, th
     Stages: rays with what is finer and behind, the network, score and order of all pixels, and the preview under the
     heatmap of what a budget of 30 % refines.
     """
-    before = numba.get_num_threads()
-    numba.set_num_threads(min(threads, before))
-    try:
+    with limit_threads(threads):
         runs = [_frame(coded, camera) for _ in range(repeats + 1)][1:]
-    finally:
-        numba.set_num_threads(before)
     seconds = {name: median(run[name] for run in runs) for name in runs[0]}
     ours = sum(seconds[name] for name in STAGES)
     details = {

@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from ...patchnet_addon.network.lanes import WIDE_LANES, add_product, spread_wide, store
-from ...patchnet_addon.runtime.kernels import serial_kernel
+from ...patchnet_addon.runtime.kernels import kernel
 
 _ROUNDS = 500_000
 _SUMS = 6  # more than a product takes until the next may be added, and as many as stay in registers
@@ -26,7 +26,7 @@ def measure_peak(threads: int, repeats: int = 50) -> float:
     return threads * _ROUNDS * _SUMS * WIDE_LANES * 2 / min(seconds) / 1e9
 
 
-@serial_kernel
+@kernel
 def _multiply_and_add(factors, results, rounds):  # type: ignore[no-untyped-def]
     half = spread_wide(factors, 3)
     sum0, sum1, sum2 = spread_wide(factors, 0), spread_wide(factors, 1), spread_wide(factors, 2)

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from ...patchnet_addon.cells.contract import MAX_LEVELS, fits_pixel
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
 from ...patchnet_addon.runtime.kernels import device, kernel
+from ...patchnet_addon.runtime.threads import run_parts
 from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
 
 _FAR = 1e300
@@ -35,7 +35,7 @@ def single_hits(
     count = camera.pixel_count
     node, level, t = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count)
     begin = np.full(count, -1.0) if start is None else start
-    _trace(octree.nodes, unit, begin, node, level, t)
+    run_parts(_trace, camera.height_px, octree.nodes, unit, begin, node, level, t)
     return node, level, t
 
 
@@ -43,13 +43,15 @@ def single_means(octree: Octree, camera: Camera, pixels: np.ndarray, side: int) 
     """Mean luminance (N,) float32 of side x side rays of each pixel (N,), as `supersample_pixels`."""
     unit = camera_in_unit_cube(camera, octree.grid).finer(side)
     means = np.empty(len(pixels), np.float32)
-    _trace_means(octree.nodes, octree.luminance, unit, np.asarray(pixels, np.int64), side, means)
+    run_parts(
+        _trace_means, len(pixels), octree.nodes, octree.luminance, unit, np.asarray(pixels, np.int64), side, means
+    )
     return means
 
 
 @kernel
-def _trace(nodes, camera, start, node, level, t):  # type: ignore[no-untyped-def]
-    for row in numba.prange(camera.height_px):
+def _trace(first, last, nodes, camera, start, node, level, t):  # type: ignore[no-untyped-def]
+    for row in range(first, last):
         stack = np.empty(MAX_LEVELS, np.int64)
         for column in range(camera.width_px):
             pixel = row * camera.width_px + column
@@ -65,8 +67,8 @@ def _trace(nodes, camera, start, node, level, t):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _trace_means(nodes, luminance, camera, pixels, side, means):  # type: ignore[no-untyped-def]
-    for index in numba.prange(len(pixels)):
+def _trace_means(begin, end, nodes, luminance, camera, pixels, side, means):  # type: ignore[no-untyped-def]
+    for index in range(begin, end):
         row = pixels[index] // camera.width_px
         column = pixels[index] % camera.width_px
         stack = np.empty(MAX_LEVELS, np.int64)

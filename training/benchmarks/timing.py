@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
 
-from ...patchnet_addon.octree.voxelize import usable_cores
+from ...patchnet_addon.runtime.threads import usable_cores
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,12 @@ from functools import partial
 from statistics import geometric_mean, median
 from typing import Any
 
-import numba
 import numpy as np
 
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
 from ...patchnet_addon.tracing.pixels import supersample_pixels
 from ...patchnet_addon.tracing.render import first_hits, trace_pixels, visits_per_ray
@@ -46,12 +46,8 @@ def benchmark_tracing(
     One thread is bound to a core and measured in processor seconds, several in wall seconds; Embree has one in any
     case.
     """
-    before = numba.get_num_threads()
-    numba.set_num_threads(min(threads, before))
-    try:
+    with limit_threads(threads):
         rows = [_view(octree, camera, embree, repeats, threads) for camera in cameras]
-    finally:
-        numba.set_num_threads(before)
     ours = geometric_mean([row["rays_per_s"]["ours"] for row in rows])
     peer = None if embree is None else geometric_mean([row["rays_per_s"]["embree"] for row in rows])
     details = {
@@ -90,15 +86,11 @@ def views_of(octree: Octree, size_px: tuple[int, int]) -> list[Camera]:
 
 def growth_with_threads(octree: Octree, camera: Camera, repeats: int, counts: Sequence[int]) -> dict[int, float]:
     """Rays per second of first hits by number of threads, wall seconds."""
-    before = numba.get_num_threads()
     rates = {}
-    try:
-        for count in counts:
-            numba.set_num_threads(count)
+    for count in counts:
+        with limit_threads(count):
             seconds = take_turns({"ours": partial(trace_pixels, octree, camera)}, repeats, all_cores=True)["ours"]
-            rates[count] = camera.pixel_count / median(seconds)
-    finally:
-        numba.set_num_threads(before)
+        rates[count] = camera.pixel_count / median(seconds)
     return rates
 
 
