@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..network.lanes import HALF_SCALE, add_product, fill_16, load_halves, store, zeros_16
+from ..network.lanes import HALF_SCALE, add_product, load_halves
 from ..network.weights import CODE_SIZE
 from ..runtime.kernels import device
+from ..runtime.vectors import splat, store
 from .coded_octree import CodedOctree
 from .corner_rows import corner_row
 
@@ -45,12 +46,12 @@ def write_mean_code(halves, table, row, point, mean):  # type: ignore[no-untyped
     """
     one = np.float32(1)
     x, y, z = point
-    total = zeros_16()
+    total = splat(np.float32(0))
     for line in range(4):
         share = y if line & 1 else one - y
         share *= z if line & 2 else one - z
         first = corner_row(table, row, 2 * line) * CODE_SIZE
-        left, right = fill_16(share * (one - x) * _SCALE), fill_16(share * x * _SCALE)
+        left, right = splat(share * (one - x) * _SCALE), splat(share * x * _SCALE)
         total = add_product(total, load_halves(halves, first, first + CODE_SIZE - 8), left)
         first += CODE_SIZE  # the corner at x + 1 has the next row
         total = add_product(total, load_halves(halves, first, first + CODE_SIZE - 8), right)

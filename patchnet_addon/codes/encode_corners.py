@@ -17,13 +17,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..network.compiled_encode import PackedLayers
-from ..network.lanes import LANES, add, at_least, load, store, zeros
+from ..network.lanes import LANES, load, zeros
 from ..network.product import ROWS, WIDTH, find_steps, sum_products, write_sums
 from ..network.weights import CHANNELS, CODE_SIZE
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.bits import lowest_one
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
+from ..runtime.vectors import larger, store
 from .brick import covering_node, fill_block
 
 _TILES = 32  # whose steps are kept at a time
@@ -208,7 +209,7 @@ def _sum_octants(voxels, corners, count, octants, bias, sums):  # type: ignore[n
     for corner in range(corners):
         for column in range(0, width, LANES):
             place = corner * width + column
-            store(sums, place, at_least(load(sums, place), zeros()))
+            store(sums, place, larger(zeros(), load(sums, place)))
 
 
 @device
@@ -247,8 +248,8 @@ def _add_products(blocks, used, pairs, panels, sums):  # type: ignore[no-untyped
             products = sum_products(blocks, four[:, 0], steps[tile], counts[tile], panels, panel, nothing)
             for row in range(ROWS):
                 place = four[row, 1] * sums.shape[1] + panel * WIDTH
-                store(sums, place, add(load(sums, place), products[2 * row]))
-                store(sums, place + LANES, add(load(sums, place + LANES), products[2 * row + 1]))
+                store(sums, place, load(sums, place) + products[2 * row])
+                store(sums, place + LANES, load(sums, place + LANES) + products[2 * row + 1])
 
 
 @device

@@ -11,11 +11,11 @@ from ..cells.contract import MAX_LEVELS, fitting_level, has_lookahead
 from ..cells.morton_kernels import cell_key
 from ..octree.grid import Grid
 from ..octree.nodes import Nodes
+from ..runtime.bits import lowest_one
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
-from ..runtime.vectors import first_bit
 from ..tracing.camera import Camera, CameraUnit, camera_in_unit_cube
 from ..tracing.tile import (
     CELL,
@@ -24,19 +24,13 @@ from ..tracing.tile import (
     LENGTH,
     SPEED,
     TILE,
-    XS,
-    YS,
     Search,
-    aim_tile,
-    find_entries,
     make_levels,
     make_tile,
     node_seen,
     ray_of,
-    spread_picture,
-    want_pixels,
 )
-from ..tracing.tile_walk import trace_tile
+from ..tracing.tile_walk import trace_block
 
 _ROWS_PER_STEP = 64
 # Beside its centre, four rays with the footprint of a patch's voxels look through the gaps of each pixel.
@@ -127,21 +121,15 @@ def _trace_band(nodes, camera, rows, offset, levels_down, scratch, stops):  # ty
     """Trace a row of tiles; rows: the first of the picture, the band's first after that one, and their number."""
     first_row, first, count = rows
     finer, lookahead = levels_down
-    tile, levels = scratch
+    tile = scratch[0]
     shrink = 1.0 / (np.int64(1) << finer)
     search = Search(shrink * camera.side_at_0, shrink * camera.side_per_z, 1.0, COARSE, MAX_LEVELS)
-    for row in range(TILE):
-        tile.numbers[YS, row] = 2.0 * (first_row + first + row + 0.5 + offset[1]) / camera.height_px - 1.0
     for first_column in range(0, camera.width_px, TILE):
-        for column in range(TILE):
-            tile.numbers[XS, column] = 2.0 * (first_column + column + 0.5 + offset[0]) / camera.width_px - 1.0
-        want_pixels(tile, count - first, camera.width_px - first_column)
-        spread_picture(tile)
-        aim_tile(camera, tile)
-        trace_tile(nodes, search, tile, levels)
-        find_entries(tile)
+        columns = camera.width_px - first_column
+        corner = first_row + first, first_column
+        trace_block(nodes, camera, search, corner, (count - first, columns), offset, scratch)
         for row in range(min(TILE, count - first)):
-            for column in range(min(TILE, camera.width_px - first_column)):
+            for column in range(min(TILE, columns)):
                 ray = ray_of(row, column)
                 node = node_seen(camera, tile, COARSE, ray)
                 if node >= 0:
@@ -150,7 +138,7 @@ def _trace_band(nodes, camera, rows, offset, levels_down, scratch, stops):  # ty
                         camera.side_at_0
                         + camera.side_per_z * tile.numbers[LENGTH + COARSE, ray] * tile.numbers[SPEED, ray]
                     )
-                    stops.level[stop] = first_bit(np.int64(tile.numbers[CELLS, ray]))
+                    stops.level[stop] = lowest_one(np.int64(tile.numbers[CELLS, ray]))
                     stops.wanted[stop] = fitting_level(pixel) + lookahead
                     stops.ahead[stop] = has_lookahead(nodes.child_mask, nodes.first_child, node, lookahead)
                     for axis in range(3):

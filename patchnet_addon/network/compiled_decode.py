@@ -13,19 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..runtime.kernels import device
+from ..runtime.vectors import larger, store
 from .decode import OUTPUT_LOW, OUTPUT_RANGE
 from .lane_harmonics import store_harmonics
-from .lanes import (
-    LANES,
-    WIDE_LANES,
-    add_product,
-    at_least,
-    load,
-    load_wide,
-    multiply,
-    spread_wide,
-    store,
-)
+from .lanes import LANES, WIDE_LANES, add_product, load, load_wide, spread_wide
 from .weights import CODE_SIZE, DECODER_SIZES, HARMONICS, MODULATED, Weights
 
 TILE = 64  # pixels: with 48 features before and after a layer 24 KiB, and a whole number of vectors everywhere
@@ -105,7 +96,7 @@ def _fill_inputs(inputs):
         store_harmonics(inputs, _HARMONICS * TILE + pixel, TILE, x, y, z)
         for k in range(MODULATED):
             at = k * TILE + pixel
-            store(inputs, at, multiply(load(inputs, at), load(inputs, _HARMONICS * TILE + at)))
+            store(inputs, at, load(inputs, at) * load(inputs, _HARMONICS * TILE + at))
 
 
 @device
@@ -131,12 +122,12 @@ def _apply_layer(inputs, depth, results, weights, bias, floor):
                 sum5 = add_product(sum5, values, spread_wide(weights, weight + 5))
                 weight += OUTPUTS
             at = output * TILE + pixel
-            store(results, at, at_least(sum0, low))
-            store(results, at + TILE, at_least(sum1, low))
-            store(results, at + 2 * TILE, at_least(sum2, low))
-            store(results, at + 3 * TILE, at_least(sum3, low))
-            store(results, at + 4 * TILE, at_least(sum4, low))
-            store(results, at + 5 * TILE, at_least(sum5, low))
+            store(results, at, larger(low, sum0))
+            store(results, at + TILE, larger(low, sum1))
+            store(results, at + 2 * TILE, larger(low, sum2))
+            store(results, at + 3 * TILE, larger(low, sum3))
+            store(results, at + 4 * TILE, larger(low, sum4))
+            store(results, at + 5 * TILE, larger(low, sum5))
 
 
 @device

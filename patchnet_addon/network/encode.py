@@ -14,7 +14,8 @@ import numpy as np
 
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
-from .lanes import LANES, add, at_least, load, store, zeros
+from ..runtime.vectors import larger, store
+from .lanes import LANES, load, zeros
 from .octants import octant_matrices
 from .weights import Weights
 
@@ -87,8 +88,8 @@ def sum_corner(products, eight, bias, values, corner):
         total = load(bias, column)
         for octant in range(8):
             if eight[octant] > 0:  # block 0 is empty
-                total = add(total, load(products, (8 * eight[octant] + octant) * width + column))
-        store(values, corner * width + column, at_least(total, zeros()))
+                total = total + load(products, (8 * eight[octant] + octant) * width + column)
+        store(values, corner * width + column, larger(zeros(), total))
 
 
 def sum_octants_reference(products: np.ndarray, rows: np.ndarray, bias: np.ndarray) -> np.ndarray:

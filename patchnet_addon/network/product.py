@@ -17,7 +17,8 @@ import numpy as np
 
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
-from .lanes import LANES, add_product, at_least, load, spread, store
+from ..runtime.vectors import larger, store
+from .lanes import LANES, add_product, load, spread
 
 WIDTH = 2 * LANES  # columns of a panel
 ROWS = 4  # eight vectors of sums: with five or six rows the compiler runs out of registers, at half the speed
@@ -154,5 +155,5 @@ def write_sums(result, rows, panel, sums, least):
     low = spread(least, 0)
     for row in range(ROWS):
         target = rows[row] * result.shape[1] + panel * WIDTH
-        store(result, target, at_least(sums[2 * row], low))
-        store(result, target + LANES, at_least(sums[2 * row + 1], low))
+        store(result, target, larger(low, sums[2 * row]))
+        store(result, target + LANES, larger(low, sums[2 * row + 1]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bits of a word in kernels, one instruction each."""
+"""Bits of a word in kernels, one instruction each; a word is an int64 or a uint64."""
 
 from __future__ import annotations
 
@@ -9,22 +9,24 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
+_WORDS = types.int64, types.uint64
+
 
 @intrinsic
-def count_ones(_typing: Any, _word: Any) -> Any:
-    """Count the ones of a uint64, as int64: count_ones(word)."""
+def count_ones(_typing: Any, word: Any) -> Any:
+    """Number of bits of a word that are set, as int64: count_ones(word)."""
 
     def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.ctpop(arguments[0])
 
-    return types.int64(types.uint64), build
+    return (types.int64(word), build) if word in _WORDS else None
 
 
 @intrinsic
-def lowest_one(_typing: Any, _word: Any) -> Any:
-    """Place of the lowest one of a uint64, 0 to 63, as int64; 64 for no ones: lowest_one(word)."""
+def lowest_one(_typing: Any, word: Any) -> Any:
+    """Index of the lowest bit of a word that is set, as int64; 64 where none is: lowest_one(word)."""
 
     def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 0))
 
-    return types.int64(types.uint64), build
+    return (types.int64(word), build) if word in _WORDS else None

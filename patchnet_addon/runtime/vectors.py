@@ -67,7 +67,8 @@ _register(operator.mul, "fmul")
 _register(operator.truediv, "fdiv")
 
 
-def _splat(builder: Any, kind: VectorType, value: Any) -> Any:
+def build_splat(builder: Any, kind: VectorType, value: Any) -> Any:
+    """Build a vector of a number in every lane."""
     nothing = ir.Constant(kind.ir, ir.Undefined)
     first = builder.insert_element(nothing, value, ir.IntType(32)(0))
     return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(ir.IntType(32), kind.lanes), None))
@@ -78,7 +79,7 @@ def _splatting(lanes: int) -> Any:
         kind = VectorType(value, lanes)
 
         def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-            return _splat(builder, kind, arguments[0])
+            return build_splat(builder, kind, arguments[0])
 
         return kind(value), build
 
@@ -95,7 +96,7 @@ def load(_typing: Any, array: Any, _index: Any) -> Any:
     kind = VectorType(array.dtype, LANES)
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        address = _address(context, builder, signature, *arguments)
+        address = array_address(context, builder, signature, *arguments)
         vector = builder.load(builder.bitcast(address, kind.ir.as_pointer()))
         vector.align = array.dtype.bitwidth // 8
         return vector
@@ -108,7 +109,7 @@ def store(_typing: Any, array: Any, _index: Any, vector: Any) -> Any:
     """Store a vector from an index on: store(array, index, vector); nothing is returned."""
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        address = _address(context, builder, signature, *arguments[:2])
+        address = array_address(context, builder, signature, *arguments[:2])
         pointer = builder.bitcast(address, vector.ir.as_pointer())
         builder.store(arguments[2], pointer).align = array.dtype.bitwidth // 8
         return context.get_dummy_value()
@@ -179,26 +180,6 @@ smallest = intrinsic(_reducing("fmin"))  # smallest number of a vector: smallest
 largest = intrinsic(_reducing("fmax"))  # largest number of a vector: largest(vector)
 
 
-@intrinsic
-def first_bit(_typing: Any, value: Any) -> Any:
-    """Index of the lowest bit that is set, of an integer that is not 0: first_bit(value)."""
-
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.cttz(arguments[0], ir.IntType(1)(1))
-
-    return types.int64(types.int64), build
-
-
-@intrinsic
-def bit_count(_typing: Any, value: Any) -> Any:
-    """Number of bits that are set: bit_count(value)."""
-
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.ctpop(arguments[0])
-
-    return types.int64(types.int64), build
-
-
 def _intrinsic(builder: Any, name: str, vector: VectorType, result: Any) -> Any:
     """Declare one of the compiler's functions of a vector."""
     name = f"llvm.{name}.v{vector.lanes}f{vector.element.bitwidth}"
@@ -206,6 +187,7 @@ def _intrinsic(builder: Any, name: str, vector: VectorType, result: Any) -> Any:
     return known or ir.Function(builder.module, ir.FunctionType(result, [vector.ir]), name)
 
 
-def _address(context: Any, builder: Any, signature: Any, array: Any, index: Any) -> Any:
+def array_address(context: Any, builder: Any, signature: Any, array: Any, index: Any) -> Any:
+    """Build the address of an element of an array, which is the first argument of `signature`."""
     data = context.make_array(signature.args[0])(context, builder, array).data
     return builder.gep(data, [index])

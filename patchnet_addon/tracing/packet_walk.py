@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..runtime.bits import count_ones, lowest_one
 from ..runtime.kernels import lean_device
 from ..runtime.vectors import (
     LANES,
-    bit_count,
-    first_bit,
     larger,
     largest,
     less,
@@ -88,7 +87,7 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: igno
         if level < top:
             break
         pending = levels.state[level, PENDING]
-        octant = first_bit(pending)
+        octant = lowest_one(pending)
         levels.state[level, PENDING] = pending & (pending - 1)
         lanes = levels.state[level, MET + octant] & alive
         if lanes != 0:
@@ -114,7 +113,7 @@ def step_down(nodes, mirror, levels, level, octant):  # type: ignore[no-untyped-
     """Write the child of a level's node at a mirrored octant into the next level."""
     node = levels.state[level, HERE]
     below = (np.int64(1) << (octant ^ mirror)) - 1
-    levels.state[level + 1, HERE] = np.int64(nodes.first_child[node]) + bit_count(
+    levels.state[level + 1, HERE] = np.int64(nodes.first_child[node]) + count_ones(
         np.int64(nodes.child_mask[node]) & below
     )
     for axis in range(3):

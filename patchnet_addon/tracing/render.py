@@ -13,10 +13,10 @@ import numpy as np
 
 from ..cells.contract import pixel_voxel_ratio
 from ..octree.octree import Octree
+from ..runtime.bits import lowest_one
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.threads import run_parts
-from ..runtime.vectors import first_bit
 from .camera import Camera, camera_in_unit_cube
 from .tile import (
     BEHIND,
@@ -29,19 +29,13 @@ from .tile import (
     LENGTH,
     SPEED,
     TILE,
-    XS,
-    YS,
     Search,
-    aim_tile,
-    find_entries,
     make_levels,
     make_tile,
     node_seen,
     ray_of,
-    spread_picture,
-    want_pixels,
 )
-from .tile_walk import trace_tile
+from .tile_walk import trace_block
 
 
 class TracedPixels(NamedTuple):
@@ -210,24 +204,16 @@ def _trace_rows(first, last, nodes, camera, search, traced, visits):  # type: ig
 @lean_device
 def _trace_row(nodes, camera, search, first_row, scratch, traced):  # type: ignore[no-untyped-def]
     """Trace the tiles whose first row of pixels is `first_row` into `traced`; returns the number of visits."""
-    tile, levels = scratch
-    for row in range(TILE):
-        tile.numbers[YS, row] = (2.0 * (first_row + row) + 1.0) / camera.height_px - 1.0
     rows = min(TILE, camera.height_px - first_row)
     visits = 0
     for first_column in range(0, camera.width_px, TILE):
         columns = min(TILE, camera.width_px - first_column)
-        for column in range(TILE):
-            tile.numbers[XS, column] = (2.0 * (first_column + column) + 1.0) / camera.width_px - 1.0
-        want_pixels(tile, rows, columns)
-        spread_picture(tile)
-        aim_tile(camera, tile)
-        visits += trace_tile(nodes, search, tile, levels)
-        find_entries(tile)
+        corner = first_row, first_column
+        visits += trace_block(nodes, camera, search, corner, (rows, columns), (0.0, 0.0), scratch)
         for row in range(rows):
             for column in range(columns):
                 pixel = (first_row + row) * camera.width_px + first_column + column
-                _write(camera, search, tile, ray_of(row, column), traced, pixel)
+                _write(camera, search, scratch[0], ray_of(row, column), traced, pixel)
     return visits
 
 
@@ -253,7 +239,7 @@ def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped
         return
     t, cells = tile.numbers[LENGTH + COARSE, ray], tile.numbers[CELLS, ray]
     z = t * tile.numbers[SPEED, ray]
-    traced.level[pixel] = first_bit(np.int64(cells))
+    traced.level[pixel] = lowest_one(np.int64(cells))
     traced.ratio[pixel] = pixel_voxel_ratio(camera.side_at_0 + camera.side_per_z * z, cells)
     traced.t_world[pixel] = t * camera.side_world
     traced.z_world[pixel] = z * camera.side_world

@@ -7,11 +7,12 @@ import numpy as np
 
 from ..octree.nodes import Nodes
 from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..runtime.bits import lowest_one
 from ..runtime.bounds import RAYS
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
-from ..runtime.vectors import LANES, first_bit
+from ..runtime.vectors import LANES
 from ..surface.chroma_kernels import decode_color
 from .camera import Camera, CameraUnit, camera_in_unit_cube
 from .tile import (
@@ -142,7 +143,7 @@ def _means_of_pixels(nodes, light, camera, pixels, sampling, scratch, means):  #
                 for packet in range(PACKETS):
                     left = tile.lanes[WANTED, packet]
                     while left != 0:
-                        ray = packet * LANES + first_bit(left)
+                        ray = packet * LANES + lowest_one(left)
                         left &= left - 1
                         _add_ray(camera, tile, ray, light, sums[np.int64(tile.numbers[PIXEL, ray])])
         for spot in range(count):

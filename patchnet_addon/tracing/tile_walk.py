@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..runtime.bits import lowest_one
 from ..runtime.kernels import lean_device
 from ..runtime.vectors import (
     LANES,
     OCTANTS,
-    first_bit,
     larger,
     largest,
     less,
@@ -48,7 +48,14 @@ from .tile import (
     RAYS,
     SPEED,
     START,
+    TILE,
     WANTED,
+    XS,
+    YS,
+    aim_tile,
+    find_entries,
+    spread_picture,
+    want_pixels,
 )
 
 _WIDE = 10.0  # voxel sides over pixel sides, from which on a node is tested for the whole tile; 5 and 20 are slower
@@ -69,6 +76,25 @@ class _Bounds(NamedTuple):
     inverse_high: tuple[float, float, float]
     start: float
     mirror: int
+
+
+@lean_device
+def trace_block(nodes, camera, search, first, count, offset, scratch):  # type: ignore[no-untyped-def]
+    """Trace the rays of neighbouring pixels, with their entry points; returns the number of visits.
+
+    first: row and column of the lowest left pixel. count: rows and columns of pixels from there on, of which a tile
+    takes up to 8. offset: of the rays from the pixels' centres, (x, y) in pixels. scratch: tile and levels.
+    """
+    tile, levels = scratch
+    for k in range(TILE):
+        tile.numbers[XS, k] = 2.0 * (first[1] + k + 0.5 + offset[0]) / camera.width_px - 1.0
+        tile.numbers[YS, k] = 2.0 * (first[0] + k + 0.5 + offset[1]) / camera.height_px - 1.0
+    want_pixels(tile, count[0], count[1])
+    spread_picture(tile)
+    aim_tile(camera, tile)
+    visits = trace_tile(nodes, search, tile, levels)
+    find_entries(tile)
+    return visits
 
 
 @lean_device
@@ -145,7 +171,7 @@ def _walk(nodes, search, tile, bounds, levels):  # type: ignore[no-untyped-def]
             level -= 1
             size *= 2.0
             continue
-        octant = first_bit(pending)
+        octant = lowest_one(pending)
         levels.state[level, PENDING] = pending & (pending - 1)
         visits += 1
         step_down(nodes, bounds.mirror, levels, level, octant)

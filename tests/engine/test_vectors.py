@@ -4,11 +4,10 @@
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.runtime.bits import count_ones, lowest_one
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.vectors import (
     LANES,
-    bit_count,
-    first_bit,
     larger,
     largest,
     less,
@@ -39,8 +38,8 @@ def everything(left, right, mask, out):
 @kernel
 def bits(values, out):
     for row in range(len(values)):
-        out[row, 0] = first_bit(values[row])
-        out[row, 1] = bit_count(values[row])
+        out[row, 0] = lowest_one(values[row])
+        out[row, 1] = count_ones(values[row])
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
@@ -61,8 +60,9 @@ def test_arithmetic(kind):
     np.testing.assert_array_equal((met >> np.arange(LANES)) & 1 == 1, a < b)
 
 
-def test_bits():
-    values = np.array([1, 2, 3, 0xF0, 1 << 62, -1], np.int64)
+@pytest.mark.parametrize("kind", [np.int64, np.uint64])
+def test_bits(kind):
+    values = np.array([1, 2, 3, 0xF0, 1 << 62, -1, 0], np.int64).astype(kind)
     out = np.empty((len(values), 2), np.int64)
     bits(values, out)
-    np.testing.assert_array_equal(out, [[0, 1], [1, 1], [0, 2], [4, 4], [62, 1], [0, 64]])
+    np.testing.assert_array_equal(out, [[0, 1], [1, 1], [0, 2], [4, 4], [62, 1], [0, 64], [64, 0]])

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ...patchnet_addon.runtime.errors import PatchNetError
 from .child import run_child
@@ -62,7 +63,7 @@ def benchmark_first_use(scene: Path, folder: Path, *, demo: bool) -> Comparison:
         "first preview": ["run", *small, "--light", "two-lights", "--size", "96", "64", "--out", str(folder / "run")],
     }
     steps = {name: _step(words, folder / "kernels") for name, words in commands.items()}
-    details = {
+    details: dict[str, Any] = {
         "scene": scene.name,
         "steps": {name: _as_json(step) for name, step in steps.items()},
         "processor_s": sum(step.compiling_processor_s for step in steps.values()),

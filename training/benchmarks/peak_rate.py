@@ -7,8 +7,9 @@ import time
 
 import numpy as np
 
-from ...patchnet_addon.network.lanes import WIDE_LANES, add_product, spread_wide, store
+from ...patchnet_addon.network.lanes import WIDE_LANES, add_product, spread_wide
 from ...patchnet_addon.runtime.kernels import kernel
+from ...patchnet_addon.runtime.vectors import store
 
 _ROUNDS = 500_000
 _SUMS = 6  # more than a product takes until the next may be added, and as many as stay in registers
