@@ -43,7 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def measure(args: argparse.Namespace) -> Comparison:
     """Cost of each depth; the line of a depth goes to stderr when it is known; raises PatchNetError."""
     from ...training.benchmarks.depths import check_depths, compare_depths, measure_depths
-    from ...training.benchmarks.depths_figure import check_figure, draw_depths
+    from ...training.benchmarks.depths_figure import draw_depths
+    from ...training.benchmarks.figures import check_figure
     from ...training.benchmarks.open3d_peer import import_open3d
 
     check_depths(*args.depths)

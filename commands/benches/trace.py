@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_views(parser)
     add_number(parser, "--threads", bounds.THREADS, default=1, help="threads of ours; Embree has one (1)")
     parser.add_argument(
-        "--growth", action="store_true", help="also measure ours on 1, 2, 4, ... threads, as far as there are cores"
+        "--plot", type=Path, help="also draw ours over threads, picture size and depth, to a .png, .svg or .pdf file"
     )
     add_repeats(parser, 5)
 
@@ -39,10 +39,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def measure(args: argparse.Namespace) -> Comparison:
     """Rates in all views; raises PatchNetError without Embree where a scene is given."""
     from ...training.benchmarks.embree_peer import EmbreeScene, import_embree
-    from ...training.benchmarks.tracing import benchmark_tracing, growth_with_threads, views_of
+    from ...training.benchmarks.figures import check_figure
+    from ...training.benchmarks.tracing import benchmark_tracing, views_of
+    from ...training.benchmarks.tracing_growth import draw_growth, measure_growth
 
     if args.scene is None and args.file is None:
         raise SettingError("There is nothing to trace: give a --scene, an octree file, or both")
+    if args.plot is not None:
+        check_figure(args.plot, [path for path in (args.scene, args.file) if path is not None])
     embree, triangles = None, None
     if args.scene is not None:
         import_embree()  # before a long scene is read
@@ -57,8 +61,10 @@ def measure(args: argparse.Namespace) -> Comparison:
     result = benchmark_tracing(octree, cameras, embree, args.repeats, threads=args.threads)
     name = args.scene.name if args.scene is not None else args.file.name
     details = {"scene": name, **result.details}
-    if args.growth:
-        details["growth"] = growth_with_threads(octree, cameras[0], args.repeats, _thread_counts())
+    if args.plot is not None:
+        details["growth"] = measure_growth(octree, cameras, args.repeats, args.threads)
+        title = f"{name}, depth {octree.depth}, {cameras[0].width_px} x {cameras[0].height_px}"
+        draw_growth(details["growth"], args.plot, title)
     return replace(result, details=details)
 
 
@@ -73,13 +79,6 @@ def _octree(args: argparse.Namespace, triangles: Any) -> Octree:
     voxels.voxelize(Grid.around(voxels.mesh.bounds_world, args.depth))
     assert voxels.octree is not None
     return voxels.octree
-
-
-def _thread_counts() -> list[int]:
-    from ...patchnet_addon.runtime.threads import usable_cores
-
-    cores = usable_cores()
-    return sorted({cores, *(1 << power for power in range(cores.bit_length()) if 1 << power <= cores)})
 
 
 def text(values: dict[str, Any]) -> str:
@@ -100,8 +99,6 @@ def text(values: dict[str, Any]) -> str:
     ]
     if values["ratio"] is not None:
         lines.append(f"\nGeometric mean over the views: {values['ratio']:.2f} of {peer}")
-    for threads, rate in values.get("growth", {}).items():
-        lines.append(f"{threads} threads: {rate / 1e6:.1f} million rays per second")
     return "\n".join(lines)
 
 

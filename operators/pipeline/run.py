@@ -30,6 +30,7 @@ from .camera_folders import view_folders
 from .cycles_pictures import save_cycles
 from .cycles_regions import CyclesView, refine_view
 from .encoder import decoding_device
+from .kernels_beside import compiling_beside
 from .lit_octree import Recipe, build_lit_octree, fit_cameras
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs
 from .output_folder import output_folder
@@ -69,7 +70,8 @@ def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResul
     folders = view_folders(context.scene, settings.view.cameras)
     files, inputs = job_files(folders.values(), settings.view.cycles), job_inputs(settings)
     output = output_folder(settings.out, files, inputs) if settings.out else nullcontext()
-    with BakePageCache() as kept, output as folder:  # pages stay until the files are there
+    # Pages stay until the files are there.
+    with compiling_beside(), BakePageCache() as kept, output as folder:
         weights = load_network(settings.network)
         result = yield from _compute(context, settings, weights, StageClock(), kept)
         for item in result.views:

@@ -12,13 +12,15 @@ import functools
 import hashlib
 import logging
 import pickle
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 from numba.core import event
 from numba.core.caching import FunctionCache
-from numba.core.registry import CPUDispatcher
+from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.types.misc import unliteral
 
 from .cache_folder import kernel_folder, user_cache_folder
@@ -46,6 +48,17 @@ def _version() -> str:
 
 
 numba.config.CACHE_DIR = str(kernel_folder(user_cache_folder(), _version()))
+
+
+def compiled_mark(kernels: str, *of: object) -> Path:
+    """Path of a file that says that some kernels of these sources are compiled, for this processor by this numba.
+
+    kernels: which, a word. of: what else they depend on. Whoever has compiled them makes it, in a folder that is there.
+    """
+    versions = (sys.version, numba.__version__, cpu_target.target_context.codegen().magic_tuple(), *of)
+    folder = Path(numba.config.CACHE_DIR)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / f"{kernels}-{hashlib.sha256(repr(versions).encode()).hexdigest()[:16]}"
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]

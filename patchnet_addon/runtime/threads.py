@@ -3,8 +3,8 @@
 
 Kernels run without the interpreter's lock, so that plain threads are enough. Threads take the next part when they have
 done one, since parts of a picture differ: rays of the sky end at once. Loops may be started in several threads at once.
-With numba's own parallel loops (`prange`) all kernels compile a third longer; they divide evenly beforehand, and end the
-process when two of them are started at once.
+With numba's own parallel loops (`prange`) all kernels compile a third longer; they divide evenly beforehand, and end
+the process when two of them are started at once.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ All pictures are (H * W,) with row 0 at the bottom, as Blender stores them.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -186,11 +187,29 @@ def hit_colors(octree: Octree, hits: Hits, background: float = 0.0) -> np.ndarra
 
 
 def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Camera's up (3,) made orthogonal to each ray (P, 3): normalise(u - (u.w) w) (methods 7.14)."""
+    """Camera's up (3,) made orthogonal to each ray (P, 3): normalise(u - (u.w) w), (P, 3) float32 (methods 7.14)."""
+    result = np.empty((len(direction), 3), np.float32)
+    x, y, z = (float(axis) for axis in up)
+    run_parts(_write_up, len(direction), np.ascontiguousarray(direction, np.float32), (x, y, z), result)
+    return result
+
+
+def ray_up_reference(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Reference of `ray_up` in NumPy."""
     up = np.asarray(up, np.float64)
     along = direction.astype(np.float64) @ up
     across = up - along[:, None] * direction
     return (across / np.linalg.norm(across, axis=1, keepdims=True)).astype(np.float32)
+
+
+@kernel
+def _write_up(first, last, direction, up, result):  # type: ignore[no-untyped-def]
+    for ray in range(first, last):
+        x, y, z = float(direction[ray, 0]), float(direction[ray, 1]), float(direction[ray, 2])
+        along = x * up[0] + y * up[1] + z * up[2]
+        x, y, z = up[0] - along * x, up[1] - along * y, up[2] - along * z
+        scale = 1.0 / math.sqrt(x * x + y * y + z * z)
+        result[ray, 0], result[ray, 1], result[ray, 2] = x * scale, y * scale, z * scale
 
 
 @kernel

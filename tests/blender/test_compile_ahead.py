@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kernels are compiled in another process before the first job of a window; what goes wrong there stops no job."""
+"""Kernels are compiled in another process, before the first job of a window or beside a job; errors stop no job."""
 
 import subprocess
 import sys
@@ -13,13 +13,16 @@ import pytest
 import patchnet
 from patchnet.operators.jobs.compile_ahead import ahead, small_jobs_path
 from patchnet.operators.jobs.compile_ahead.ahead import compiled_ahead
+from patchnet.operators.pipeline import kernels_beside
+from patchnet.patchnet_addon.runtime import kernels
+from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of kernels, with none in it."""
-    monkeypatch.setattr(ahead, "kernel_folder", lambda: (tmp_path, "versions"))
+    monkeypatch.setattr(ahead, "_mark", lambda: tmp_path / "all-kernels")
     return tmp_path
 
 
@@ -84,3 +87,54 @@ def test_small_jobs_call_the_kernels(tmp_path: Path) -> None:
     words = [sys.executable, small_jobs_path(), "--", "patchnet", Path(patchnet.__file__).parent, *sys.path]
     done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0 and "Traceback" not in done.stderr, done.stdout + done.stderr
+
+
+@pytest.fixture
+def second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """A process that sleeps in the place of the second Python; the mark, and what was started."""
+    started = SimpleNamespace(mark=tmp_path / "pictures", processes=[])
+
+    def start() -> subprocess.Popen[bytes]:
+        started.processes.append(subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"]))
+        return started.processes[-1]
+
+    monkeypatch.setattr(kernels, "compiled_mark", lambda *_: started.mark)
+    monkeypatch.setattr(kernels_beside, "start_second_python", start)
+    monkeypatch.setattr(kernels_beside, "usable_cores", lambda: 2)
+    return started
+
+
+def test_beside_a_job_once_on_a_machine(second: SimpleNamespace) -> None:
+    for _ in range(2):
+        with kernels_beside.compiling_beside():
+            assert [process.poll() for process in second.processes[1:]] == []
+    assert len(second.processes) == 1 and second.processes[0].poll() is not None and second.mark.exists()
+
+
+def test_beside_a_job_that_fails(second: SimpleNamespace) -> None:
+    for _ in range(2):
+        with pytest.raises(SceneError), kernels_beside.compiling_beside():
+            raise SceneError("nothing to see")
+    assert len(second.processes) == 2 and not second.mark.exists()
+    assert all(process.poll() is not None for process in second.processes)
+
+
+def test_nothing_is_started_beside_a_job_on_one_core_or_without_a_python(
+    second: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "executable", "/opt/blender/blender")
+    with kernels_beside.compiling_beside():
+        pass
+    second.mark.unlink()
+    monkeypatch.undo()
+    monkeypatch.setattr(kernels, "compiled_mark", lambda *_: second.mark)
+    monkeypatch.setattr(kernels_beside, "usable_cores", lambda: 1)
+    with kernels_beside.compiling_beside():
+        pass
+    assert second.processes == []
+
+
+def test_the_second_python_calls_the_kernels() -> None:
+    words = [sys.executable, kernels_beside.calling_path(), "patchnet", Path(patchnet.__file__).parent, *sys.path]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=600)
+    assert done.returncode == 0, done.stderr

@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.tracing.reference import (
     pixel_rays,
     supersampled_reference,
 )
-from patchnet.patchnet_addon.tracing.render import first_hits, hit_colors, patch_hits
+from patchnet.patchnet_addon.tracing.render import first_hits, hit_colors, patch_hits, ray_up, ray_up_reference
 from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_colors
 
 SIZE = (24, 20)
@@ -165,3 +165,15 @@ def test_behind_sees_the_second_of_two_sheets():
     seen = patch_hits(octree, camera).behind[hits.hit]
     assert np.median(seen) == pytest.approx(0.2, abs=1e-4)
     assert set(np.round(np.unique(seen), 3)) <= {np.float32(0.0), np.float32(0.2)}
+
+
+def test_picture_up_of_rays():
+    """float32 of float64: a unit in the last place where the sums are rounded otherwise."""
+    rng = np.random.default_rng(0)
+    direction = rng.normal(size=(501, 3)).astype(np.float32)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    up = np.array([0.1, -0.3, 0.8])
+    found = ray_up(direction, up)
+    np.testing.assert_allclose(found, ray_up_reference(direction, up), rtol=3e-7, atol=1e-12)
+    np.testing.assert_allclose((found * direction).sum(axis=1), 0.0, atol=1e-6)
+    assert ray_up(direction[:0], up).shape == (0, 3)

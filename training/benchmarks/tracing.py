@@ -84,16 +84,6 @@ def views_of(octree: Octree, size_px: tuple[int, int]) -> list[Camera]:
     return [far, inside, close]
 
 
-def growth_with_threads(octree: Octree, camera: Camera, repeats: int, counts: Sequence[int]) -> dict[int, float]:
-    """Rays per second of first hits by number of threads, wall seconds."""
-    rates = {}
-    for count in counts:
-        with limit_threads(count):
-            seconds = take_turns({"ours": partial(trace_pixels, octree, camera)}, repeats, all_cores=True)["ours"]
-        rates[count] = camera.pixel_count / median(seconds)
-    return rates
-
-
 def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: int, threads: int) -> dict[str, Any]:
     """Rates of one camera, and what the second and third answer of a walk cost."""
     unit = camera_in_unit_cube(camera, octree.grid)

@@ -7,7 +7,6 @@ Python's lock while it works, so that the window stutters. What is loaded from t
 
 from __future__ import annotations
 
-import hashlib
 import logging
 import math
 import os
@@ -16,7 +15,6 @@ import sys
 import tempfile
 import time
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import IO
 
@@ -83,23 +81,10 @@ def small_jobs_path() -> Path:
 
 
 def _mark() -> Path:
-    """File that says that the kernels of these sources are compiled for this processor, by this numba and Blender."""
-    folder, versions = kernel_folder()
-    return folder / f"all-{hashlib.sha256(repr((versions, bpy.app.version)).encode()).hexdigest()[:16]}"
+    """File that says that all kernels are compiled for this Blender."""
+    from ....patchnet_addon.runtime.kernels import compiled_mark
 
-
-@cache
-def kernel_folder() -> tuple[Path, str]:
-    """Find the folder of compiled kernels, and what of this computer they are compiled for, as text."""
-    import numba
-    from numba.core.registry import cpu_target
-
-    from ....patchnet_addon.runtime import kernels  # noqa: F401  names the folder
-
-    versions = (sys.version, numba.__version__, cpu_target.target_context.codegen().magic_tuple())
-    folder = Path(numba.config.CACHE_DIR)
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder, repr(versions)
+    return compiled_mark("all", bpy.app.version)
 
 
 def start_other_blender(said: IO[bytes]) -> subprocess.Popen[bytes]:

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Compile the kernels of codes and pictures in a second Python, beside a job that still reads, voxelizes or bakes.
+
+Once on each computer, where there are two cores or more. What goes wrong there is not told: the kernels are then
+compiled when they are called, as ever.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from ...patchnet_addon.runtime.cache_folder import user_cache_folder
+from ...patchnet_addon.runtime.threads import usable_cores
+
+
+def calling_path() -> Path:
+    """Script that the second Python runs."""
+    return Path(__file__).with_name("call_kernels.py")
+
+
+@contextmanager
+def compiling_beside() -> Iterator[None]:
+    """Let a second Python compile while the block runs, which then calls these kernels itself; no longer than that."""
+    from ...patchnet_addon.runtime.kernels import compiled_mark
+
+    mark, process = None, None
+    with suppress(OSError):  # no folder can be written, or no process started
+        mark = compiled_mark("pictures")
+        is_python = "python" in Path(sys.executable).name.lower()  # not a Blender, which would open a window
+        if is_python and usable_cores() > 1 and not mark.exists():
+            process = start_second_python()
+    try:
+        yield
+    finally:
+        if process is not None:
+            process.kill()
+            process.wait()
+    if mark is not None:
+        with suppress(OSError):
+            mark.touch()
+
+
+def start_second_python() -> subprocess.Popen[bytes]:
+    """Start a Python that calls the kernels."""
+    root = Path(__file__).parents[2]
+    package = __name__.removesuffix(".operators.pipeline.kernels_beside")
+    words = [sys.executable, str(calling_path()), package, str(root), *sys.path]
+    environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder())}
+    flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal comes up on Windows
+    return subprocess.Popen(
+        words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment,
+        creationflags=flags,
+    )  # fmt: skip
