@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -42,9 +42,14 @@ def measure_growth(octree: Octree, cameras: Sequence[Camera], repeats: int, thre
         "depth": {"x": list(map(float, depths))},
     }
     for camera in cameras:
-        rates["threads"][camera.name] = [_rate(octree, camera, repeats, count) for count in counts]
-        rates["width_px"][camera.name] = [_rate(octree, _wide(camera, width), repeats, threads) for width in _WIDTHS]
-        rates["depth"][camera.name] = [_rate(shallow[depth], camera, repeats, threads) for depth in depths]
+        wide = [_wide(camera, width) for width in _WIDTHS]
+        views = {
+            "threads": [(octree, camera, count) for count in counts],
+            "width_px": [(octree, view, threads) for view in wide],
+            "depth": [(shallow[depth], camera, threads) for depth in depths],
+        }
+        for name, traced in views.items():
+            rates[name][camera.name] = _rates(traced, repeats)
     return rates
 
 
@@ -53,16 +58,23 @@ def _wide(camera: Camera, width: int) -> Camera:
     return replace(camera, width_px=width, height_px=max(round(width * camera.height_px / camera.width_px), 1))
 
 
-def _rate(octree: Octree, camera: Camera, repeats: int, threads: int) -> float:
-    pictures = max(_LEAST_PIXELS // camera.pixel_count, 1)
+def _rates(traced: Sequence[tuple[Octree, Camera, int]], repeats: int) -> list[float]:
+    """Rays per second of octrees, cameras and numbers of threads, which take turns."""
+    pictures = [max(_LEAST_PIXELS // camera.pixel_count, 1) for _, camera, _ in traced]
 
-    def run() -> None:
-        for _ in range(pictures):
-            trace_pixels(octree, camera)
+    def run(octree: Octree, camera: Camera, threads: int, count: int) -> None:
+        with limit_threads(threads):
+            for _ in range(count):
+                trace_pixels(octree, camera)
 
-    with limit_threads(threads):
-        seconds = take_turns({"ours": partial(run)}, repeats, all_cores=True)["ours"]
-    return pictures * camera.pixel_count / median(seconds)
+    runs: dict[str, Callable[[], object]] = {
+        str(index): partial(run, *view, count) for index, (view, count) in enumerate(zip(traced, pictures, strict=True))
+    }
+    seconds = take_turns(runs, repeats, all_cores=True)
+    return [
+        count * view[1].pixel_count / median(times)
+        for view, count, times in zip(traced, pictures, seconds.values(), strict=True)
+    ]
 
 
 def draw_growth(rates: Rates, path: Path, title: str) -> None:
