@@ -54,10 +54,14 @@ def main(package: str, folder: str, *search_path: str) -> None:
     )
     middle = np.full(3, 0.5)
     camera = part("tracing.camera").Camera.look_at(np.array([-2.0, 0.5, 0.5]), middle, size_px=SIZE)
+    weights = part("network.weights").load_weights()
     hits = part("tracing.render").patch_hits(octree, camera).hits
-    drain(part("tracing.supersample").supersample(octree, camera, 2))
-    coded = drain(part("codes.encode").encode_octree(octree, part("network.weights").load_weights()))
+    nodes_with_codes = part("codes.coded_nodes").coded_nodes(octree, weights.lookahead)
+    rows, codes = np.zeros((nodes_with_codes.total, 3), np.uint32), np.zeros((2, 10), np.float16)
+    coded = part("codes.coded_octree").CodedOctree(octree, weights, codes, rows, nodes_with_codes)
     part("codes.predict").predict(coded, hits)
+    drain(part("tracing.supersample").supersample(octree, camera, 2))
+    drain(part("codes.encode").encode_octree(octree, weights))
 
 
 if __name__ == "__main__":
