@@ -14,6 +14,8 @@ from .pixel_buffers import PixelBuffers
 # What a score may read beyond the 1-sample picture; a caller computes only what the chosen strategies need.
 PREDICTION = "prediction"
 BEHIND = "behind"
+FINE = "fine"
+FINE_4 = "fine_4"
 EXACT = "exact"
 REFERENCE = "reference"
 
@@ -23,7 +25,8 @@ class Strategy:
     """Strategy to decide which pixels are refined first.
 
     name: as on the command line. title: as in a menu. description: one sentence for a tooltip.
-    needs: the parts of a `PixelBuffers` that must be filled in, of PREDICTION, BEHIND, EXACT, REFERENCE.
+    needs: the parts of a `PixelBuffers` that must be filled in, of PREDICTION, BEHIND, FINE, FINE_4,
+        EXACT, REFERENCE.
     score: (P,) float32, higher is refined earlier.
     quantity: what the score measures, for legends. maximum: the score that a legend ends at by default.
     """

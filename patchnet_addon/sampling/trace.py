@@ -13,7 +13,7 @@ from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera
 from .pixel_buffers import PixelBuffers
-from .strategy import BEHIND, EXACT, PREDICTION, REFERENCE, Strategy
+from .strategy import BEHIND, EXACT, FINE, FINE_4, PREDICTION, REFERENCE, Strategy
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
@@ -51,11 +51,9 @@ def trace_view(
             "that look as far, or leave the look-ahead to the codes"
         )
     yield Progress(0, 1, "Tracing the preview")
-    if BEHIND in needs:
-        patch = patch_hits(octree, camera, lookahead=lookahead)
-        hits, luminance_behind = patch.hits, patch.behind
-    else:
-        hits, luminance_behind = first_hits(octree, camera), None
+    patch = patch_hits(octree, camera, lookahead=lookahead) if needs & {BEHIND, FINE} else None
+    hits = first_hits(octree, camera) if patch is None else patch.hits
+    fine_4 = (yield from supersample(octree, camera, 2, finer=2**lookahead)) if FINE_4 in needs else None
     prediction = predict(coded, hits, device) if PREDICTION in needs and coded is not None else None
     exact = None
     if EXACT in needs:
@@ -69,4 +67,14 @@ def trace_view(
     elif wanted:
         sampled = yield from supersample(octree, camera)
     seen = hit_colors(octree, hits) if octree.chroma is not None else None
-    return PixelBuffers(hits, luminance_behind, prediction, exact, sampled, preview_color=seen, reference_color=colors)
+    return PixelBuffers(
+        hits,
+        behind=None if patch is None else patch.behind,
+        prediction=prediction,
+        exact=exact,
+        reference=sampled,
+        preview_color=seen,
+        reference_color=colors,
+        fine=None if patch is None else patch.fine,
+        fine_4=fine_4,
+    )

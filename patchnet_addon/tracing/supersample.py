@@ -41,13 +41,13 @@ _RUN = 64  # pixels that one core takes at once; a multiple of those in a tile
 
 
 def supersample(
-    octree: Octree, camera: Camera, side: int = MAX_SIDE, background: float = 0.0, *, same_lod: bool = False
+    octree: Octree, camera: Camera, side: int = MAX_SIDE, background: float = 0.0, *, finer: float | None = None
 ) -> Steps[np.ndarray]:
     """Luminance (P,) float32, the mean of side x side rays per pixel at regular sub-pixel centres (methods 7.5).
 
-    Each ray has the footprint pixel / side, i.e. up to log2(side) levels deeper; same_lod keeps the pixel's own.
+    Each ray has the footprint pixel / side, i.e. up to log2(side) levels deeper; with `finer`, pixel / finer.
     """
-    steps = _supersampled(octree, NO_CHROMA, camera, side, background, same_lod)
+    steps = _supersampled(octree, NO_CHROMA, camera, side, background, side if finer is None else finer)
     return (yield from steps)[0]
 
 
@@ -56,16 +56,15 @@ def supersample_colors(
 ) -> Steps[tuple[np.ndarray, np.ndarray]]:
     """Luminance (P,) as of `supersample`, and the mean linear colours (P, 3) float32; the octree must have colour."""
     assert octree.chroma is not None
-    return (yield from _supersampled(octree, octree.chroma, camera, side, background, same_lod=False))
+    return (yield from _supersampled(octree, octree.chroma, camera, side, background, side))
 
 
 def _supersampled(
-    octree: Octree, chroma: np.ndarray, camera: Camera, side: int, background: float, same_lod: bool
+    octree: Octree, chroma: np.ndarray, camera: Camera, side: int, background: float, finer: float
 ) -> Steps[tuple[np.ndarray, np.ndarray]]:
     """Luminance (P,), and colours (P, 3) unless `chroma` is empty."""
     RAYS.check(side)
-    unit = camera_in_unit_cube(camera, octree.grid)
-    unit = unit if same_lod else unit.finer(side)
+    unit = camera_in_unit_cube(camera, octree.grid).finer(finer)
     luminance = np.empty(camera.pixel_count, np.float32)
     colors = np.empty((camera.pixel_count if len(chroma) else 0, 3), np.float32)
     for row in range(0, camera.height_px, _ROWS_PER_STEP):
