@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..network.devices import CPU
 from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
@@ -13,10 +15,11 @@ from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera
 from .pixel_buffers import PixelBuffers
-from .strategy import BEHIND, EXACT, PREDICTION, REFERENCE, Strategy
+from .strategy import BEHIND, CHILD_MASK, EXACT, EXACT_1, NORMAL, PREDICTION, REFERENCE, Strategy
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
+    from ..tracing.render import Hits
 
 
 def trace_view(
@@ -36,6 +39,7 @@ def trace_view(
     Raises SettingError if a strategy needs codes and `coded` is None, if their weights look another number of levels
     ahead, or for a device that is not there.
     """
+    from ..codes.exact import exact_prediction
     from ..codes.predict import predict
     from ..tracing.render import first_hits, hit_colors, patch_hits
     from ..tracing.supersample import supersample, supersample_colors
@@ -57,11 +61,11 @@ def trace_view(
     else:
         hits, luminance_behind = first_hits(octree, camera), None
     prediction = predict(coded, hits, device) if PREDICTION in needs and coded is not None else None
-    exact = None
+    exact, exact_1 = None, None
     if EXACT in needs:
-        from ..codes.exact import exact_prediction
-
         exact = yield from exact_prediction(octree, hits, lookahead)
+    if EXACT_1 in needs:
+        exact_1 = yield from exact_prediction(octree, hits, 1)
     wanted = reference or REFERENCE in needs
     sampled, colors = None, None
     if wanted and octree.chroma is not None:
@@ -69,4 +73,28 @@ def trace_view(
     elif wanted:
         sampled = yield from supersample(octree, camera)
     seen = hit_colors(octree, hits) if octree.chroma is not None else None
-    return PixelBuffers(hits, luminance_behind, prediction, exact, sampled, preview_color=seen, reference_color=colors)
+    return PixelBuffers(
+        hits,
+        luminance_behind,
+        prediction,
+        exact,
+        sampled,
+        preview_color=seen,
+        reference_color=colors,
+        exact_1=exact_1,
+        normal=hit_normals(octree, hits) if NORMAL in needs else None,
+        child_mask=hit_child_masks(octree, hits) if CHILD_MASK in needs else None,
+    )
+
+
+def hit_normals(octree: Octree, hits: Hits) -> np.ndarray:
+    """Unit normals (P, 3) float32 of the hit voxels; 0 for a miss, and where the normals in a voxel cancel."""
+    mean = np.zeros((len(hits.node), 3), np.float32)
+    mean[hits.hit] = octree.normal_float(hits.node[hits.hit])
+    length = np.linalg.norm(mean, axis=1, keepdims=True)
+    return np.divide(mean, length, out=mean, where=length > 0)
+
+
+def hit_child_masks(octree: Octree, hits: Hits) -> np.ndarray:
+    """Child masks (P,) uint8 of the hit voxels, bit x + 2y + 4z; 0 for a leaf and for a miss."""
+    return np.where(hits.hit, octree.child_mask[np.maximum(hits.node, 0)], np.uint8(0))

@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Strategies for research by name: those of Blender's panel and the references of the literature."""
+
+from ...runtime.errors import SettingError
+from ..registry import STRATEGIES
+from ..strategy import Strategy
+from . import divergences, entropy, mitchell, ss_variance_hits, tsallis, ws_lut
+
+EVALUATED: dict[str, Strategy] = STRATEGIES | {
+    reference.name: reference
+    for module in (ss_variance_hits, mitchell, entropy, divergences, tsallis, ws_lut)
+    for reference in module.STRATEGIES
+}
+
+
+def evaluated(name: str) -> Strategy:
+    """Strategy called `name`, of all that are evaluated; raises SettingError that lists the names if there is none."""
+    if name not in EVALUATED:
+        raise SettingError(f"There is no strategy {name!r}: choose one of {', '.join(EVALUATED)}")
+    return EVALUATED[name]
