@@ -174,6 +174,9 @@ def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
         reference=_joined([band.reference for band in bands]),
         preview_color=_joined([band.preview_color for band in bands]),
         reference_color=_joined([band.reference_color for band in bands]),
+        exact_1=_joined_predictions([band.exact_1 for band in bands]),
+        normal=_joined([band.normal for band in bands]),
+        child_mask=_joined([band.child_mask for band in bands]),
     )
 
 

@@ -20,4 +20,5 @@ STRATEGY = Strategy(
     score=_score,
     quantity="luminance error",
     maximum=0.5,
+    group="oracle",
 )

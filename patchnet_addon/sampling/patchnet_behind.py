@@ -34,4 +34,6 @@ STRATEGY = Strategy(
     score=_score,
     quantity="expected luminance error",
     maximum=0.5,
+    group="network",
+    extra_rays=1,
 )

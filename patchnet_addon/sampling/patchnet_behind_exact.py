@@ -21,4 +21,5 @@ STRATEGY = Strategy(
     score=_score,
     quantity="expected luminance error",
     maximum=0.5,
+    group="oracle",
 )

@@ -21,4 +21,5 @@ STRATEGY = Strategy(
     score=_score,
     quantity="coverage + 5 x luminance",
     maximum=2.0,
+    group="oracle",
 )

@@ -29,6 +29,9 @@ class PixelBuffers:
     reference: (P,) float32, L32, 32x32 samples (methods 7.5).
     preview_color, reference_color: (P, 3) float32, linear, of those luminances, for display; None without colour.
     Everything that is scored and measured is luminance.
+    exact_1: as `exact`, of the patch one level ahead, which is the voxel's children and its neighbours' (methods 3.8).
+    normal: (P, 3) float32, mean normal of the hit voxel, made unit length; 0 for a miss, and where normals cancel.
+    child_mask: (P,) uint8, children of the hit voxel, bit x + 2y + 4z; 0 for a leaf and for a miss.
     importance: (P,) float32 in [0, 1], multiplies priorities; 0 is never refined. None: every pixel matters alike.
     """
 
@@ -42,6 +45,9 @@ class PixelBuffers:
     importance: np.ndarray | None = None
     fine: np.ndarray | None = None
     fine_4: np.ndarray | None = None
+    exact_1: Prediction | None = None
+    normal: np.ndarray | None = None
+    child_mask: np.ndarray | None = None
 
     @property
     def height(self) -> int:

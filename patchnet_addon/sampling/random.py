@@ -21,4 +21,5 @@ STRATEGY = Strategy(
     score=_score,
     quantity="chance",
     maximum=1.0,
+    group="screen-space",
 )

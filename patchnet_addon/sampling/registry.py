@@ -3,8 +3,6 @@
 
 from ..runtime.errors import SettingError
 from . import (
-    fine_rays,
-    fusion,
     optimal,
     patchnet,
     patchnet_behind,
@@ -36,16 +34,3 @@ def strategy(name: str) -> Strategy:
     if name not in STRATEGIES:
         raise SettingError(f"There is no strategy {name!r}: choose one of {', '.join(STRATEGIES)}")
     return STRATEGIES[name]
-
-
-RIVALS: dict[str, Strategy] = {
-    strategy.name: strategy
-    for strategy in (
-        fusion.FUSION,
-        fine_rays.FINE_RAY,
-        fusion.FINE_RAY,
-        fine_rays.FINE_RAYS_4,
-        fusion.FINE_RAYS_4,
-    )
-}
-"""Strategies for research alone, in every table beside those that users choose (methods 10)."""

@@ -24,4 +24,5 @@ STRATEGY = Strategy(
     score=_score,
     quantity="variance of luminance",
     maximum=0.05,
+    group="screen-space",
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -18,6 +19,11 @@ FINE = "fine"
 FINE_4 = "fine_4"
 EXACT = "exact"
 REFERENCE = "reference"
+EXACT_1 = "exact_1"
+NORMAL = "normal"
+CHILD_MASK = "child_mask"
+
+Group = Literal["network", "screen-space", "world-space", "rays", "oracle"]
 
 
 @dataclass(frozen=True)
@@ -25,10 +31,13 @@ class Strategy:
     """Strategy to decide which pixels are refined first.
 
     name: as on the command line. title: as in a menu. description: one sentence for a tooltip.
-    needs: the parts of a `PixelBuffers` that must be filled in, of PREDICTION, BEHIND, FINE, FINE_4,
-        EXACT, REFERENCE.
+    needs: the parts of a `PixelBuffers` that must be filled in, of PREDICTION, BEHIND, FINE, FINE_4, EXACT, REFERENCE,
+    EXACT_1, NORMAL, CHILD_MASK.
     score: (P,) float32, higher is refined earlier.
     quantity: what the score measures, for legends. maximum: the score that a legend ends at by default.
+    group: what it knows of a pixel: the network's prediction, what the centre rays have met (screen-space), the octree
+    below the hit voxel (world-space), more rays, or what a renderer could not know at that price (oracle).
+    extra_rays: rays per pixel beyond the one through its centre that a score costs; 0 for oracles, which have no price.
     """
 
     name: str
@@ -38,6 +47,8 @@ class Strategy:
     score: Callable[[PixelBuffers], np.ndarray]
     quantity: str
     maximum: float
+    group: Group = "screen-space"
+    extra_rays: int = 0
 
     def scores(self, buffers: PixelBuffers) -> np.ndarray:
         """(P,) float32 scores of a view.

@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..network.devices import CPU
 from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
@@ -13,10 +15,11 @@ from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera
 from .pixel_buffers import PixelBuffers
-from .strategy import BEHIND, EXACT, FINE, FINE_4, PREDICTION, REFERENCE, Strategy
+from .strategy import BEHIND, CHILD_MASK, EXACT, EXACT_1, FINE, FINE_4, NORMAL, PREDICTION, REFERENCE, Strategy
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
+    from ..tracing.render import Hits
 
 
 def trace_view(
@@ -36,6 +39,7 @@ def trace_view(
     Raises SettingError if a strategy needs codes and `coded` is None, if their weights look another number of levels
     ahead, or for a device that is not there.
     """
+    from ..codes.exact import exact_prediction
     from ..codes.predict import predict
     from ..tracing.render import first_hits, hit_colors, patch_hits
     from ..tracing.supersample import supersample, supersample_colors
@@ -55,11 +59,11 @@ def trace_view(
     hits = first_hits(octree, camera) if patch is None else patch.hits
     fine_4 = (yield from supersample(octree, camera, 2, finer=2**lookahead)) if FINE_4 in needs else None
     prediction = predict(coded, hits, device) if PREDICTION in needs and coded is not None else None
-    exact = None
+    exact, exact_1 = None, None
     if EXACT in needs:
-        from ..codes.exact import exact_prediction
-
         exact = yield from exact_prediction(octree, hits, lookahead)
+    if EXACT_1 in needs:
+        exact_1 = yield from exact_prediction(octree, hits, 1)
     wanted = reference or REFERENCE in needs
     sampled, colors = None, None
     if wanted and octree.chroma is not None:
@@ -77,4 +81,20 @@ def trace_view(
         reference_color=colors,
         fine=None if patch is None else patch.fine,
         fine_4=fine_4,
+        exact_1=exact_1,
+        normal=hit_normals(octree, hits) if NORMAL in needs else None,
+        child_mask=hit_child_masks(octree, hits) if CHILD_MASK in needs else None,
     )
+
+
+def hit_normals(octree: Octree, hits: Hits) -> np.ndarray:
+    """Unit normals (P, 3) float32 of the hit voxels; 0 for a miss, and where the normals in a voxel cancel."""
+    mean = np.zeros((len(hits.node), 3), np.float32)
+    mean[hits.hit] = octree.normal_float(hits.node[hits.hit])
+    length = np.linalg.norm(mean, axis=1, keepdims=True)
+    return np.divide(mean, length, out=mean, where=length > 0)
+
+
+def hit_child_masks(octree: Octree, hits: Hits) -> np.ndarray:
+    """Child masks (P,) uint8 of the hit voxels, bit x + 2y + 4z; 0 for a leaf and for a miss."""
+    return np.where(hits.hit, octree.child_mask[np.maximum(hits.node, 0)], np.uint8(0))

@@ -10,13 +10,16 @@ from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.registry import RIVALS, STRATEGIES
+from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.training.benchmarks.single_rays import single_hits
 
 EYE = np.array([2.1, 1.4, 1.2])
+CHOSEN = (
+    "fusion", "fine-ray", "fine-ray-variance", "fine-rays-4", "fine-rays-4-variance", "patchnet-behind", "ss-variance"
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +35,7 @@ def camera():
 @pytest.fixture(scope="module")
 def buffers(octree, camera):
     coded = drain(encode_octree(octree, Weights.random(seed=3)))
-    chosen = [*RIVALS.values(), *STRATEGIES.values()]
+    chosen = [EVALUATED[name] for name in CHOSEN]
     return drain(trace_view(octree, camera, chosen, coded=coded, reference=False))
 
 
@@ -58,12 +61,12 @@ def test_four_finer_rays_are_those_of_a_picture_twice_as_large(octree, camera, b
     [("fusion", "patchnet-behind"), ("fine-ray-variance", "fine-ray"), ("fine-rays-4-variance", "fine-rays-4")],
 )
 def test_sums_with_variance(buffers, name, expected):
-    alone = (STRATEGIES | RIVALS)[expected].scores(buffers).astype(np.float64)
-    variance = STRATEGIES["ss-variance"].scores(buffers)
-    np.testing.assert_allclose(RIVALS[name].scores(buffers), np.sqrt(alone**2 + variance / 4), rtol=1e-5, atol=1e-7)
+    alone = EVALUATED[expected].scores(buffers).astype(np.float64)
+    variance = EVALUATED["ss-variance"].scores(buffers)
+    np.testing.assert_allclose(EVALUATED[name].scores(buffers), np.sqrt(alone**2 + variance / 4), rtol=1e-5, atol=1e-7)
 
 
 def test_what_is_missing_is_named(octree, camera):
     plain = drain(trace_view(octree, camera, [], reference=False))
     with pytest.raises(SettingError, match="'fine-rays-4' needs the view's fine_4"):
-        RIVALS["fine-rays-4"].scores(plain)
+        EVALUATED["fine-rays-4"].scores(plain)

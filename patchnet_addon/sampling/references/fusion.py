@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import fine_rays, patchnet_behind, ss_variance
-from .pixel_buffers import PixelBuffers
-from .strategy import Strategy
+from .. import patchnet_behind, ss_variance
+from ..pixel_buffers import PixelBuffers
+from ..strategy import Strategy
+from . import fine_rays
 
 SHARE = 0.25  # of the variance of 3x3 pixels that stands for the pixel's own
 
@@ -27,9 +28,13 @@ def with_variance(strategy: Strategy, name: str, title: str) -> Strategy:
         score=score,
         quantity="expected luminance error",
         maximum=strategy.maximum,
+        group=strategy.group,
+        extra_rays=strategy.extra_rays,
     )
 
 
 FUSION = with_variance(patchnet_behind.STRATEGY, "fusion", "PatchNet Behind and variance")
 FINE_RAY = with_variance(fine_rays.FINE_RAY, "fine-ray-variance", "One finer ray and variance")
 FINE_RAYS_4 = with_variance(fine_rays.FINE_RAYS_4, "fine-rays-4-variance", "Four finer rays and variance")
+
+STRATEGIES = FUSION, FINE_RAY, FINE_RAYS_4

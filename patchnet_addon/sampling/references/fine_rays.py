@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .pixel_buffers import PixelBuffers
-from .strategy import FINE, FINE_4, Strategy
+from ..pixel_buffers import PixelBuffers
+from ..strategy import FINE, FINE_4, Strategy
 
 _QUANTITY = "luminance difference"
 
@@ -33,6 +33,8 @@ FINE_RAY = Strategy(
     score=_score,
     quantity=_QUANTITY,
     maximum=0.5,
+    group="rays",
+    extra_rays=1,
 )
 
 FINE_RAYS_4 = Strategy(
@@ -43,4 +45,8 @@ FINE_RAYS_4 = Strategy(
     score=_score_4,
     quantity=_QUANTITY,
     maximum=0.5,
+    group="rays",
+    extra_rays=4,
 )
+
+STRATEGIES = FINE_RAY, FINE_RAYS_4

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Distribution p of luminance, or of another weight, over the pixels of 3x3 windows (methods 2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..pixel_buffers import PixelBuffers
+from ..windows import windows
+
+EPSILON = 1e-6  # a window whose luminances sum to less is black
+
+
+@dataclass(frozen=True, eq=False)
+class WindowDistribution:
+    """Distribution p_i = w_i / sum w of weights over the N pixels of each window that lie in the picture.
+
+    inside: (H, W, 9) bool, these pixels. count: (H, W), N, their number. mean: (H, W) float64, mean weight.
+    ratio: (H, W, 9) float64, N p_i, the weights over their mean; 1 in windows without weight, which count as uniform,
+    and 0 outside of the picture.
+
+    Contrasts are sums over these ratios and not over p_i: in uniform windows they are exactly 1, so that all of these
+    score exactly 0 and tie, whatever N is.
+    """
+
+    inside: np.ndarray
+    count: np.ndarray
+    mean: np.ndarray
+    ratio: np.ndarray
+
+    @classmethod
+    def of(cls, weights: np.ndarray, least: float) -> WindowDistribution:
+        """Distributions in a picture of weights (H, W), at least 0; windows that do not sum to `least` have none."""
+        values, inside = windows(weights.astype(np.float64))
+        count = inside.sum(axis=-1)  # 9, fewer at the picture's borders
+        total = values.sum(axis=-1)
+        mean = total / count
+        there = total >= least
+        ratio = np.where(there[..., None], values / np.where(there, mean, 1.0)[..., None], 1.0)
+        return cls(inside, count, mean, np.where(inside, ratio, 0.0))
+
+    def average(self, values: np.ndarray) -> np.ndarray:
+        """Mean (H, W) of values (H, W, 9) over the window's pixels in the picture."""
+        return np.where(self.inside, values, 0.0).sum(axis=-1) / self.count
+
+
+def luminance_distribution(buffers: PixelBuffers) -> WindowDistribution:
+    """Distribution of the preview's luminance in all windows of a view; black windows count as uniform."""
+    return WindowDistribution.of(buffers.picture(buffers.preview), EPSILON)

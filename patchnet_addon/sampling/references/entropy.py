@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Entropy contrast of luminance and of geometry in a 3x3 window, by Rigau, Feixas and Sbert (methods 3.5)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..pixel_buffers import PixelBuffers
+from ..strategy import NORMAL, Strategy
+from .distribution import WindowDistribution, luminance_distribution
+from .divergences import kullback_leibler
+
+LUMINANCE_SHARE = 0.5  # delta of methods 3.5
+_TINY = float(np.finfo(np.float64).tiny)
+_NEAREST = float(np.finfo(np.float32).tiny)  # for a camera in a leaf, whose distance is 0: its square is above 0
+
+
+def entropy_contrast(distribution: WindowDistribution) -> np.ndarray:
+    """Entropy contrast C = 1 - H / ln N of each window (H, W), H = -sum p ln p; 0 for one pixel, which has no contrast.
+
+    It is 0 in uniform windows and 1 where one pixel has all the weight (equation 7 of methods 3.5).
+    """
+    most = np.log(distribution.count)
+    return kullback_leibler(distribution) / np.where(most > 0, most, 1.0)  # (ln N - H) / ln N
+
+
+def luminance_contrast(buffers: PixelBuffers) -> np.ndarray:
+    """Entropy contrast of luminance times mean luminance of each window, (H, W) (equation 8 with one channel)."""
+    distribution = luminance_distribution(buffers)
+    return distribution.mean * entropy_contrast(distribution)
+
+
+def geometry_contrast(buffers: PixelBuffers) -> np.ndarray:
+    """Entropy contrast of cos / d^2 of each window, (H, W); d: distance of the hit, cos: |N_V . w| (equations 9, 10).
+
+    Misses are infinitely far and have p = 0; a window without hits has no contrast.
+    """
+    assert buffers.normal is not None  # `needs` says so
+    hits = buffers.hits
+    cosine = np.abs(np.einsum("pc,pc->p", buffers.normal.astype(np.float64), hits.direction))
+    distance = np.maximum(hits.t_world.astype(np.float64), _NEAREST)
+    # Distances are in units of the scene, so no weight is too small to count.
+    return entropy_contrast(
+        WindowDistribution.of(buffers.picture(np.where(hits.hit, cosine / distance**2, 0.0)), _TINY)
+    )
+
+
+def _luminance_score(buffers: PixelBuffers) -> np.ndarray:
+    return luminance_contrast(buffers).ravel()
+
+
+def _geometry_score(buffers: PixelBuffers) -> np.ndarray:
+    luminance, geometry = luminance_contrast(buffers), geometry_contrast(buffers)
+    return (LUMINANCE_SHARE * luminance + (1.0 - LUMINANCE_SHARE) * geometry).ravel()
+
+
+STRATEGIES = (
+    Strategy(
+        name="entropy",
+        title="Entropy, luminance",
+        description="Mean luminance times the entropy that luminance lacks to be uniform in the 3x3 pixels around",
+        needs=frozenset(),
+        score=_luminance_score,
+        quantity="luminance x contrast",
+        maximum=0.5,
+        group="screen-space",
+    ),
+    Strategy(
+        name="entropy-geometry",
+        title="Entropy, luminance and geometry",
+        description="Half the entropy contrast of luminance, half that of distance and slope, in the 3x3 pixels around",
+        needs=frozenset({NORMAL}),
+        score=_geometry_score,
+        quantity="contrast",
+        maximum=0.5,
+        group="screen-space",
+    ),
+)

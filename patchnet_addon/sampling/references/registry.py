@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Strategies for research by name: those of the panel, of the literature, and rivals that trace finer rays."""
+
+from ...runtime.errors import SettingError
+from ..registry import STRATEGIES
+from ..strategy import Strategy
+from . import divergences, entropy, fine_rays, fusion, mitchell, ss_variance_hits, tsallis, ws_lut
+
+EVALUATED: dict[str, Strategy] = STRATEGIES | {
+    reference.name: reference
+    for module in (fusion, fine_rays, ss_variance_hits, mitchell, entropy, divergences, tsallis, ws_lut)
+    for reference in module.STRATEGIES
+}
+
+
+def evaluated(name: str) -> Strategy:
+    """Strategy called `name`, of all that are evaluated; raises SettingError that lists the names if there is none."""
+    if name not in EVALUATED:
+        raise SettingError(f"There is no strategy {name!r}: choose one of {', '.join(EVALUATED)}")
+    return EVALUATED[name]

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Variance of the 1-sample picture in a 3x3 window, of pixels that met something alone (methods 3.3, 7.24).
+
+Network and look-up table know nothing of pixels whose ray met nothing. This is the screen-space variance with the same
+blindness, to tell what such pixels are worth.
+"""
+
+import numpy as np
+
+from .. import ss_variance
+from ..pixel_buffers import PixelBuffers
+from ..strategy import Strategy
+
+
+def _score(buffers: PixelBuffers) -> np.ndarray:
+    return np.where(buffers.hit, ss_variance.STRATEGY.score(buffers), 0.0)
+
+
+STRATEGIES = (
+    Strategy(
+        name="ss-variance-hits",
+        title="Screen-space variance of hits",
+        description="Variance of luminance in the 3x3 pixels around; 0 where the pixel's own ray met nothing",
+        needs=frozenset(),
+        score=_score,
+        quantity="variance of luminance",
+        maximum=0.05,
+        group="screen-space",
+    ),
+)

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tsallis entropy contrast of luminance in a 3x3 window, by Xu, Sbert, Xing and Zhang (methods 3.7)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...runtime.errors import SettingError
+from ..pixel_buffers import PixelBuffers
+from ..strategy import Strategy
+from .distribution import WindowDistribution, luminance_distribution
+from .entropy import entropy_contrast
+
+INDICES = (0.5, 1.5, 2.0, 3.0)  # the paper's own index is not known, so these are compared
+
+
+def tsallis_contrast(distribution: WindowDistribution, q: float) -> np.ndarray:
+    """Tsallis contrast 1 - H_q / H_q_max of each window (H, W), in [0, 1]; H_q = (1 - sum p^q) / (q - 1).
+
+    q: entropic index above 0; 1 is the limit, the contrast of Shannon's entropy. A window of one pixel has no contrast.
+    """
+    if q == 1.0:
+        return entropy_contrast(distribution)
+    # With p = r / N this is the definition without differences of nearly equal numbers: exactly 0 for uniform r = 1.
+    most = distribution.count ** (q - 1.0) - 1.0
+    contrast = (distribution.average(distribution.ratio**q) - 1.0) / np.where(most != 0, most, 1.0)
+    return np.maximum(contrast, 0.0)  # rounding may go below 0
+
+
+def tsallis(q: float) -> Strategy:
+    """Tsallis strategy of an entropic index q, called `tsallis-q`: mean luminance times contrast.
+
+    Raises SettingError unless q is finite and above 0.
+    """
+    if not 0.0 < q < np.inf:
+        raise SettingError(f"Entropic index {q} is not above 0: choose a number such as 1.5")
+
+    def score(buffers: PixelBuffers) -> np.ndarray:
+        distribution = luminance_distribution(buffers)
+        return (distribution.mean * tsallis_contrast(distribution, q)).ravel()
+
+    return Strategy(
+        name=f"tsallis-{q:g}",
+        title=f"Tsallis entropy, q = {q:g}",
+        description="Mean luminance times the Tsallis entropy that the 3x3 pixels around lack to be uniform",
+        needs=frozenset(),
+        score=score,
+        quantity="luminance x contrast",
+        maximum=0.5,
+        group="screen-space",
+    )
+
+
+STRATEGIES = tuple(tsallis(q) for q in INDICES)

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""World-space look-up table: error of a voxel against its children by child mask and direction (methods 3.8)."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from ...network.harmonics import real_harmonics
+from ..patchnet import coverage_and_luminance_score
+from ..pixel_buffers import PixelBuffers
+from ..strategy import CHILD_MASK, EXACT_1, Strategy
+from .child_area import child_areas
+
+DIRECTIONS = 4096
+DEGREE = 2  # nine harmonics
+_GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+
+
+def fibonacci_directions(count: int) -> np.ndarray:
+    """Unit vectors (count, 3) float64, spread evenly over the sphere on a Fibonacci spiral."""
+    number = np.arange(count)
+    z = 1.0 - (2.0 * number + 1.0) / count
+    radius, angle = np.sqrt(1.0 - z * z), number * _GOLDEN_ANGLE + 0.5  # so that no component is 0
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
+
+
+def child_errors(directions: np.ndarray) -> np.ndarray:
+    """Errors e = 1 - A_mask / A_255 (256, N) of each child mask along unit directions (N, 3), in [0, 1].
+
+    A: projected area of the union of the child cubes. Mask 0 is a leaf, which has no error.
+    """
+    areas = child_areas(directions)
+    errors = 1.0 - areas / areas[-1]
+    errors[0] = 0.0
+    return errors
+
+
+@cache
+def child_error_table() -> np.ndarray:
+    """Coefficients (256, 9) float64 of `child_errors` in real harmonics up to degree 2, by least squares.
+
+    Fitted over 4096 directions, the first time that it is asked for.
+    """
+    directions = fibonacci_directions(DIRECTIONS)
+    table = np.linalg.lstsq(real_harmonics(directions, DEGREE), child_errors(directions).T, rcond=None)[0].T
+    table.flags.writeable = False  # all callers share it
+    return table
+
+
+def _table_score(buffers: PixelBuffers) -> np.ndarray:
+    """e = max(0, c . Y(w)) of the hit voxel's child mask; 0 for leaves and misses, whose mask is 0."""
+    assert buffers.child_mask is not None  # `needs` says so
+    harmonics = real_harmonics(buffers.hits.direction.astype(np.float64), DEGREE)
+    return np.maximum(np.einsum("pk,pk->p", child_error_table()[buffers.child_mask], harmonics), 0.0)
+
+
+def _coverage_score(buffers: PixelBuffers) -> np.ndarray:
+    assert buffers.exact_1 is not None  # `needs` says so
+    return np.where(buffers.hit, 1.0 - buffers.exact_1.coverage, 0.0)
+
+
+def _luminance_score(buffers: PixelBuffers) -> np.ndarray:
+    assert buffers.exact_1 is not None  # `needs` says so
+    return coverage_and_luminance_score(buffers, buffers.exact_1)
+
+
+STRATEGIES = (
+    Strategy(
+        name="ws-lut",
+        title="World-space table",
+        description="Share of the voxel's outline that its children leave empty, by child mask and direction",
+        needs=frozenset({CHILD_MASK}),
+        score=_table_score,
+        quantity="missing area",
+        maximum=1.0,
+        group="world-space",
+    ),
+    Strategy(
+        name="ws-lut-coverage",
+        title="World-space coverage, exact",
+        description="Share of the pixel that the voxels one level ahead leave empty, rendered and not looked up",
+        needs=frozenset({EXACT_1}),
+        score=_coverage_score,
+        quantity="missing coverage",
+        maximum=1.0,
+        group="world-space",
+    ),
+    Strategy(
+        name="ws-lut-luminance",
+        title="World-space coverage and luminance, exact oracle",
+        description="Missing coverage plus five times the luminance error, rendered from the voxels one level ahead",
+        needs=frozenset({EXACT_1}),
+        score=_luminance_score,
+        quantity="coverage + 5 x luminance",
+        maximum=2.0,
+        group="oracle",
+    ),
+)

@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reference strategies against plain references written pixel by pixel, and their identities (methods 3.3 to 3.8)."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.sampling import references
+from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from patchnet.patchnet_addon.sampling.references.distribution import WindowDistribution
+from patchnet.patchnet_addon.sampling.references.divergences import chi_square, kullback_leibler, squared_hellinger
+from patchnet.patchnet_addon.sampling.references.entropy import entropy_contrast
+from patchnet.patchnet_addon.sampling.references.registry import EVALUATED, evaluated
+from patchnet.patchnet_addon.sampling.references.tsallis import tsallis, tsallis_contrast
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES, strategy
+
+NEW = [name for name in EVALUATED if name not in STRATEGIES]
+SIZES = [(1, 1), (1, 5), (2, 2), (3, 2), (6, 7)]  # windows of 1, 2, 3, 4, 6 and 9 pixels
+
+
+def shares(values):
+    return [value / sum(values) for value in values]
+
+
+def weighed(contrast):
+    """Mean luminance times a contrast of the shares p; 0 for black windows."""
+    return lambda values: 0.0 if sum(values) < 1e-6 else sum(values) / len(values) * contrast(shares(values))
+
+
+def entropy(p):
+    return -sum(share * math.log(share) for share in p if share > 0)
+
+
+def plain_entropy_contrast(p):
+    return 1 - entropy(p) / math.log(len(p)) if len(p) > 1 else 0.0
+
+
+def plain_kl(p):
+    return sum(share * math.log(share * len(p)) for share in p if share > 0)
+
+
+def plain_chi2(p):
+    return sum((share - 1 / len(p)) ** 2 * len(p) for share in p)
+
+
+def plain_hellinger(p):
+    return 0.5 * sum((math.sqrt(share) - math.sqrt(1 / len(p))) ** 2 for share in p)
+
+
+def plain_tsallis(q):
+    def contrast(p):
+        most = (1 - len(p) ** (1 - q)) / (q - 1)
+        return 1 - (1 - sum(share**q for share in p)) / (q - 1) / most if len(p) > 1 else 0.0
+
+    return contrast
+
+
+def plain_mitchell(values):
+    total = max(values) + min(values)
+    return 0.0 if total < 1e-6 else (max(values) - min(values)) / total
+
+
+PLAIN = {
+    "mitchell": plain_mitchell,
+    "entropy": weighed(plain_entropy_contrast),
+    "kl": weighed(plain_kl),
+    "chi2": weighed(plain_chi2),
+    "chi2-root": weighed(lambda p: math.sqrt(plain_chi2(p))),
+    "hellinger": weighed(plain_hellinger),
+    "hellinger-root": weighed(lambda p: math.sqrt(plain_hellinger(p))),
+    **{f"tsallis-{q:g}": weighed(plain_tsallis(q)) for q in (0.5, 1.5, 2.0, 3.0)},
+}
+
+
+def window(picture, row, column):
+    """Values of the 3x3 pixels around that are in the picture, one after the other."""
+    height, width = picture.shape
+    return [
+        float(picture[y, x])
+        for y in range(max(row - 1, 0), min(row + 2, height))
+        for x in range(max(column - 1, 0), min(column + 2, width))
+    ]
+
+
+def by_pixel(picture, score):
+    return np.array([[score(window(picture, y, x)) for x in range(picture.shape[1])] for y in range(picture.shape[0])])
+
+
+def view(picture, hit=None):
+    """A view of a picture (H, W), hit everywhere unless `hit` (H, W) says otherwise."""
+    height, width = picture.shape
+    hit = np.ones(picture.shape, bool) if hit is None else hit
+    luminance = np.asarray(picture, np.float32).ravel()
+    return PixelBuffers(SimpleNamespace(height_px=height, width_px=width, hit=hit.ravel(), luminance=luminance))
+
+
+def noise(seed, size=(6, 7)):
+    """Luminances of which a third is black."""
+    random = np.random.default_rng(seed)
+    return np.where(random.random(size) < 0.33, 0.0, random.random(size)).astype(np.float32)
+
+
+def geometry_view(seed, size=(6, 7)):
+    """Noise with distances, directions and normals, of which some are missing; a third of the pixels is missed."""
+    random = np.random.default_rng(seed)
+    buffers = view(noise(seed, size), random.random(size) < 0.66)
+    hit, pixels = buffers.hit, size[0] * size[1]
+    unit = random.normal(size=(2, pixels, 3))
+    unit /= np.linalg.norm(unit, axis=2, keepdims=True)
+    buffers.hits.direction = unit[0].astype(np.float32)
+    buffers.hits.t_world = np.where(hit, random.uniform(0.5, 9.0, pixels), np.inf).astype(np.float32)
+    normal = np.where((hit & (random.random(pixels) < 0.9))[:, None], unit[1], 0.0).astype(np.float32)
+    return replace(buffers, normal=normal)
+
+
+@pytest.mark.parametrize("name", PLAIN)
+@pytest.mark.parametrize("size", SIZES)
+def test_scores_pixel_by_pixel(name, size):
+    """To the rounding of float32, and that of a root near 0."""
+    for seed in range(5):
+        picture = noise(seed, size)
+        found = evaluated(name).scores(view(picture)).reshape(size)
+        np.testing.assert_allclose(found, by_pixel(picture, PLAIN[name]), rtol=1e-6, atol=2e-8)
+
+
+def test_each_screen_space_contrast_has_a_plain_reference():
+    own = {"ss-variance-hits", "entropy-geometry"}
+    assert {name for name in NEW if evaluated(name).group == "screen-space"} - own == set(PLAIN)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_geometry_pixel_by_pixel(size):
+    for seed in range(5):
+        buffers = geometry_view(seed, size)
+        weight = np.zeros(size)
+        for pixel, (row, column) in enumerate(np.ndindex(size)):
+            if buffers.hit[pixel]:
+                along = sum(
+                    float(a) * float(b)
+                    for a, b in zip(buffers.normal[pixel], buffers.hits.direction[pixel], strict=True)
+                )
+                weight[row, column] = abs(along) / float(buffers.hits.t_world[pixel]) ** 2
+        geometry = by_pixel(weight, lambda w: plain_entropy_contrast(shares(w)) if sum(w) > 0 else 0.0)
+        luminance = by_pixel(buffers.picture(buffers.preview), PLAIN["entropy"])
+        found = evaluated("entropy-geometry").scores(buffers).reshape(size)
+        np.testing.assert_allclose(found, (luminance + geometry) / 2, rtol=1e-5, atol=1e-7)
+
+
+def test_geometry_does_not_depend_on_the_unit_of_length():
+    buffers = geometry_view(3)
+    small = replace(buffers, hits=SimpleNamespace(**{**vars(buffers.hits), "t_world": buffers.hits.t_world * 2**-60}))
+    scores = evaluated("entropy-geometry").scores(buffers)
+    np.testing.assert_array_equal(evaluated("entropy-geometry").scores(small), scores)
+
+
+def test_geometry_with_the_camera_in_a_leaf():
+    buffers = geometry_view(3)
+    buffers.hits.t_world[buffers.hit] = 0.0
+    assert np.isfinite(evaluated("entropy-geometry").scores(buffers)).all()
+
+
+@given(seed=st.integers(0, 10_000), height=st.integers(1, 6), width=st.integers(2, 6))
+@settings(max_examples=40, deadline=None)
+def test_identities(seed, height, width):
+    """Of methods 3.5 to 3.7, to the rounding of float64."""
+    picture = noise(seed, (height, width)) + np.float32(0.01)  # no black window
+    distribution = WindowDistribution.of(picture, 1e-6)
+    kl, chi2 = kullback_leibler(distribution), chi_square(distribution)
+    count = by_pixel(picture, len)
+    near = {"rtol": 1e-9, "atol": 1e-12}
+    np.testing.assert_allclose(distribution.mean**2 * chi2, by_pixel(picture, np.var), **near)
+    np.testing.assert_allclose(kl, np.log(count) - by_pixel(picture, lambda w: entropy(shares(w))), **near)
+    root = by_pixel(picture, lambda w: 1 - sum(math.sqrt(p / len(w)) for p in shares(w)))
+    np.testing.assert_allclose(squared_hellinger(distribution), root, **near)
+    np.testing.assert_allclose(entropy_contrast(distribution), kl / np.log(count), **near)
+    np.testing.assert_allclose(tsallis_contrast(distribution, 2.0), chi2 / (count - 1), **near)
+    np.testing.assert_array_equal(tsallis_contrast(distribution, 1.0), entropy_contrast(distribution))
+    for q in (1 - 1e-6, 1 + 1e-6):
+        np.testing.assert_allclose(tsallis_contrast(distribution, q), entropy_contrast(distribution), atol=1e-5)
+    for contrast in (entropy_contrast(distribution), *(tsallis_contrast(distribution, q) for q in (0.5, 1.5, 3.0))):
+        assert np.all((contrast >= 0) & (contrast <= 1 + 1e-12))
+
+
+def test_root_of_chi_square_is_the_root_of_the_variance():
+    buffers = view(noise(8, (20, 30)))
+    root = evaluated("chi2-root").scores(buffers)
+    np.testing.assert_allclose(root**2, evaluated("ss-variance").scores(buffers), rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", [*PLAIN, "ss-variance-hits"])
+@given(level=st.integers(0, 65535), size=st.sampled_from(SIZES))
+@settings(max_examples=25, deadline=None)
+def test_constant_pictures_score_exactly_0(name, level, size):
+    """At the borders too: what is outside of the picture does not count as black."""
+    assert not evaluated(name).scores(view(np.full(size, level / 65535))).any()
+
+
+def test_constant_geometry_scores_exactly_0():
+    buffers = view(np.full((4, 5), 0.3))
+    buffers.hits.t_world = np.full(20, 1.7, np.float32)
+    buffers.hits.direction = np.tile(np.float32([0.6, 0.0, 0.8]), (20, 1))
+    normal = np.tile(np.float32([0, 0, -1]), (20, 1))
+    assert not evaluated("entropy-geometry").scores(replace(buffers, normal=normal)).any()
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_contrasts_do_not_depend_on_exposure(name):
+    """Scores are contrast times mean luminance, so they are halved with it; Mitchell's is the contrast alone."""
+    picture = noise(9)
+    scores, halved = (evaluated(name).scores(view(each)) for each in (picture, picture / 2))
+    assert scores.max() > 0
+    np.testing.assert_allclose(halved, scores if name == "mitchell" else scores / 2, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_scores_turn_with_the_picture(name):
+    picture = noise(10)
+    found = evaluated(name).scores(view(picture)).reshape(picture.shape)
+    turned = evaluated(name).scores(view(np.rot90(picture))).reshape(picture.shape[::-1])
+    np.testing.assert_allclose(turned, np.rot90(found), rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_misses_beside_hits_have_screen_space_scores(name):
+    hit = np.zeros((5, 5), bool)
+    hit[2, 2] = True
+    buffers = view(np.where(hit, 0.5, 0.0), hit)
+    scores = evaluated(name).scores(buffers)
+    np.testing.assert_array_equal(scores > 0, buffers.active)
+
+
+def test_variance_of_hits():
+    hit = np.random.default_rng(0).random((9, 8)) < 0.6
+    buffers = view(np.where(hit, noise(4, (9, 8)), 0.0), hit)
+    found, all_of_them = (evaluated(name).scores(buffers) for name in ("ss-variance-hits", "ss-variance"))
+    np.testing.assert_array_equal(found, np.where(buffers.hit, all_of_them, 0))
+    assert found.any() and all_of_them[~buffers.hit].any()
+
+
+@pytest.mark.parametrize("q", [0.0, -1.0, float("nan"), float("inf")])
+def test_entropic_index_out_of_its_range(q):
+    with pytest.raises(SettingError, match="above 0"):
+        tsallis(q)
+
+
+def test_any_entropic_index_is_a_strategy():
+    picture = noise(2)
+    found = tsallis(0.8).scores(view(picture)).reshape(picture.shape)
+    np.testing.assert_allclose(found, by_pixel(picture, weighed(plain_tsallis(0.8))), rtol=1e-6, atol=2e-8)
+    np.testing.assert_array_equal(tsallis(1).scores(view(picture)), evaluated("entropy").scores(view(picture)))
+
+
+def test_registry():
+    assert list(EVALUATED)[: len(STRATEGIES)] == list(STRATEGIES)
+    files = [path for path in Path(references.__file__).parent.glob("*.py") if "\nSTRATEGIES = " in path.read_text()]
+    imported = {value.score.__module__.rpartition(".")[2] for value in map(evaluated, NEW)}
+    assert imported <= {path.stem for path in files} and len(files) == 8
+    assert all(name == value.name and value.maximum > 0 for name, value in EVALUATED.items())
+    assert len({value.title for value in EVALUATED.values()}) == len(EVALUATED) == len(STRATEGIES) + 21
+    with pytest.raises(SettingError, match="ws-lut-coverage"):
+        evaluated("best")
+    with pytest.raises(SettingError, match="no strategy"):
+        strategy("mitchell")  # users are offered what is in the panel
+
+
+def test_groups_and_rays():
+    groups = {name: value.group for name, value in EVALUATED.items()}
+    oracles = {"patchnet-exact", "patchnet-behind-exact", "optimal", "ws-lut-luminance"}
+    assert {name for name, group in groups.items() if group == "oracle"} == oracles
+    assert {name for name, group in groups.items() if group == "network"} == {"patchnet", "patchnet-behind", "fusion"}
+    assert {name for name, group in groups.items() if group == "world-space"} == {"ws-lut", "ws-lut-coverage"}
+    rays = {"fine-ray": 1, "fine-ray-variance": 1, "fine-rays-4": 4, "fine-rays-4-variance": 4}
+    assert {name for name, group in groups.items() if group == "rays"} == set(rays)
+    extra = {name: value.extra_rays for name, value in EVALUATED.items() if value.extra_rays}
+    assert extra == rays | {"patchnet-behind": 1, "fusion": 1}
