@@ -28,11 +28,15 @@ def mse_at(buffers: PixelBuffers, score: np.ndarray, budgets: Sequence[float]) -
 
 def left_after(buffers: PixelBuffers, order: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
     """(B,) float64: as `mse_at`, of active pixels that are in their `order` (A,) already."""
+    return sum_left_after(buffers, order, budgets) / max(len(order), 1)
+
+
+def sum_left_after(buffers: PixelBuffers, order: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
+    """(B,) float64: sum of the squared errors of the active pixels, in their `order` (A,), left after each budget."""
     error = squared_error(buffers)[order]
     # Summed from the least urgent pixel, so that the error left at budget 1 is exactly 0.
     left = np.concatenate([np.cumsum(error[::-1])[::-1], [0.0]])
-    counts = [refined_count(buffers, budget, len(error)) for budget in budgets]
-    return left[counts] / max(len(error), 1)
+    return left[[refined_count(buffers, budget, len(error)) for budget in budgets]]
 
 
 def pooled_mse(views: Sequence[PixelBuffers], scores: Sequence[np.ndarray], budgets: Sequence[float]) -> np.ndarray:

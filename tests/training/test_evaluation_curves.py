@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Curves over budgets against pictures that are composed and compared pixel by pixel (methods 5, 7.25)."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.sampling.refine import refine, refined_picture
+from patchnet.tests.training.frame_samples import NAMES, errors_of, random_frame, random_track, scores_of
+from patchnet.training.evaluation.curves import (
+    BUDGETS,
+    FrameErrors,
+    TrackErrors,
+    area,
+    crossing,
+    excess_area,
+    frame_errors,
+    frame_orders,
+    mean_frame_mse,
+    pooled_mse,
+    psnr,
+    random_line,
+)
+
+FRAMES = [random_frame(seed, hits=share) for seed, share in enumerate((0.02, 0.1, 0.5))]
+
+
+def composed_errors(name: str, budget: float) -> list[np.ndarray]:
+    """Squared errors of the active pixels of each frame's composed picture."""
+    found = []
+    for buffers in FRAMES:
+        picture = refined_picture(buffers, refine(buffers, scores_of(buffers)[name], budget))
+        found.append((picture.astype(np.float64) - buffers.reference)[buffers.active] ** 2)
+    return found
+
+
+def test_budgets_are_percents() -> None:
+    assert BUDGETS.tolist() == [percent / 100 for percent in range(101)]
+
+
+@pytest.mark.parametrize("row, name", list(enumerate(NAMES)))
+def test_curves_are_those_of_composed_pictures(row: int, name: str) -> None:
+    track = TrackErrors.of("noise", NAMES, [errors_of(buffers) for buffers in FRAMES])
+    assert len(set(track.active)) == 3, "frames weigh differently"
+    pooled, mean = pooled_mse([track])[row], mean_frame_mse([track])[row]
+    for budget in range(101):
+        errors = composed_errors(name, budget / 100)
+        assert pooled[budget] == pytest.approx(np.concatenate(errors).mean(), rel=1e-12, abs=1e-15)
+        assert mean[budget] == pytest.approx(np.mean([each.mean() for each in errors]), rel=1e-12, abs=1e-15)
+    assert pooled[0] != pytest.approx(mean[0], rel=1e-3)
+
+
+def test_tracks_pool_like_their_frames() -> None:
+    frames = [errors_of(buffers) for buffers in FRAMES]
+    whole = TrackErrors.of("all", NAMES, frames)
+    parts = [TrackErrors.of("first", NAMES, frames[:1]), TrackErrors.of("rest", NAMES, frames[1:])]
+    np.testing.assert_allclose(pooled_mse(parts), pooled_mse([whole]), rtol=1e-12)
+    np.testing.assert_allclose(mean_frame_mse(parts), mean_frame_mse([whole]), rtol=1e-12)
+
+
+def test_frames_without_active_pixels_weigh_nothing() -> None:
+    frames = [errors_of(buffers) for buffers in FRAMES]
+    empty = errors_of(random_frame(hits=0.0))
+    assert empty.active == 0 and not empty.left.any() and empty.variance == 0
+    with_empty = TrackErrors.of("noise", NAMES, [*frames, empty])
+    without = TrackErrors.of("noise", NAMES, frames)
+    np.testing.assert_array_equal(pooled_mse([with_empty]), pooled_mse([without]))
+    np.testing.assert_array_equal(mean_frame_mse([with_empty]), mean_frame_mse([without]))
+    assert not pooled_mse([TrackErrors.of("sky", NAMES, [empty])]).any()
+
+
+def test_variance_is_that_of_the_errors() -> None:
+    for buffers in FRAMES:
+        errors = (buffers.preview.astype(np.float64) - buffers.reference)[buffers.active] ** 2
+        assert errors_of(buffers).variance == pytest.approx(np.var(errors, ddof=1))
+
+
+def test_psnr_by_hand() -> None:
+    np.testing.assert_allclose(psnr(np.array([[1.0, 0.01], [1e-3, 0.0]])), [[0, 20], [30, np.inf]])
+
+
+def test_areas_by_hand() -> None:
+    line, best = 0.4 * (1 - BUDGETS), 0.4 * (1 - BUDGETS) ** 2
+    assert area(line) == pytest.approx(0.2) and area(best) == pytest.approx(0.4 / 3, rel=1e-3)
+    np.testing.assert_allclose(random_line(best), line, rtol=1e-15)
+    curves = np.stack([best, line, (best + line) / 2, 2 * line - best])
+    np.testing.assert_allclose(excess_area(curves, best), [0, 1, 0.5, 2], atol=1e-12)
+    np.testing.assert_allclose(area(curves), ((curves[:, :-1] + curves[:, 1:]) / 2).mean(axis=1), rtol=1e-12)
+    assert np.isnan(excess_area(np.zeros((2, 101)), np.zeros(101))).all()
+    assert np.isnan(excess_area(line, line)), "equal errors everywhere leave nothing to gain"
+
+
+def test_crossing_by_hand() -> None:
+    others = np.stack([1 - BUDGETS, 0.9 * (1 - BUDGETS)])
+    assert crossing(0.5 * (1 - BUDGETS), others) == 0.0
+    mine = np.where(BUDGETS >= 0.13, 0.8, 0.95) * (1 - BUDGETS)
+    assert crossing(mine, others) == 0.13
+    touched = mine.copy()
+    touched[40] = others[1, 40]
+    assert crossing(touched, others) == 0.41, "equal is not below"
+    assert np.isinf(crossing(others[1], others)) and np.isinf(crossing(others[0], others))
+    ended = np.where(BUDGETS >= 0.7, 0.0, mine)
+    assert crossing(ended, np.where(BUDGETS >= 0.7, 0.0, others)) == 0.13, "both without error from 70 % on"
+    assert np.isinf(crossing(np.zeros(101), np.zeros((1, 101))))
+    both = crossing(np.stack([mine, touched]), np.stack([others, others]))
+    np.testing.assert_array_equal(both, [0.13, 0.41])
+
+
+def test_bad_input_is_named() -> None:
+    buffers = FRAMES[1]
+    scores = scores_of(buffers)
+    orders = frame_orders(buffers, scores)
+    with pytest.raises(SettingError, match="reference"):
+        frame_errors(replace(buffers, reference=None), orders)
+    with pytest.raises(SettingError, match="importance"):
+        frame_errors(replace(buffers, importance=np.ones_like(buffers.preview)), orders)
+    with pytest.raises(SettingError, match=r"'random'.*\(3,\)"):
+        frame_orders(buffers, scores | {"random": np.zeros(3)})
+    with pytest.raises(SettingError, match=r"'random'.*NaN"):
+        frame_orders(buffers, scores | {"random": np.full_like(scores["random"], np.nan)})
+    frame = errors_of(buffers)
+    with pytest.raises(SettingError, match="'empty' has no frames"):
+        TrackErrors.of("empty", NAMES, [])
+    with pytest.raises(SettingError, match="twice"):
+        TrackErrors.of("noise", ("random", "random", "optimal"), [frame])
+    with pytest.raises(SettingError, match="'noise', frame 1"):
+        TrackErrors.of("noise", NAMES, [frame, FrameErrors(frame.active, frame.left[:2], frame.variance)])
+    track = random_track(2)
+    with pytest.raises(SettingError, match=r"'noise'.*'best'.*optimal"):
+        track.row("best")
+    with pytest.raises(SettingError, match="'noise' and 'other'"):
+        pooled_mse([track, replace(track, scene="other", strategies=NAMES[::-1])])
+    with pytest.raises(SettingError, match="at least one"):
+        pooled_mse([])

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Block bootstrap over frames: 95 % percentile intervals of pooled errors, paired across strategies (methods 5).
+
+Consecutive frames of a track are alike, so blocks of them are drawn with replacement instead of frames. All
+strategies are measured on the same draws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from ...patchnet_addon.runtime.errors import SettingError
+from .curves import BUDGETS, OPTIMAL, TrackErrors, crossing, excess_area, row_of, same_strategies
+
+BLOCK_FRAMES = 50
+LEAST_BLOCKS = 10
+RESAMPLES = 2000
+LEVEL = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class Interval:
+    """Percentile interval of a figure: its value on the data, and the two ends, arrays of one shape or scalars.
+
+    Ends are NaN where the figure is undefined in some resample.
+    """
+
+    value: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def block_frames(frames: int, wanted: int = BLOCK_FRAMES) -> int:
+    """Length of the blocks of a track: `wanted` frames, or less, so that there are at least ten blocks where the track
+    has ten frames. Raises SettingError for less than two frames, which have no spread, or a length below 1."""
+    if frames < 2:
+        raise SettingError(f"An interval needs at least two frames, and the track has {frames}: render more")
+    if wanted < 1:
+        raise SettingError(f"Blocks of {wanted} frames cannot be drawn: give at least 1")
+    return max(min(wanted, frames // LEAST_BLOCKS), 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Bootstrap:
+    """Resamples of the blocks of one or more tracks, drawn within each track, whose errors are pooled.
+
+    block_frames: length of the blocks of each track; its last block may be shorter. draws: (R, K) float64, how often
+    each of the K blocks is in each resample. active: (K,) float64, active pixels of the blocks. left: (K, S, 101)
+    float64, their sums of squared errors. Curves of resamples are made when they are asked for, so memory is that of
+    the blocks.
+    """
+
+    strategies: tuple[str, ...]
+    block_frames: tuple[int, ...]
+    draws: np.ndarray
+    active: np.ndarray
+    left: np.ndarray
+
+    @classmethod
+    def of(
+        cls, tracks: Sequence[TrackErrors], resamples: int = RESAMPLES, seed: int = 0, wanted: int = BLOCK_FRAMES
+    ) -> Self:
+        """Draw `resamples` times as many blocks of `wanted` frames as each track has.
+
+        Raises SettingError as `block_frames`, for tracks of different strategies, and for less than 100 resamples.
+        """
+        strategies = same_strategies(tracks)
+        if resamples < 100:
+            raise SettingError(f"{resamples} resamples give no 95 % interval: give at least 100, better {RESAMPLES}")
+        rng = np.random.default_rng(seed)
+        lengths = tuple(block_frames(len(track.active), wanted) for track in tracks)
+        starts = [np.arange(0, len(track.active), length) for track, length in zip(tracks, lengths, strict=True)]
+        parts = list(zip(tracks, starts, strict=True))
+        return cls(
+            strategies,
+            lengths,
+            np.concatenate([_draws(rng, resamples, len(start)) for start in starts], axis=1),
+            np.concatenate([np.add.reduceat(track.active, start) for track, start in parts]).astype(np.float64),
+            np.concatenate([np.add.reduceat(track.left, start, axis=0) for track, start in parts]),
+        )
+
+    def mse(self, strategy: str, budgets: Sequence[float] = tuple(BUDGETS)) -> Interval:
+        """Interval of the pooled mean squared error at each of B budgets, (B,); raises SettingError for a strategy
+        that was not measured, or a budget that is not on the grid of 1 %."""
+        at = _budget_indices(budgets)
+        return _interval(self._curves(strategy)[..., at])
+
+    def ratio(self, first: str, second: str, budgets: Sequence[float]) -> Interval:
+        """Interval of the pooled error of `first` over that of `second` at each of B budgets, (B,).
+
+        NaN where `second` has no error left. Raises SettingError as `mse`.
+        """
+        at = _budget_indices(budgets)
+        errors, others = self._curves(first)[:, at], self._curves(second)[:, at]
+        return _interval(errors / np.where(others > 0, others, np.nan))
+
+    def excess_area(self, strategy: str) -> Interval:
+        """Interval of the excess area of a strategy, which needs that `optimal` was measured (see `curves`)."""
+        return _interval(excess_area(self._curves(strategy), self._curves(OPTIMAL)))
+
+    def crossing(self, strategy: str, others: Sequence[str]) -> Interval:
+        """Interval of X*, from which a strategy stays below all others; infinite where it never does (see `curves`).
+
+        Raises SettingError for no others, or strategies that were not measured.
+        """
+        if not others:
+            raise SettingError("A crossing needs other strategies: give at least one")
+        # One minimum after the other, so that no more than three sets of curves are in memory.
+        least = self._curves(others[0])
+        for other in others[1:]:
+            least = np.minimum(least, self._curves(other))
+        return _interval(crossing(self._curves(strategy), least[:, None]))
+
+    def _curves(self, strategy: str) -> np.ndarray:
+        """(1 + R, 101): pooled curve of the data, then of each resample."""
+        left = self.left[:, row_of(self.strategies, strategy, "Bootstrap")]
+        draws = np.vstack([np.ones(len(left)), self.draws])
+        return (draws @ left) / np.maximum(draws @ self.active, 1)[:, None]
+
+
+def _draws(rng: np.random.Generator, resamples: int, blocks: int) -> np.ndarray:
+    """(R, K) float64: how often each of K blocks is among K that are drawn with replacement."""
+    drawn = rng.integers(0, blocks, (resamples, blocks)) + blocks * np.arange(resamples)[:, None]
+    return np.bincount(drawn.ravel(), minlength=resamples * blocks).reshape(resamples, blocks).astype(np.float64)
+
+
+def _budget_indices(budgets: Sequence[float]) -> np.ndarray:
+    """(B,) int64: places of budgets in BUDGETS; raises SettingError for one that is not there."""
+    at = np.rint(np.asarray(budgets, np.float64) * 100)
+    if ((at < 0) | (at > 100)).any() or not np.allclose(at / 100, budgets, rtol=0, atol=1e-9):
+        raise SettingError(f"Budgets {list(budgets)}: give shares from 0 to 1 in steps of 0.01")
+    return at.astype(np.int64)
+
+
+def _interval(figures: np.ndarray) -> Interval:
+    """Interval of figures (1 + R, ...), the first of which is that of the data.
+
+    Its ends are order statistics, so that infinite figures need no arithmetic.
+    """
+    resamples = np.sort(figures[1:], axis=0)  # NaN comes last
+    outside = round((1 - LEVEL) / 2 * (len(resamples) - 1))
+    undefined = np.isnan(resamples[-1])
+    low, high = (np.where(undefined, np.nan, resamples[place]) for place in (outside, -1 - outside))
+    return Interval(figures[0], low, high)

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""LPIPS v0.1 with AlexNet, by weights that the user supplies, since they are not ours to ship (methods 5).
+
+Zhang, Isola, Efros, Shechtman, Wang, "The Unreasonable Effectiveness of Deep Features as a Perceptual Metric", CVPR
+2018; Krizhevsky, "One weird trick for parallelizing convolutional neural networks", 2014, is the AlexNet that is meant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from ...patchnet_addon.runtime.errors import PatchNetError, SettingError, WeightsFileError
+
+if TYPE_CHECKING:
+    import torch
+
+# Layers of the trunk: number in torchvision's file, channels in and out, side of the kernel, stride, padding, and
+# whether a maximum over 3 x 3 pixels in steps of 2 comes before.
+_LAYERS = (
+    (0, 3, 64, 11, 4, 2, False),
+    (3, 64, 192, 5, 1, 2, True),
+    (6, 192, 384, 3, 1, 1, True),
+    (8, 384, 256, 3, 1, 1, False),
+    (10, 256, 256, 3, 1, 1, False),
+)
+# Mean and standard deviation of the training pictures' red, green and blue, for values in [-1, 1].
+_SHIFT = (-0.030, -0.088, -0.188)
+_SCALE = (0.458, 0.448, 0.450)
+_LEAST_NORM = 1e-10
+LEAST_SIDE_PX = 31  # below, nothing is left after the second maximum
+_CHUNK = 16  # pictures at once, for memory
+
+
+@dataclass(frozen=True, eq=False)
+class LpipsWeights:
+    """Weights of LPIPS on one device.
+
+    trunk: kernels (out, in, k, k) and biases (out,) of the five convolutions. heads: five (1, channels, 1, 1), none
+    negative.
+    """
+
+    trunk: tuple[tuple[torch.Tensor, torch.Tensor], ...]
+    heads: tuple[torch.Tensor, ...]
+
+    @classmethod
+    def load(cls, trunk_path: Path, heads_path: Path, device: str = "cpu") -> Self:
+        """Load torchvision's state dict of AlexNet, and that of the package lpips' v0.1 linear heads for it.
+
+        Raises PatchNetError without torch, and WeightsFileError for a file that is missing or another one.
+        """
+        trunk_file, heads_file = _read(trunk_path, device), _read(heads_path, device)
+        trunk, heads = [], []
+        for layer, (number, before, after, side, *_) in enumerate(_LAYERS):
+            kernel = _entry(trunk_file, f"features.{number}.weight", (after, before, side, side), trunk_path)
+            trunk.append((kernel, _entry(trunk_file, f"features.{number}.bias", (after,), trunk_path)))
+            head = _entry(heads_file, f"lin{layer}.model.1.weight", (1, after, 1, 1), heads_path)
+            if (head < 0).any():
+                raise WeightsFileError(
+                    f"{heads_path}: head {layer} has negative weights, so it is not that of LPIPS v0.1"
+                )
+            heads.append(head)
+        return cls(tuple(trunk), tuple(heads))
+
+
+def lpips(weights: LpipsWeights, pictures: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """LPIPS (N,) float64 of gray pictures (N, H, W) in [0, 1] against one reference (H, W).
+
+    Raises SettingError for pictures of another size than the reference, or of less than 31 pixels.
+    """
+    import torch
+
+    from ...patchnet_addon.network.torch_precision import float32_products
+
+    if pictures.ndim != 3 or pictures.shape[1:] != reference.shape:
+        raise SettingError(f"LPIPS compares pictures of one size, not of {pictures.shape[1:]} and {reference.shape}")
+    if min(reference.shape) < LEAST_SIDE_PX:
+        raise SettingError(f"LPIPS needs {LEAST_SIDE_PX} pixels a side, and the picture has {reference.shape}")
+    device = weights.heads[0].device
+    with torch.no_grad(), float32_products(device):
+        wanted = _features(weights, torch.as_tensor(reference[None], dtype=torch.float32, device=device))
+        parts = []
+        for start in range(0, len(pictures), _CHUNK):
+            chunk = torch.as_tensor(pictures[start : start + _CHUNK], dtype=torch.float32, device=device)
+            parts.append(_distances(weights, _features(weights, chunk), wanted).cpu().numpy())
+    return np.concatenate([np.empty(0), *parts])
+
+
+def _distances(weights: LpipsWeights, found: list[torch.Tensor], wanted: list[torch.Tensor]) -> torch.Tensor:
+    """Sum over layers (N,) of the pictures' means of weighted squared differences."""
+    import torch
+
+    layers = zip(weights.heads, found, wanted, strict=True)
+    return torch.stack([(head * (mine - its) ** 2).sum(dim=1).mean(dim=(1, 2)) for head, mine, its in layers]).sum(
+        dim=0
+    )
+
+
+def _features(weights: LpipsWeights, gray: torch.Tensor) -> list[torch.Tensor]:
+    """Features (N, C, h, w) of the five layers, each pixel's of length 1, of gray pictures (N, H, W) in [0, 1]."""
+    import torch
+    from torch.nn import functional
+
+    shift, scale = (torch.tensor(values, device=gray.device)[:, None, None] for values in (_SHIFT, _SCALE))
+    values = (2 * gray[:, None] - 1 - shift) / scale  # (N, 3, H, W)
+    features = []
+    for (*_, stride, padding, pooled), (kernel, bias) in zip(_LAYERS, weights.trunk, strict=True):
+        if pooled:
+            values = functional.max_pool2d(values, 3, 2)
+        values = functional.relu(functional.conv2d(values, kernel, bias, stride, padding))
+        features.append(values / (values.norm(dim=1, keepdim=True) + _LEAST_NORM))
+    return features
+
+
+def _read(path: Path, device: str) -> dict[str, torch.Tensor]:
+    """Read a state dict; nothing in the file is executed."""
+    try:
+        import torch
+    except ImportError as cause:
+        raise PatchNetError(f"LPIPS needs torch ({cause}): install patchnet-blender[train]") from cause
+    from pickle import UnpicklingError
+
+    try:
+        found = torch.load(path, map_location=device, weights_only=True)
+    except OSError as cause:
+        raise WeightsFileError(f"{path} cannot be read ({cause.strerror or cause}): give a file of weights") from cause
+    except (UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as cause:
+        raise WeightsFileError(f"{path} is no state dict of torch: save it by torch.save, tensors alone") from cause
+    if not isinstance(found, dict):
+        raise WeightsFileError(f"{path} holds {type(found).__name__} instead of a state dict")
+    return found
+
+
+def _entry(found: dict[str, torch.Tensor], name: str, shape: tuple[int, ...], path: Path) -> torch.Tensor:
+    """Tensor of a state dict, float32; raises WeightsFileError if it is not there or has another shape."""
+    value = found.get(name)
+    if value is None or tuple(getattr(value, "shape", ())) != shape:
+        has = "is missing" if value is None else f"has the shape {tuple(getattr(value, 'shape', ()))}"
+        raise WeightsFileError(
+            f"{path}: {name!r} {has} instead of {shape}: give AlexNet's weights, then LPIPS v0.1's heads"
+        )
+    if not value.isfinite().all():
+        raise WeightsFileError(f"{path}: {name!r} has values that are not finite: fetch the file again")
+    return value.float()

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Picture metrics at budgets: SSIM, MS-SSIM, FLIP and LPIPS of what a refinement shows (methods 5, 7.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...patchnet_addon.image.comparison import clamped, flip
+from ...patchnet_addon.image.tone import srgb_encode
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.refine import refined_count, refined_picture
+from .lpips import lpips
+from .structure import ms_ssim, ssim, ssim_map
+
+if TYPE_CHECKING:
+    from .lpips import LpipsWeights
+
+LINEAR, SRGB = "linear", "srgb"
+NO_FLIP = "the package flip-evaluator is not there: install patchnet-blender[verify]"
+FLIP_OF_LINEAR = "FLIP is of what a screen shows, and decodes it itself: see that of the sRGB picture"
+NO_LPIPS = "no weights were given: load AlexNet's and the LPIPS v0.1 heads (LpipsWeights.load)"
+
+
+@dataclass(frozen=True)
+class PictureMetrics:
+    """Metrics of one composed picture against the reference.
+
+    ssim: over the full frame. ssim_active: mean of its map over active pixels; None without any. ms_ssim: over
+    `ms_ssim_scales` scales, 5 or as many as fit. flip, lpips: None where they were not run, and `not_run` says why by
+    name.
+    """
+
+    ssim: float
+    ssim_active: float | None
+    ms_ssim: float
+    ms_ssim_scales: int
+    flip: float | None
+    lpips: float | None
+    not_run: dict[str, str]
+
+
+def composed_pictures(buffers: PixelBuffers, order: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
+    """(B, H, W) float32: linear luminance of the reference where each budget refines, of the preview elsewhere.
+
+    order: (A,) active pixels, first refined first. Raises SettingError for a view without a reference, or a budget
+    outside 0 to 1.
+    """
+    if buffers.reference is None:
+        raise SettingError("The view has no reference: render it before pictures are compared")
+    pictures = []
+    for budget in budgets:
+        mask = np.zeros(len(buffers.preview), bool)
+        mask[order[: refined_count(buffers, budget, len(order))]] = True
+        pictures.append(buffers.picture(refined_picture(buffers, mask)))
+    return np.array(pictures, np.float32).reshape(len(budgets), buffers.height, buffers.width)
+
+
+def picture_metrics(
+    buffers: PixelBuffers, order: np.ndarray, budgets: Sequence[float], weights: LpipsWeights | None = None
+) -> dict[str, tuple[PictureMetrics, ...]]:
+    """Measure the composed pictures of B budgets, of linear luminance (LINEAR) and of it sRGB-encoded (SRGB).
+
+    Raises SettingError as `composed_pictures`, and for pictures smaller than the metrics' windows.
+    """
+    pictures = clamped(composed_pictures(buffers, order, budgets))
+    reference = clamped(buffers.picture(np.asarray(buffers.reference)))
+    active = buffers.picture(buffers.active)
+    flips = [flip(picture, reference) for picture in pictures]
+    missing = {"flip": NO_FLIP} if None in flips else {}
+    return {
+        LINEAR: _measured(pictures, reference, active, [None] * len(pictures), {"flip": FLIP_OF_LINEAR}, weights),
+        SRGB: _measured(srgb_encode(pictures), srgb_encode(reference), active, flips, missing, weights),
+    }
+
+
+def _measured(
+    pictures: np.ndarray,
+    reference: np.ndarray,
+    active: np.ndarray,
+    flips: Sequence[float | None],
+    not_run: dict[str, str],
+    weights: LpipsWeights | None,
+) -> tuple[PictureMetrics, ...]:
+    """Metrics of pictures (B, H, W) against the reference (H, W), both encoded alike."""
+    perceived: list[float | None] = [None] * len(pictures)
+    if weights is None:
+        not_run = not_run | {"lpips": NO_LPIPS}
+    else:
+        perceived = lpips(weights, pictures, reference).tolist()
+    measured = []
+    for picture, flipped, distance in zip(pictures, flips, perceived, strict=True):
+        similarity, scales = ssim_map(picture, reference), ms_ssim(picture, reference)
+        in_active = float(similarity[active].mean()) if active.any() else None
+        measured.append(
+            PictureMetrics(ssim(similarity), in_active, scales.value, scales.scales, flipped, distance, dict(not_run))
+        )
+    return tuple(measured)
