@@ -14,8 +14,9 @@ from .shared.arguments import add_number, add_out
 from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
 from .shared.job_arguments import add_settings, given_settings, require_blender
 from .shared.lines import make_parent, say_note, say_result
+from .shared.own_scenes import DEMO, ROOM, open_or_build
 from .shared.quiet import quiet_stdout
-from .shared.scene_argument import add_scene, open_given, scene_path
+from .shared.scene_argument import add_scene, scene_path
 from .shared.views import add_views, say_unseen, view_cameras
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         help="voxelize and light a scene",
         description="Write the lit octree of a scene, upright or turned, for training and experiments.",
     )
-    add_scene(parser, "scene file, as for `patchnet run`")
+    add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room")
     parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
     add_views(parser)
     add_settings(parser, "light", "samples", "texel_voxels", "exposure", "color", "both_sides")
@@ -43,6 +44,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument(
         "--without", default="", metavar="TEXT,TEXT", help="leave out objects below a name with one of these texts"
     )
+    parser.add_argument(
+        "--bisect", nargs=2, metavar=("AXIS", "SHARE"),
+        help="leave out triangles whose centres lie beyond a plane across x, y or z, at a share (0 to 1) of the extent "
+        "of the scene; baked light stays that of the whole scene",
+    )  # fmt: skip
     add_frames(parser)
     add_out(parser, "octree file to write; with --frames, a folder", required=True)
     parser.add_argument(
@@ -66,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
 
     check_out(args)
     with clock.stage("open"):
-        open_given(args.scene)
+        open_or_build(None if args.scene is None else str(args.scene))
     check_out(args)
     settings, recipe = _settings(args), _recipe(args)
     hide_from_renders(_without(args))
@@ -97,7 +103,7 @@ def _run_frames(args: argparse.Namespace, settings: JobSettings, recipe: Recipe)
     from ..operators.scene.hiding import keep_hidden
 
     keep_hidden(_without(args))
-    maker = OctreeMaker(settings, recipe, repr((args.rotate, args.without, args.view, args.size)))
+    maker = OctreeMaker(settings, recipe, repr((args.rotate, args.without, args.bisect, args.view, args.size)))
     print_frames(bake_with_bars(args, maker, args.out), args.out)
     return 0
 
@@ -110,11 +116,14 @@ def _settings(args: argparse.Namespace) -> JobSettings:
 
 
 def _recipe(args: argparse.Namespace) -> Recipe:
-    """Recipe beside the settings: the views that the octree is fitted to, a rotation, objects that are left out."""
+    """Recipe beside the settings: the views that the octree is fitted to, a rotation, what is left out."""
     from ..operators.pipeline.lit_octree import Recipe
 
     notes = {"file": scene_path(args.scene).name, "rotation": args.rotate, "without": args.without}
-    return Recipe(cameras=lambda _: view_cameras(args), rotation=args.rotate, provenance=notes)
+    bisect = _bisect(args)
+    if bisect is not None:
+        notes["bisect"] = args.bisect
+    return Recipe(cameras=lambda _: view_cameras(args), rotation=args.rotate, bisect=bisect, provenance=notes)
 
 
 def check_out(args: argparse.Namespace) -> None:
@@ -124,7 +133,8 @@ def check_out(args: argparse.Namespace) -> None:
     from ..patchnet_addon.runtime.file_kinds import OCTREE, REPORT
     from ..patchnet_addon.runtime.outputs import check_outputs
 
-    inputs, folder = [*scene_inputs(), *filter(None, [args.scene])], None if args.frames is None else args.out
+    given = [] if args.scene is None or str(args.scene) in (DEMO, ROOM) else [args.scene]
+    inputs, folder = [*scene_inputs(), *given], None if args.frames is None else args.out
     check_outputs({args.out: OCTREE} if folder is None else {folder / REPORT_NAME: REPORT}, inputs, folder=folder)
 
 
@@ -135,6 +145,9 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingError("--timings are those of one octree: leave them out with --frames")
     if args.same_grid and args.rotate:
         raise SettingError("--same-grid and --rotate contradict each other: leave one of them out")
+    if _bisect(args) is not None and (args.rotate or args.depth == FIT):
+        other = "--rotate" if args.rotate else f"--depth {FIT}"
+        raise SettingError(f"--bisect and {other} contradict each other: leave one of them out")
     if args.depth != FIT:
         if not args.depth.isdecimal():
             raise SettingError(f"Depth {args.depth!r} is neither a whole number nor '{FIT}'")
@@ -150,3 +163,15 @@ def _check(args: argparse.Namespace) -> None:
 def _without(args: argparse.Namespace) -> list[str]:
     """Texts of --without, in lower case."""
     return [text.strip().lower() for text in args.without.split(",") if text.strip()]
+
+
+def _bisect(args: argparse.Namespace) -> tuple[int, float] | None:
+    """Axis and share of --bisect; raises SettingError."""
+    from ..patchnet_addon.surface.bisected import AXES
+
+    if args.bisect is None:
+        return None
+    axis, share = args.bisect
+    if axis.lower() not in AXES:
+        raise SettingError(f"--bisect {axis} is no axis: choose x, y or z")
+    return AXES.index(axis.lower()), bounds.SHARE.read(share, "--bisect")

@@ -25,7 +25,7 @@ from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..settings.job_settings import JobSettings
 from ..state.watch import read_state
-from .stages import UNLIT, GridChoice, build, choose_grid, lit, turned, unlit
+from .stages import UNLIT, GridChoice, bisected, build, choose_grid, lit, turned, unlit
 
 if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
@@ -42,7 +42,8 @@ class Recipe:
     unlit: the surface's own colour, with no light baked. grid: given cube and levels, around which the surface must
     still be; None chooses them. cameras: those that the depth is chosen for; None takes those of the settings.
     depsgraph: read instead of the context's. baking: context in which Cycles bakes. rotation: seed of a random rotation
-    of the lit surface, 0 for none. provenance: entries of the octree's file beside its own.
+    of the lit surface, 0 for none. bisect: axis and share of a plane that the lit surface is cut open at, None for
+    none. provenance: entries of the octree's file beside its own.
     """
 
     unlit: bool = False
@@ -51,6 +52,7 @@ class Recipe:
     depsgraph: bpy.types.Depsgraph | None = None
     baking: Callable[[], AbstractContextManager[None]] = nullcontext
     rotation: int = 0
+    bisect: tuple[int, float] | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
 
 
@@ -109,7 +111,7 @@ def build_lit_octree(
                 )
         with clock.stage("voxelize"):
             light = UNLIT if recipe.unlit else settings.light.kind
-            surface, grid = turned(source, choice.grid, recipe.rotation)
+            surface, grid = turned(bisected(source, recipe.bisect), choice.grid, recipe.rotation)
             octree = yield from build(
                 surface, replace(choice, grid=grid), shade, settings, light, _provenance(recipe, state)
             )
@@ -138,8 +140,8 @@ def _state(context: bpy.types.Context, recipe: Recipe) -> SceneState:
 
 
 def _provenance(recipe: Recipe, state: SceneState) -> dict[str, Any]:
-    """Entries of the octree's file; the scene's state stands there unless the surface is turned."""
-    return ({} if recipe.rotation else {"scene_state": state.identity()}) | recipe.provenance
+    """Entries of the octree's file; the scene's state stands there unless the surface is turned or cut open."""
+    return ({} if recipe.rotation or recipe.bisect else {"scene_state": state.identity()}) | recipe.provenance
 
 
 def _choice(context: bpy.types.Context, source: SceneMesh, settings: JobSettings, recipe: Recipe) -> Steps[GridChoice]:

@@ -172,7 +172,16 @@ def _baked(atlas: Atlas, source: MeshSource) -> ShadingFn:
     return atlas_shade(atlas, source)
 
 
-def turned(source: SceneMesh, grid: Grid, rotation: int) -> tuple[MeshSource, Grid]:
+def bisected(source: SceneMesh, plane: tuple[int, float] | None) -> MeshSource:
+    """Leave out what lies beyond a plane across an axis (0 to 2) at a share of the extent; None leaves out nothing."""
+    if plane is None:
+        return source
+    from ...patchnet_addon.surface.bisected import BisectedSource
+
+    return BisectedSource(source, *plane)
+
+
+def turned(source: MeshSource, grid: Grid, rotation: int) -> tuple[MeshSource, Grid]:
     """Turn the surface by the random rotation of a seed; the grid has the same depth around it. 0 turns nothing."""
     if not rotation:
         return source, grid

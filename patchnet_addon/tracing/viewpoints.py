@@ -67,8 +67,8 @@ def free_positions(octree: Octree, most: int = _MAX_POSITIONS) -> np.ndarray:
     """Centres (n, 3) float64, world units, of at most `most` cells, spread evenly, that touch no occupied cell."""
     level = min(_LEVEL, octree.depth)
     while True:
-        occupied = _occupied(octree, level)
-        free = _inside(occupied) & ~_grown(occupied)
+        occupied = occupied_cells(octree, level)
+        free = _inside(occupied) & ~grown(occupied)
         if free.any() or level >= min(octree.depth, 8):
             break
         level += 1  # narrow spaces
@@ -80,7 +80,7 @@ def free_positions(octree: Octree, most: int = _MAX_POSITIONS) -> np.ndarray:
     return np.asarray(octree.grid.origin_world) + (chosen + 0.5) * side
 
 
-def _occupied(octree: Octree, level: int) -> np.ndarray:
+def occupied_cells(octree: Octree, level: int) -> np.ndarray:
     """(n, n, n) bool by x, y, z, also where a leaf of a coarser level is."""
     side = 1 << level
     occupied = np.zeros((side, side, side), bool)
@@ -102,7 +102,7 @@ def _inside(occupied: np.ndarray) -> np.ndarray:
     return inside
 
 
-def _grown(occupied: np.ndarray) -> np.ndarray:
+def grown(occupied: np.ndarray) -> np.ndarray:
     """(n, n, n) bool: occupied, or with an occupied cell among the 26 around."""
     for axis in range(3):
         padded = np.pad(occupied, [(1, 1) if each == axis else (0, 0) for each in range(3)])
@@ -115,7 +115,7 @@ def _grown(occupied: np.ndarray) -> np.ndarray:
 def _bounds(octree: Octree) -> np.ndarray:
     """Box (2, 3) of the surface in world units, to the accuracy of a cell."""
     level = min(_LEVEL, octree.depth)
-    where = np.argwhere(_occupied(octree, level))
+    where = np.argwhere(occupied_cells(octree, level))
     side = octree.grid.side_world / (1 << level)
     corners = np.stack([where.min(axis=0), where.max(axis=0) + 1])
     return np.asarray(octree.grid.origin_world) + corners * side

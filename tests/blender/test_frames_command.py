@@ -71,6 +71,11 @@ def test_octree(scene_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert commands.main([*words, "--same-grid", "--without", "lath 0"]) == 0
     assert "3 frames made;" in capsys.readouterr().out
     assert load_octree(out / "frame-0001" / "octree.safetensors").leaf_count < trees[0].leaf_count
+    assert commands.main([*words, "--same-grid", "--bisect", "x", "0.5"]) == 0
+    assert "3 frames made;" in capsys.readouterr().out
+    half = load_octree(out / "frame-0001" / "octree.safetensors")
+    assert half.grid == trees[0].grid and half.leaf_count < trees[0].leaf_count
+    assert half.provenance["bisect"] == ["x", "0.5"] and "scene_state" not in half.provenance
 
 
 @pytest.mark.parametrize(

@@ -105,6 +105,10 @@ def test_fitted_octree_of_a_small_scene(tmp_path, capfd):
         (["--depth", "deep"], "'deep'"),
         (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--rotate", "3"], "--rotate"),
         (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--memory", "0"], "--memory"),
+        (["--depth", "5", "--bisect", "w", "0.5"], "--bisect w is no axis"),
+        (["--depth", "5", "--bisect", "x", "1.5"], "--bisect"),
+        (["--depth", "5", "--bisect", "x", "0.5", "--rotate", "3"], "--rotate"),
+        (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--bisect", "x", "0.5"], "--depth fit"),
     ],
 )
 def test_octree_settings_that_contradict_each_other(words, said, capfd):

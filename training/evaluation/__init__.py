@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Evaluation of refinement strategies over budgets: curves, intervals, checks and picture metrics (methods 5)."""
+"""Evaluation of refinement strategies over camera tracks of scenes, without Blender (methods 5)."""

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Explorations of details: smooth flights through free space, from pose to pose, each to what was not seen before."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.tracing.camera import Camera
+from .free_space import FreeSpace
+from .look_ahead import LookAhead, step_of, turn_of
+from .poses import Lens, Pose, find_poses, look
+from .spline import catmull_rom
+
+MAX_STEP = 0.01  # cube sides from frame to frame
+MAX_TURN = float(np.radians(3.0))  # from frame to frame
+_STEP, _TURN = 0.5 * MAX_STEP, 0.5 * MAX_TURN  # means between two poses: curves are faster in places
+_MIN_LEG, _MAX_LEG = 0.05, 0.45  # cube sides between two poses
+_MAX_ANGLE = float(np.radians(75.0))  # between the sights of two poses
+_MIN_SHARE = 0.96  # of a shot's hits with look-ahead
+_ON_THE_WAY = (0.25, 0.5, 0.75)  # of a leg, where its look-ahead is estimated
+_TRIED_LEGS = 24
+_TRIED_SHOTS = 24
+_EVERY = 8  # frames of a shot, of which look-ahead is measured
+_CELLS = 32**3
+
+
+class Explorations:
+    """Explorations of an octree; they remember what they have shown."""
+
+    def __init__(
+        self, octree: Octree, space: FreeSpace, lens: Lens, look_ahead: LookAhead, random: np.random.Generator
+    ) -> None:
+        self._octree = octree
+        self._space = space
+        self._lens = lens
+        self._look_ahead = look_ahead
+        self._side = octree.grid.side_world
+        self._poses = find_poses(octree, space, lens, random)
+        self._seen = np.zeros(_CELLS, bool)
+
+    def shot(self, number: int, frames: int) -> list[Camera]:
+        """Frames of exploration `number`; where no flight has the look-ahead that is wanted, the best that was found.
+
+        Raises SceneError if there is no room for any.
+        """
+        best: tuple[float, list[Camera], list[Pose]] | None = None
+        starts = sorted(self._poses, key=self._gain, reverse=True)
+        for start in starts[:_TRIED_SHOTS]:
+            walk = self._walk(start, frames)
+            cameras = self._flight(walk, frames, f"Exploration {number}")
+            if not self._is_smooth(cameras):
+                continue
+            share = self._look_ahead.share(cameras[::_EVERY])
+            if best is None or share > best[0]:
+                best = share, cameras, walk
+            if share >= _MIN_SHARE:
+                break
+        if best is None:
+            raise SceneError("No flight through the octree's free space was found: choose another seed or more depth")
+        for pose in best[2]:
+            self._seen[pose.cells] = True
+        return best[1]
+
+    def _gain(self, pose: Pose) -> float:
+        """How much a pose shows that is new, weighed by its quality."""
+        return pose.quality * float(np.count_nonzero(~self._seen[pose.cells]))
+
+    def _walk(self, start: Pose, frames: int) -> list[Pose]:
+        """Poses one after the other that take at least `frames` frames, fewer if there is no way on."""
+        walk = [start]
+        taken = 0.0
+        seen = self._seen.copy()
+        self._seen[start.cells] = True  # for the moment, so that the walk goes on to other things
+        while taken < frames:
+            following = self._next(walk)
+            if following is None:
+                break
+            taken += self._frames_between(walk[-1], following)
+            walk.append(following)
+            self._seen[following.cells] = True
+        self._seen = seen
+        return walk
+
+    def _next(self, walk: list[Pose]) -> Pose | None:
+        """Pose that shows most that is new among those that a straight and free way with look-ahead leads to."""
+        here = walk[-1]
+        near = [pose for pose in self._poses if self._is_near(here, pose) and not any(pose is old for old in walk)]
+        for pose in sorted(near, key=self._gain, reverse=True)[:_TRIED_LEGS]:
+            if self._is_open(here, pose):
+                return pose
+        return None
+
+    def _is_near(self, here: Pose, pose: Pose) -> bool:
+        distance = float(np.linalg.norm(pose.position_world - here.position_world)) / self._side
+        return _MIN_LEG <= distance <= _MAX_LEG and _angle(here, pose) <= _MAX_ANGLE
+
+    def _is_open(self, here: Pose, pose: Pose) -> bool:
+        """Tell whether the straight way is free, and look-ahead on it about as good as wanted."""
+        if not self._space.contains_path(np.stack([here.position_world, pose.position_world])):
+            return False
+        for share in _ON_THE_WAY:
+            position = here.position_world + share * (pose.position_world - here.position_world)
+            target = here.target_world + share * (pose.target_world - here.target_world)
+            if look(self._octree, self._lens, position, target - position).share < _MIN_SHARE:
+                return False
+        return True
+
+    def _frames_between(self, here: Pose, pose: Pose) -> float:
+        distance = float(np.linalg.norm(pose.position_world - here.position_world)) / self._side
+        return max(distance / _STEP, _angle(here, pose) / _TURN)
+
+    def _flight(self, walk: list[Pose], frames: int, name: str) -> list[Camera]:
+        """Cameras on the spline through the walk's poses; a walk that is too short is flown more slowly."""
+        times = np.cumsum([0.0, *(self._frames_between(*pair) for pair in pairwise(walk))])
+        points = np.array([[*pose.position_world, *pose.target_world] for pose in walk])  # (K, 6)
+        path = catmull_rom(times, points, np.linspace(0.0, min(times[-1], frames - 1.0), frames))
+        return [self._lens.camera(row[:3], row[3:], name) for row in path]
+
+    def _is_smooth(self, cameras: list[Camera]) -> bool:
+        """Tell whether the flight is free and its steps and turns are bounded."""
+        positions = np.stack([camera.position_world for camera in cameras])
+        return self._space.contains_path(positions) and all(
+            step_of(*pair) <= MAX_STEP * self._side and turn_of(*pair) <= MAX_TURN for pair in pairwise(cameras)
+        )
+
+
+def _angle(one: Pose, other: Pose) -> float:
+    """Angle between the sights of two poses in radians."""
+    return float(np.arccos(np.clip(one.forward @ other.forward, -1.0, 1.0)))

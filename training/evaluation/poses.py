@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Poses in free space from which a camera sees surface with look-ahead, nearer or farther (methods 4.1b, 7.6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.tracing.camera import Camera
+from ...patchnet_addon.tracing.render import first_hits
+from .free_space import FreeSpace
+
+FOV = float(np.radians(60.0))  # vertical
+MIN_SHARE = 0.97  # of a pose's hits with look-ahead: more than the track needs, as the way between poses may have less
+_POSITIONS = 240  # tried in the surface's box, and as many around it
+_AROUND = 0.5  # cube sides around that box
+_HEADINGS = 8
+_PITCHES = np.radians([-30.0, -8.0, 12.0])
+_TRIAL_PX = 20  # height
+_CELLS = 32  # along a side of the cube, to count what is seen
+_BRIGHT = 0.1  # luminance from which surface counts as lit
+_ENCLOSED = 0.7  # share of hits all around from which a position is inside something
+_ENOUGH = 24  # enclosed poses that are enough to stay inside
+
+
+@dataclass(frozen=True, eq=False)
+class Lens:
+    """Picture size in pixels and the axial distance, in world units, from which its hits have look-ahead.
+
+    Voxels stop rays at or above level depth - lookahead from there on (methods 7.6).
+    """
+
+    size_px: tuple[int, int]
+    near_world: float
+
+    @classmethod
+    def of(cls, octree: Octree, size_px: tuple[int, int], lookahead: int) -> Lens:
+        """Lens for an octree: 2 c z = side of a voxel of level depth - lookahead (methods 4.1b)."""
+        pixel = 2.0 * np.tan(FOV / 2) / size_px[1]
+        return cls(size_px, float(octree.grid.side_world * 2.0 ** (lookahead - octree.depth) / (2.0 * pixel)))
+
+    def camera(self, position_world: np.ndarray, target_world: np.ndarray, name: str) -> Camera:
+        """Upright camera of the track."""
+        return Camera.look_at(position_world, target_world, fov=FOV, size_px=self.size_px, name=name)
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Position and look-at target (3,), world units, and what a small picture from there shows.
+
+    share: of hits that are far enough for look-ahead. hit: share of hits. quality: of the view, 0 to 1: full of lit and
+    near surface. cells: (n,) int64, distinct numbers of the cells that are seen.
+    """
+
+    position_world: np.ndarray
+    target_world: np.ndarray
+    share: float
+    hit: float
+    quality: float
+    cells: np.ndarray
+
+    @property
+    def forward(self) -> np.ndarray:
+        """(3,) unit vector of sight."""
+        along = self.target_world - self.position_world
+        return along / np.linalg.norm(along)
+
+
+def find_poses(octree: Octree, space: FreeSpace, lens: Lens, random: np.random.Generator) -> list[Pose]:
+    """Poses with look-ahead at random positions; only inside the scene if there are enough of them."""
+    inside: list[Pose] = []
+    outside: list[Pose] = []
+    for position in _positions(octree, space, random):
+        around = [look(octree, lens, position, forward) for forward in _directions(random)]
+        enclosed = np.mean([pose.hit for pose in around]) >= _ENCLOSED
+        (inside if enclosed else outside).extend(pose for pose in around if pose.share >= MIN_SHARE and pose.hit > 0)
+    return inside if len(inside) >= _ENOUGH else inside + outside
+
+
+def look(octree: Octree, lens: Lens, position_world: np.ndarray, forward: np.ndarray) -> Pose:
+    """Pose at a position (3,) that looks along a direction (3,); its target is as far as the middle of what is seen."""
+    width, height = lens.size_px
+    size_px = (max(1, round(_TRIAL_PX * width / height)), _TRIAL_PX)
+    camera = Camera.look_at(position_world, position_world + forward, fov=FOV, size_px=size_px)
+    hits = first_hits(octree, camera)
+    seen = hits.hit
+    if not seen.any():
+        return Pose(position_world, position_world + forward * lens.near_world, 1.0, 0.0, 0.0, np.empty(0, np.int64))
+    z_world = hits.z_world[seen].astype(np.float64)
+    middle = float(np.median(z_world))
+    hit = float(seen.mean())
+    lit = float(np.clip(hits.luminance[seen] / _BRIGHT, 0.0, 1.0).mean())
+    points = position_world + hits.direction[seen] * hits.t_world[seen, None]
+    cells = np.clip(octree.grid.to_unit(points) * _CELLS, 0, _CELLS - 1).astype(np.int64)
+    return Pose(
+        position_world,
+        position_world + camera.forward * middle,
+        share=float((z_world > lens.near_world).mean()),
+        hit=hit,
+        quality=hit * lit * min(lens.near_world / middle, 1.0),
+        cells=np.unique((cells[:, 0] * _CELLS + cells[:, 1]) * _CELLS + cells[:, 2]),
+    )
+
+
+def _positions(octree: Octree, space: FreeSpace, random: np.random.Generator) -> np.ndarray:
+    """Free points (n, 3) in the surface's box and around it."""
+    low, high = space.bounds_world
+    margin = _AROUND * octree.grid.side_world
+    points = np.concatenate(
+        [
+            random.uniform(low, high, (_POSITIONS, 3)),
+            random.uniform(low - [margin, margin, 0.0], high + margin, (_POSITIONS, 3)),
+        ]
+    )
+    return points[space.contains(points)]
+
+
+def _directions(random: np.random.Generator) -> list[np.ndarray]:
+    """Unit vectors (3,) in all headings and several pitches."""
+    angles = 2 * np.pi * (np.arange(_HEADINGS) + random.random()) / _HEADINGS
+    return [
+        np.array([np.cos(pitch) * np.cos(angle), np.cos(pitch) * np.sin(angle), np.sin(pitch)])
+        for pitch in _PITCHES
+        for angle in angles
+    ]
