@@ -18,7 +18,18 @@ from types import ModuleType
 from typing import NoReturn
 
 # In the order of the help.
-NAMES: tuple[str, ...] = ("run", "demo", "info", "octree", "export", "verify-light", "dataset", "train", "bench")
+NAMES: tuple[str, ...] = (
+    "run",
+    "demo",
+    "info",
+    "octree",
+    "export",
+    "verify-light",
+    "dataset",
+    "train",
+    "evaluate",
+    "bench",
+)
 
 EXIT_UNEXPECTED = 1
 EXIT_ERROR = 2

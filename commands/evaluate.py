@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet evaluate`: compare all strategies on camera tracks of scenes, by error and by cost."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.errors import SettingError
+from ..patchnet_addon.runtime.progress import drain
+from .shared.arguments import add_number, add_out
+from .shared.lines import say_result
+
+ALL = "all"
+RESULTS, TABLE, REPORT, FIGURES = "results.json", "results.csv", "report.html", "figures"
+
+
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Arguments of `patchnet evaluate`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "evaluate",
+        help="compare all strategies on camera tracks of scenes",
+        description="Evaluate all strategies of the paper, and rivals of finer rays, on camera tracks of scenes: error "
+        "over budget and over time, with intervals, figures and a report. What is done is skipped when it is run again.",
+    )
+    parser.add_argument(
+        "octrees", nargs="*", type=Path, metavar="OCTREE", help="octree files to evaluate beside --scenes"
+    )
+    parser.add_argument(
+        "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all; they are read from the "
+        "folder PATCHNET_SCENES",
+    )  # fmt: skip
+    add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of a track (2000)")
+    add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="evaluate each such frame of a track (10)")
+    parser.add_argument(
+        "--size", type=int, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"), help="pixels (130 130)"
+    )
+    add_number(parser, "--seed", bounds.SEED, default=0, help="of the camera tracks (0)")
+    parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
+    add_number(parser, "--processes", bounds.THREADS, help="processes of one thread each (one for each core)")
+    add_out(parser, "folder for results, figures and the report", required=True)
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate, write and say where; returns 0; raises PatchNetError."""
+    from ..training.evaluation.evaluate import EvaluationSettings, evaluate
+    from ..training.evaluation.results import csv_of, results_of
+    from .shared.progress_bars import ProgressBars
+
+    settings = EvaluationSettings(args.frames, args.every, tuple(args.size), args.seed, args.weights, args.processes)
+    if not args.scenes and not args.octrees:
+        raise SettingError("There is nothing to evaluate: name --scenes, or octree files")
+    args.out.mkdir(parents=True, exist_ok=True)
+    with ProgressBars() as bars:
+        octrees = _octrees(args)
+        scenes = drain(evaluate(octrees, settings, args.out), bars.show)
+    results = results_of(scenes) | {"settings": _settings(args)}
+    (args.out / TABLE).write_text(csv_of(results), encoding="utf-8")
+    (args.out / RESULTS).write_text(json.dumps(results, indent=1), encoding="utf-8")
+    _write_report(args, results)
+    say_result(f"{args.out / REPORT}: {len(scenes)} scenes", file=args.out / REPORT, scenes=len(scenes))
+    return 0
+
+
+def _octrees(args: argparse.Namespace) -> dict[str, Path]:
+    """Octree files by name; those of the catalogue are made where they are missing."""
+    found = _scenes(args) if args.scenes else {}
+    for path in args.octrees:
+        if path.stem in found:
+            raise SettingError(f"Two scenes are called {path.stem!r}: rename {path}")
+        found[path.stem] = path
+    return found
+
+
+def _scenes(args: argparse.Namespace) -> dict[str, Path]:
+    from ..training.evaluation.catalogue import SCENES, scene_named
+    from ..training.evaluation.octrees import scene_octree
+
+    names = list(SCENES) if args.scenes == ALL else [name.strip() for name in args.scenes.split(",") if name.strip()]
+    return {name: scene_octree(scene_named(name), args.out / "octrees") for name in names}
+
+
+def _settings(args: argparse.Namespace) -> dict[str, Any]:
+    weights = None if args.weights is None else args.weights.name
+    return {
+        "frames": args.frames, "every": args.every, "size": list(args.size), "seed": args.seed, "weights": weights,
+    }  # fmt: skip
+
+
+def _write_report(args: argparse.Namespace, results: dict[str, Any]) -> None:
+    from ..training.evaluation.figures import draw_budgets, draw_times
+    from ..training.evaluation.report import report_html
+
+    figures = {}
+    for name, values in results["scenes"].items():
+        drawn = draw_budgets(values, args.out / FIGURES, f"{name}-budget", name)
+        drawn += draw_times(values, args.out / FIGURES, f"{name}-time", name)
+        figures[name] = [path for path in drawn if path.suffix == ".svg"]
+    notes = [
+        f"{args.frames} frames a track, every {args.every}th evaluated at {args.size[0]} x {args.size[1]}; errors are of "
+        "linear luminance against 32 x 32 rays in each pixel, pooled over the active pixels of all frames. Costs are "
+        "processor milliseconds of one thread for whole frames, from camera to order."
+    ]
+    (args.out / REPORT).write_text(report_html(results, figures, notes), encoding="utf-8")

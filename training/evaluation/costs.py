@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cost of refinement strategies: rays per pixel, and milliseconds per frame on one thread.
+
+A strategy's frame is all that it takes from camera to order: tracing the preview and the strategy's own rays, decoding,
+scoring, sorting. So strategies that trace or decode more are dearer by what they really take.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.threads import limit_threads
+from ...patchnet_addon.sampling.refine import refinement_order
+from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
+from ...patchnet_addon.sampling.trace import trace_view
+from ...patchnet_addon.tracing.camera import Camera
+from ...patchnet_addon.tracing.pixels import supersample_pixels
+from ...patchnet_addon.tracing.supersample import supersample
+from ..benchmarks.timing import take_turns
+
+REFERENCE_SIDE = 32
+_REFERENCE_PIXELS = 512  # of a frame, enough to be timed
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Costs on one thread, medians over frames of processor milliseconds.
+
+    ms_per_frame: by strategy. uniform_ms: of a picture of side x side rays in each pixel, by side.
+    reference_ms_per_pixel: of 32x32 rays in a pixel that is refined.
+    """
+
+    ms_per_frame: dict[str, float]
+    uniform_ms: dict[int, float]
+    reference_ms_per_pixel: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def of_json(cls, values: Mapping[str, Any]) -> Costs:
+        """Costs of `as_json`."""
+        uniform = {int(side): ms for side, ms in values["uniform_ms"].items()}
+        return cls(values["ms_per_frame"], uniform, values["reference_ms_per_pixel"])
+
+
+def measure_costs(
+    coded: CodedOctree,
+    cameras: Sequence[Camera],
+    strategies: Mapping[str, Strategy],
+    sides: Sequence[int],
+    repeats: int,
+) -> Costs:
+    """Measure frames by every strategy, in turns; those that read the reference have no price."""
+    priced = {name: strategy for name, strategy in strategies.items() if REFERENCE not in strategy.needs}
+    frames: dict[str, list[float]] = {name: [] for name in priced}
+    uniform: dict[int, list[float]] = {side: [] for side in sides}
+    refined = []
+    with limit_threads(1):
+        for camera in cameras:
+            pixels = _spread_pixels(camera)
+            runs = {name: _frame(coded, camera, strategy) for name, strategy in priced.items()}
+            runs |= {f"uniform {side}": _uniform(coded, camera, side) for side in sides}
+            runs["reference"] = _reference(coded, camera, pixels)
+            for run in runs.values():
+                run()  # compiles
+            seconds = {name: median(times) for name, times in take_turns(runs, repeats).items()}
+            for name in priced:
+                frames[name].append(1e3 * seconds[name])
+            for side in sides:
+                uniform[side].append(1e3 * seconds[f"uniform {side}"])
+            refined.append(1e3 * seconds["reference"] / len(pixels))
+    return Costs(
+        {name: median(times) for name, times in frames.items()},
+        {side: median(times) for side, times in uniform.items()},
+        median(refined),
+    )
+
+
+def _frame(coded: CodedOctree, camera: Camera, strategy: Strategy):  # type: ignore[no-untyped-def]
+    def run() -> None:
+        buffers = drain(trace_view(coded.octree, camera, [strategy], coded=coded, reference=False))
+        refinement_order(buffers, strategy.scores(buffers))
+
+    return run
+
+
+def _uniform(coded: CodedOctree, camera: Camera, side: int):  # type: ignore[no-untyped-def]
+    return lambda: drain(supersample(coded.octree, camera, side))
+
+
+def _reference(coded: CodedOctree, camera: Camera, pixels: np.ndarray):  # type: ignore[no-untyped-def]
+    return lambda: supersample_pixels(coded.octree, camera, pixels, REFERENCE_SIDE)
+
+
+def _spread_pixels(camera: Camera) -> np.ndarray:
+    """Pixels (N,) int64 all over the picture."""
+    count = min(_REFERENCE_PIXELS, camera.pixel_count)
+    return np.linspace(0, camera.pixel_count - 1, count).astype(np.int64)

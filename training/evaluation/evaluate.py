@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Evaluation of strategies on scenes: octrees, codes, camera tracks, frames on all cores, results.
+
+Everything that takes long is kept in the folder of the evaluation, under a key of what it depends on. So what is done
+is skipped, also after a kill.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.codes.encode import encode_octree
+from ...patchnet_addon.codes.file import load_codes, save_codes
+from ...patchnet_addon.network.weights import Weights, load_weights
+from ...patchnet_addon.octree.file import load_octree, octree_hash
+from ...patchnet_addon.runtime.errors import CodesFileError
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.source_hash import source_hash
+from ...patchnet_addon.runtime.threads import usable_cores
+from ...patchnet_addon.sampling.references.registry import EVALUATED
+from ...patchnet_addon.tracing.camera import Camera
+from .costs import Costs, measure_costs
+from .frames import BlockResult, FrameBlock, SceneFiles, evaluate_block, load_block
+from .tracks import camera_track
+
+SIDES = (1, 2, 3, 4)  # of uniform pictures
+_BLOCK = 8  # frames
+_COST_FRAMES, _COST_REPEATS = 5, 3
+_LABEL = "Evaluating"
+
+
+@dataclass(frozen=True)
+class EvaluationSettings:
+    """Settings of an evaluation.
+
+    frames: of each whole track. every: distance of the frames that are evaluated. size_px: of the pictures.
+    weights: file, None for those that are shipped. processes: None for one a core. strategies: names.
+    """
+
+    frames: int = 2000
+    every: int = 10
+    size_px: tuple[int, int] = (130, 130)
+    seed: int = 0
+    weights: Path | None = None
+    processes: int | None = None
+    strategies: tuple[str, ...] = tuple(EVALUATED)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneResult:
+    """Results of a scene: frames of its track, and what they cost; counts of the octree."""
+
+    name: str
+    strategies: tuple[str, ...]
+    frames: BlockResult
+    costs: Costs
+    depth: int
+    nodes: int
+    octree_hash: str
+    weights_hash: str
+
+
+def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[list[SceneResult]]:
+    """Evaluate all strategies on octree files by name of the scene; what is in `out` already is skipped."""
+    weights = load_weights(settings.weights)
+    scenes = []
+    for name, path in octrees.items():
+        scenes.append((yield from _prepare(name, path, settings, weights, out)))
+    yield from _run([block for scene in scenes for block in scene.blocks], settings.processes or usable_cores())
+    results = []
+    for number, scene in enumerate(scenes):
+        yield Progress(number, len(scenes), "Measuring costs")
+        results.append(_result(scene, settings, weights, out))
+    return results
+
+
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """Scene with its files, the cameras of its frames and the blocks of these."""
+
+    name: str
+    files: SceneFiles
+    cameras: list[Camera]
+    blocks: list[FrameBlock]
+
+
+def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weights, out: Path) -> Steps[_Prepared]:
+    octree = load_octree(path)
+    folder = out / "scenes" / name
+    folder.mkdir(parents=True, exist_ok=True)
+    files = SceneFiles(path, folder / f"codes-{weights.hash[:16]}.safetensors", settings.weights)
+    try:
+        load_codes(files.codes, octree, weights)
+    except CodesFileError:
+        save_codes((yield from encode_octree(octree, weights)), files.codes)
+    track = yield from camera_track(
+        octree, frames=settings.frames, size_px=settings.size_px, lookahead=weights.lookahead, seed=settings.seed
+    )
+    cameras = track[:: settings.every]
+    key = _key(settings, octree_hash(octree), weights.hash)
+    blocks = [
+        FrameBlock(
+            files, cameras[first : first + _BLOCK], first, settings.strategies, SIDES,
+            folder / "frames" / f"{first:05}.safetensors", key,
+        )
+        for first in range(0, len(cameras), _BLOCK)
+    ]  # fmt: skip
+    return _Prepared(name, files, cameras, blocks)
+
+
+def _key(settings: EvaluationSettings, octree: str, weights: str) -> str:
+    """Hash of what a frame's errors depend on: settings, files, and the code that measures."""
+    code = source_hash("training.evaluation.frames", "training.evaluation.tracks")
+    kept = replace(settings, processes=None, weights=None)
+    return hashlib.sha256(repr((kept, octree, weights, SIDES, code)).encode()).hexdigest()[:32]
+
+
+def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
+    """Evaluate blocks in processes of one thread each."""
+    left = [block for block in blocks if load_block(block) is None]
+    done = len(blocks) - len(left)
+    yield Progress(done, len(blocks), _LABEL)
+    if not left:
+        return
+    # Not forked: threads and libraries of this process do not survive that.
+    with ProcessPoolExecutor(min(processes, len(left)), multiprocessing.get_context("spawn")) as pool:
+        try:
+            for task in as_completed([pool.submit(evaluate_block, block) for block in left]):
+                task.result()
+                done += 1
+                yield Progress(done, len(blocks), _LABEL)
+        except BaseException:  # an error or Ctrl-C: what has not begun is not begun
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _result(scene: _Prepared, settings: EvaluationSettings, weights: Weights, out: Path) -> SceneResult:
+    found = [block for block in map(load_block, scene.blocks) if block is not None]
+    octree = load_octree(scene.files.octree)
+    coded = load_codes(scene.files.codes, octree, weights)
+    costs = _costs(scene, coded, settings, out / "scenes" / scene.name / "costs.json")
+    return SceneResult(
+        scene.name,
+        settings.strategies,
+        BlockResult.joined(found),
+        costs,
+        octree.depth,
+        octree.node_count,
+        octree_hash(octree),
+        weights.hash,
+    )
+
+
+def _costs(scene: _Prepared, coded: CodedOctree, settings: EvaluationSettings, path: Path) -> Costs:
+    """Costs from their file, or measured on frames all over the track, and kept."""
+    key = scene.blocks[0].key
+    if path.is_file():
+        kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        if kept.pop("key") == key:
+            return Costs.of_json(kept)
+    step = max(len(scene.cameras) // _COST_FRAMES, 1)
+    strategies = {name: EVALUATED[name] for name in settings.strategies}
+    costs = measure_costs(coded, scene.cameras[::step][:_COST_FRAMES], strategies, SIDES, _COST_REPEATS)
+    path.write_text(json.dumps({"key": key} | costs.as_json()), encoding="utf-8")
+    return costs

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Figures of an evaluation: error over budget by the number of rays, and error over total time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..benchmarks.figures import BLUE, GRAY, GREEN, ORANGE, PURPLE, finish, save_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+ENDINGS = (".png", ".svg")
+CYCLES_MS_PER_PIXEL = 0.2
+"""Processor milliseconds that 64 paths of Cycles take in a pixel, at the rate that `patchnet bench bake` says of camera
+renders: 0.3 million paths a second."""
+_LIGHT = "0.75"
+_STYLES = {
+    "patchnet": (BLUE, "-"), "patchnet-behind": (BLUE, "-"), "fusion": (PURPLE, "-"), "ss-variance": (ORANGE, "-"),
+    "ws-lut": (GREEN, "-"), "fine-ray": ("#8c510a", "-"), "fine-ray-variance": ("#8c510a", "--"),
+    "fine-rays-4": ("#cc79a7", "-"), "fine-rays-4-variance": ("#cc79a7", "--"), "patchnet-behind-exact": (BLUE, ":"),
+    "patchnet-exact": (BLUE, ":"),
+}  # fmt: skip
+_PANELS = ((1, "no further ray"), (2, "one further ray"), (5, "four further rays"))
+
+
+def draw_budgets(values: dict[str, Any], folder: Path, name: str, title: str) -> list[Path]:
+    """Draw error over budget of a scene, a diagram for each number of rays a pixel, with optimal and random.
+
+    Returns the files; raises PatchNetError if one cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 4.2), dpi=100, layout="constrained")
+    figure.suptitle(title, fontsize=12)
+    budgets = 100 * np.asarray(values["budgets"])
+    panels = figure.subplots(1, len(_PANELS), sharey=True)
+    for axes, (rays, label) in zip(panels, _PANELS, strict=True):
+        for kind, style in (("random", "--"), ("optimal", ":")):
+            axes.plot(budgets, _error(values["mse"][kind]), style, color=GRAY, lw=1, label=kind)
+        for strategy, curve in values["mse"].items():
+            if values["rays_per_pixel"][strategy] == rays and strategy not in ("random", "optimal"):
+                _draw_curve(axes, budgets, _error(curve), strategy)
+        axes.set(xlabel="refined (% of active pixels)", title=label, yscale="log")
+        axes.set_ylim(values["mse"]["random"][0] * 1e4 / 200, values["mse"]["random"][0] * 1.2e4)
+        finish(axes)
+    panels[0].set_ylabel("mean squared error (1e-4)")
+    return _save(figure, folder, name)
+
+
+def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> list[Path]:
+    """Draw mean squared error over the whole time of a frame: what a strategy takes, and the samples that it asks for.
+
+    Left, samples are 32x32 rays of our own in each refined pixel; right, 64 paths of Cycles at a stated price. Pictures
+    with as many rays in every pixel are points. Returns the files; raises PatchNetError if one cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 4.6), dpi=100, layout="constrained")
+    figure.suptitle(title, fontsize=12)
+    pixels = values["active_pixels"] / max(values["frames"], 1)
+    left, right = figure.subplots(1, 2, sharey=True)
+    prices = ((left, values["reference_ms_per_pixel"], "samples: 32 x 32 rays"),
+              (right, CYCLES_MS_PER_PIXEL, f"samples: Cycles, {CYCLES_MS_PER_PIXEL:g} ms a pixel"))  # fmt: skip
+    budgets = np.asarray(values["budgets"])
+    for axes, price, label in prices:
+        for strategy, milliseconds in values["ms_per_frame"].items():
+            if strategy in _STYLES or strategy == "random":
+                times = milliseconds + budgets * pixels * price
+                _draw_curve(axes, times, _error(values["mse"][strategy]), strategy)
+        uniform = values["uniform"].values()
+        axes.plot(
+            [picture["ms_per_frame"] for picture in uniform], [picture["mse"] * 1e4 for picture in uniform],
+            "k^", ms=6, label="1, 2x2, 3x3, 4x4 rays in each pixel",
+        )  # fmt: skip
+        axes.set(xlabel="milliseconds a frame, one thread", title=label, yscale="log", xscale="log")
+        axes.set_ylim(values["mse"]["random"][0] * 1e4 / 300, values["mse"]["random"][0] * 1.2e4)
+        finish(axes)
+    left.set_ylabel("mean squared error (1e-4)")
+    return _save(figure, folder, name)
+
+
+def _error(curve: list[float]) -> np.ndarray:
+    """Errors in 1e-4; none at budget 1, which a logarithm cannot show."""
+    error = 1e4 * np.asarray(curve)
+    return np.where(error > 0, error, np.nan)
+
+
+def _draw_curve(axes: Axes, x: np.ndarray, error: np.ndarray, strategy: str) -> None:
+    if strategy in _STYLES:
+        color, style = _STYLES[strategy]
+        axes.plot(x, error, style, color=color, lw=1.8, label=strategy, zorder=3)
+    else:
+        axes.plot(x, error, "-", color=_LIGHT, lw=0.9, zorder=1, label=_first_of(axes, "other scores"))
+
+
+def _first_of(axes: Axes, label: str) -> str:
+    """Label for the first of several curves alone."""
+    return "_hidden" if label in axes.get_legend_handles_labels()[1] else label
+
+
+def _save(figure: Any, folder: Path, name: str) -> list[Path]:
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / f"{name}{ending}" for ending in ENDINGS]
+    for path in paths:
+        save_figure(figure, path)
+    return paths

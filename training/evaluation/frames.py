@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Frames of a camera track, evaluated in blocks of one file each, so that a stopped evaluation goes on where it was."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.codes.file import load_codes
+from ...patchnet_addon.network.weights import load_weights
+from ...patchnet_addon.octree.file import load_octree
+from ...patchnet_addon.runtime.errors import FileFormatError
+from ...patchnet_addon.runtime.files import read_arrays, write_arrays
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.threads import limit_threads
+from ...patchnet_addon.sampling.errors import squared_error
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.references.registry import EVALUATED
+from ...patchnet_addon.sampling.trace import trace_view
+from ...patchnet_addon.tracing.camera import Camera
+from ...patchnet_addon.tracing.supersample import supersample
+from .curves import TrackErrors, frame_errors, frame_orders
+
+KIND = "frames"
+
+
+@dataclass(frozen=True)
+class SceneFiles:
+    """Files of a scene that frames are evaluated of; weights: None for those that are shipped."""
+
+    octree: Path
+    codes: Path
+    weights: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FrameBlock:
+    """Block of F frames of a scene, the unit of work and of what is kept.
+
+    path: file of the results. key: of everything that they depend on; a file with another key is made again.
+    strategies: names, in the order of the results. sides: of the uniform pictures.
+    """
+
+    files: SceneFiles
+    cameras: Sequence[Camera]
+    first: int
+    strategies: tuple[str, ...]
+    sides: tuple[int, ...]
+    path: Path
+    key: str
+
+
+@dataclass(frozen=True, eq=False)
+class BlockResult:
+    """Results of F frames, S strategies and U uniform pictures.
+
+    active, left, variance: as in `TrackErrors`. hits, ahead: (F,) int64, pixels whose ray met a voxel, and those of
+    them with look-ahead. uniform: (F, U) float64, squared error of pictures with side x side rays in each pixel, summed
+    over active pixels.
+    """
+
+    active: np.ndarray
+    left: np.ndarray
+    variance: np.ndarray
+    hits: np.ndarray
+    ahead: np.ndarray
+    uniform: np.ndarray
+
+    @classmethod
+    def joined(cls, blocks: Sequence[BlockResult]) -> BlockResult:
+        """Join the frames of blocks."""
+        names = cls.__dataclass_fields__
+        return cls(*(np.concatenate([getattr(block, name) for block in blocks]) for name in names))
+
+    def track(self, scene: str, strategies: Sequence[str]) -> TrackErrors:
+        """Errors of the track, for what is read off them."""
+        return TrackErrors(scene, tuple(strategies), self.active, self.left, self.variance)
+
+
+def evaluate_block(block: FrameBlock) -> None:
+    """Evaluate the frames of a block on one thread and write them, unless they are there already."""
+    if load_block(block) is not None:
+        return
+    coded = _load(block.files)
+    strategies = {name: EVALUATED[name] for name in block.strategies}
+    rows = []
+    with limit_threads(1):
+        for camera in block.cameras:
+            buffers = drain(trace_view(coded.octree, camera, list(strategies.values()), coded=coded))
+            scores = {name: strategy.scores(buffers) for name, strategy in strategies.items()}
+            errors = frame_errors(buffers, frame_orders(buffers, scores))
+            prediction = buffers.prediction
+            ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
+            uniform = [_uniform_error(coded, camera, buffers, side) for side in block.sides]
+            rows.append((errors.active, errors.left, errors.variance, int(buffers.hit.sum()), ahead, uniform))
+    names = BlockResult.__dataclass_fields__
+    arrays = {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
+    block.path.parent.mkdir(parents=True, exist_ok=True)
+    write_arrays(block.path, arrays, {"key": block.key, "first": block.first}, KIND)
+
+
+def load_block(block: FrameBlock) -> BlockResult | None:
+    """Results of a block from its file; None if they are not there, damaged, or of something else."""
+    if not block.path.is_file():
+        return None
+    try:
+        arrays, metadata = read_arrays(block.path, KIND)
+    except FileFormatError:
+        return None
+    return BlockResult(**arrays) if metadata.get("key") == block.key else None
+
+
+def _uniform_error(coded: CodedOctree, camera: Camera, buffers: PixelBuffers, side: int) -> float:
+    """Squared error of a picture of side x side rays in each pixel, summed over active pixels."""
+    if side == 1:
+        return float(squared_error(buffers)[buffers.active].sum())
+    assert buffers.reference is not None
+    picture = drain(supersample(coded.octree, camera, side)).astype(np.float64)
+    return float(((picture - buffers.reference) ** 2)[buffers.active].sum())
+
+
+@lru_cache(maxsize=1)
+def _load(files: SceneFiles) -> CodedOctree:
+    weights = load_weights() if files.weights is None else load_weights(files.weights)
+    return load_codes(files.codes, load_octree(files.octree), weights)

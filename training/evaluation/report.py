@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Report of an evaluation as one HTML file that needs no other: figures, tables, claims."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from .results import SHOWN
+
+_STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 75rem; padding: 0 1rem; color: #222; }
+table { border-collapse: collapse; margin: 1rem 0; } th, td { padding: .2rem .7rem; text-align: right; }
+th:first-child, td:first-child { text-align: left; } tr:nth-child(even) { background: #f4f4f4; }
+th { border-bottom: 2px solid #888; } figure { margin: 1.5rem 0; } svg { max-width: 100%; height: auto; }
+.holds { color: #06703f; } .fails { color: #a33; }
+"""
+
+
+def report_html(results: Mapping[str, Any], figures: Mapping[str, Sequence[Path]], notes: Sequence[str]) -> str:
+    """HTML of the results. figures: .svg files by scene. notes: sentences about how it was made."""
+    parts = [
+        "<!doctype html><html lang='en'><head><meta charset='utf-8'>",
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>",
+        f"<title>PatchNet: evaluation</title><style>{_STYLE}</style></head><body>",
+        "<h1>Evaluation of refinement strategies</h1>",
+        *(f"<p>{escape(note)}</p>" for note in notes),
+        "<h2>Claims of the paper</h2>",
+        _claims(results["claims"]),
+    ]
+    for name, values in results["scenes"].items():
+        parts += [f"<h2>{escape(name)}</h2>", _facts(values), _errors(values)]
+        parts += [f"<figure>{_svg(path)}</figure>" for path in figures.get(name, ())]
+    return "\n".join([*parts, "</body></html>"])
+
+
+def _facts(values: Mapping[str, Any]) -> str:
+    return (
+        f"<p>{values['frames']} frames, {values['active_pixels']:,} active pixels, look-ahead on "
+        f"{values['lookahead_share']:.1%} of hits; octree of depth {values['depth']} with {values['nodes']:,} nodes. "
+        f"Intervals: 95 %, blocks of {values['block_frames'][0]} frames.</p>"
+    )
+
+
+def _errors(values: Mapping[str, Any]) -> str:
+    """Table of errors over that of screen-space variance, with cost, grouped by rays."""
+    head = ["strategy", "rays a pixel", "ms a frame", *(f"{share:.0%}" for share in SHOWN), "excess area"]
+    names = sorted(values["mse"], key=lambda name: (values["rays_per_pixel"][name], _area(values, name)))
+    rows = [
+        [
+            name,
+            values["rays_per_pixel"][name],
+            f"{values['ms_per_frame'][name]:.1f}" if name in values["ms_per_frame"] else "",
+            *(f"{1e4 * values['mse'][name][round(100 * share)]:.2f}" for share in SHOWN),
+            _with_interval(values["excess_area"][name]),
+        ]
+        for name in names
+    ]
+    uniform = [
+        [f"{side} x {side} rays in each pixel", item["rays_per_pixel"], f"{item['ms_per_frame']:.1f}"]
+        + [f"{1e4 * item['mse']:.2f}"] + [""] * len(SHOWN)
+        for side, item in values["uniform"].items()
+    ]  # fmt: skip
+    return "<p>Mean squared error in 1e-4 after refining a share of the active pixels:</p>" + _table(
+        head, [*rows, *uniform]
+    )
+
+
+def _area(values: Mapping[str, Any], name: str) -> float:
+    area = values["excess_area"][name]["value"]
+    return float("inf") if area is None else area
+
+
+def _claims(claims: Mapping[str, Any]) -> str:
+    rows = []
+    for scene, found in claims["lowest"].items():
+        for name, values in found.items():
+            start = "never" if values["value"] is None else f"from {values['value']:.0%}"
+            rows.append([scene, name, "lowest of all references from 13 % on", start, _verdict(values["holds"])])
+    for scene, found in claims["half"].items():
+        for name, values in found.items():
+            at = values["budgets"].index(0.3)
+            ratio = f"{values['value'][at]:.2f} ({values['low'][at]:.2f} to {values['high'][at]:.2f})"
+            rows.append([scene, name, "half of ss-variance at 30 %", ratio, _verdict(values["holds"])])
+    return _table(["scene", "strategy", "claim", "found", "holds"], rows)
+
+
+def _verdict(holds: bool) -> str:
+    return "<span class='holds'>yes</span>" if holds else "<span class='fails'>no</span>"
+
+
+def _with_interval(values: Mapping[str, float | None]) -> str:
+    if values["value"] is None:
+        return ""
+    if values["low"] is None or values["high"] is None:
+        return f"{values['value']:.3f}"
+    return f"{values['value']:.3f} ({values['low']:.3f} to {values['high']:.3f})"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """HTML table; cells that begin with a tag are HTML."""
+    lines = [f"<tr>{''.join(f'<th>{escape(cell)}</th>' for cell in head)}</tr>"]
+    lines += [f"<tr>{''.join(f'<td>{_cell(cell)}</td>' for cell in row)}</tr>" for row in rows]
+    return f"<table>{''.join(lines)}</table>"
+
+
+def _cell(value: object) -> str:
+    text = str(value)
+    return text if text.startswith("<span") else escape(text)
+
+
+def _svg(path: Path) -> str:
+    """Drawing without the head that only a file of its own may have."""
+    text = path.read_text(encoding="utf-8")
+    return text[text.index("<svg") :]

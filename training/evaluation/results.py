@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Results of an evaluation as plain JSON values: curves with intervals, costs, and the paper's claims."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...patchnet_addon.sampling.references.registry import EVALUATED
+from .bootstrap import Bootstrap, Interval
+from .checks import check_track
+from .claims import claims_of
+from .curves import BUDGETS, OPTIMAL, TrackErrors, excess_area, mean_frame_mse, pooled_mse
+from .evaluate import SIDES, SceneResult
+
+POOLED = "all scenes"
+SHOWN = (0.05, 0.1, 0.13, 0.2, 0.3, 0.5, 0.7)  # budgets of tables
+
+
+def results_of(scenes: Sequence[SceneResult], *, resamples: int = 2000) -> dict[str, Any]:
+    """Results of scenes, and of all of them pooled; every track is checked first.
+
+    Raises CheckError for a track whose errors cannot be right, and SettingError for less than two frames.
+    """
+    tracks = [scene.frames.track(scene.name, scene.strategies) for scene in scenes]
+    for track in tracks:
+        check_track(track)
+    draws = {track.scene: Bootstrap.of([track], resamples) for track in tracks}
+    results: dict[str, Any] = {
+        "scenes": {
+            scene.name: _scene(scene, track, draws[scene.name]) for scene, track in zip(scenes, tracks, strict=True)
+        }
+    }
+    if len(tracks) > 1:
+        draws[POOLED] = Bootstrap.of(tracks, resamples)
+        results["pooled"] = _curves(tracks, draws[POOLED])
+    return results | {"claims": claims_of(draws)}
+
+
+def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str, Any]:
+    frames, costs = scene.frames, scene.costs
+    active = max(int(frames.active.sum()), 1)
+    return _curves([track], draws) | {
+        "frames": len(frames.active),
+        "active_pixels": int(frames.active.sum()),
+        "lookahead_share": float(frames.ahead.sum() / max(frames.hits.sum(), 1)),
+        "depth": scene.depth,
+        "nodes": scene.nodes,
+        "octree_hash": scene.octree_hash,
+        "rays_per_pixel": {name: 1 + EVALUATED[name].extra_rays for name in track.strategies},
+        "group": {name: EVALUATED[name].group for name in track.strategies},
+        "ms_per_frame": costs.ms_per_frame,
+        "reference_ms_per_pixel": costs.reference_ms_per_pixel,
+        "uniform": {
+            str(side): {
+                "rays_per_pixel": side * side,
+                "mse": float(frames.uniform[:, index].sum() / active),
+                "ms_per_frame": costs.uniform_ms[side],
+            }
+            for index, side in enumerate(SIDES)
+        },
+    }
+
+
+def _curves(tracks: Sequence[TrackErrors], draws: Bootstrap) -> dict[str, Any]:
+    names = tracks[0].strategies
+    mse, by_frame = pooled_mse(tracks), mean_frame_mse(tracks)
+    areas = excess_area(mse, mse[names.index(OPTIMAL)])
+    intervals = {name: draws.mse(name) for name in names}
+    return {
+        "budgets": BUDGETS.tolist(),
+        "mse": {name: mse[row].tolist() for row, name in enumerate(names)},
+        "mean_frame_mse": {name: by_frame[row].tolist() for row, name in enumerate(names)},
+        "intervals": {name: {"low": item.low.tolist(), "high": item.high.tolist()} for name, item in intervals.items()},
+        "excess_area": {
+            name: number_with_interval(draws.excess_area(name)) | {"value": _finite(areas[row])}
+            for row, name in enumerate(names)
+        },
+        "block_frames": list(draws.block_frames),
+    }
+
+
+def number_with_interval(interval: Interval) -> dict[str, float | None]:
+    """Value and ends of an interval of one figure; None for what is infinite or undefined, which JSON cannot say."""
+    return {
+        "value": _finite(np.ravel(interval.value)[0]),
+        "low": _finite(np.ravel(interval.low)[0]),
+        "high": _finite(np.ravel(interval.high)[0]),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def csv_of(results: dict[str, Any]) -> str:
+    """Table of all errors: scene, strategy, group, rays per pixel, milliseconds, budget, error and its interval."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(["scene", "strategy", "group", "rays_per_pixel", "ms_per_frame", "budget", "mse", "low", "high"])
+    for scene, values in results["scenes"].items():
+        for name, curve in values["mse"].items():
+            low, high = (values["intervals"][name][end] for end in ("low", "high"))
+            for index, budget in enumerate(values["budgets"]):
+                rows.writerow(
+                    [
+                        scene, name, values["group"][name], values["rays_per_pixel"][name],
+                        values["ms_per_frame"].get(name, ""), budget, curve[index], low[index], high[index],
+                    ]
+                )  # fmt: skip
+    return text.getvalue()
