@@ -60,7 +60,7 @@ STRATEGIES = (
         needs=frozenset(),
         score=_luminance_score,
         quantity="luminance x contrast",
-        maximum=0.5,
+        maximum=0.2,
         group="screen-space",
     ),
     Strategy(
