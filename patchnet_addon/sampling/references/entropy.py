@@ -33,16 +33,14 @@ def luminance_contrast(buffers: PixelBuffers) -> np.ndarray:
 def geometry_contrast(buffers: PixelBuffers) -> np.ndarray:
     """Entropy contrast of cos / d^2 of each window, (H, W); d: distance of the hit, cos: |N_V . w| (equations 9, 10).
 
-    Misses are infinitely far and have p = 0; a window without hits has no contrast.
+    Misses are infinitely far and without normal, so their p is 0; a window without hits has no contrast.
     """
     assert buffers.normal is not None  # `needs` says so
     hits = buffers.hits
     cosine = np.abs(np.einsum("pc,pc->p", buffers.normal.astype(np.float64), hits.direction))
     distance = np.maximum(hits.t_world.astype(np.float64), _NEAREST)
     # Distances are in units of the scene, so no weight is too small to count.
-    return entropy_contrast(
-        WindowDistribution.of(buffers.picture(np.where(hits.hit, cosine / distance**2, 0.0)), _TINY)
-    )
+    return entropy_contrast(WindowDistribution.of(buffers.picture(cosine / distance**2), _TINY))
 
 
 def _luminance_score(buffers: PixelBuffers) -> np.ndarray:
@@ -62,7 +60,7 @@ STRATEGIES = (
         needs=frozenset(),
         score=_luminance_score,
         quantity="luminance x contrast",
-        maximum=0.5,
+        maximum=0.2,
         group="screen-space",
     ),
     Strategy(

@@ -46,7 +46,7 @@ def tsallis(q: float) -> Strategy:
         needs=frozenset(),
         score=score,
         quantity="luminance x contrast",
-        maximum=0.5,
+        maximum=0.2,
         group="screen-space",
     )
 
