@@ -24,8 +24,11 @@ def calling_path() -> Path:
 
 
 @contextmanager
-def compiling_beside() -> Iterator[None]:
-    """Let a second Python compile while the block runs, which then calls these kernels itself; no longer than that."""
+def compiling_beside(*, calls_them: bool = True) -> Iterator[None]:
+    """Let a second Python compile while the block runs, no longer than that.
+
+    calls_them: the block calls these kernels itself in the end, so that all are compiled when it is over.
+    """
     from ...patchnet_addon.runtime.kernels import compiled_mark
 
     mark, process = None, None
@@ -37,10 +40,11 @@ def compiling_beside() -> Iterator[None]:
     try:
         yield
     finally:
+        ended = process is not None and process.poll() == 0
         if process is not None:
             process.kill()
             process.wait()
-    if mark is not None:
+    if mark is not None and (calls_them or ended):
         with suppress(OSError):
             mark.touch()
 

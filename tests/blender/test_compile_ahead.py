@@ -111,6 +111,16 @@ def test_beside_a_job_once_on_a_machine(second: SimpleNamespace) -> None:
     assert len(second.processes) == 1 and second.processes[0].poll() is not None and second.mark.exists()
 
 
+def test_beside_a_job_that_calls_none_of_them(second: SimpleNamespace) -> None:
+    with kernels_beside.compiling_beside(calls_them=False):
+        pass
+    assert second.processes[0].poll() is not None and not second.mark.exists(), "it was not done"
+    with kernels_beside.compiling_beside(calls_them=False):
+        second.processes[1].kill()
+        second.processes[1].wait()
+    assert not second.mark.exists(), "it failed"
+
+
 def test_beside_a_job_that_fails(second: SimpleNamespace) -> None:
     for _ in range(2):
         with pytest.raises(SceneError), kernels_beside.compiling_beside():

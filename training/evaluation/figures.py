@@ -19,10 +19,10 @@ CYCLES_MS_PER_PIXEL = 0.2
 renders: 0.3 million paths a second."""
 _LIGHT = "0.75"
 _STYLES = {
-    "patchnet": (BLUE, "-"), "patchnet-behind": (BLUE, "-"), "fusion": (PURPLE, "-"), "ss-variance": (ORANGE, "-"),
+    "patchnet": ("#56b4e9", "-"), "patchnet-behind": (BLUE, "-"), "fusion": (PURPLE, "-"), "ss-variance": (ORANGE, "-"),
     "ws-lut": (GREEN, "-"), "fine-ray": ("#8c510a", "-"), "fine-ray-variance": ("#8c510a", "--"),
     "fine-rays-4": ("#cc79a7", "-"), "fine-rays-4-variance": ("#cc79a7", "--"), "patchnet-behind-exact": (BLUE, ":"),
-    "patchnet-exact": (BLUE, ":"),
+    "patchnet-exact": ("#56b4e9", ":"),
 }  # fmt: skip
 _PANELS = ((1, "no further ray"), (2, "one further ray"), (5, "four further rays"))
 
@@ -34,7 +34,7 @@ def draw_budgets(values: dict[str, Any], folder: Path, name: str, title: str) ->
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12, 4.2), dpi=100, layout="constrained")
+    figure = Figure(figsize=(12, 5), dpi=100, layout="constrained")
     figure.suptitle(title, fontsize=12)
     budgets = 100 * np.asarray(values["budgets"])
     panels = figure.subplots(1, len(_PANELS), sharey=True)
@@ -47,6 +47,7 @@ def draw_budgets(values: dict[str, Any], folder: Path, name: str, title: str) ->
         axes.set(xlabel="refined (% of active pixels)", title=label, yscale="log")
         axes.set_ylim(values["mse"]["random"][0] * 1e4 / 200, values["mse"]["random"][0] * 1.2e4)
         finish(axes)
+        axes.legend(fontsize=8, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
     panels[0].set_ylabel("mean squared error (1e-4)")
     return _save(figure, folder, name)
 
@@ -59,7 +60,7 @@ def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> l
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12, 4.6), dpi=100, layout="constrained")
+    figure = Figure(figsize=(12, 5.2), dpi=100, layout="constrained")
     figure.suptitle(title, fontsize=12)
     pixels = values["active_pixels"] / max(values["frames"], 1)
     left, right = figure.subplots(1, 2, sharey=True)
@@ -71,14 +72,16 @@ def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> l
             if strategy in _STYLES or strategy == "random":
                 times = milliseconds + budgets * pixels * price
                 _draw_curve(axes, times, _error(values["mse"][strategy]), strategy)
-        uniform = values["uniform"].values()
-        axes.plot(
-            [picture["ms_per_frame"] for picture in uniform], [picture["mse"] * 1e4 for picture in uniform],
-            "k^", ms=6, label="1, 2x2, 3x3, 4x4 rays in each pixel",
-        )  # fmt: skip
         axes.set(xlabel="milliseconds a frame, one thread", title=label, yscale="log", xscale="log")
         axes.set_ylim(values["mse"]["random"][0] * 1e4 / 300, values["mse"]["random"][0] * 1.2e4)
         finish(axes)
+        axes.get_legend().remove()
+    uniform = values["uniform"].values()
+    left.plot(
+        [picture["ms_per_frame"] for picture in uniform], [picture["mse"] * 1e4 for picture in uniform],
+        "k^", ms=6, label="1, 2x2, 3x3, 4x4 rays in each pixel",
+    )  # fmt: skip
+    figure.legend(*left.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=6)
     left.set_ylabel("mean squared error (1e-4)")
     return _save(figure, folder, name)
 
