@@ -124,11 +124,14 @@ def _read(path: Path, device: str) -> dict[str, torch.Tensor]:
     from pickle import UnpicklingError
 
     try:
-        found = torch.load(path, map_location=device, weights_only=True)
+        file = path.open("rb")
     except OSError as cause:
-        raise WeightsFileError(f"{path} cannot be read ({cause.strerror or cause}): give a file of weights") from cause
-    except (UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as cause:
-        raise WeightsFileError(f"{path} is no state dict of torch: save it by torch.save, tensors alone") from cause
+        raise WeightsFileError(f"{path} cannot be read ({cause.strerror}): give a file of weights") from cause
+    with file:
+        try:
+            found = torch.load(file, map_location=device, weights_only=True)
+        except (UnpicklingError, RuntimeError, EOFError, ValueError, KeyError, OSError) as cause:
+            raise WeightsFileError(f"{path} is no state dict of torch, or damaged: fetch the file again") from cause
     if not isinstance(found, dict):
         raise WeightsFileError(f"{path} holds {type(found).__name__} instead of a state dict")
     return found
