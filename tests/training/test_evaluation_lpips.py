@@ -133,8 +133,10 @@ def test_missing_torch_says_what_to_install(files: tuple[Path, Path], monkeypatc
         LpipsWeights.load(*files)
 
 
-def test_wrong_pictures_are_named(files: tuple[Path, Path]) -> None:
+def test_wrong_pictures_and_devices_are_named(files: tuple[Path, Path]) -> None:
     weights = LpipsWeights.load(*files)
+    with pytest.raises(SettingError, match="LPIPS device 'gpu' is unknown"):
+        LpipsWeights.load(*files, "gpu")
     with pytest.raises(SettingError, match="31 pixels"):
         lpips(weights, np.zeros((1, 30, 40)), np.zeros((30, 40)))
     with pytest.raises(SettingError, match="one size"):

@@ -2,7 +2,8 @@
 """Block bootstrap over frames: 95 % percentile intervals of pooled errors, paired across strategies (methods 5).
 
 Consecutive frames of a track are alike, so blocks of them are drawn with replacement instead of frames. All
-strategies are measured on the same draws.
+strategies are measured on the same draws. Forty blocks of 50 frames cover a known mean in 92 % of 800 trials where
+errors are correlated over about five frames, and in 90 % over ten: intervals are a little narrow.
 """
 
 from __future__ import annotations
