@@ -24,7 +24,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "evaluate",
         help="compare all strategies on camera tracks of scenes",
         description="Evaluate all strategies of the paper, and rivals of finer rays, on camera tracks of scenes: error "
-        "over budget and over time, with intervals, figures and a report. What is done is skipped when it is run again.",
+        "over budget and over time, with intervals, figures and a report. What is done is skipped in a later run.",
     )
     parser.add_argument(
         "octrees", nargs="*", type=Path, metavar="OCTREE", help="octree files to evaluate beside --scenes"
@@ -40,6 +40,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     )
     add_number(parser, "--seed", bounds.SEED, default=0, help="of the camera tracks (0)")
     parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
+    parser.add_argument(
+        "--lpips", type=Path, nargs=2, metavar=("TRUNK", "HEADS"), help="weight files of LPIPS: AlexNet as torchvision "
+        "saves it, and the linear heads of version 0.1; it is not run without them",
+    )  # fmt: skip
     add_number(parser, "--processes", bounds.THREADS, help="processes of one thread each (one for each core)")
     add_out(parser, "folder for results, figures and the report", required=True)
     return parser
@@ -51,7 +55,15 @@ def run(args: argparse.Namespace) -> int:
     from ..training.evaluation.results import csv_of, results_of
     from .shared.progress_bars import ProgressBars
 
-    settings = EvaluationSettings(args.frames, args.every, tuple(args.size), args.seed, args.weights, args.processes)
+    settings = EvaluationSettings(
+        frames=args.frames,
+        every=args.every,
+        size_px=tuple(args.size),
+        seed=args.seed,
+        weights=args.weights,
+        processes=args.processes,
+        lpips=None if args.lpips is None else tuple(args.lpips),
+    )
     if not args.scenes and not args.octrees:
         raise SettingError("There is nothing to evaluate: name --scenes, or octree files")
     args.out.mkdir(parents=True, exist_ok=True)
@@ -101,7 +113,7 @@ def _write_report(args: argparse.Namespace, results: dict[str, Any]) -> None:
         drawn += draw_times(values, args.out / FIGURES, f"{name}-time", name)
         figures[name] = [path for path in drawn if path.suffix == ".svg"]
     notes = [
-        f"{args.frames} frames a track, every {args.every}th evaluated at {args.size[0]} x {args.size[1]}; errors are of "
+        f"{args.frames} frames a track, every {args.every}th of them at {args.size[0]} x {args.size[1]}; errors are of "
         "linear luminance against 32 x 32 rays in each pixel, pooled over the active pixels of all frames. Costs are "
         "processor milliseconds of one thread for whole frames, from camera to order."
     ]

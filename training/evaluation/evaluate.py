@@ -29,6 +29,7 @@ from ...patchnet_addon.sampling.references.registry import EVALUATED
 from ...patchnet_addon.tracing.camera import Camera
 from .costs import Costs, measure_costs
 from .frames import BlockResult, FrameBlock, SceneFiles, evaluate_block, load_block
+from .quality import lpips_weights
 from .tracks import camera_track
 
 SIDES = (1, 2, 3, 4)  # of uniform pictures
@@ -42,7 +43,8 @@ class EvaluationSettings:
     """Settings of an evaluation.
 
     frames: of each whole track. every: distance of the frames that are evaluated. size_px: of the pictures.
-    weights: file, None for those that are shipped. processes: None for one a core. strategies: names.
+    weights: file, None for those that are shipped. processes: None for one a core. strategies: names. lpips: files
+    of its trunk and heads.
     """
 
     frames: int = 2000
@@ -52,6 +54,7 @@ class EvaluationSettings:
     weights: Path | None = None
     processes: int | None = None
     strategies: tuple[str, ...] = tuple(EVALUATED)
+    lpips: tuple[Path, Path] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,7 @@ class SceneResult:
 def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[list[SceneResult]]:
     """Evaluate all strategies on octree files by name of the scene; what is in `out` already is skipped."""
     weights = load_weights(settings.weights)
+    lpips_weights(settings.lpips)  # an error now, not after hours
     scenes = []
     for name, path in octrees.items():
         scenes.append((yield from _prepare(name, path, settings, weights, out)))
@@ -109,7 +113,7 @@ def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weigh
     blocks = [
         FrameBlock(
             files, cameras[first : first + _BLOCK], first, settings.strategies, SIDES,
-            folder / "frames" / f"{first:05}.safetensors", key,
+            folder / "frames" / f"{first:05}.safetensors", key, settings.lpips,
         )
         for first in range(0, len(cameras), _BLOCK)
     ]  # fmt: skip

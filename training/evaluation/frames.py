@@ -25,6 +25,7 @@ from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.supersample import supersample
 from .curves import TrackErrors, frame_errors, frame_orders
+from .quality import lpips_weights, quality_of
 
 KIND = "frames"
 
@@ -43,7 +44,7 @@ class FrameBlock:
     """Block of F frames of a scene, the unit of work and of what is kept.
 
     path: file of the results. key: of everything that they depend on; a file with another key is made again.
-    strategies: names, in the order of the results. sides: of the uniform pictures.
+    strategies: names, in the order of the results. sides: of the uniform pictures. lpips: files of its trunk and heads.
     """
 
     files: SceneFiles
@@ -53,6 +54,7 @@ class FrameBlock:
     sides: tuple[int, ...]
     path: Path
     key: str
+    lpips: tuple[Path, Path] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +63,7 @@ class BlockResult:
 
     active, left, variance: as in `TrackErrors`. hits, ahead: (F,) int64, pixels whose ray met a voxel, and those of
     them with look-ahead. uniform: (F, U) float64, squared error of pictures with side x side rays in each pixel, summed
-    over active pixels.
+    over active pixels. quality: (F, Q, B, M) float64, see `quality_of`.
     """
 
     active: np.ndarray
@@ -70,6 +72,7 @@ class BlockResult:
     hits: np.ndarray
     ahead: np.ndarray
     uniform: np.ndarray
+    quality: np.ndarray
 
     @classmethod
     def joined(cls, blocks: Sequence[BlockResult]) -> BlockResult:
@@ -93,11 +96,13 @@ def evaluate_block(block: FrameBlock) -> None:
         for camera in block.cameras:
             buffers = drain(trace_view(coded.octree, camera, list(strategies.values()), coded=coded))
             scores = {name: strategy.scores(buffers) for name, strategy in strategies.items()}
-            errors = frame_errors(buffers, frame_orders(buffers, scores))
+            orders = frame_orders(buffers, scores)
+            errors = frame_errors(buffers, orders)
+            quality = quality_of(buffers, orders, lpips_weights(block.lpips))
             prediction = buffers.prediction
             ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
             uniform = [_uniform_error(coded, camera, buffers, side) for side in block.sides]
-            rows.append((errors.active, errors.left, errors.variance, int(buffers.hit.sum()), ahead, uniform))
+            rows.append((errors.active, errors.left, errors.variance, int(buffers.hit.sum()), ahead, uniform, quality))
     names = BlockResult.__dataclass_fields__
     arrays = {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
     block.path.parent.mkdir(parents=True, exist_ok=True)

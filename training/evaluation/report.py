@@ -33,6 +33,7 @@ def report_html(results: Mapping[str, Any], figures: Mapping[str, Sequence[Path]
     for name, values in results["scenes"].items():
         parts += [f"<h2>{escape(name)}</h2>", _facts(values), _errors(values)]
         parts += [f"<figure>{_svg(path)}</figure>" for path in figures.get(name, ())]
+        parts.append(_quality(values["quality"]))
     return "\n".join([*parts, "</body></html>"])
 
 
@@ -66,6 +67,23 @@ def _errors(values: Mapping[str, Any]) -> str:
     return "<p>Mean squared error in 1e-4 after refining a share of the active pixels:</p>" + _table(
         head, [*rows, *uniform]
     )
+
+
+def _quality(quality: Mapping[str, Any]) -> str:
+    """Table of picture metrics of each strategy at one budget; what was not run is left out."""
+    at = quality["budgets"].index(0.3)
+    metrics = {
+        metric: values
+        for metric, values in quality["metrics"].items()
+        if any(row[at] is not None for row in values.values())
+    }
+    names = list(next(iter(quality["metrics"].values())))
+    rows = [[name, *(_number(values[name][at]) for values in metrics.values())] for name in names]
+    return "<p>Picture metrics at 30 %, means over frames:</p>" + _table(["strategy", *metrics], rows)
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.4f}"
 
 
 def _area(values: Mapping[str, Any], name: str) -> float:

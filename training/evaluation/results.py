@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import io
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,6 +17,7 @@ from .checks import check_track
 from .claims import claims_of
 from .curves import BUDGETS, OPTIMAL, TrackErrors, excess_area, mean_frame_mse, pooled_mse
 from .evaluate import SIDES, SceneResult
+from .quality import QUALITY_BUDGETS, QUALITY_NAMES, QUALITY_STRATEGIES
 
 POOLED = "all scenes"
 SHOWN = (0.05, 0.1, 0.13, 0.2, 0.3, 0.5, 0.7)  # budgets of tables
@@ -55,6 +57,7 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
         "group": {name: EVALUATED[name].group for name in track.strategies},
         "ms_per_frame": costs.ms_per_frame,
         "reference_ms_per_pixel": costs.reference_ms_per_pixel,
+        "quality": _quality(frames.quality),
         "uniform": {
             str(side): {
                 "rays_per_pixel": side * side,
@@ -62,6 +65,22 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
                 "ms_per_frame": costs.uniform_ms[side],
             }
             for index, side in enumerate(SIDES)
+        },
+    }
+
+
+def _quality(quality: np.ndarray) -> dict[str, Any]:
+    """Means over frames of each picture metric, by strategy, at QUALITY_BUDGETS; None where it was not run."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of columns without a number
+        means = np.nanmean(quality, axis=0)
+    return {
+        "budgets": list(QUALITY_BUDGETS),
+        "metrics": {
+            metric: {
+                name: [_finite(value) for value in means[row, :, column]] for row, name in enumerate(QUALITY_STRATEGIES)
+            }
+            for column, metric in enumerate(QUALITY_NAMES)
         },
     }
 
