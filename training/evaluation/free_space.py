@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from ...patchnet_addon.octree.octree import Octree
@@ -39,7 +41,7 @@ class FreeSpace:
     def contains_path(self, points_world: np.ndarray) -> bool:
         """Tell whether all of a path of straight pieces between points (N, 3) is free."""
         spacing = 0.5 * self.clearance_world
-        for start, end in zip(points_world[:-1], points_world[1:], strict=True):
+        for start, end in pairwise(points_world):
             count = int(np.linalg.norm(end - start) / spacing) + 2
             if not self.contains(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)).all():
                 return False
