@@ -46,8 +46,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     )
     parser.add_argument(
         "--bisect", nargs=2, metavar=("AXIS", "SHARE"),
-        help="leave out triangles whose centres lie beyond a plane across x, y or z, at a share (0 to 1) of the extent "
-        "of the scene; baked light stays that of the whole scene",
+        help="leave out what lies beyond a plane across x, y or z, at a share (0 to 1) of the scene's extent; baked "
+        "light stays that of the whole scene",
     )  # fmt: skip
     add_frames(parser)
     add_out(parser, "octree file to write; with --frames, a folder", required=True)
@@ -169,7 +169,7 @@ def _without(args: argparse.Namespace) -> list[str]:
 
 def _bisect(args: argparse.Namespace) -> tuple[int, float] | None:
     """Axis and share of --bisect; raises SettingError."""
-    from ..patchnet_addon.surface.bisected import AXES
+    from ..patchnet_addon.surface.bisect import AXES
 
     if args.bisect is None:
         return None

@@ -42,8 +42,8 @@ class Recipe:
     unlit: the surface's own colour, with no light baked. grid: given cube and levels, around which the surface must
     still be; None chooses them. cameras: those that the depth is chosen for; None takes those of the settings.
     depsgraph: read instead of the context's. baking: context in which Cycles bakes. rotation: seed of a random rotation
-    of the lit surface, 0 for none. bisect: axis and share of a plane that the lit surface is cut open at, None for
-    none. provenance: entries of the octree's file beside its own.
+    of the lit surface, 0 for none. bisect: axis and share of a plane at which the lit surface is cut open, None for
+    none; not with a rotation. provenance: entries of the octree's file beside its own.
     """
 
     unlit: bool = False
@@ -110,8 +110,10 @@ def build_lit_octree(
                     rotation=recipe.rotation,
                 )
         with clock.stage("voxelize"):
+            if recipe.bisect is not None:
+                shade = bisected(shade, source, *recipe.bisect)
             light = UNLIT if recipe.unlit else settings.light.kind
-            surface, grid = turned(bisected(source, recipe.bisect), choice.grid, recipe.rotation)
+            surface, grid = turned(source, choice.grid, recipe.rotation)
             octree = yield from build(
                 surface, replace(choice, grid=grid), shade, settings, light, _provenance(recipe, state)
             )

@@ -172,16 +172,14 @@ def _baked(atlas: Atlas, source: MeshSource) -> ShadingFn:
     return atlas_shade(atlas, source)
 
 
-def bisected(source: SceneMesh, plane: tuple[int, float] | None) -> MeshSource:
-    """Leave out what lies beyond a plane across an axis (0 to 2) at a share of the extent; None leaves out nothing."""
-    if plane is None:
-        return source
-    from ...patchnet_addon.surface.bisected import BisectedSource
+def bisected(shade: ShadingFn, source: MeshSource, axis: int, share: float) -> ShadingFn:
+    """Shade that leaves out what lies beyond a plane across an axis (0 to 2), at a share of the surface's extent."""
+    from ...patchnet_addon.surface.bisect import bisected_shade
 
-    return BisectedSource(source, *plane)
+    return bisected_shade(shade, source.bounds_world, axis, share)
 
 
-def turned(source: MeshSource, grid: Grid, rotation: int) -> tuple[MeshSource, Grid]:
+def turned(source: SceneMesh, grid: Grid, rotation: int) -> tuple[MeshSource, Grid]:
     """Turn the surface by the random rotation of a seed; the grid has the same depth around it. 0 turns nothing."""
     if not rotation:
         return source, grid

@@ -12,7 +12,7 @@ from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.tracing.camera import Camera
 from .free_space import FreeSpace
 from .look_ahead import LookAhead, step_of, turn_of
-from .poses import Lens, Pose, find_poses, look
+from .poses import Lens, Pose, Seen, find_poses, look
 from .spline import catmull_rom
 
 MAX_STEP = 0.01  # cube sides from frame to frame
@@ -25,7 +25,6 @@ _ON_THE_WAY = (0.25, 0.5, 0.75)  # of a leg, where its look-ahead is estimated
 _TRIED_LEGS = 24
 _TRIED_SHOTS = 24
 _EVERY = 8  # frames of a shot, of which look-ahead is measured
-_CELLS = 32**3
 
 
 class Explorations:
@@ -40,56 +39,54 @@ class Explorations:
         self._look_ahead = look_ahead
         self._side = octree.grid.side_world
         self._poses = find_poses(octree, space, lens, random)
-        self._seen = np.zeros(_CELLS, bool)
+        self._seen = Seen()
 
     def shot(self, number: int, frames: int) -> list[Camera]:
-        """Frames of exploration `number`; where no flight has the look-ahead that is wanted, the best that was found.
+        """Frames of exploration `number`; where no flight is long enough or has the look-ahead that is wanted,
+        the best that was found.
 
         Raises SceneError if there is no room for any.
         """
-        best: tuple[float, list[Camera], list[Pose]] | None = None
-        starts = sorted(self._poses, key=self._gain, reverse=True)
+        best: tuple[bool, float, list[Camera], list[Pose]] | None = None
+        starts = sorted(self._poses, key=self._seen.gain, reverse=True)
         for start in starts[:_TRIED_SHOTS]:
             walk = self._walk(start, frames)
+            lasts = self._times(walk)[-1] >= frames - 1
+            if best is not None and best[0] > lasts:
+                continue
             cameras = self._flight(walk, frames, f"Exploration {number}")
             if not self._is_smooth(cameras):
                 continue
             share = self._look_ahead.share(cameras[::_EVERY])
-            if best is None or share > best[0]:
-                best = share, cameras, walk
-            if share >= _MIN_SHARE:
+            if best is None or (lasts, share) > best[:2]:
+                best = lasts, share, cameras, walk
+            if lasts and share >= _MIN_SHARE:
                 break
         if best is None:
             raise SceneError("No flight through the octree's free space was found: choose another seed or more depth")
-        for pose in best[2]:
-            self._seen[pose.cells] = True
-        return best[1]
-
-    def _gain(self, pose: Pose) -> float:
-        """How much a pose shows that is new, weighed by its quality."""
-        return pose.quality * float(np.count_nonzero(~self._seen[pose.cells]))
+        *_, cameras, walk = best
+        for pose in walk:
+            self._seen.add(pose)
+        return cameras
 
     def _walk(self, start: Pose, frames: int) -> list[Pose]:
         """Poses one after the other that take at least `frames` frames, fewer if there is no way on."""
         walk = [start]
-        taken = 0.0
         seen = self._seen.copy()
-        self._seen[start.cells] = True  # for the moment, so that the walk goes on to other things
-        while taken < frames:
-            following = self._next(walk)
+        seen.add(start)
+        while self._times(walk)[-1] < frames:
+            following = self._next(walk, seen)
             if following is None:
                 break
-            taken += self._frames_between(walk[-1], following)
             walk.append(following)
-            self._seen[following.cells] = True
-        self._seen = seen
+            seen.add(following)
         return walk
 
-    def _next(self, walk: list[Pose]) -> Pose | None:
+    def _next(self, walk: list[Pose], seen: Seen) -> Pose | None:
         """Pose that shows most that is new among those that a straight and free way with look-ahead leads to."""
         here = walk[-1]
         near = [pose for pose in self._poses if self._is_near(here, pose) and not any(pose is old for old in walk)]
-        for pose in sorted(near, key=self._gain, reverse=True)[:_TRIED_LEGS]:
+        for pose in sorted(near, key=seen.gain, reverse=True)[:_TRIED_LEGS]:
             if self._is_open(here, pose):
                 return pose
         return None
@@ -109,13 +106,17 @@ class Explorations:
                 return False
         return True
 
+    def _times(self, walk: list[Pose]) -> np.ndarray:
+        """Frames (K,) float64 at which the poses of a walk are reached, by the lengths and turns between them."""
+        return np.cumsum([0.0, *(self._frames_between(*pair) for pair in pairwise(walk))])
+
     def _frames_between(self, here: Pose, pose: Pose) -> float:
         distance = float(np.linalg.norm(pose.position_world - here.position_world)) / self._side
         return max(distance / _STEP, _angle(here, pose) / _TURN)
 
     def _flight(self, walk: list[Pose], frames: int, name: str) -> list[Camera]:
         """Cameras on the spline through the walk's poses; a walk that is too short is flown more slowly."""
-        times = np.cumsum([0.0, *(self._frames_between(*pair) for pair in pairwise(walk))])
+        times = self._times(walk)
         points = np.array([[*pose.position_world, *pose.target_world] for pose in walk])  # (K, 6)
         path = catmull_rom(times, points, np.linspace(0.0, min(times[-1], frames - 1.0), frames))
         return [self._lens.camera(row[:3], row[3:], name) for row in path]

@@ -14,13 +14,14 @@ from .free_space import FreeSpace
 
 FOV = float(np.radians(60.0))  # vertical
 MIN_SHARE = 0.97  # of a pose's hits with look-ahead: more than the track needs, as the way between poses may have less
-_POSITIONS = 240  # tried in the surface's box, and as many around it
+_POSITIONS = 400  # tried in the surface's box, and as many around it
 _AROUND = 0.5  # cube sides around that box
 _HEADINGS = 8
 _PITCHES = np.radians([-30.0, -8.0, 12.0])
 _TRIAL_PX = 20  # height
-_CELLS = 32  # along a side of the cube, to count what is seen
+_CELLS = 32  # along a side of the cube, to tell what has been seen
 _BRIGHT = 0.1  # luminance from which surface counts as lit
+_BEND = 0.05  # of 1 / z from pixel to pixel, more than the sides of voxels make
 _ENCLOSED = 0.7  # share of hits all around from which a position is inside something
 _ENOUGH = 24  # enclosed poses that are enough to stay inside
 
@@ -51,7 +52,7 @@ class Pose:
     """Position and look-at target (3,), world units, and what a small picture from there shows.
 
     share: of hits that are far enough for look-ahead. hit: share of hits. quality: of the view, 0 to 1: full of lit and
-    near surface. cells: (n,) int64, distinct numbers of the cells that are seen.
+    near surface that is not flat. cells: (n,) int64, distinct numbers of the cells that are seen.
     """
 
     position_world: np.ndarray
@@ -66,6 +67,27 @@ class Pose:
         """(3,) unit vector of sight."""
         along = self.target_world - self.position_world
         return along / np.linalg.norm(along)
+
+
+class Seen:
+    """Seen cells of the cube, so that each next view shows something else."""
+
+    def __init__(self) -> None:
+        self._cells = np.zeros(_CELLS**3, bool)
+
+    def add(self, pose: Pose) -> None:
+        """Count what a pose shows as seen."""
+        self._cells[pose.cells] = True
+
+    def copy(self) -> Seen:
+        """Copy, for a plan that may be dropped."""
+        result = Seen()
+        result._cells = self._cells.copy()
+        return result
+
+    def gain(self, pose: Pose) -> float:
+        """How much a pose shows that is new, weighed by its quality."""
+        return pose.quality * float(np.count_nonzero(~self._cells[pose.cells]))
 
 
 def find_poses(octree: Octree, space: FreeSpace, lens: Lens, random: np.random.Generator) -> list[Pose]:
@@ -93,15 +115,26 @@ def look(octree: Octree, lens: Lens, position_world: np.ndarray, forward: np.nda
     hit = float(seen.mean())
     lit = float(np.clip(hits.luminance[seen] / _BRIGHT, 0.0, 1.0).mean())
     points = position_world + hits.direction[seen] * hits.t_world[seen, None]
+    relief = _relief(hits.z_world.reshape(hits.height_px, hits.width_px))
     cells = np.clip(octree.grid.to_unit(points) * _CELLS, 0, _CELLS - 1).astype(np.int64)
     return Pose(
         position_world,
         position_world + camera.forward * middle,
         share=float((z_world > lens.near_world).mean()),
         hit=hit,
-        quality=hit * lit * min(lens.near_world / middle, 1.0),
+        quality=hit * lit * relief * min(lens.near_world / middle, 1.0),
         cells=np.unique((cells[:, 0] * _CELLS + cells[:, 1]) * _CELLS + cells[:, 2]),
     )
+
+
+def _relief(z_world: np.ndarray) -> float:
+    """Share of the pixels of a depth picture (H, W) where surface begins, ends or bends: little for bare walls.
+
+    1 / z changes evenly over a plane.
+    """
+    inverse = 1.0 / z_world.astype(np.float64)  # 0 where nothing is hit
+    bend = np.abs(inverse[:, :-2] - 2.0 * inverse[:, 1:-1] + inverse[:, 2:])
+    return float(np.mean(bend > _BEND * inverse[:, 1:-1])) if bend.size else 0.0
 
 
 def _positions(octree: Octree, space: FreeSpace, random: np.random.Generator) -> np.ndarray:

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The catalogue of scenes: complete recipes, clear errors, octrees that are made once."""
+
+import importlib.util
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from patchnet.patchnet_addon.octree.file import load_octree
+from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
+from patchnet.patchnet_addon.surface.bisect import AXES
+from patchnet.training.evaluation import catalogue, octrees
+from patchnet.training.evaluation.catalogue import SCENES, scene_named
+from patchnet.training.evaluation.octrees import scene_octree
+from patchnet.training.evaluation.scene import CYCLES, FOLDER, OWN_SCENES, TEST, TRAIN, TWO_LIGHTS, Scene
+
+blender = pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="Blender is not installed")
+has_scenes = pytest.mark.skipif(FOLDER not in os.environ, reason=f"{FOLDER} is not set")
+TRIANGLES = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nf 1 2 3\nf 1 3 4\n"
+SMALL = Scene("small", "Small", "small.obj", TWO_LIGHTS, "a test", "none", TEST, depth=4, bisect=("x", 0.5))
+
+
+@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
+def test_recipes_are_complete(scene: Scene) -> None:
+    assert scene.title and scene.source and scene.licence
+    assert scene.file in OWN_SCENES or Path(scene.file).suffix == ".glb"
+    assert scene.light in (CYCLES, TWO_LIGHTS) and scene.role in (TRAIN, TEST)
+    assert scene.samples > 0 and 8 <= scene.depth <= 12
+    assert all(text == text.lower() and "," not in text for text in scene.without)
+    assert scene.bisect is None or (scene.bisect[0] in AXES and 0 < scene.bisect[1] < 1)
+
+
+def test_every_file_of_the_catalogue_is_in_it_under_its_own_name() -> None:
+    files = sorted(path.stem for path in Path(catalogue.__file__).parent.glob("[a-z]*.py"))
+    assert sorted(name.replace("-", "_") for name in SCENES) == files
+    assert all(scene_named(name).name == name for name in SCENES)
+
+
+def test_unknown_scene_names_those_there_are() -> None:
+    with pytest.raises(SettingError, match=r"no scene 'spoonza'.*sponza"):
+        scene_named("spoonza")
+
+
+def test_missing_folder_and_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(FOLDER, raising=False)
+    with pytest.raises(SceneError, match=FOLDER):
+        SMALL.path()
+    assert SCENES["courtyard"].path() == Path("demo")
+    monkeypatch.setenv(FOLDER, str(tmp_path / "none"))
+    with pytest.raises(SceneError, match="no folder"):
+        SMALL.path()
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    with pytest.raises(SceneError, match=r"needs small\.obj"):
+        SMALL.path()
+
+
+def test_arguments_say_only_what_counts() -> None:
+    assert SMALL.arguments() == ["--depth", "4", "--light", "two-lights", "--bisect", "x", "0.5"]
+    lit = replace(SMALL, light=CYCLES, samples=8, without=("ivy ", "rose"), bisect=None)
+    assert lit.arguments() == ["--depth", "4", "--light", "cycles", "--samples", "8", "--without", "ivy ,rose"]
+
+
+@blender
+def test_octree_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    source, folder = tmp_path / "small.obj", tmp_path / "octrees"
+    source.write_text(TRIANGLES)
+    path = scene_octree(SMALL, folder)
+    octree = load_octree(path)
+    assert octree.depth == 4 and octree.provenance["bisect"] == ["x", "0.5"]
+    assert list(folder.iterdir()) == [path]
+    monkeypatch.setattr(octrees, "_make", lambda *_: pytest.fail("it is there"))
+    assert scene_octree(replace(SMALL, title="Other"), folder) == path
+    monkeypatch.setattr(octrees, "_make", lambda scene, source, out: out.write_bytes(path.read_bytes()))
+    others = [scene_octree(replace(SMALL, depth=5), folder)]
+    monkeypatch.setattr(octrees, "source_hash", lambda *_: "other code")
+    others.append(scene_octree(SMALL, folder))
+    source.write_text(TRIANGLES + "\n")
+    others.append(scene_octree(SMALL, folder))
+    assert len({path, *others}) == 4
+
+
+@blender
+def test_scene_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    (tmp_path / "small.obj").write_text("no scene")
+    with pytest.raises(SceneError, match=r"'small' did not become an octree: .* ended with code 2"):
+        scene_octree(SMALL, tmp_path / "octrees")
+    assert list((tmp_path / "octrees").iterdir()) == []
+
+
+@blender
+@has_scenes
+def test_real_scene(tmp_path: Path) -> None:
+    octree = load_octree(scene_octree(replace(SCENES["sponza"], depth=6), tmp_path))
+    grid = octree.grid
+    assert octree.depth == 6 and octree.leaf_count > 1000
+    highest = grid.origin_world[1] + (octree.cells(6)[:, 1].max() + 1) * grid.voxel_size_world
+    assert highest < grid.origin_world[1] + 0.55 * grid.side_world
