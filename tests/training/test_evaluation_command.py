@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet evaluate` on a small octree: its files, what is skipped, what is refused."""
+
+import csv
+import json
+import re
+
+import numpy as np
+import pytest
+
+from patchnet.commands import main
+from patchnet.patchnet_addon.octree.file import save_octree
+from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
+from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.evaluation import evaluate
+
+WORDS = ["--frames", "40", "--every", "4", "--size", "32", "24", "--processes", "1"]
+
+
+@pytest.fixture(scope="module")
+def patch():
+    with pytest.MonkeyPatch.context() as context:
+        yield context
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory, patch):
+    """An evaluation of one octree."""
+    pytest.importorskip("matplotlib")
+    folder = tmp_path_factory.mktemp("evaluation")
+    octree, out = folder / "shells.safetensors", folder / "out"
+    save_octree(octree_of_shells(30_000), octree)
+    patch.setattr(evaluate, "_COST_FRAMES", 1)
+    patch.setattr(evaluate, "_COST_REPEATS", 1)
+    assert main(["evaluate", str(octree), *WORDS, "--out", str(out)]) == 0
+    return octree, out
+
+
+@pytest.fixture(scope="module")
+def results(done):
+    return json.loads((done[1] / "results.json").read_text(encoding="utf-8"))
+
+
+def test_curves_of_every_strategy(results):
+    values = results["scenes"]["shells"]
+    assert values["budgets"] == [share / 100 for share in range(101)] and values["frames"] == 10
+    assert values["mse"].keys() == values["rays_per_pixel"].keys() == values["intervals"].keys() == EVALUATED.keys()
+    start = values["mse"]["random"][0]
+    assert start > 0 and 0 < values["lookahead_share"] <= 1
+    for name, curve in values["mse"].items():
+        assert len(curve) == 101 and curve[0] == pytest.approx(start) and curve[100] == pytest.approx(0, abs=1e-12)
+        low, high = (np.array(values["intervals"][name][end]) for end in ("low", "high"))
+        assert (low <= np.array(curve) + 1e-12).all() and (np.array(curve) <= high + 1e-12).all()
+    assert values["rays_per_pixel"]["fine-rays-4"] == 5 and values["rays_per_pixel"]["patchnet"] == 1
+
+
+def test_costs_of_all_but_those_that_know_the_reference(results):
+    values = results["scenes"]["shells"]
+    assert values["ms_per_frame"].keys() == EVALUATED.keys() - {"optimal"}
+    assert all(milliseconds > 0 for milliseconds in values["ms_per_frame"].values())
+    assert values["uniform"]["1"]["mse"] == pytest.approx(values["mse"]["random"][0])
+    assert values["uniform"]["4"]["mse"] < values["uniform"]["1"]["mse"]
+
+
+def test_picture_metrics_rise_with_the_budget(results):
+    ssim = results["scenes"]["shells"]["quality"]["metrics"]["ssim linear"]["optimal"]
+    assert ssim == sorted(ssim) and ssim[-1] > ssim[0]
+
+
+def test_claims_are_decided(results):
+    lowest, half = results["claims"]["lowest"]["shells"], results["claims"]["half"]["shells"]
+    assert lowest.keys() == {"patchnet", "patchnet-behind", "fusion"} <= half.keys()
+    assert all(isinstance(found["holds"], bool) for found in [*lowest.values(), *half.values()])
+
+
+def test_table_figures_and_report(done):
+    out = done[1]
+    rows = list(csv.DictReader((out / "results.csv").read_text(encoding="utf-8").splitlines()))
+    assert len(rows) == 101 * len(EVALUATED) and {row["group"] for row in rows} >= {"network", "rays", "oracle"}
+    names = {path.name for path in (out / "figures").iterdir()}
+    assert names == {f"shells-{kind}.{ending}" for kind in ("budget", "time") for ending in ("png", "svg")}
+    report = (out / "report.html").read_text(encoding="utf-8")
+    assert report.count("<svg") == 2 and "patchnet-behind" in report
+    assert not re.search(r"(src|href)=['\"]http", report), "it needs no other file"
+
+
+def test_what_is_done_is_skipped_and_what_is_damaged_is_made_again(done):
+    octree, out = done
+    blocks = sorted((out / "scenes" / "shells" / "frames").iterdir())
+    before = [path.stat().st_mtime_ns for path in blocks]
+    kept = (out / "results.json").read_text(encoding="utf-8")
+    damaged = bytearray(blocks[-1].read_bytes())
+    damaged[-20] ^= 255
+    blocks[-1].write_bytes(bytes(damaged))
+    assert main(["evaluate", str(octree), *WORDS, "--out", str(out)]) == 0
+    after = [path.stat().st_mtime_ns for path in blocks]
+    assert before[:-1] == after[:-1] and before[-1] != after[-1]
+    assert (out / "results.json").read_text(encoding="utf-8") == kept, "the same to the last digit"
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        ([], "There is nothing to evaluate: name --scenes, or octree files"),
+        (["--scenes", "moon"], "There is no scene 'moon': choose one of"),
+        (["missing.safetensors"], "missing.safetensors"),
+        (["x.safetensors", "--every", "0"], "--every 0 is outside 1 to"),
+        (["x.safetensors", "--size", "0", "8"], "Picture size 0 x 8 is empty"),
+        (["x.safetensors", "--weights", "none.safetensors"], "none.safetensors"),
+        (["x.safetensors", "--lpips", "a.pth", "b.pth"], "a.pth with weights of LPIPS does not exist"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_refused(words, message, tmp_path, capsys, done, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save_octree(octree_of_shells(1000), tmp_path / "x.safetensors")
+    assert main(["evaluate", *words, "--out", str(tmp_path / "out")]) == 2
+    assert message in capsys.readouterr().err
