@@ -93,7 +93,8 @@ def _scenes(args: argparse.Namespace) -> dict[str, Path]:
     from ..training.evaluation.octrees import scene_octree
 
     names = list(SCENES) if args.scenes == ALL else [name.strip() for name in args.scenes.split(",") if name.strip()]
-    return {name: scene_octree(scene_named(name), args.out / "octrees") for name in names}
+    scenes = [scene_named(name) for name in names]  # all names are looked at before the first octree is made
+    return {scene.name: scene_octree(scene, args.out / "octrees") for scene in scenes}
 
 
 def _settings(args: argparse.Namespace) -> dict[str, Any]:
