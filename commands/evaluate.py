@@ -45,13 +45,20 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "saves it, and the linear heads of version 0.1; it is not run without them",
     )  # fmt: skip
     add_number(parser, "--processes", bounds.THREADS, help="processes of one thread each (one for each core)")
+    share = parser.add_mutually_exclusive_group()
+    share.add_argument(
+        "--prepare", action="store_true", help="only make octrees and codes, before several machines go on with --part"
+    )
+    share.add_argument(
+        "--part", type=_part, metavar="K/N", help="only evaluate the K-th of N shares of the frames, without results"
+    )
     add_out(parser, "folder for results, figures and the report", required=True)
     return parser
 
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write and say where; returns 0; raises PatchNetError."""
-    from ..training.evaluation.evaluate import EvaluationSettings, evaluate
+    from ..training.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_part, prepare
     from ..training.evaluation.results import csv_of, results_of
     from .shared.progress_bars import ProgressBars
 
@@ -69,6 +76,14 @@ def run(args: argparse.Namespace) -> int:
     args.out.mkdir(parents=True, exist_ok=True)
     with ProgressBars() as bars:
         octrees = _octrees(args)
+        if args.prepare:
+            drain(prepare(octrees, settings, args.out), bars.show)
+            say_result(f"{args.out}: {len(octrees)} scenes are prepared", file=args.out, scenes=len(octrees))
+            return 0
+        if args.part is not None:
+            count = drain(evaluate_part(octrees, settings, args.out, *args.part), bars.show)
+            say_result(f"{args.out}: {count} blocks of frames are there", file=args.out, blocks=count)
+            return 0
         scenes = drain(evaluate(octrees, settings, args.out), bars.show)
     results = results_of(scenes) | {"settings": _settings(args)}
     (args.out / TABLE).write_text(csv_of(results), encoding="utf-8")
@@ -76,6 +91,14 @@ def run(args: argparse.Namespace) -> int:
     _write_report(args, results)
     say_result(f"{args.out / REPORT}: {len(scenes)} scenes", file=args.out / REPORT, scenes=len(scenes))
     return 0
+
+
+def _part(text: str) -> tuple[int, int]:
+    """Read "2/8" as the second of eight."""
+    part, slash, parts = text.partition("/")
+    if not (slash and part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a share such as 2/8, the second of eight")
+    return int(part), int(parts)
 
 
 def _octrees(args: argparse.Namespace) -> dict[str, Path]:

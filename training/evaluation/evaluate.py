@@ -86,6 +86,29 @@ def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Pat
     return results
 
 
+def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[None]:
+    """Make the codes of octrees and lay their tracks, so that several machines may go on from there."""
+    weights = load_weights(settings.weights)
+    for name, path in octrees.items():
+        yield from _prepare(name, path, settings, weights, out)
+
+
+def evaluate_part(
+    octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path, part: int, parts: int
+) -> Steps[int]:
+    """Evaluate every `parts`-th block of frames, from the `part`-th on, the first is 1; returns their number.
+
+    Machines that share `out` may do so at once; `evaluate` then finds what they have made.
+    """
+    weights = load_weights(settings.weights)
+    blocks: list[FrameBlock] = []
+    for name, path in octrees.items():
+        blocks += (yield from _prepare(name, path, settings, weights, out)).blocks
+    mine = blocks[part - 1 :: parts]
+    yield from _run(mine, settings.processes or usable_cores())
+    return len(mine)
+
+
 @dataclass(frozen=True, eq=False)
 class _Prepared:
     """Scene with its files, the cameras of its frames and the blocks of these."""
