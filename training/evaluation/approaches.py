@@ -21,7 +21,7 @@ _ELEVATIONS = np.radians([5.0, 40.0])
 _SWING = 0.25  # radians around the target for each factor of e that the camera comes nearer
 _TRIES = 24
 _SCAN, _COARSE_SCAN = 60, 15  # distances that are tried from far to near, of the line that is taken and of all
-_MIN_TURN = 0.5  # radians between the azimuths of approaches, if they are few
+_MIN_TURN = 0.25  # radians between the azimuths of approaches, less where they are many
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +92,11 @@ class Approaches:
 
     def _azimuth(self, total: int) -> float:
         """Random azimuth that is not near one of the approaches before, as far as that many leave room."""
-        apart = min(_MIN_TURN, np.pi / total)
+        apart = min(_MIN_TURN, np.pi / (2 * total))
         while True:
             azimuth = float(self._random.uniform(0.0, 2 * np.pi))
             turns = [abs((azimuth - other + np.pi) % (2 * np.pi) - np.pi) for other in self._azimuths]
-            if min(turns, default=np.pi) >= apart / 2:
+            if min(turns, default=np.pi) >= apart:
                 return azimuth
 
     def _end(self, line: _Line) -> Pose:
