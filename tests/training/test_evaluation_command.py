@@ -4,6 +4,8 @@
 import csv
 import json
 import re
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -82,6 +84,16 @@ def test_table_figures_and_report(done):
     report = (out / "report.html").read_text(encoding="utf-8")
     assert report.count("<svg") == 2 and "patchnet-behind" in report
     assert not re.search(r"(src|href)=['\"]http", report), "it needs no other file"
+
+
+def test_report_in_a_browser(done):
+    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if browser is None:
+        pytest.skip("no browser here: install chromium")
+    page = (done[1] / "report.html").as_uri()
+    words = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", page]
+    shown = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120).stdout
+    assert shown.count("<svg") == 2 and shown.count("<tr>") > len(EVALUATED) and "excess area" in shown
 
 
 def test_what_is_done_is_skipped_and_what_is_damaged_is_made_again(done):
