@@ -5,14 +5,18 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
 from .shared.arguments import add_number, add_out
 from .shared.lines import say_result
+
+if TYPE_CHECKING:
+    from ..training.evaluation.evaluate import SceneResult
 
 ALL = "all"
 RESULTS, TABLE, REPORT, FIGURES = "results.json", "results.csv", "report.html", "figures"
@@ -88,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
     results = results_of(scenes) | {"settings": _settings(args)}
     (args.out / TABLE).write_text(csv_of(results), encoding="utf-8")
     (args.out / RESULTS).write_text(json.dumps(results, indent=1), encoding="utf-8")
-    _write_report(args, results)
+    _write_report(args, results, scenes)
     say_result(f"{args.out / REPORT}: {len(scenes)} scenes", file=args.out / REPORT, scenes=len(scenes))
     return 0
 
@@ -127,13 +131,16 @@ def _settings(args: argparse.Namespace) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _write_report(args: argparse.Namespace, results: dict[str, Any]) -> None:
+def _write_report(args: argparse.Namespace, results: dict[str, Any], scenes: Sequence[SceneResult]) -> None:
     from ..training.evaluation.figures import draw_budgets, draw_times
+    from ..training.evaluation.patterns import draw_patterns
     from ..training.evaluation.report import report_html
 
     figures = {}
-    for name, values in results["scenes"].items():
-        drawn = draw_budgets(values, args.out / FIGURES, f"{name}-budget", name)
+    for scene in scenes:
+        name, values = scene.name, results["scenes"][scene.name]
+        drawn = drain(draw_patterns(scene.coded, scene.hardest, args.out / FIGURES, f"{name}-patterns"))
+        drawn += draw_budgets(values, args.out / FIGURES, f"{name}-budget", name)
         drawn += draw_times(values, args.out / FIGURES, f"{name}-time", name)
         figures[name] = [path for path in drawn if path.suffix == ".svg"]
     notes = [

@@ -16,6 +16,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.encode import encode_octree
 from ...patchnet_addon.codes.file import load_codes, save_codes
@@ -59,16 +61,17 @@ class EvaluationSettings:
 
 @dataclass(frozen=True, eq=False)
 class SceneResult:
-    """Results of a scene: frames of its track, and what they cost; counts of the octree."""
+    """Results of a scene: frames of its track, and what they cost.
+
+    coded: the octree with its codes. hardest: camera of the frame that loses most without refinement.
+    """
 
     name: str
     strategies: tuple[str, ...]
     frames: BlockResult
     costs: Costs
-    depth: int
-    nodes: int
-    octree_hash: str
-    weights_hash: str
+    coded: CodedOctree
+    hardest: Camera
 
 
 def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[list[SceneResult]]:
@@ -174,15 +177,14 @@ def _result(scene: _Prepared, settings: EvaluationSettings, weights: Weights, ou
     octree = load_octree(scene.files.octree)
     coded = load_codes(scene.files.codes, octree, weights)
     costs = _costs(scene, coded, settings, out / "scenes" / scene.name / "costs.json")
+    frames = BlockResult.joined(found)
     return SceneResult(
-        scene.name,
-        settings.strategies,
-        BlockResult.joined(found),
-        costs,
-        octree.depth,
-        octree.node_count,
-        octree_hash(octree),
-        weights.hash,
+        name=scene.name,
+        strategies=settings.strategies,
+        frames=frames,
+        costs=costs,
+        coded=coded,
+        hardest=scene.cameras[int(np.argmax(frames.left[:, 0, 0]))],
     )
 
 
