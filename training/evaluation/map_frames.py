@@ -59,9 +59,10 @@ def _frames_of(path: Path, settings: FrameSettings, folder: Path, key: str) -> S
     for number, camera in enumerate(cameras):
         yield Progress(number, len(cameras), "Rendering frames to learn from")
         file = folder / f"{key[:16]}-{number:05}.safetensors"
-        if RenderedFrame.load(file, key) is None:
-            drain(render_frame(octree, camera)).save(file, key)
         frame = RenderedFrame.load(file, key)
+        if frame is None:
+            drain(render_frame(octree, camera)).save(file, key)
+            frame = RenderedFrame.load(file, key)  # mapped into memory, as those that were there
         if frame is None:
             raise FileFormatError(f"{file} was damaged as soon as it was written: choose another folder for the frames")
         frames.append(frame)

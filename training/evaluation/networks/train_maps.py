@@ -125,6 +125,7 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
     with enough_memory("training"):
         learner = MapLearner(settings, found_device(options.device))
     run = asdict(settings) | {"frames": key}
+    del run["steps"]  # the rate is constant, so that a run may go on for longer than was planned
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
     log = Log(options.out / LOG, learner.steps)
