@@ -35,9 +35,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     )  # fmt: skip
     add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of a track (2000)")
     add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="evaluate each such frame of a track (10)")
-    parser.add_argument(
-        "--size", type=int, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"), help="pixels (130 130)"
-    )
+    add_number(
+        parser, "--size", bounds.VIEW_PX, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"),
+        help="pixels (130 130)",
+    )  # fmt: skip
     add_number(parser, "--seed", bounds.SEED, default=0, help="of the camera tracks (0)")
     parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
     parser.add_argument(

@@ -42,11 +42,12 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     )
     add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of each octree's track (2000)")
     add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="learn from each such frame of a track (10)")
-    parser.add_argument(
-        "--size", type=int, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"), help="pixels (130 130)"
-    )
-    add_number(parser, "--batch", bounds.BATCH, default=0, help="crops per step (16 of weiss, else 6)")
-    add_number(parser, "--crop", bounds.CROP, default=0, help="pixels along a crop's side (32 of weiss, else 96)")
+    add_number(
+        parser, "--size", bounds.VIEW_PX, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"),
+        help="pixels (130 130)",
+    )  # fmt: skip
+    add_number(parser, "--batch", bounds.BATCH, help="crops per step (16 of weiss, else 6)")
+    add_number(parser, "--crop", bounds.CROP, help="pixels along a crop's side (32 of weiss, else 96)")
     add_number(parser, "--rate", bounds.LEARNING_RATE, default=1e-4, help="learning rate (0.0001)")
     add_number(parser, "--seed", bounds.SEED, default=0, help="of tracks, weights and crops (0)")
     add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
@@ -83,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     device = found_device(args.device, "--device")
     if args.threads is not None:
         torch.set_num_threads(args.threads)
-    settings = MapSettings(args.network, args.steps, args.batch, args.crop, args.rate, args.seed)
+    settings = MapSettings(args.network, args.steps, args.batch or 0, args.crop or 0, args.rate, args.seed)
     tracks = FrameSettings(args.frames, args.every, tuple(args.size), args.seed)
     notes = {
         "command": describe_command(sys.argv), "versions": describe_versions(), "machine": describe_machine(device)
