@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..patchnet_addon.runtime import bounds
+from ..training.settings import SAMPLES, VIEWS
 from .shared.arguments import add_number, add_out
 
 
@@ -18,7 +19,11 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     )
     parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files, one per scene")
     add_number(
-        parser, "--samples", bounds.DATASET_SAMPLES, default=16_000_000, help="samples in all, the same for each octree"
+        parser,
+        "--samples",
+        bounds.DATASET_SAMPLES,
+        default=SAMPLES,
+        help=f"samples (views) in all, the same for each octree ({SAMPLES:,})",
     )
     add_out(parser, "folder for the sample files", required=True)
     add_number(parser, "--seed", bounds.SEED, default=0, help="random seed")
@@ -26,15 +31,17 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         parser,
         "--views",
         bounds.DATASET_VIEWS,
-        default=8,
-        help="views per voxel: more are faster to learn from, less diverse",
+        default=VIEWS,
+        help=f"views per voxel: more are faster to learn from, less diverse ({VIEWS})",
     )
-    add_number(parser, "--least-level", bounds.LEVEL, default=5, help="coarsest level of voxels that is used")
+    add_number(parser, "--least-level", bounds.LEVEL, default=5, help="coarsest level of voxels that is used (5)")
     add_number(
         parser, "--lookahead", bounds.LOOKAHEAD, default=bounds.DEFAULT_LOOKAHEAD,
         help="levels that patches look ahead, and so the weights that learn from them (2)",
     )  # fmt: skip
-    add_number(parser, "--held-out", bounds.HELD_OUT, default=0.05, help="share of each scene kept for validation")
+    add_number(
+        parser, "--held-out", bounds.HELD_OUT, default=0.05, help="share of each scene kept for validation (0.05)"
+    )
     return parser
 
 

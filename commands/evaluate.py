@@ -5,14 +5,18 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
 from .shared.arguments import add_number, add_out
 from .shared.lines import say_result
+
+if TYPE_CHECKING:
+    from ..training.evaluation.evaluate import SceneResult
 
 ALL = "all"
 RESULTS, TABLE, REPORT, FIGURES = "results.json", "results.csv", "report.html", "figures"
@@ -50,13 +54,20 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "evaluated as well",
     )  # fmt: skip
     add_number(parser, "--processes", bounds.THREADS, help="processes of one thread each (one for each core)")
+    share = parser.add_mutually_exclusive_group()
+    share.add_argument(
+        "--prepare", action="store_true", help="only make octrees and codes, before several machines go on with --part"
+    )
+    share.add_argument(
+        "--part", type=_part, metavar="K/N", help="only evaluate the K-th of N shares of the frames, without results"
+    )
     add_out(parser, "folder for results, figures and the report", required=True)
     return parser
 
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write and say where; returns 0; raises PatchNetError."""
-    from ..training.evaluation.evaluate import EvaluationSettings, evaluate
+    from ..training.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_part, prepare
     from ..training.evaluation.results import csv_of, results_of
     from ..training.evaluation.strategies import map_names
     from .shared.progress_bars import ProgressBars
@@ -76,14 +87,30 @@ def run(args: argparse.Namespace) -> int:
     args.out.mkdir(parents=True, exist_ok=True)
     with ProgressBars() as bars:
         octrees = _octrees(args)
+        if args.prepare:
+            drain(prepare(octrees, settings, args.out), bars.show)
+            say_result(f"{args.out}: {len(octrees)} scenes are prepared", file=args.out, scenes=len(octrees))
+            return 0
+        if args.part is not None:
+            count = drain(evaluate_part(octrees, settings, args.out, *args.part), bars.show)
+            say_result(f"{args.out}: {count} blocks of frames are there", file=args.out, blocks=count)
+            return 0
         scenes = drain(evaluate(octrees, settings, args.out), bars.show)
     results = results_of(scenes) | {"settings": _settings(args)}
     results["maps"] = {name: scenes[0].strategies[name].description for name in map_names(scenes[0].strategies)}
     (args.out / TABLE).write_text(csv_of(results), encoding="utf-8")
     (args.out / RESULTS).write_text(json.dumps(results, indent=1), encoding="utf-8")
-    _write_report(args, results)
+    _write_report(args, results, scenes)
     say_result(f"{args.out / REPORT}: {len(scenes)} scenes", file=args.out / REPORT, scenes=len(scenes))
     return 0
+
+
+def _part(text: str) -> tuple[int, int]:
+    """Read "2/8" as the second of eight."""
+    part, slash, parts = text.partition("/")
+    if not (slash and part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a share such as 2/8, the second of eight")
+    return int(part), int(parts)
 
 
 def _octrees(args: argparse.Namespace) -> dict[str, Path]:
@@ -101,7 +128,8 @@ def _scenes(args: argparse.Namespace) -> dict[str, Path]:
     from ..training.evaluation.octrees import scene_octree
 
     names = list(SCENES) if args.scenes == ALL else [name.strip() for name in args.scenes.split(",") if name.strip()]
-    return {name: scene_octree(scene_named(name), args.out / "octrees") for name in names}
+    scenes = [scene_named(name) for name in names]  # all names are looked at before the first octree is made
+    return {scene.name: scene_octree(scene, args.out / "octrees") for scene in scenes}
 
 
 def _settings(args: argparse.Namespace) -> dict[str, Any]:
@@ -111,13 +139,16 @@ def _settings(args: argparse.Namespace) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _write_report(args: argparse.Namespace, results: dict[str, Any]) -> None:
+def _write_report(args: argparse.Namespace, results: dict[str, Any], scenes: Sequence[SceneResult]) -> None:
     from ..training.evaluation.figures import draw_budgets, draw_times
+    from ..training.evaluation.patterns import draw_patterns
     from ..training.evaluation.report import report_html
 
     figures = {}
-    for name, values in results["scenes"].items():
-        drawn = draw_budgets(values, args.out / FIGURES, f"{name}-budget", name)
+    for scene in scenes:
+        name, values = scene.name, results["scenes"][scene.name]
+        drawn = drain(draw_patterns(scene.coded, scene.hardest, args.out / FIGURES, f"{name}-patterns"))
+        drawn += draw_budgets(values, args.out / FIGURES, f"{name}-budget", name)
         drawn += draw_times(values, args.out / FIGURES, f"{name}-time", name)
         figures[name] = [path for path in drawn if path.suffix == ".svg"]
     notes = [

@@ -1,11 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet train`: train PatchNet on sample files.
-
-The shipped weights come from
-
-    patchnet dataset OCTREE... --samples 24000000 --out data
-    patchnet train data --preset improved --out run
-"""
+"""`patchnet train`: train PatchNet on sample files."""
 
 from __future__ import annotations
 
@@ -21,9 +15,34 @@ from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
 from ..training.run_files import WEIGHTS, check_run
-from ..training.settings import PRECISIONS, PRESETS, TrainSettings
+from ..training.settings import IMPROVED, PRECISIONS, PRESETS, SAMPLES, VIEWS, TrainSettings
 from .shared.arguments import add_device, add_number, add_out
-from .shared.lines import say_result
+from .shared.lines import say_note, say_result
+
+_PRESET = "improved"
+
+
+def description() -> str:
+    """Description of the command, with the numbers of the presets and of the shipped weights' run."""
+    presets = "\n".join(
+        f"    {name:<9} {settings.passes:>11,} passes in batches of {settings.batch:,}, "
+        f"rate {settings.learning_rate:g}, schedule {settings.schedule}{', augmented' if settings.augment else ''}"
+        for name, settings in PRESETS.items()
+    )
+    return f"""Train PatchNet on sample files.
+
+The shipped weights come from {SAMPLES:,} samples, {SAMPLES // VIEWS:,} voxels of {VIEWS} views, which
+training/shipped_weights.sh draws and learns from in {IMPROVED.passes:,} passes:
+
+    patchnet dataset OCTREE... --samples {SAMPLES} --out samples
+    patchnet train samples --preset {_PRESET} --passes {IMPROVED.passes} --out run
+
+A pass is one sample seen once. Presets:
+
+{presets}
+
+Errors of an unseen scene are those of --validate, of scenes that are not in training in any pose. Parts that `dataset`
+held out of scenes in training are validated on too, and reported apart."""
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -31,13 +50,21 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "train",
         help="train PatchNet on sample files",
-        description=__doc__,
+        description=description(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET", help="sample files, or folders of them")
     add_out(parser, "folder for checkpoint, log, weights and model card", required=True)
-    parser.add_argument("--preset", choices=("quick", "paper", "improved"), default="improved")
-    add_number(parser, "--epochs", bounds.EPOCHS, help="passes as multiples of the number of samples")
+    parser.add_argument(
+        "--validate", nargs="+", type=Path, default=[], metavar="DATASET",
+        help="sample files of scenes that are not in training in any pose, or folders of them, to measure errors on",
+    )  # fmt: skip
+    parser.add_argument(
+        "--preset", choices=tuple(PRESETS), default=_PRESET, help=f"what is not said otherwise ({_PRESET})"
+    )
+    add_number(
+        parser, "--epochs", bounds.EPOCHS, help="passes as multiples of the number of samples, held-out ones counted"
+    )
     add_number(parser, "--passes", bounds.PASSES, help="sample passes in all")
     add_number(parser, "--batch", bounds.BATCH, help="samples per step")
     add_number(parser, "--rate", bounds.LEARNING_RATE, help="highest learning rate")
@@ -71,7 +98,8 @@ def run(args: argparse.Namespace) -> int:
     from ..training.dataset import sample_files
 
     files = sample_files(args.datasets)
-    check_run(args.out, files, resume=args.resume)
+    validation_files = sample_files(args.validate)
+    check_run(args.out, [*files, *validation_files], resume=args.resume)
     # Threads that spin while they wait cost a shared machine more than they gain; must be set before torch is loaded.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     keep_freed_memory()
@@ -82,6 +110,7 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.network.devices import found_device
     from ..patchnet_addon.network.weights import save_weights
     from ..training.dataset import load_dataset
+    from ..training.held_out import why_not_held_out
     from ..training.model_card import write_card
     from ..training.provenance import describe_command, describe_machine, describe_versions
     from ..training.trainer import RunOptions, train
@@ -89,13 +118,16 @@ def run(args: argparse.Namespace) -> int:
 
     device = found_device(args.device, "--device")
     datasets = [load_dataset(path) for path in files]
+    validation = [load_dataset(path) for path in validation_files]
+    for dataset in validation:
+        if reason := why_not_held_out(dataset, datasets):
+            say_note(f"{dataset.name} is {reason}")
     settings = settings_of(args, sum(dataset.samples.views[..., 0].size for dataset in datasets))
     options = RunOptions(args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after)
-    options.device, options.threads = device, args.threads
+    options.device, options.threads, options.validation = device, args.threads, validation
     options.notes = {
         "command": describe_command(sys.argv),
         "settings": asdict(settings),
-        "data": [dataset.name for dataset in datasets],
         "versions": describe_versions(),
         "machine": describe_machine(device),
     }
@@ -103,7 +135,7 @@ def run(args: argparse.Namespace) -> int:
         weights = drain(train(datasets, settings, options), bars.show)
     path = args.out / WEIGHTS
     save_weights(weights, path)
-    write_card(args.out, datasets, settings, weights.metadata, weights.hash)
+    write_card(args.out, datasets, settings, weights.metadata, weights.hash, validation)
     say_result(f"{path}: {weights.metadata['sample_passes']:,} sample passes", file=path)
     return 0
 

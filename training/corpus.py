@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Corpus: the voxels of all data sets to train on."""
+"""Corpus: the voxels of all data sets to train on, apart from those held out."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from ..patchnet_addon.runtime.errors import PatchNetError, SettingError
 from .batches import Augmentation, Batch, gather_batch
-from .forest import Forest
+from .dataset import Dataset
+from .forest import Forest, concatenate
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,3 +32,32 @@ class Corpus:
         """Batch of the voxels `rows` (V,)."""
         parts = self.tree[rows], self.voxel[rows], self.views[rows]
         return gather_batch(self.forest, *parts, augmentation, self.lookahead)
+
+
+def corpus_of(datasets: Sequence[Dataset]) -> tuple[Corpus, dict[str, Corpus]]:
+    """All voxels to train on, and those held out, by data set; raises PatchNetError if there are none."""
+    if not datasets:
+        raise SettingError("There is nothing to train on: name at least one sample file")
+    views = {dataset.samples.views.shape[1] for dataset in datasets}
+    if len(views) != 1:
+        raise SettingError(f"The sample files hold {sorted(views)} views per voxel: draw them with the same number")
+    lookaheads = {dataset.lookahead for dataset in datasets}
+    if len(lookaheads) != 1:
+        raise SettingError(
+            f"The sample files look {sorted(lookaheads)} levels ahead: draw them with the same look-ahead"
+        )
+    (lookahead,) = lookaheads
+    forest = concatenate([dataset.octree for dataset in datasets])
+    parts = []
+    held_out = {}
+    for number, dataset in enumerate(datasets):
+        samples = dataset.samples
+        tree = np.full(len(samples.voxel), number, np.int32)
+        keep, held = np.flatnonzero(~samples.held_out), np.flatnonzero(samples.held_out)
+        parts.append((tree[keep], samples.voxel[keep], samples.views[keep]))
+        if len(held):
+            held_out[dataset.name] = Corpus(forest, tree[held], samples.voxel[held], samples.views[held], lookahead)
+    tree, voxel, view = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    if not len(tree):
+        raise PatchNetError("All samples are held out for validation: draw more of them")
+    return Corpus(forest, tree, voxel, view, lookahead), held_out

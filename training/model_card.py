@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Model card of a training run: data, command, seed, curves, validation errors; Markdown and a picture."""
+"""Model card of a training run: data, code, command, seed, curves, validation errors; Markdown and a picture."""
 
 from __future__ import annotations
 
@@ -11,10 +11,15 @@ from typing import Any
 
 from ..patchnet_addon.network.weights import DECODER_SIZES, encoder_sizes, patch_side
 from .dataset import Dataset
+from .held_out import is_turned, scene_of
 from .run_files import CARD, CURVES, LOG
-from .settings import TrainSettings
+from .settings import VALIDATION_VOXELS, TrainSettings
 
-_DATA_COLUMNS = ("data set", "scene", "depth", "light", "turned", "samples", "held out")
+_DATA_COLUMNS = ("data set", "scene", "depth", "light", "turned", "use", "samples", "held-out parts", "octree hash")
+_ERROR_COLUMNS = (
+    "data set", "coverage", "best constant", "luminance", "as the voxel shows it", "best constant"
+)  # fmt: skip
+_NOT_RECORDED = "not recorded"
 
 
 def read_log(path: Path) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -24,9 +29,17 @@ def read_log(path: Path) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
 
 
 def write_card(
-    folder: Path, datasets: Sequence[Dataset], settings: TrainSettings, notes: dict[str, Any], weights_hash: str
+    folder: Path,
+    datasets: Sequence[Dataset],
+    settings: TrainSettings,
+    notes: dict[str, Any],
+    weights_hash: str,
+    validation: Sequence[Dataset] = (),
 ) -> None:
-    """Write `model_card.md`, and `curves.png` where matplotlib is installed, beside the log in `folder`."""
+    """Write `model_card.md`, and `curves.png` where matplotlib is installed, beside the log in `folder`.
+
+    notes: metadata of the weights. validation: data sets that were not learned from.
+    """
     curve, validations = read_log(folder / LOG)
     lookahead = datasets[0].lookahead
     side = patch_side(lookahead)
@@ -41,14 +54,16 @@ def write_card(
         f"    {notes['command']}\n",
         f"{notes['sample_passes']:,} sample passes in {notes['steps']:,} steps, {notes['minutes']:.0f} minutes on"
         f" {notes['machine']}; versions {notes['versions']}.\n",
+        f"Hash of the code: {_quoted(notes.get('code'))}; commit: {_quoted(notes.get('commit'))}.\n",
         *_table(["setting", "value"], [[name, str(value)] for name, value in asdict(settings).items()]),
         "## Data\n",
-        *_table(list(_DATA_COLUMNS), [_data_row(dataset) for dataset in datasets]),
-        "## Errors on held-out parts of the scenes\n",
-        "Mean absolute errors; those of the best constant guess in brackets. Where a scene is there upright and",
-        "turned, parts held out in one pose are seen in the other, so these errors are optimistic; a scene that took",
-        "no part in training, such as the demo scene, is the honest test.\n",
-        *_validation_table(validations),
+        *_data_summary(datasets),
+        *_table(
+            list(_DATA_COLUMNS),
+            [_data_row(dataset, "training", notes.get("octrees", {})) for dataset in datasets]
+            + [_data_row(dataset, "validation", notes.get("validation_octrees", {})) for dataset in validation],
+        ),
+        *_errors(validations[-1] if validations else {}),
         "## Curves\n",
         "![Training and validation errors](curves.png)\n" if has_picture else "The numbers stand in `log.jsonl`.\n",
         "## Limits\n",
@@ -72,7 +87,8 @@ def draw_curves(curve: list[dict[str, Any]], validations: list[dict[str, Any]], 
     for axes, field in zip(figure.subplots(1, 2), ("coverage", "luminance"), strict=True):
         axes.plot([line["passes"] / 1e6 for line in curve], [line[field] for line in curve], "0.6", label="training")
         for name in validations[-1]["validation"] if validations else ():
-            points = [(line["passes"] / 1e6, line["validation"][name][field]) for line in validations]
+            here = [line for line in validations if name in line["validation"]]
+            points = [(line["passes"] / 1e6, line["validation"][name][field]) for line in here]
             axes.plot(*zip(*points, strict=True), ".-", label=name)
         axes.set(xlabel="million sample passes", ylabel=f"mean absolute error of {field}", yscale="log")
         axes.grid(alpha=0.3, which="both")
@@ -81,25 +97,60 @@ def draw_curves(curve: list[dict[str, Any]], validations: list[dict[str, Any]], 
     return True
 
 
-def _data_row(dataset: Dataset) -> list[str]:
+def _quoted(value: str | None) -> str:
+    return f"`{value}`" if value else _NOT_RECORDED
+
+
+def _data_summary(datasets: Sequence[Dataset]) -> list[str]:
+    """Sentence on how many samples there are and are learned from."""
+    views = datasets[0].samples.views.shape[1]
+    voxels = sum(len(dataset.samples.voxel) for dataset in datasets)
+    held = sum(int(dataset.samples.held_out.sum()) for dataset in datasets)
+    return [
+        f"{voxels * views:,} samples, {voxels:,} voxels of {views} views; {held * views:,} of them are of held-out",
+        f"parts and were not learned from, the other {(voxels - held) * views:,} again and again.\n",
+    ]
+
+
+def _data_row(dataset: Dataset, use: str, hashes: dict[str, str]) -> list[str]:
     samples = dataset.samples
     views = samples.views.shape[1]
-    made = dataset.octree.provenance
-    scene = Path(str(made.get("file", made.get("scene", "")))).name
     held = int(samples.held_out.sum()) * views
-    turned = "yes" if made.get("rotation") else "no"
     counts = [f"{len(samples.voxel) * views:,}", f"{held:,}"]
-    return [dataset.name, scene, str(dataset.octree.depth), str(made.get("light", "")), turned, *counts]
+    light = str(dataset.octree.provenance.get("light", ""))
+    turned = "yes" if is_turned(dataset) else "no"
+    octree = _quoted(hashes.get(dataset.name))
+    return [dataset.name, scene_of(dataset), str(dataset.octree.depth), light, turned, use, *counts, octree]
 
 
-def _validation_table(validations: list[dict[str, Any]]) -> list[str]:
-    if not validations:
-        return ["None was run.\n"]
-    rows = [
-        [name, *(f"{entry[field]:.4f} ({entry['constant_' + field]:.3f})" for field in ("coverage", "luminance"))]
-        for name, entry in validations[-1]["validation"].items()
+def _errors(last: dict[str, Any]) -> list[str]:
+    """Errors of the last validation, those on held-out scenes apart from those on scenes that training holds."""
+    errors, why = last.get("validation", {}), last.get("not_held_out", {})
+    unseen = [[name, *_error_row(errors[name])] for name in errors if name not in why]
+    known = [[name, *_error_row(errors[name]), why[name]] for name in errors if name in why]
+    nothing = [
+        "No scene was held out: `patchnet train --validate` takes sample files of scenes that are not learned from.\n"
     ]
-    return _table(["data set", "coverage", "luminance"], rows)
+    lines = [
+        "## Errors on held-out scenes\n",
+        "Mean absolute errors on scenes that are not in training in any pose, beside those of guesses that need no",
+        "network: the best constant, and luminance as the voxel shows it.\n",
+        *(_table(list(_ERROR_COLUMNS), unseen) if unseen else nothing),
+    ]
+    if known:
+        lines += [
+            "## Errors on scenes that are in training\n",
+            "The same errors on voxels that were not learned from, of scenes that were: they are optimistic.\n",
+            *_table([*_ERROR_COLUMNS, "why not held out"], known),
+        ]
+    return (
+        [*lines, f"Errors are those of at most {VALIDATION_VOXELS:,} voxels of each data set.\n"] if errors else lines
+    )
+
+
+def _error_row(entry: dict[str, float]) -> list[str]:
+    fields = ("coverage", "constant_coverage", "luminance", "voxel_luminance", "constant_luminance")
+    return [f"{entry[field]:.4f}" for field in fields]
 
 
 def _table(head: list[str], rows: list[list[str]]) -> list[str]:

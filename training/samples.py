@@ -19,6 +19,7 @@ from ..patchnet_addon.runtime.errors import PatchNetError
 from ..patchnet_addon.runtime.kernels import device, kernel
 from ..patchnet_addon.runtime.progress import Progress, Steps
 from ..patchnet_addon.runtime.threads import run_parts
+from .settings import VIEWS
 from .voxel_choice import choose_voxels, held_out_voxels, usable_nodes
 
 VIEW_FIELDS = 12  # entry 3, direction 3, up 3, ratio, coverage, luminance
@@ -37,7 +38,7 @@ class SampleSettings:
     lookahead: levels between a voxel and the cells that are seen, 1 to 3; SettingError for others.
     """
 
-    views: int = 8
+    views: int = VIEWS
     min_level: int = 5
     held_out: float = 0.05
     first_hit: bool = True

@@ -8,6 +8,9 @@ from dataclasses import dataclass, replace
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 
+SAMPLES = 16_000_000  # that data sets have in all, as the paper's and those of the shipped weights
+VIEWS = 8  # of each voxel
+VALIDATION_VOXELS = 2048  # of a data set, at most
 AUTO, BF16, FP32, TF32 = PRECISIONS = ("auto", "bf16", "fp32", "tf32")
 
 
@@ -23,7 +26,7 @@ class TrainSettings:
     "auto": fp32 on a GPU, on a CPU bf16 where the processor has it natively, and fp32 for the last fiftieth.
     """
 
-    passes: int = 128_000_000
+    passes: int = 8 * SAMPLES
     batch: int = 8192
     learning_rate: float = 1e-3
     final_rate: float = 1e-5
@@ -62,4 +65,5 @@ IMPROVED = TrainSettings(
     augment=True,
     luminance_weight=2.0,
 )
-PRESETS = {"quick": replace(IMPROVED, passes=32_000_000), "paper": PAPER, "improved": IMPROVED}
+QUICK_SAMPLES = SAMPLES // 4
+PRESETS = {"quick": replace(IMPROVED, passes=8 * QUICK_SAMPLES), "paper": PAPER, "improved": IMPROVED}

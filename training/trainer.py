@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training run: batches from all data sets, checkpoints, a log of curves, validation by scene (methods 7.21).
+"""Training run: batches from all data sets, checkpoints, a log of curves, validation by data set (methods 7.21).
 
 Everything random follows from the seed and the number of the step, so a run that was interrupted continues as if it
 had not been.
@@ -16,24 +16,24 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
 import torch
 
 from ..patchnet_addon.network.devices import CPU, enough_memory, found_device
 from ..patchnet_addon.network.weights import Weights, save_weights
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, THREADS
-from ..patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
+from ..patchnet_addon.runtime.errors import FileFormatError, SettingError
 from ..patchnet_addon.runtime.progress import Progress, Steps
 from ..patchnet_addon.runtime.threads import usable_cores
-from .corpus import Corpus
+from .corpus import corpus_of
 from .crews import crew_for
 from .dataset import Dataset
-from .forest import concatenate
 from .learner import Learner
+from .provenance import describe_data
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .schedule import learning_rate
 from .settings import AUTO, BF16, TrainSettings
 from .validation import validate
+from .validation_sets import validation_sets
 
 
 @dataclass
@@ -41,7 +41,8 @@ class RunOptions:
     """Options of carrying out a run, which change its result by rounding at most.
 
     device: cpu, cuda, cuda:N, or auto (`patchnet_addon/network/devices.py`). threads: of the CPU, which learn or gather
-    for a GPU; None for one a core. gather: see `crew_for`.
+    for a GPU; None for one a core. gather: see `crew_for`. validation: data sets that are not learned
+    from, whose samples are all for validation. notes: entries of the weights' metadata beside data, code and extent.
     """
 
     out: Path
@@ -54,6 +55,7 @@ class RunOptions:
     device: str = CPU
     threads: int | None = None
     gather: str = ""
+    validation: Sequence[Dataset] = ()
 
 
 def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOptions) -> Steps[Weights]:
@@ -67,6 +69,8 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     threads = usable_cores() if options.threads is None else options.threads
     THREADS.check(threads)
     corpus, held_out = corpus_of(datasets)
+    sets = validation_sets(held_out, datasets, options.validation, corpus.lookahead)
+    notes = describe_data(datasets, options.validation) | options.notes
     voxels = max(1, settings.batch // corpus.views.shape[1])
     per_step = voxels * corpus.views.shape[1]
     total = max(1, settings.passes // per_step)
@@ -74,7 +78,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
         learner = Learner(settings, corpus.lookahead, device)
     check_run(options.out, resume=options.resume)
     options.out.mkdir(parents=True, exist_ok=True)
-    run = asdict(settings) | {"data": [dataset.metadata.get("octree_hash", dataset.name) for dataset in datasets]}
+    run = asdict(settings) | {"data": list(notes["octrees"].values())}
     run["lookahead"] = corpus.lookahead
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
@@ -96,52 +100,24 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
             if learner.steps % options.log_steps == 0 or learner.steps == end:
                 log.write_means(learner.steps, passes, rate, learner.seconds)
             if learner.steps % options.validate_steps == 0 or learner.steps == end:
-                errors = validate(learner.mean, held_out)
-                log.write({"step": learner.steps, "passes": passes, "validation": errors})
+                errors = validate(learner.mean, {name: each.corpus for name, each in sets.items()})
+                why = {name: each.not_held_out for name, each in sets.items() if each.not_held_out}
+                log.write({"step": learner.steps, "passes": passes, "validation": errors, "not_held_out": why})
             if time.monotonic() - saved > 60 * options.checkpoint_minutes:
-                save_checkpoint(options.out, learner, run, options.notes | _extent(learner, per_step))
+                save_checkpoint(options.out, learner, run, notes | _extent(learner, per_step))
                 saved = time.monotonic()
             yield Progress(learner.steps, end, "Training")
     finally:
         crew.close()
         if learner.steps:
-            save_checkpoint(options.out, learner, run, options.notes | _extent(learner, per_step))
-    return learner.mean.to_weights(options.notes | _extent(learner, per_step))
+            save_checkpoint(options.out, learner, run, notes | _extent(learner, per_step))
+    return learner.mean.to_weights(notes | _extent(learner, per_step))
 
 
 def _extent(learner: Learner, per_step: int) -> dict[str, Any]:
     """Extent of a run so far, for the metadata of its weights."""
     minutes = round(learner.seconds / 60, 1)
     return {"steps": learner.steps, "sample_passes": learner.steps * per_step, "minutes": minutes}
-
-
-def corpus_of(datasets: Sequence[Dataset]) -> tuple[Corpus, dict[str, Corpus]]:
-    """All voxels to train on, and those held out, by data set; raises PatchNetError if there are none."""
-    if not datasets:
-        raise SettingError("There is nothing to train on: name at least one sample file")
-    views = {dataset.samples.views.shape[1] for dataset in datasets}
-    if len(views) != 1:
-        raise SettingError(f"The sample files hold {sorted(views)} views per voxel: draw them with the same number")
-    lookaheads = {dataset.lookahead for dataset in datasets}
-    if len(lookaheads) != 1:
-        raise SettingError(
-            f"The sample files look {sorted(lookaheads)} levels ahead: draw them with the same look-ahead"
-        )
-    (lookahead,) = lookaheads
-    forest = concatenate([dataset.octree for dataset in datasets])
-    parts = []
-    held_out = {}
-    for number, dataset in enumerate(datasets):
-        samples = dataset.samples
-        tree = np.full(len(samples.voxel), number, np.int32)
-        keep, held = np.flatnonzero(~samples.held_out), np.flatnonzero(samples.held_out)
-        parts.append((tree[keep], samples.voxel[keep], samples.views[keep]))
-        if len(held):
-            held_out[dataset.name] = Corpus(forest, tree[held], samples.voxel[held], samples.views[held], lookahead)
-    tree, voxel, view = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    if not len(tree):
-        raise PatchNetError("All samples are held out for validation: draw more of them")
-    return Corpus(forest, tree, voxel, view, lookahead), held_out
 
 
 def encoder_type(settings: TrainSettings, share: float, device: str = CPU) -> torch.dtype:

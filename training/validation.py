@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Validation errors on the held-out parts of each scene (methods 7.21)."""
+"""Validation errors by data set, beside those of guesses that need no network (methods 7.21)."""
 
 from __future__ import annotations
 
@@ -11,26 +11,32 @@ import torch
 from ..patchnet_addon.network.torch_precision import float32_products
 from .batches import Augmentation
 from .corpus import Corpus
+from .forest import voxel_luminance
+from .settings import VALIDATION_VOXELS
 from .sliced_net import SlicedNet
 from .tensor_batch import TensorBatch
 
-_LIMIT = 2048  # voxels per scene and validation
 _CHUNK = 512
 
 
-def validate(model: SlicedNet, scenes: Mapping[str, Corpus], limit: int = _LIMIT) -> dict[str, dict[str, float]]:
-    """Mean absolute errors of coverage and luminance by scene, in float32 and clipped as at inference.
+def validate(
+    model: SlicedNet, sets: Mapping[str, Corpus], limit: int = VALIDATION_VOXELS
+) -> dict[str, dict[str, float]]:
+    """Mean absolute errors of coverage and luminance by data set, in float32 and clipped as at inference.
 
-    `constant_coverage` and `constant_luminance` are those of the best constant guess, for scale.
+    `constant_coverage` and `constant_luminance` are those of the best constant guess, `voxel_luminance` that of
+    luminance as the voxel shows it, which is what a pixel has without a network. Errors of luminance are over views
+    that see something. Only the first `limit` voxels of each count; samples are drawn in random order.
     """
     result = {}
-    for name, corpus in scenes.items():
+    for name, corpus in sets.items():
         parts = [_errors(model, corpus, start) for start in range(0, min(limit, len(corpus.tree)), _CHUNK)]
-        coverage, luminance, guess, target = (np.concatenate([part[k] for part in parts]) for k in range(4))
+        coverage, luminance, guess, target, own = (np.concatenate([part[k] for part in parts]) for k in range(5))
         seen = coverage > 0
         result[name] = {
             "coverage": _mean(np.abs(guess - coverage)),
             "luminance": _mean(np.abs(target - luminance)[seen]),
+            "voxel_luminance": _mean(np.abs(own - luminance)[seen]),
             "constant_coverage": _mean(np.abs(np.median(coverage) - coverage)),
             "constant_luminance": _mean(np.abs(np.median(luminance[seen]) - luminance[seen])) if seen.any() else 0.0,
         }
@@ -38,13 +44,14 @@ def validate(model: SlicedNet, scenes: Mapping[str, Corpus], limit: int = _LIMIT
 
 
 def _errors(model: SlicedNet, corpus: Corpus, start: int) -> tuple[np.ndarray, ...]:
-    """True coverage and luminance, predicted coverage and luminance, each flat."""
+    """True coverage and luminance, predicted coverage and luminance, the voxels' own luminance, each flat."""
     rows = np.arange(start, min(start + _CHUNK, len(corpus.tree)))
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
     device = model.slices.device
     with torch.no_grad(), float32_products(device):
         predicted = model(TensorBatch.of(batch, device), torch.float32).clamp(0, 1).cpu().numpy()
-    return batch.coverage.ravel(), batch.luminance.ravel(), predicted[..., 0].ravel(), predicted[..., 1].ravel()
+    own = np.repeat(voxel_luminance(corpus.forest, corpus.tree[rows], corpus.voxel[rows]), corpus.views.shape[1])
+    return batch.coverage.ravel(), batch.luminance.ravel(), predicted[..., 0].ravel(), predicted[..., 1].ravel(), own
 
 
 def _mean(values: np.ndarray) -> float:

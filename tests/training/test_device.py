@@ -14,6 +14,7 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.torch_devices import DEVICES, GPU, gpu_only
 from patchnet.training.batches import Augmentation
+from patchnet.training.corpus import corpus_of
 from patchnet.training.dataset import Dataset, save_samples
 from patchnet.training.procedural import spheres_and_slats
 from patchnet.training.samples import SampleSettings, draw_samples
@@ -25,7 +26,7 @@ from patchnet.training.crews import FedGpuCrew, GpuCrew, ThreadCrew, crew_for, p
 from patchnet.training.learner import Learner  # noqa: E402  needs torch
 from patchnet.training.tensor_batch import TensorBatch  # noqa: E402  needs torch
 from patchnet.training.torch_corpus import TorchCorpus  # noqa: E402  needs torch
-from patchnet.training.trainer import RunOptions, corpus_of, encoder_type, train  # noqa: E402  needs torch
+from patchnet.training.trainer import RunOptions, encoder_type, train  # noqa: E402  needs torch
 
 SETTINGS = TrainSettings(passes=6 * 256, batch=256, precision="fp32", augment=True, average=0.9, clip=1.0, warm_up=2)
 VOXELS = 64

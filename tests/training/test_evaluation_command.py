@@ -4,6 +4,8 @@
 import csv
 import json
 import re
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -78,10 +80,20 @@ def test_table_figures_and_report(done):
     rows = list(csv.DictReader((out / "results.csv").read_text(encoding="utf-8").splitlines()))
     assert len(rows) == 101 * len(EVALUATED) and {row["group"] for row in rows} >= {"network", "rays", "oracle"}
     names = {path.name for path in (out / "figures").iterdir()}
-    assert names == {f"shells-{kind}.{ending}" for kind in ("budget", "time") for ending in ("png", "svg")}
+    assert names == {f"shells-{kind}.{ending}" for kind in ("patterns", "budget", "time") for ending in ("png", "svg")}
     report = (out / "report.html").read_text(encoding="utf-8")
-    assert report.count("<svg") == 2 and "patchnet-behind" in report
+    assert report.count("<svg") == 3 and "patchnet-behind" in report
     assert not re.search(r"(src|href)=['\"]http", report), "it needs no other file"
+
+
+def test_report_in_a_browser(done):
+    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if browser is None:
+        pytest.skip("no browser here: install chromium")
+    page = (done[1] / "report.html").as_uri()
+    words = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", page]
+    shown = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120).stdout
+    assert shown.count("<svg") == 3 and shown.count("<tr>") > len(EVALUATED) and "excess area" in shown
 
 
 def test_what_is_done_is_skipped_and_what_is_damaged_is_made_again(done):

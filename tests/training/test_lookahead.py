@@ -16,6 +16,7 @@ from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetErro
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.training.batches import Augmentation, gather_batch
+from patchnet.training.corpus import corpus_of
 from patchnet.training.dataset import Dataset, load_dataset, save_samples
 from patchnet.training.forest import concatenate
 from patchnet.training.procedural import spheres_and_slats
@@ -25,7 +26,7 @@ from patchnet.training.symmetry import COUNT, cube_symmetries
 
 torch = pytest.importorskip("torch")
 from patchnet.training.model_card import write_card  # noqa: E402
-from patchnet.training.trainer import RunOptions, corpus_of, train  # noqa: E402  needs torch
+from patchnet.training.trainer import RunOptions, train  # noqa: E402  needs torch
 
 SETTINGS = TrainSettings(passes=2 * 64, batch=64, precision="fp32", augment=True)
 

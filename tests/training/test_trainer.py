@@ -13,6 +13,7 @@ from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.training.batches import Augmentation
+from patchnet.training.corpus import corpus_of
 from patchnet.training.dataset import Dataset, load_dataset, save_samples
 from patchnet.training.procedural import spheres_and_slats
 from patchnet.training.samples import SampleSettings, draw_samples
@@ -22,7 +23,7 @@ from patchnet.training.settings import PRESETS, TrainSettings
 torch = pytest.importorskip("torch")
 from patchnet.training.crews import rows_of_step  # noqa: E402  needs torch
 from patchnet.training.tensor_batch import TensorBatch  # noqa: E402  needs torch
-from patchnet.training.trainer import RunOptions, corpus_of, train  # noqa: E402  needs torch
+from patchnet.training.trainer import RunOptions, train  # noqa: E402  needs torch
 
 SETTINGS = TrainSettings(passes=6 * 256, batch=256, precision="fp32", augment=True, average=0.9, clip=1.0, warm_up=2)
 

@@ -29,14 +29,14 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import usable_cores
-from ..corpus import Corpus
+from ..corpus import Corpus, corpus_of
 from ..crews import DEVICE, HOST, Crew, crew_for
 from ..dataset import Dataset
 from ..learner import Learner
 from ..provenance import describe_machine, describe_versions
 from ..samples import SampleSettings, draw_samples
 from ..settings import BF16, FP32, IMPROVED, TF32
-from ..trainer import corpus_of, encoder_type
+from ..trainer import encoder_type
 from .decoding import views_around
 from .timing import Comparison, take_turns
 

@@ -20,8 +20,8 @@ _MIN_SHARE = 0.95  # of a frame's hits with look-ahead, at its end
 _ELEVATIONS = np.radians([5.0, 40.0])
 _SWING = 0.25  # radians around the target for each factor of e that the camera comes nearer
 _TRIES = 24
-_SCAN = 60  # distances that are tried from far to near
-_MIN_TURN = 0.5  # radians between the azimuths of approaches, if they are few
+_SCAN, _COARSE_SCAN = 60, 15  # distances that are tried from far to near, of the line that is taken and of all
+_MIN_TURN = 0.25  # radians between the azimuths of approaches, less where they are many
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,21 +92,20 @@ class Approaches:
 
     def _azimuth(self, total: int) -> float:
         """Random azimuth that is not near one of the approaches before, as far as that many leave room."""
-        apart = min(_MIN_TURN, np.pi / total)
+        apart = min(_MIN_TURN, np.pi / (2 * total))
         while True:
             azimuth = float(self._random.uniform(0.0, 2 * np.pi))
             turns = [abs((azimuth - other + np.pi) % (2 * np.pi) - np.pi) for other in self._azimuths]
-            if min(turns, default=np.pi) >= apart / 2:
+            if min(turns, default=np.pi) >= apart:
                 return azimuth
 
     def _end(self, line: _Line) -> Pose:
         """Pose at about the end of a line, found with small pictures."""
         end = self._pose(line, self._far_world)
-        for distance in self._distances():
+        for distance in self._distances(_COARSE_SCAN):
             pose = self._pose(line, distance)
-            if pose.share < _MIN_SHARE or not self._space.contains_path(
-                np.stack([end.position_world, pose.position_world])
-            ):
+            way = np.stack([end.position_world, pose.position_world])
+            if pose.share < _MIN_SHARE or not self._space.contains_path(way):
                 break
             end = pose
         return end
@@ -118,7 +117,7 @@ class Approaches:
     def _nearest(self, line: _Line, name: str) -> float:
         """Shortest distance to which all the way is free and has look-ahead."""
         reached = self._far_world
-        for distance in self._distances():
+        for distance in self._distances(_SCAN):
             way = np.stack([line.position(each, self._far_world) for each in (reached, distance)])
             if not self._space.contains_path(way):
                 break
@@ -127,6 +126,7 @@ class Approaches:
             reached = float(distance)
         return reached
 
-    def _distances(self) -> np.ndarray:
-        """Distances (n,) in world units from far to the nearest that has look-ahead at the picture's centre."""
-        return np.geomspace(self._far_world, min(self._lens.near_world, self._far_world), _SCAN)[1:]
+    def _distances(self, count: int) -> np.ndarray:
+        """Distances (count,) in world units from far to the nearest that has look-ahead at the picture's centre."""
+        nearest = min(self._lens.near_world, self._far_world)
+        return np.geomspace(self._far_world, nearest, count + 1)[1:]

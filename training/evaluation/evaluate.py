@@ -16,6 +16,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.encode import encode_octree
 from ...patchnet_addon.codes.file import load_codes, save_codes
@@ -63,19 +65,18 @@ class EvaluationSettings:
 
 @dataclass(frozen=True, eq=False)
 class SceneResult:
-    """Results of a scene: frames of its track, and what they cost; counts of the octree.
+    """Results of a scene: frames of its track, and what they cost.
 
-    strategies: those in use by name, in the order of the results.
+    strategies: those in use by name, in the order of the results. coded: the octree with its codes. hardest: camera of
+    the frame that loses most without refinement.
     """
 
     name: str
     strategies: Mapping[str, Strategy]
     frames: BlockResult
     costs: Costs
-    depth: int
-    nodes: int
-    octree_hash: str
-    weights_hash: str
+    coded: CodedOctree
+    hardest: Camera
 
 
 def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[list[SceneResult]]:
@@ -92,6 +93,29 @@ def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Pat
         yield Progress(number, len(scenes), "Measuring costs")
         results.append(_result(scene, strategies, weights, out))
     return results
+
+
+def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[None]:
+    """Make the codes of octrees and lay their tracks, so that several machines may go on from there."""
+    weights = load_weights(settings.weights)
+    for name, path in octrees.items():
+        yield from _prepare(name, path, settings, weights, out)
+
+
+def evaluate_part(
+    octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path, part: int, parts: int
+) -> Steps[int]:
+    """Evaluate every `parts`-th block of frames, from the `part`-th on, the first is 1; returns their number.
+
+    Machines that share `out` may do so at once; `evaluate` then finds what they have made.
+    """
+    weights = load_weights(settings.weights)
+    blocks: list[FrameBlock] = []
+    for name, path in octrees.items():
+        blocks += (yield from _prepare(name, path, settings, weights, out)).blocks
+    mine = blocks[part - 1 :: parts]
+    yield from _run(mine, settings.processes or usable_cores())
+    return len(mine)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,15 +184,14 @@ def _result(scene: _Prepared, strategies: Mapping[str, Strategy], weights: Weigh
     octree = load_octree(scene.files.octree)
     coded = load_codes(scene.files.codes, octree, weights)
     costs = _costs(scene, coded, strategies, out / "scenes" / scene.name / "costs.json")
+    frames = BlockResult.joined(found)
     return SceneResult(
-        scene.name,
-        strategies,
-        BlockResult.joined(found),
-        costs,
-        octree.depth,
-        octree.node_count,
-        octree_hash(octree),
-        weights.hash,
+        name=scene.name,
+        strategies=strategies,
+        frames=frames,
+        costs=costs,
+        coded=coded,
+        hardest=scene.cameras[int(np.argmax(frames.left[:, 0, 0]))],
     )
 
 

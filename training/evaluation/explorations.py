@@ -18,7 +18,8 @@ from .spline import catmull_rom
 MAX_STEP = 0.01  # cube sides from frame to frame
 MAX_TURN = float(np.radians(3.0))  # from frame to frame
 _STEP, _TURN = 0.5 * MAX_STEP, 0.5 * MAX_TURN  # means between two poses: curves are faster in places
-_MIN_LEG, _MAX_LEG = 0.05, 0.45  # cube sides between two poses
+_MIN_LEG, _MAX_LEG = 0.05, 0.45  # cube sides between two poses,
+_MAX_LEG_NEAR = 0.75  # or nearest distances where these are more
 _MAX_ANGLE = float(np.radians(75.0))  # between the sights of two poses
 _MIN_SHARE = 0.96  # of a shot's hits with look-ahead
 _ON_THE_WAY = (0.25, 0.5, 0.75)  # of a leg, where its look-ahead is estimated
@@ -39,6 +40,7 @@ class Explorations:
         self._look_ahead = look_ahead
         self._side = octree.grid.side_world
         self._poses = find_poses(octree, space, lens, random)
+        self._max_leg = max(_MAX_LEG, _MAX_LEG_NEAR * lens.near_world / self._side)
         self._seen = Seen()
 
     def shot(self, number: int, frames: int) -> list[Camera]:
@@ -93,7 +95,7 @@ class Explorations:
 
     def _is_near(self, here: Pose, pose: Pose) -> bool:
         distance = float(np.linalg.norm(pose.position_world - here.position_world)) / self._side
-        return _MIN_LEG <= distance <= _MAX_LEG and _angle(here, pose) <= _MAX_ANGLE
+        return _MIN_LEG <= distance <= self._max_leg and _angle(here, pose) <= _MAX_ANGLE
 
     def _is_open(self, here: Pose, pose: Pose) -> bool:
         """Tell whether the straight way is free, and look-ahead on it about as good as wanted."""

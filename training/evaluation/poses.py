@@ -14,10 +14,11 @@ from .free_space import FreeSpace
 
 FOV = float(np.radians(60.0))  # vertical
 MIN_SHARE = 0.97  # of a pose's hits with look-ahead: more than the track needs, as the way between poses may have less
-_POSITIONS = 400  # tried in the surface's box, and as many around it
-_AROUND = 0.5  # cube sides around that box
-_HEADINGS = 8
+_POSITIONS = 200  # tried in the surface's box, and as many around it
+_AROUND, _AROUND_NEAR = 0.5, 1.5  # around that box: cube sides, or nearest distances where these are more
+_HEADINGS = 6
 _PITCHES = np.radians([-30.0, -8.0, 12.0])
+_AIMS = 9  # directions from each position around the box, to points in it
 _TRIAL_PX = 20  # height
 _CELLS = 32  # along a side of the cube, to tell what has been seen
 _BRIGHT = 0.1  # luminance from which surface counts as lit
@@ -70,34 +71,40 @@ class Pose:
 
 
 class Seen:
-    """Seen cells of the cube, so that each next view shows something else."""
+    """Counts of how often each cell of the cube was shown, so that views of something else come first."""
 
     def __init__(self) -> None:
-        self._cells = np.zeros(_CELLS**3, bool)
+        self._times = np.zeros(_CELLS**3, np.int64)
 
     def add(self, pose: Pose) -> None:
-        """Count what a pose shows as seen."""
-        self._cells[pose.cells] = True
+        """Count what a pose shows."""
+        self._times[pose.cells] += 1
 
     def copy(self) -> Seen:
         """Copy, for a plan that may be dropped."""
         result = Seen()
-        result._cells = self._cells.copy()
+        result._times = self._times.copy()
         return result
 
     def gain(self, pose: Pose) -> float:
-        """How much a pose shows that is new, weighed by its quality."""
-        return pose.quality * float(np.count_nonzero(~self._cells[pose.cells]))
+        """Cells that a pose shows, each worth 1 / (1 + times it was shown), weighed by the pose's quality."""
+        return pose.quality * float(np.sum(1.0 / (1.0 + self._times[pose.cells])))
 
 
 def find_poses(octree: Octree, space: FreeSpace, lens: Lens, random: np.random.Generator) -> list[Pose]:
     """Poses with look-ahead at random positions; only inside the scene if there are enough of them."""
+    low, high = space.bounds_world
+    margin = max(_AROUND * octree.grid.side_world, _AROUND_NEAR * lens.near_world)
     inside: list[Pose] = []
     outside: list[Pose] = []
-    for position in _positions(octree, space, random):
-        around = [look(octree, lens, position, forward) for forward in _directions(random)]
+    for position in _free(space, random.uniform(low, high, (_POSITIONS, 3))):
+        around = [look(octree, lens, position, forward) for forward in _all_around(random)]
         enclosed = np.mean([pose.hit for pose in around]) >= _ENCLOSED
-        (inside if enclosed else outside).extend(pose for pose in around if pose.share >= MIN_SHARE and pose.hit > 0)
+        (inside if enclosed else outside).extend(around)
+    for position in _free(space, random.uniform(low - [margin, margin, 0.0], high + margin, (_POSITIONS, 3))):
+        towards = random.uniform(low, high, (_AIMS, 3)) - position
+        outside.extend(look(octree, lens, position, forward) for forward in towards)
+    inside, outside = ([pose for pose in poses if pose.share >= MIN_SHARE and pose.hit] for poses in (inside, outside))
     return inside if len(inside) >= _ENOUGH else inside + outside
 
 
@@ -137,20 +144,11 @@ def _relief(z_world: np.ndarray) -> float:
     return float(np.mean(bend > _BEND * inverse[:, 1:-1])) if bend.size else 0.0
 
 
-def _positions(octree: Octree, space: FreeSpace, random: np.random.Generator) -> np.ndarray:
-    """Free points (n, 3) in the surface's box and around it."""
-    low, high = space.bounds_world
-    margin = _AROUND * octree.grid.side_world
-    points = np.concatenate(
-        [
-            random.uniform(low, high, (_POSITIONS, 3)),
-            random.uniform(low - [margin, margin, 0.0], high + margin, (_POSITIONS, 3)),
-        ]
-    )
-    return points[space.contains(points)]
+def _free(space: FreeSpace, points_world: np.ndarray) -> np.ndarray:
+    return points_world[space.contains(points_world)]
 
 
-def _directions(random: np.random.Generator) -> list[np.ndarray]:
+def _all_around(random: np.random.Generator) -> list[np.ndarray]:
     """Unit vectors (3,) in all headings and several pitches."""
     angles = 2 * np.pi * (np.arange(_HEADINGS) + random.random()) / _HEADINGS
     return [

@@ -47,11 +47,12 @@ def _facts(values: Mapping[str, Any]) -> str:
 
 def _errors(values: Mapping[str, Any]) -> str:
     """Table of errors over that of screen-space variance, with cost, grouped by rays."""
-    head = ["strategy", "rays a pixel", "ms a frame", *(f"{share:.0%}" for share in SHOWN), "excess area"]
+    head = ["strategy", "group", "rays a pixel", "ms a frame", *(f"{share:.0%}" for share in SHOWN), "excess area"]
     names = sorted(values["mse"], key=lambda name: (values["rays_per_pixel"][name], _area(values, name)))
     rows = [
         [
             name,
+            values["group"][name],
             values["rays_per_pixel"][name],
             f"{values['ms_per_frame'][name]:.1f}" if name in values["ms_per_frame"] else "",
             *(f"{1e4 * values['mse'][name][round(100 * share)]:.2f}" for share in SHOWN),
@@ -60,12 +61,14 @@ def _errors(values: Mapping[str, Any]) -> str:
         for name in names
     ]
     uniform = [
-        [f"{side} x {side} rays in each pixel", item["rays_per_pixel"], f"{item['ms_per_frame']:.1f}"]
-        + [f"{1e4 * item['mse']:.2f}"] + [""] * len(SHOWN)
+        [f"{side} x {side} rays in each pixel", f"{item['ms_per_frame']:.1f}", f"{1e4 * item['mse']:.2f}"]
         for side, item in values["uniform"].items()
-    ]  # fmt: skip
-    return "<p>Mean squared error in 1e-4 after refining a share of the active pixels:</p>" + _table(
-        head, [*rows, *uniform]
+    ]
+    return (
+        "<p>Mean squared error in 1e-4 after refining a share of the active pixels:</p>"
+        + _table(head, rows)
+        + "<p>Pictures with as many rays in every pixel:</p>"
+        + _table(["picture", "ms a frame", "mean squared error in 1e-4"], uniform)
     )
 
 
@@ -95,7 +98,8 @@ def _claims(claims: Mapping[str, Any]) -> str:
     rows = []
     for scene, found in claims["lowest"].items():
         for name, values in found.items():
-            start = "never" if values["value"] is None else f"from {values['value']:.0%}"
+            start = "never for good" if values["value"] is None else f"from {values['value']:.0%} on"
+            start += f"; at {values['share_of_budgets']:.0%} of these budgets"
             rows.append([scene, name, "lowest of all references from 13 % on", start, _verdict(values["holds"])])
     for scene, found in claims["half"].items():
         for name, values in found.items():

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...patchnet_addon.octree.file import octree_hash
 from .bootstrap import Bootstrap, Interval
 from .checks import check_track
 from .claims import claims_of
@@ -50,9 +51,9 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
         "frames": len(frames.active),
         "active_pixels": int(frames.active.sum()),
         "lookahead_share": float(frames.ahead.sum() / max(frames.hits.sum(), 1)),
-        "depth": scene.depth,
-        "nodes": scene.nodes,
-        "octree_hash": scene.octree_hash,
+        "depth": scene.coded.octree.depth,
+        "nodes": scene.coded.octree.node_count,
+        "octree_hash": octree_hash(scene.coded.octree),
         "rays_per_pixel": {name: 1 + strategy.extra_rays for name, strategy in scene.strategies.items()},
         "group": {name: strategy.group for name, strategy in scene.strategies.items()},
         "ms_per_frame": costs.ms_per_frame,

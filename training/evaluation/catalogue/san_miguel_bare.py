@@ -6,9 +6,9 @@ from ..scene import CYCLES, TRAIN, Scene
 # Names of nodes begin with the plant's name in the model.
 _PLANTS = (
     "aglaonema", "azalea", "brevipedunculata", "cercis", "chusan_palm", "cinquefoil", "default_stengel",
-    "default_wchrype", "dracaena", "dutch_iris", "fern ", "ficus", "fragrans", "geranium", "hoja seca", "hybrids_",
-    "ivy ", "lagerstroemia", "leave a_", "lilium", "mona_lisa", "oxeye_daisy", "paniceum", "pansy", "pendula",
-    "phyllostachya", "poinsettia", "rose ", "verschaffeltii", "zebrina",
+    "default_wchrype", "dracaena", "dutch_iris", "fern", "ficus", "fragrans", "geranium", "hoja seca", "hybrids_",
+    "ivy", "lagerstroemia", "leave a_", "lilium", "mona_lisa", "oxeye_daisy", "paniceum", "pansy", "pendula",
+    "phyllostachya", "poinsettia", "rose", "verschaffeltii", "zebrina",
 )  # fmt: skip
 
 SCENE = Scene(
@@ -16,7 +16,7 @@ SCENE = Scene(
     title="San Miguel, bare",
     file="san_miguel.glb",
     light=CYCLES,
-    without=_PLANTS,
+    without=(*_PLANTS, "sun_light", "fill_light"),  # the lamps as in the whole scene
     source="San Miguel by Guillermo M. Leal Llaguno",
     licence="CC BY 3.0",
     role=TRAIN,

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Model card of the shipped weights, script, help and page of training: the same numbers, as the weights state them."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from patchnet.commands.train import description
+from patchnet.patchnet_addon.network.weights import default_weights_path, load_weights
+from patchnet.training.settings import PRESETS, SAMPLES, VIEWS, TrainSettings
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "training.md").read_text()
+SCRIPT = (ROOT / "training" / "shipped_weights.sh").read_text()
+CARD = default_weights_path().with_name("model_card.md").read_text()
+
+
+def rows(heading: str) -> list[list[str]]:
+    """Cells of the table below a heading of the card, without its head."""
+    part = CARD.split(heading, 1)[1].split("\n## ", 1)[0]
+    lines = [line for line in part.splitlines() if line.startswith("| ")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def number(text: str) -> int:
+    return int(text.replace(",", ""))
+
+
+def test_card_says_what_the_weights_say() -> None:
+    weights = load_weights()
+    metadata = weights.metadata
+    assert weights.hash in CARD and metadata["command"] in CARD and metadata["versions"] in CARD
+    assert f"{metadata['sample_passes']:,} sample passes in {metadata['steps']:,} steps" in CARD
+    assert rows("## How they were made") == [[name, str(value)] for name, value in stated_settings().items()]
+    assert [row[0] for row in rows("## Data")] == metadata["data"]
+
+
+def stated_settings() -> dict[str, object]:
+    """Settings in the order of `TrainSettings`, from the weights."""
+    settings = load_weights().metadata["settings"]
+    return {name: settings[name] for name in TrainSettings.__dataclass_fields__}
+
+
+def test_weights_are_of_the_preset() -> None:
+    assert TrainSettings(**load_weights().metadata["settings"]) == PRESETS["improved"]
+
+
+def test_card_adds_up() -> None:
+    """Each data set has the same whole number of voxels, so that all together have a few more than was asked for."""
+    samples, held = (sum(number(row[column]) for row in rows("## Data")) for column in (6, 7))
+    sets = len(rows("## Data"))
+    assert 0 <= samples - SAMPLES < sets * VIEWS
+    assert f"{samples:,} samples, {samples // VIEWS:,} voxels of {VIEWS} views; {held:,} of them" in CARD
+    assert f"the other {samples - held:,} " in CARD
+
+
+def test_card_says_what_was_not_recorded() -> None:
+    """Neither code nor octrees: nothing takes their place."""
+    metadata = load_weights().metadata
+    assert not {"code", "commit", "octrees"} & set(metadata)
+    assert "Hash of the code: not recorded; commit: not recorded" in CARD
+    assert {row[8] for row in rows("## Data")} == {"not recorded"}
+    assert "Not recorded were the commit" in PAGE
+
+
+def test_card_counts_no_training_scene_as_held_out() -> None:
+    training = {row[0] for row in rows("## Data")}
+    assert not training & {row[0] for row in rows("## Errors on held-out scenes")}
+    known = rows("## Errors on scenes that are in training")
+    assert {row[0] for row in known} == training
+    assert all(row[6].startswith("not held out: ") for row in known)
+
+
+def test_script_page_and_help_have_the_numbers() -> None:
+    passes = load_weights().metadata["sample_passes"]
+    assert f"--samples {SAMPLES} " in SCRIPT and f"--passes {passes} " in SCRIPT
+    assert set(re.findall(r"^octree (\S+)", SCRIPT, re.MULTILINE)) == set(load_weights().metadata["data"])
+    text = description()
+    assert f"{SAMPLES:,} samples, {SAMPLES // VIEWS:,} voxels of {VIEWS} views" in text and f"{passes:,} passes" in text
+    words = " ".join(PAGE.split())
+    for amount in (f"{SAMPLES // 10**6} M samples", f"{SAMPLES // VIEWS // 10**6} M voxels", f"{VIEWS} views"):
+        assert amount in words
+    assert f"{passes // 10**6} M sample passes" in words
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_help_names_presets_with_their_numbers(name: str) -> None:
+    (line,) = [line for line in description().splitlines() if line.split()[:1] == [name]]
+    assert f"{PRESETS[name].passes:,} passes in batches of {PRESETS[name].batch:,}" in line

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Yard of fences, a cloth over a table and turned boxes, made by code: a scene that no training saw, with structure as
+fine as the voxels that rays stop in."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import Material, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.two_lights import two_lights_shade
+from patchnet.patchnet_addon.tracing.camera import Camera
+
+DEPTH = 9
+_GRAYS = (0.08, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95)
+_DARK, _BRIGHT = 0, len(_GRAYS) - 1
+_CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2] for k in range(8)]) - 0.5
+_SIDES = np.array([[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]])
+_FACES = np.concatenate([_SIDES[:, [0, 1, 2]], _SIDES[:, [0, 2, 3]]])
+
+Box = tuple[np.ndarray, int]
+"""Triangles (12, 3, 3) in world units, and the index of their gray."""
+
+
+def yard_octree() -> Octree:
+    """Octree of the yard in about a unit cube, lit by two lights; always the same."""
+    boxes = [_box((0.5, 0.5, 0.005), (1.0, 1.0, 0.01), 3), *_fences(), *_table(), *_scattered_boxes()]
+    corners = np.concatenate([box for box, _ in boxes])
+    materials = np.repeat(np.array([gray for _, gray in boxes], np.int32), len(_FACES))
+    batch = TriangleBatch(corners, np.zeros((len(corners), 3, 2), np.float32), materials, 0)
+    mesh = TriangleMesh((batch,), tuple(Material(f"gray {gray}", (gray,) * 3) for gray in _GRAYS))
+    grid = Grid.around(mesh.bounds_world, DEPTH)
+    return drain(build_octree(mesh, grid, two_lights_shade(mesh), exposure=1.0, provenance={"scene": "yard"}))
+
+
+def yard_cameras() -> list[Camera]:
+    """Cameras around the yard, so far away that nearly all hits have look-ahead."""
+    places = ((1.35, -0.35, 0.75), (-0.5, 0.15, 0.45), (0.4, 1.75, 0.6), (1.9, 1.2, 1.3))
+    target = np.array([0.5, 0.5, 0.15])
+    return [Camera.look_at(np.array(place), target, size_px=(96, 72)) for place in places]
+
+
+def _fences() -> list[Box]:
+    """Fences of upright slats along three sides, whose gaps are about as wide as voxels."""
+    long = [
+        _box((along, across, 0.15), (0.006, 0.003, 0.30), 5)
+        for along in np.arange(0.06, 0.94, 0.013)
+        for across in (0.05, 0.95)
+    ]
+    short = [_box((0.95, along, 0.11), (0.004, 0.014, 0.22), 4) for along in np.arange(0.06, 0.94, 0.024)]
+    return long + short
+
+
+def _table() -> list[Box]:
+    """Dark table under a bright cloth that hangs over its edges, a few leaves apart."""
+    top = [_box((0.42, 0.45, 0.2), (0.36, 0.26, 0.01), _DARK)]
+    legs = [_box((x, y, 0.1), (0.012, 0.012, 0.2), _DARK) for x in (0.26, 0.58) for y in (0.34, 0.56)]
+    # Of bands, so that the table shows between them.
+    cloth = [_box((x, 0.45, 0.215), (0.017, 0.3, 0.002), _BRIGHT) for x in np.arange(0.25, 0.6, 0.024)]
+    hem = [_box((0.42, y, 0.18), (0.4, 0.002, 0.07), _BRIGHT) for y in (0.3, 0.6)]
+    return top + legs + cloth + hem
+
+
+def _scattered_boxes(count: int = 260) -> list[Box]:
+    """Small boxes on the ground and in the air, each turned and gray in its own way."""
+    random = np.random.default_rng(41)
+    boxes = []
+    for _ in range(count):
+        place = np.append(random.uniform(0.1, 0.9, 2), 0.02 + 0.5 * random.random() ** 3)
+        size = random.uniform(0.004, 0.05, 3)
+        turn, _ = np.linalg.qr(random.normal(size=(3, 3)))
+        boxes.append(_box(place, size, int(random.integers(len(_GRAYS))), turn))
+    return boxes
+
+
+def _box(place_world: ArrayLike, size_world: ArrayLike, gray: int, turn: np.ndarray | None = None) -> Box:
+    corners = _CORNERS * np.asarray(size_world) @ (np.eye(3) if turn is None else turn)
+    return (corners + np.asarray(place_world))[_FACES], gray

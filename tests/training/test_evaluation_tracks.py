@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Camera tracks: the same for the same seed, in free space, smooth, and far enough for look-ahead."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.lod.detail import lookahead_share
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.patchnet_addon.surface.two_lights import two_lights_shade
+from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.evaluation.approaches import FAR
+from patchnet.training.evaluation.explorations import MAX_STEP, MAX_TURN
+from patchnet.training.evaluation.free_space import FreeSpace
+from patchnet.training.evaluation.look_ahead import track_report
+from patchnet.training.evaluation.spline import catmull_rom
+from patchnet.training.evaluation.tracks import camera_track
+
+FRAMES = 60
+CLEARANCE = 4  # finest voxels
+
+
+def box(low: tuple[float, ...], high: tuple[float, ...]) -> np.ndarray:
+    """Triangles (12, 3, 3) of a closed box."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [[quad[0], quad[index], quad[index + 1]] for quad in quads for index in (1, 2)]
+    return np.asarray(low) + corners[triangles] * (np.asarray(high) - low)
+
+
+def yard() -> Octree:
+    """A floor with walls on three sides, pillars and a table, in the way of the demo's courtyard."""
+    parts = [
+        box((0, 0, -0.2), (12, 12, 0)),
+        box((0, 0, 0), (0.3, 12, 4)),
+        box((0, 11.7, 0), (12, 12, 5)),
+        box((11.7, 0, 0), (12, 12, 3)),
+        box((5, 5, 1), (7, 7, 1.1)),
+        *(box((x, 9, 0), (x + 0.4, 9.4, 3)) for x in (2, 5, 8)),
+    ]
+    mesh = TriangleMesh.from_arrays(np.concatenate(parts))
+    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, 8), two_lights_shade(mesh)))
+
+
+@pytest.fixture(scope="module", params=["shells", "yard"])
+def octree(request: pytest.FixtureRequest) -> Octree:
+    return octree_of_shells(300_000) if request.param == "shells" else yard()
+
+
+@pytest.fixture(scope="module")
+def track(octree: Octree) -> list[Camera]:
+    return drain(camera_track(octree, frames=FRAMES))
+
+
+def halves(track: list[Camera]) -> tuple[list[Camera], list[Camera]]:
+    return track[: FRAMES // 2], track[FRAMES // 2 :]
+
+
+def test_same_seed_same_track(octree: Octree, track: list[Camera]) -> None:
+    again = drain(camera_track(octree, frames=FRAMES))
+    other = drain(camera_track(octree, frames=FRAMES, seed=1))
+    for one, next_one in zip(track, again, strict=True):
+        np.testing.assert_array_equal(one.position_world, next_one.position_world)
+        np.testing.assert_array_equal(one.forward, next_one.forward)
+    assert not np.array_equal(track[-1].position_world, other[-1].position_world)
+
+
+def test_sizes_and_halves(octree: Octree, track: list[Camera]) -> None:
+    assert len(track) == FRAMES and {(each.width_px, each.height_px) for each in track} == {(130, 130)}
+    near, far = ({each.name.split()[0] for each in half} for half in halves(track))
+    assert near == {"Approach"} and far == {"Exploration"}
+    centre = octree.grid.to_world(np.full(3, 0.5))
+    distances = [np.linalg.norm(each.position_world - centre) / octree.grid.side_world for each in track]
+    assert FAR - 1 < distances[0] < FAR + 1 and max(distances[FRAMES // 2 :]) < FAR
+
+
+def test_clearance_of_all_leaves(octree: Octree, track: list[Camera]) -> None:
+    """Brute force: every leaf against every second frame and two points on the way to the next."""
+    leaves = octree.cells(octree.depth).astype(np.float64)
+    voxel = octree.grid.voxel_size_world
+    low = np.asarray(octree.grid.origin_world) + leaves * voxel
+    for one, next_one in list(pairwise(track))[::2]:
+        way = next_one.position_world - one.position_world if one.name == next_one.name else np.zeros(3)
+        for share in (0.0, 1 / 3, 2 / 3):
+            point = one.position_world + share * way
+            apart = np.maximum(np.maximum(low - point, point - (low + voxel)), 0.0)
+            assert np.sqrt((apart**2).sum(axis=1)).min() >= CLEARANCE * voxel * (1 - 1e-9)
+
+
+def test_look_ahead_and_report(octree: Octree, track: list[Camera]) -> None:
+    report = track_report(octree, track)
+    assert report.lookahead_share >= 0.95 and report.empty_share == 0.0
+    assert report.frames == FRAMES and report.shots == 2 and 0.1 < report.hit_share < 1.0
+    shares = [lookahead_share(octree.nodes, octree.grid, camera) for camera in track]
+    assert min(shares) - 1e-9 <= report.lookahead_share <= max(shares) and np.mean(shares) >= 0.95
+    assert report.nearest_world > CLEARANCE * octree.grid.voxel_size_world
+    assert track_report(octree, track[::10]).frames == FRAMES // 10
+
+
+def test_frames_near_each_other_look_alike(octree: Octree, track: list[Camera]) -> None:
+    approach, exploration = halves(track)
+    report = track_report(octree, exploration)
+    assert 0 < report.largest_step_world <= MAX_STEP * octree.grid.side_world
+    assert report.largest_turn <= MAX_TURN
+    steps = [np.linalg.norm(b.position_world - a.position_world) for a, b in pairwise(approach)]
+    assert all(later < earlier for earlier, later in pairwise(steps))  # the same factor at each frame
+    assert track_report(octree, approach).largest_turn <= MAX_TURN
+
+
+def test_impossible_tracks(octree: Octree) -> None:
+    with pytest.raises(SettingError, match="at least 2"):
+        drain(camera_track(octree, frames=1))
+    with pytest.raises(SettingError, match="no look-ahead"):
+        drain(camera_track(octree, lookahead=octree.depth))
+    with pytest.raises(SettingError, match="no frames"):
+        track_report(octree, [])
+
+
+def test_free_space_is_beside_no_occupied_cell(octree: Octree) -> None:
+    space = FreeSpace(octree)
+    low, high = space.bounds_world
+    assert not space.contains(octree.grid.to_world((octree.cells(6) + 0.5) / 2**6)).any()
+    assert space.contains(np.array([high + 2 * space.clearance_world, low - 2 * space.clearance_world])).all()
+    assert not space.contains_path(np.stack([low - 1.0, (low + high) / 2, high + 1.0]))
+
+
+def test_spline_goes_through_its_points_at_their_times() -> None:
+    random = np.random.default_rng(0)
+    times, points = np.array([0.0, 1.0, 4.0, 5.5]), random.normal(size=(4, 3))
+    np.testing.assert_allclose(catmull_rom(times, points, times), points, atol=1e-12)
+    straight = catmull_rom(times, times[:, None] * [1.0, 2.0], np.linspace(0, 5.5, 23))
+    np.testing.assert_allclose(straight, np.linspace(0, 5.5, 23)[:, None] * [1.0, 2.0], atol=1e-12)
+    np.testing.assert_array_equal(catmull_rom(times[:1], points[:1], np.arange(3.0)), np.repeat(points[:1], 3, axis=0))

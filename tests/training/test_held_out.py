@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Held-out scenes: what is in training in any pose does not count, and why it does not is said; guesses to beat."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from patchnet import commands
+from patchnet.patchnet_addon.network.weights import Weights, load_weights
+from patchnet.patchnet_addon.octree.file import octree_hash, save_octree
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.training.dataset import Dataset, save_samples
+from patchnet.training.forest import concatenate, voxel_luminance
+from patchnet.training.held_out import why_not_held_out
+from patchnet.training.procedural import spheres_and_slats
+from patchnet.training.samples import SampleSettings, draw_samples
+from patchnet.training.validation_sets import validation_sets
+
+pytest.importorskip("torch")
+from patchnet.training.corpus import corpus_of
+from patchnet.training.sliced_net import SlicedNet
+from patchnet.training.validation import validate
+
+SETTINGS = SampleSettings(views=4, min_level=5, held_out=0.2)  # patches of level 5 fit into held-out blocks
+
+
+def dataset_of(name: str, seed: int = 1, **provenance: object) -> Dataset:
+    octree = replace(spheres_and_slats(7, seed=seed), provenance=provenance)
+    return Dataset(name, octree, drain(draw_samples(octree, 400, SETTINGS)), {})
+
+
+@pytest.fixture(scope="module")
+def upright() -> Dataset:
+    return dataset_of("sponza", file="Sponza.glb", rotation=0)
+
+
+@pytest.fixture(scope="module")
+def turned() -> Dataset:
+    return dataset_of("sponza-turned", file="Sponza.glb", rotation=1)
+
+
+@pytest.fixture(scope="module")
+def other() -> Dataset:
+    return dataset_of("yard", seed=2, file="yard.glb", rotation=0)
+
+
+def test_scene_that_is_not_in_training_is_held_out(upright: Dataset, turned: Dataset, other: Dataset) -> None:
+    assert why_not_held_out(other, [upright, turned]) == ""
+    assert why_not_held_out(upright, [other]) == ""
+
+
+def test_turned_scene_is_not_held_out(upright: Dataset, turned: Dataset, other: Dataset) -> None:
+    assert why_not_held_out(upright, [other, turned]) == "not held out: Sponza.glb is in training, turned"
+    assert why_not_held_out(turned, [upright]) == "not held out: Sponza.glb is in training, turned"
+    assert why_not_held_out(upright, [upright]) == "not held out: Sponza.glb is in training"
+    assert why_not_held_out(upright, [upright, turned]) == (
+        "not held out: Sponza.glb is in training, as here and turned"
+    )
+
+
+@pytest.mark.parametrize("changes", [{"file": "sponza.blend"}, {"light": "cycles"}, {"without": "roof"}])
+def test_other_format_light_or_part_is_the_same_scene(upright: Dataset, changes: dict[str, str]) -> None:
+    again = replace(upright, octree=replace(upright.octree, provenance=upright.octree.provenance | changes))
+    assert why_not_held_out(again, [upright]).startswith("not held out")
+
+
+def test_unknown_scene_is_never_held_out(upright: Dataset, other: Dataset) -> None:
+    unknown = replace(other, name="old", octree=replace(other.octree, provenance={}))
+    assert "does not say its scene" in why_not_held_out(unknown, [upright])
+    assert why_not_held_out(upright, [other, unknown]) == (
+        "not held out: the octree of old in training does not say its scene, which may be Sponza.glb"
+    )
+
+
+def test_sets_of_a_run(upright: Dataset, turned: Dataset, other: Dataset) -> None:
+    """Held-out parts of training scenes are there, but are not counted as held-out scenes."""
+    corpus, parts = corpus_of([upright])
+    sets = validation_sets(parts, [upright], [turned, other], corpus.lookahead)
+    assert {name for name, each in sets.items() if not each.not_held_out} == {"yard"}
+    assert sets["sponza"].not_held_out == "not held out: Sponza.glb is in training"
+    assert len(sets["yard"].corpus.tree) == len(other.samples.voxel)
+    with pytest.raises(SettingError, match="called sponza"):
+        validation_sets(parts, [upright], [upright], corpus.lookahead)
+    with pytest.raises(SettingError, match="training 3"):
+        validation_sets(parts, [upright], [other], 3)
+
+
+def test_luminance_as_the_voxel_shows_it(upright: Dataset, other: Dataset) -> None:
+    forest = concatenate([upright.octree, other.octree])
+    for tree, dataset in enumerate((upright, other)):
+        octree = dataset.octree
+        for level in range(octree.depth + 1):
+            cells = octree.cells(level)
+            voxel = np.column_stack([np.full(len(cells), level), cells]).astype(np.uint16)
+            wanted = octree.luminance[octree.level(level)] / 65535
+            found = voxel_luminance(forest, np.full(len(cells), tree), voxel)
+            np.testing.assert_allclose(found, wanted, atol=1e-7)
+
+
+def test_errors_stand_beside_those_of_guesses(upright: Dataset) -> None:
+    """Those of the guesses from the samples themselves, with untrained weights."""
+    corpus, _ = corpus_of([upright])
+    errors = validate(SlicedNet(Weights.random(0)), {"sponza": corpus})["sponza"]
+    coverage, luminance = corpus.views[..., 10] / 4096, corpus.views[..., 11] / 65535
+    seen = coverage > 0
+    own = voxel_luminance(corpus.forest, corpus.tree, corpus.voxel)[:, None]
+    wanted = {
+        "constant_coverage": np.abs(coverage - np.median(coverage)).mean(),
+        "constant_luminance": np.abs(luminance[seen] - np.median(luminance[seen])).mean(),
+        "voxel_luminance": np.abs(own - luminance)[seen].mean(),
+    }
+    for name, value in wanted.items():
+        assert errors[name] == pytest.approx(value, abs=1e-5)
+    assert errors["voxel_luminance"] < errors["constant_luminance"] < errors["luminance"]
+
+
+def test_train_records_and_reports(
+    upright: Dataset,
+    turned: Dataset,
+    other: Dataset,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Log, weights and card of a run that validates on an unseen scene and on a turned one of training."""
+    files = {}
+    for dataset in (upright, turned, other):
+        path = tmp_path / f"{dataset.name}.safetensors"
+        save_octree(dataset.octree, path)
+        files[dataset.name] = tmp_path / f"{dataset.name}.samples.safetensors"
+        save_samples(dataset.samples, path, dataset.octree, SETTINGS, files[dataset.name])
+    out = tmp_path / "run"
+    words = ["train", str(files["sponza"]), "--validate", str(files["sponza-turned"]), str(files["yard"])]
+    words += ["--passes", "128", "--batch", "64", "--out", str(out)]
+    monkeypatch.setattr(sys, "argv", ["patchnet", *words])
+    assert commands.main(words) == 0
+    assert "sponza-turned is not held out: Sponza.glb is in training, turned" in capsys.readouterr().err
+    last = json.loads((out / "log.jsonl").read_text().splitlines()[-1])
+    assert set(last["not_held_out"]) == {"sponza", "sponza-turned"}
+    metadata = load_weights(out / "patchnet.safetensors").metadata
+    assert metadata["octrees"] == {"sponza": octree_hash(upright.octree)}
+    assert metadata["validation_octrees"]["yard"] == octree_hash(other.octree)
+    assert len(metadata["code"]) == 16 and "commit" in metadata
+    unseen, known = (out / "model_card.md").read_text().split("## Errors on ")[1:]
+    assert "| yard |" in unseen and "as the voxel shows it" in unseen and "sponza" not in unseen
+    assert "| sponza |" in known and "| sponza-turned |" in known and "yard" not in known
+    card = (out / "model_card.md").read_text()
+    assert octree_hash(upright.octree) in card and metadata["code"] in card
+    assert f"{last['validation']['yard']['voxel_luminance']:.4f}" in unseen

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Provenance of a run: commit of a checkout, hashes of code and octrees."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from patchnet.patchnet_addon.octree.file import octree_hash
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.training.dataset import Dataset
+from patchnet.training.procedural import spheres_and_slats
+from patchnet.training.provenance import describe_commit, describe_data
+from patchnet.training.samples import SampleSettings, draw_samples
+
+
+def git(folder: Path, *words: str) -> str:
+    who = ("-c", "user.name=Ada", "-c", "user.email=ada@example.org")
+    command = ["git", "-C", str(folder), *who, *words]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    folder = tmp_path / "checkout"
+    folder.mkdir()
+    git(folder, "init", "-q")
+    (folder / "a.py").write_text("a = 1\n")
+    git(folder, "add", "a.py")
+    git(folder, "commit", "-q", "-m", "First")
+    return folder
+
+
+def test_commit_of_a_checkout(checkout: Path) -> None:
+    commit = git(checkout, "rev-parse", "HEAD")
+    assert describe_commit(checkout) == commit
+    (checkout / "results.txt").write_text("not tracked")
+    assert describe_commit(checkout) == commit
+    (checkout / "a.py").write_text("a = 2\n")
+    assert describe_commit(checkout) == f"{commit}, with changes"
+
+
+def test_installed_package_has_no_commit(checkout: Path, tmp_path: Path) -> None:
+    """Nor does it take that of the repository of somebody else around it."""
+    (checkout / "site-packages").mkdir()
+    assert describe_commit(checkout / "site-packages") == ""
+    assert describe_commit(tmp_path) == ""
+
+
+def test_octrees_of_every_data_set() -> None:
+    octree = spheres_and_slats(5)
+    samples = drain(draw_samples(octree, 40, SampleSettings(min_level=2, held_out=0.0)))
+    found = describe_data(
+        [Dataset("a", octree, samples, {}), Dataset("b", octree, samples, {"octree_hash": "given"})],
+        [Dataset("c", octree, samples, {})],
+    )
+    assert found["data"] == ["a", "b"]
+    assert found["octrees"] == {"a": octree_hash(octree), "b": "given"}
+    assert found["validation_octrees"] == {"c": octree_hash(octree)}
+    assert len(found["code"]) == 16

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Held-out scenes: which data sets an error may be reported on as that of unseen scenes (methods 7.21).
+
+A scene counts as seen in whatever pose, with whatever light and however much of it training holds: its turned octree
+shows the same shapes. Scenes are told apart by the provenance of their octrees, in doubt as the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from .dataset import Dataset
+
+
+def scene_of(dataset: Dataset) -> str:
+    """File of a data set's scene, else the name of the scene; empty if its octree does not say."""
+    made = dataset.octree.provenance
+    return Path(str(made.get("file") or made.get("scene") or "")).name
+
+
+def is_turned(dataset: Dataset) -> bool:
+    """Return whether a data set's scene was turned before it was voxelized."""
+    return bool(dataset.octree.provenance.get("rotation"))
+
+
+def why_not_held_out(dataset: Dataset, training: Sequence[Dataset]) -> str:
+    """Reason why the scene of `dataset` is not held out of `training`; empty if it is.
+
+    File names are compared without case and ending, so that a scene that was saved in another format is the same one.
+    """
+    scene = scene_of(dataset)
+    if not scene:
+        return f"not held out: the octree of {dataset.name} does not say its scene, which may be in training"
+    same = [other for other in training if scene_of(other) and _key(scene_of(other)) == _key(scene)]
+    if same:
+        poses = {_pose(other) for other in same}
+        both = " as here and" if len(poses) > 1 and _pose(dataset) in poses else ""
+        turned = f",{both} turned" if poses != {_pose(dataset)} else ""
+        return f"not held out: {scene} is in training{turned}"
+    unknown = [other.name for other in training if not scene_of(other)]
+    if unknown:
+        return f"not held out: the octree of {unknown[0]} in training does not say its scene, which may be {scene}"
+    return ""
+
+
+def _key(scene: str) -> str:
+    return Path(scene).stem.casefold()
+
+
+def _pose(dataset: Dataset) -> object:
+    """Pose of the scene, of which only equality counts."""
+    return dataset.octree.provenance.get("rotation") or 0
