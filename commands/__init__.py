@@ -27,6 +27,7 @@ NAMES: tuple[str, ...] = (
     "verify-light",
     "dataset",
     "train",
+    "train-maps",
     "evaluate",
     "bench",
 )

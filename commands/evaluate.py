@@ -39,14 +39,19 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     )  # fmt: skip
     add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of a track (2000)")
     add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="evaluate each such frame of a track (10)")
-    parser.add_argument(
-        "--size", type=int, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"), help="pixels (130 130)"
-    )
+    add_number(
+        parser, "--size", bounds.VIEW_PX, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"),
+        help="pixels (130 130)",
+    )  # fmt: skip
     add_number(parser, "--seed", bounds.SEED, default=0, help="of the camera tracks (0)")
     parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
     parser.add_argument(
         "--lpips", type=Path, nargs=2, metavar=("TRUNK", "HEADS"), help="weight files of LPIPS: AlexNet as torchvision "
         "saves it, and the linear heads of version 0.1; it is not run without them",
+    )  # fmt: skip
+    parser.add_argument(
+        "--maps", type=Path, nargs="+", default=(), metavar="FILE", help="weights files of train-maps, which are "
+        "evaluated as well",
     )  # fmt: skip
     add_number(parser, "--processes", bounds.THREADS, help="processes of one thread each (one for each core)")
     share = parser.add_mutually_exclusive_group()
@@ -64,6 +69,7 @@ def run(args: argparse.Namespace) -> int:
     """Evaluate, write and say where; returns 0; raises PatchNetError."""
     from ..training.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_part, prepare
     from ..training.evaluation.results import csv_of, results_of
+    from ..training.evaluation.strategies import map_names
     from .shared.progress_bars import ProgressBars
 
     settings = EvaluationSettings(
@@ -74,6 +80,7 @@ def run(args: argparse.Namespace) -> int:
         weights=args.weights,
         processes=args.processes,
         lpips=None if args.lpips is None else tuple(args.lpips),
+        maps=tuple(args.maps),
     )
     if not args.scenes and not args.octrees:
         raise SettingError("There is nothing to evaluate: name --scenes, or octree files")
@@ -90,6 +97,7 @@ def run(args: argparse.Namespace) -> int:
             return 0
         scenes = drain(evaluate(octrees, settings, args.out), bars.show)
     results = results_of(scenes) | {"settings": _settings(args)}
+    results["maps"] = {name: scenes[0].strategies[name].description for name in map_names(scenes[0].strategies)}
     (args.out / TABLE).write_text(csv_of(results), encoding="utf-8")
     (args.out / RESULTS).write_text(json.dumps(results, indent=1), encoding="utf-8")
     _write_report(args, results, scenes)
@@ -148,4 +156,5 @@ def _write_report(args: argparse.Namespace, results: dict[str, Any], scenes: Seq
         "linear luminance against 32 x 32 rays in each pixel, pooled over the active pixels of all frames. Costs are "
         "processor milliseconds of one thread for whole frames, from camera to order."
     ]
+    notes += [f"{name}: {description}." for name, description in results["maps"].items()]
     (args.out / REPORT).write_text(report_html(results, figures, notes), encoding="utf-8")

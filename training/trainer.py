@@ -14,7 +14,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import torch
 
@@ -133,15 +133,27 @@ def has_fast_bf16() -> bool:
     return bool(capability.get("amx_bf16") or capability.get("avx512_bf16"))
 
 
+class Resumable(Protocol):
+    """Learner that can go on from a state."""
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Take over a state; raises RuntimeError, KeyError or ValueError for one that is not whole."""
+
+
 def save_checkpoint(out: Path, learner: Learner, run: dict[str, Any], notes: dict[str, Any]) -> None:
     """Write the state of a run and the weights it would end with now, each atomically."""
-    beside = out / (CHECKPOINT + ".tmp")
-    torch.save({"run": run, "learner": learner.state()}, beside)
-    os.replace(beside, out / CHECKPOINT)
+    write_checkpoint(out, run, learner.state())
     save_weights(learner.mean.to_weights(notes), out / WEIGHTS)
 
 
-def load_checkpoint(path: Path, learner: Learner, run: dict[str, Any]) -> None:
+def write_checkpoint(out: Path, run: dict[str, Any], state: dict[str, Any]) -> None:
+    """Write the settings and the learner's state of a run atomically."""
+    beside = out / (CHECKPOINT + ".tmp")
+    torch.save({"run": run, "learner": state}, beside)
+    os.replace(beside, out / CHECKPOINT)
+
+
+def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None:
     """Go on from a checkpoint; raises PatchNetError if it is damaged or of other settings or data."""
     try:
         state = torch.load(path, map_location=CPU, weights_only=True)

@@ -82,7 +82,7 @@ def _is_frame_record(path: Path) -> bool:
 
 def _is_log(path: Path) -> bool:
     first = json.loads(_head(path, 1 << 16).splitlines()[0]).keys()
-    return "step" in first and not first.isdisjoint(("coverage", "validation"))
+    return "step" in first and not first.isdisjoint(("coverage", "validation", "loss"))
 
 
 def _is_blend(path: Path) -> bool:

@@ -177,6 +177,7 @@ def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
         exact_1=_joined_predictions([band.exact_1 for band in bands]),
         normal=_joined([band.normal for band in bands]),
         child_mask=_joined([band.child_mask for band in bands]),
+        cube_side_world=bands[0].cube_side_world,
     )
 
 

@@ -32,6 +32,7 @@ class PixelBuffers:
     exact_1: as `exact`, of the patch one level ahead, which is the voxel's children and its neighbours' (methods 3.8).
     normal: (P, 3) float32, mean normal of the hit voxel, made unit length; 0 for a miss, and where normals cancel.
     child_mask: (P,) uint8, children of the hit voxel, bit x + 2y + 4z; 0 for a leaf and for a miss.
+    cube_side_world: side of the octree's cube, which makes distances comparable between scenes.
     importance: (P,) float32 in [0, 1], multiplies priorities; 0 is never refined. None: every pixel matters alike.
     """
 
@@ -48,6 +49,7 @@ class PixelBuffers:
     exact_1: Prediction | None = None
     normal: np.ndarray | None = None
     child_mask: np.ndarray | None = None
+    cube_side_world: float | None = None
 
     @property
     def height(self) -> int:

@@ -84,6 +84,7 @@ def trace_view(
         exact_1=exact_1,
         normal=hit_normals(octree, hits) if NORMAL in needs else None,
         child_mask=hit_child_masks(octree, hits) if CHILD_MASK in needs else None,
+        cube_side_world=octree.grid.side_world,
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...patchnet_addon.sampling.references.registry import EVALUATED
+from ...patchnet_addon.sampling.strategy import Group
 from .bootstrap import Bootstrap, Interval
 from .curves import BUDGETS
 
@@ -20,32 +20,33 @@ HALF = 0.5
 _REFERENCES = frozenset({"screen-space", "world-space"})
 
 
-def claims_of(draws: Mapping[str, Bootstrap]) -> dict[str, Any]:
+def claims_of(draws: Mapping[str, Bootstrap], groups: Mapping[str, Group]) -> dict[str, Any]:
     """Claims by name, each with what was found on every scene, by name, with intervals (methods 5).
 
     lowest: the paper's strategy is below all of its references from a budget on, which should be 13 % at most;
     share_of_budgets: of those from 13 % on, where it is.
     half: at 30 % it leaves half of the error of screen-space variance. The same for the network's other strategies.
+    groups: of the strategies in use, by name.
     """
     return {
-        "lowest": {scene: _lowest(draw) for scene, draw in draws.items()},
-        "half": {scene: _half(draw) for scene, draw in draws.items()},
+        "lowest": {scene: _lowest(draw, groups) for scene, draw in draws.items()},
+        "half": {scene: _half(draw, groups) for scene, draw in draws.items()},
     }
 
 
-def references_of(draw: Bootstrap) -> list[str]:
+def references_of(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
     """Strategies among those that were measured that the paper's is compared with."""
-    return [name for name in draw.strategies if EVALUATED[name].group in _REFERENCES]
+    return [name for name in draw.strategies if groups[name] in _REFERENCES]
 
 
-def network_of(draw: Bootstrap) -> list[str]:
+def network_of(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
     """Strategies among those that were measured that the network is part of."""
-    return [name for name in draw.strategies if EVALUATED[name].group == "network"]
+    return [name for name in draw.strategies if groups[name] == "network"]
 
 
-def _lowest(draw: Bootstrap) -> dict[str, Any]:
-    found, others = {}, references_of(draw)
-    for name in network_of(draw):
+def _lowest(draw: Bootstrap, groups: Mapping[str, Group]) -> dict[str, Any]:
+    found, others = {}, references_of(draw, groups)
+    for name in network_of(draw, groups):
         interval = draw.crossing(name, others)
         lowest = np.asarray(draw.mse(name).value) < np.min([draw.mse(other).value for other in others], axis=0)
         found[name] = _values(interval) | {
@@ -55,9 +56,9 @@ def _lowest(draw: Bootstrap) -> dict[str, Any]:
     return found
 
 
-def _half(draw: Bootstrap) -> dict[str, Any]:
+def _half(draw: Bootstrap, groups: Mapping[str, Group]) -> dict[str, Any]:
     found: dict[str, Any] = {}
-    for name in [*network_of(draw), *(name for name in draw.strategies if EVALUATED[name].group == "rays")]:
+    for name in [*network_of(draw, groups), *(name for name in draw.strategies if groups[name] == "rays")]:
         interval = draw.ratio(name, VARIANCE, RATIOS)
         found[name] = {
             "budgets": list(RATIOS),

@@ -28,10 +28,13 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.threads import usable_cores
 from ...patchnet_addon.sampling.references.registry import EVALUATED
+from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.tracing.camera import Camera
 from .costs import Costs, measure_costs
 from .frames import BlockResult, FrameBlock, SceneFiles, evaluate_block, load_block
+from .networks.map_file import map_hash
 from .quality import lpips_weights
+from .strategies import strategies_in_use
 from .tracks import camera_track
 
 SIDES = (1, 2, 3, 4)  # of uniform pictures
@@ -45,8 +48,8 @@ class EvaluationSettings:
     """Settings of an evaluation.
 
     frames: of each whole track. every: distance of the frames that are evaluated. size_px: of the pictures.
-    weights: file, None for those that are shipped. processes: None for one a core. strategies: names. lpips: files
-    of its trunk and heads.
+    weights: file, None for those that are shipped. processes: None for one a core. strategies: names of those of the
+    registry. lpips: files of its trunk and heads. maps: weights files of map networks, which are evaluated as well.
     """
 
     frames: int = 2000
@@ -57,17 +60,19 @@ class EvaluationSettings:
     processes: int | None = None
     strategies: tuple[str, ...] = tuple(EVALUATED)
     lpips: tuple[Path, Path] | None = None
+    maps: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class SceneResult:
     """Results of a scene: frames of its track, and what they cost.
 
-    coded: the octree with its codes. hardest: camera of the frame that loses most without refinement.
+    strategies: those in use by name, in the order of the results. coded: the octree with its codes. hardest: camera of
+    the frame that loses most without refinement.
     """
 
     name: str
-    strategies: tuple[str, ...]
+    strategies: Mapping[str, Strategy]
     frames: BlockResult
     costs: Costs
     coded: CodedOctree
@@ -78,6 +83,7 @@ def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Pat
     """Evaluate all strategies on octree files by name of the scene; what is in `out` already is skipped."""
     weights = load_weights(settings.weights)
     lpips_weights(settings.lpips)  # an error now, not after hours
+    strategies = strategies_in_use(settings.strategies, settings.maps)
     scenes = []
     for name, path in octrees.items():
         scenes.append((yield from _prepare(name, path, settings, weights, out)))
@@ -85,7 +91,7 @@ def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Pat
     results = []
     for number, scene in enumerate(scenes):
         yield Progress(number, len(scenes), "Measuring costs")
-        results.append(_result(scene, settings, weights, out))
+        results.append(_result(scene, strategies, weights, out))
     return results
 
 
@@ -139,7 +145,7 @@ def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weigh
     blocks = [
         FrameBlock(
             files, cameras[first : first + _BLOCK], first, settings.strategies, SIDES,
-            folder / "frames" / f"{first:05}.safetensors", key, settings.lpips,
+            folder / "frames" / f"{first:05}.safetensors", key, settings.lpips, settings.maps,
         )
         for first in range(0, len(cameras), _BLOCK)
     ]  # fmt: skip
@@ -149,8 +155,9 @@ def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weigh
 def _key(settings: EvaluationSettings, octree: str, weights: str) -> str:
     """Hash of what a frame's errors depend on: settings, files, and the code that measures."""
     code = source_hash("training.evaluation.frames", "training.evaluation.tracks")
-    kept = replace(settings, processes=None, weights=None)
-    return hashlib.sha256(repr((kept, octree, weights, SIDES, code)).encode()).hexdigest()[:32]
+    kept = replace(settings, processes=None, weights=None, maps=())
+    maps = [map_hash(path) for path in settings.maps]
+    return hashlib.sha256(repr((kept, octree, weights, maps, SIDES, code)).encode()).hexdigest()[:32]
 
 
 def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
@@ -172,15 +179,15 @@ def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
             raise
 
 
-def _result(scene: _Prepared, settings: EvaluationSettings, weights: Weights, out: Path) -> SceneResult:
+def _result(scene: _Prepared, strategies: Mapping[str, Strategy], weights: Weights, out: Path) -> SceneResult:
     found = [block for block in map(load_block, scene.blocks) if block is not None]
     octree = load_octree(scene.files.octree)
     coded = load_codes(scene.files.codes, octree, weights)
-    costs = _costs(scene, coded, settings, out / "scenes" / scene.name / "costs.json")
+    costs = _costs(scene, coded, strategies, out / "scenes" / scene.name / "costs.json")
     frames = BlockResult.joined(found)
     return SceneResult(
         name=scene.name,
-        strategies=settings.strategies,
+        strategies=strategies,
         frames=frames,
         costs=costs,
         coded=coded,
@@ -188,7 +195,7 @@ def _result(scene: _Prepared, settings: EvaluationSettings, weights: Weights, ou
     )
 
 
-def _costs(scene: _Prepared, coded: CodedOctree, settings: EvaluationSettings, path: Path) -> Costs:
+def _costs(scene: _Prepared, coded: CodedOctree, strategies: Mapping[str, Strategy], path: Path) -> Costs:
     """Costs from their file, or measured on frames all over the track, and kept."""
     key = scene.blocks[0].key
     if path.is_file():
@@ -196,7 +203,6 @@ def _costs(scene: _Prepared, coded: CodedOctree, settings: EvaluationSettings, p
         if kept.pop("key") == key:
             return Costs.of_json(kept)
     step = max(len(scene.cameras) // _COST_FRAMES, 1)
-    strategies = {name: EVALUATED[name] for name in settings.strategies}
     costs = measure_costs(coded, scene.cameras[::step][:_COST_FRAMES], strategies, SIDES, _COST_REPEATS)
     path.write_text(json.dumps({"key": key} | costs.as_json()), encoding="utf-8")
     return costs

@@ -20,12 +20,12 @@ from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.sampling.errors import squared_error
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from ...patchnet_addon.sampling.references.registry import EVALUATED
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.supersample import supersample
 from .curves import TrackErrors, frame_errors, frame_orders
 from .quality import lpips_weights, quality_of
+from .strategies import strategies_in_use
 
 KIND = "frames"
 
@@ -44,7 +44,8 @@ class FrameBlock:
     """Block of F frames of a scene, the unit of work and of what is kept.
 
     path: file of the results. key: of everything that they depend on; a file with another key is made again.
-    strategies: names, in the order of the results. sides: of the uniform pictures. lpips: files of its trunk and heads.
+    strategies: names, in the order of the results. maps: weights files of map networks, whose strategies follow.
+    sides: of the uniform pictures. lpips: files of its trunk and heads.
     """
 
     files: SceneFiles
@@ -55,6 +56,7 @@ class FrameBlock:
     path: Path
     key: str
     lpips: tuple[Path, Path] | None = None
+    maps: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +92,7 @@ def evaluate_block(block: FrameBlock) -> None:
     if load_block(block) is not None:
         return
     coded = _load(block.files)
-    strategies = {name: EVALUATED[name] for name in block.strategies}
+    strategies = strategies_in_use(block.strategies, block.maps)
     rows = []
     with limit_threads(1):
         for camera in block.cameras:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from ...patchnet_addon.octree.file import octree_hash
-from ...patchnet_addon.sampling.references.registry import EVALUATED
 from .bootstrap import Bootstrap, Interval
 from .checks import check_track
 from .claims import claims_of
@@ -29,7 +28,7 @@ def results_of(scenes: Sequence[SceneResult], *, resamples: int = 2000) -> dict[
 
     Raises CheckError for a track whose errors cannot be right, and SettingError for less than two frames.
     """
-    tracks = [scene.frames.track(scene.name, scene.strategies) for scene in scenes]
+    tracks = [scene.frames.track(scene.name, tuple(scene.strategies)) for scene in scenes]
     for track in tracks:
         check_track(track)
     draws = {track.scene: Bootstrap.of([track], resamples) for track in tracks}
@@ -41,7 +40,8 @@ def results_of(scenes: Sequence[SceneResult], *, resamples: int = 2000) -> dict[
     if len(tracks) > 1:
         draws[POOLED] = Bootstrap.of(tracks, resamples)
         results["pooled"] = _curves(tracks, draws[POOLED])
-    return results | {"claims": claims_of(draws)}
+    groups = {name: strategy.group for scene in scenes for name, strategy in scene.strategies.items()}
+    return results | {"claims": claims_of(draws, groups)}
 
 
 def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str, Any]:
@@ -54,8 +54,8 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
         "depth": scene.coded.octree.depth,
         "nodes": scene.coded.octree.node_count,
         "octree_hash": octree_hash(scene.coded.octree),
-        "rays_per_pixel": {name: 1 + EVALUATED[name].extra_rays for name in track.strategies},
-        "group": {name: EVALUATED[name].group for name in track.strategies},
+        "rays_per_pixel": {name: 1 + strategy.extra_rays for name, strategy in scene.strategies.items()},
+        "group": {name: strategy.group for name, strategy in scene.strategies.items()},
         "ms_per_frame": costs.ms_per_frame,
         "reference_ms_per_pixel": costs.reference_ms_per_pixel,
         "quality": _quality(frames.quality),

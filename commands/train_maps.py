@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet train-maps`: train the sampling-map networks of the literature that ours is compared with.
+
+Frames of camera tracks of the octrees are rendered once and kept; give several networks the same --frames-folder:
+
+    patchnet train-maps OCTREE... --network unet --steps 20000 --frames-folder frames --out unet
+    patchnet evaluate OCTREE... --maps unet/sampling_map.safetensors --out results
+
+The octrees to train on should be of other scenes than those that are evaluated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.errors import SettingError
+from ..patchnet_addon.runtime.progress import drain
+from ..training.evaluation.networks.names import NAMES
+from .shared.arguments import add_device, add_number, add_out
+from .shared.lines import say_result
+
+
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Arguments of `patchnet train-maps`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "train-maps",
+        help="train the sampling-map networks of the literature",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files to learn from")
+    parser.add_argument("--network", choices=NAMES, required=True, help="weiss: WITW20; kuznetsov: KKR18; unet: ours")
+    add_number(parser, "--steps", bounds.STOP_AFTER, required=True, help="steps of training")
+    add_out(parser, "folder for checkpoint, log and weights", required=True)
+    parser.add_argument(
+        "--frames-folder", type=Path, metavar="FOLDER", help="where rendered frames are kept (frames in --out)"
+    )
+    add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of each octree's track (2000)")
+    add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="learn from each such frame of a track (10)")
+    add_number(
+        parser, "--size", bounds.VIEW_PX, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"),
+        help="pixels (130 130)",
+    )  # fmt: skip
+    add_number(parser, "--batch", bounds.BATCH, help="crops per step (16 of weiss, else 6)")
+    add_number(parser, "--crop", bounds.CROP, help="pixels along a crop's side (32 of weiss, else 96)")
+    add_number(parser, "--rate", bounds.LEARNING_RATE, default=1e-4, help="learning rate (0.0001)")
+    add_number(parser, "--seed", bounds.SEED, default=0, help="of tracks, weights and crops (0)")
+    add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
+    add_number(parser, "--threads", bounds.THREADS, help="threads of the CPU that train (all cores)")
+    parser.add_argument("--resume", action="store_true", help="continue the run in --out")
+    add_number(
+        parser,
+        "--stop-after",
+        bounds.STOP_AFTER,
+        metavar="STEPS",
+        help="end early, leaving a checkpoint to resume from",
+    )
+    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, default=5.0, help="time between checkpoints")
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Render the frames that are missing, train, and say where the weights are; returns 0; raises PatchNetError."""
+    from ..training.evaluation.networks.run_files import FRAMES, check_map_run
+
+    check_map_run(args.out, args.octrees, resume=args.resume)
+    # Threads that spin while they wait cost a shared machine more than they gain; must be set before torch is loaded.
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    try:
+        import torch
+    except ImportError as cause:
+        raise SettingError("Training needs torch: install it with `pip install 'patchnet-blender[train]'`") from cause
+    from ..patchnet_addon.network.devices import found_device
+    from ..training.evaluation.map_frames import FrameSettings, rendered_frames
+    from ..training.evaluation.networks.train_maps import MapOptions, MapSettings, train_maps
+    from ..training.provenance import describe_command, describe_machine, describe_versions
+    from .shared.progress_bars import ProgressBars
+
+    device = found_device(args.device, "--device")
+    if args.threads is not None:
+        torch.set_num_threads(args.threads)
+    settings = MapSettings(args.network, args.steps, args.batch or 0, args.crop or 0, args.rate, args.seed)
+    tracks = FrameSettings(args.frames, args.every, tuple(args.size), args.seed)
+    notes = {
+        "command": describe_command(sys.argv), "versions": describe_versions(), "machine": describe_machine(device)
+    }  # fmt: skip
+    options = MapOptions(
+        args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after, device=device, notes=notes
+    )
+    with ProgressBars() as bars:
+        frames, key = drain(rendered_frames(args.octrees, tracks, args.frames_folder or args.out / FRAMES), bars.show)
+        path = drain(train_maps(frames, key, settings, options), bars.show)
+    say_result(f"{path}: learnt from {len(frames):,} frames", file=path, frames=len(frames))
+    return 0

@@ -1,0 +1,341 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Map networks of the literature: sizes, losses, training that goes on exactly, weights files, evaluation."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from patchnet.commands import main
+from patchnet.patchnet_addon.octree.file import save_octree
+from patchnet.patchnet_addon.runtime.errors import OutputError, PatchNetError, SettingError, WeightsFileError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
+from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.patchnet_addon.tracing.supersample import supersample
+from patchnet.tests.training.map_samples import noise_frame
+from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.evaluation import evaluate
+from patchnet.training.evaluation.map_frames import FrameSettings, rendered_frames
+from patchnet.training.evaluation.networks.gbuffer import CHILDREN, DISTANCE, LEVEL, MASK, NEEDS, NORMALS, gbuffer
+from patchnet.training.evaluation.networks.map_file import map_hash, read_map, save_map
+from patchnet.training.evaluation.networks.names import NAMES
+from patchnet.training.evaluation.networks.rendered_frame import RenderedFrame, render_frame
+from patchnet.training.evaluation.networks.run_files import MAP
+from patchnet.training.evaluation.networks.strategies import map_strategy
+from patchnet.training.evaluation.strategies import strategies_in_use
+
+torch = pytest.importorskip("torch")
+
+from patchnet.training.evaluation.networks import kuznetsov, train_maps, weiss  # noqa: E402
+from patchnet.training.evaluation.networks.crops import batch_of_crops  # noqa: E402
+from patchnet.training.evaluation.networks.pull_push import pull_push  # noqa: E402
+from patchnet.training.evaluation.networks.registry import NETWORKS  # noqa: E402
+
+STRATEGY_NAMES = {"weiss": "witw20", "kuznetsov": "kkr18", "unet": "ss-unet"}
+SIZE = ["--size", "32", "24"]
+
+
+@pytest.fixture(scope="module")
+def octree():
+    return octree_of_shells(20_000)
+
+
+@pytest.fixture(scope="module")
+def octree_path(octree, tmp_path_factory):
+    path = tmp_path_factory.mktemp("octree") / "shells.safetensors"
+    save_octree(octree, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def frames_folder(octree_path, tmp_path_factory):
+    """Rendered frames of the track that WORDS of the command name."""
+    folder = tmp_path_factory.mktemp("frames")
+    drain(rendered_frames([octree_path], FrameSettings(16, 2, (32, 24)), folder))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def frames(octree_path, frames_folder):
+    return drain(rendered_frames([octree_path], FrameSettings(16, 2, (32, 24)), frames_folder))
+
+
+@pytest.fixture(scope="module")
+def buffers(octree):
+    camera = Camera.look_at(np.array([1.6, -1.2, 0.9]), np.zeros(3), size_px=(33, 21))
+    strategy = type("Needy", (), {"needs": NEEDS})()
+    return drain(trace_view(octree, camera, [strategy], reference=False))
+
+
+def trained(frames, name, out, **others):
+    """Train on frames for a few steps; returns the weights file."""
+    options = {key: others.pop(key) for key in ("resume", "stop_after", "checkpoint_minutes") if key in others}
+    settings = train_maps.MapSettings(name, **({"steps": 4, "batch": 1, "crop": 16, "rate": 1e-3} | others))
+    return drain(train_maps.train_maps(*frames, settings, train_maps.MapOptions(out, **options)))
+
+
+@pytest.fixture(scope="module")
+def maps(frames, tmp_path_factory):
+    """Weights file of each network."""
+    folder = tmp_path_factory.mktemp("maps")
+    return {name: trained(frames, name, folder / name) for name in NAMES}
+
+
+@pytest.mark.parametrize("name, millions", [("weiss", 0.484), ("kuznetsov", 1.070), ("unet", 1.069)])
+def test_number_of_weights(name, millions):
+    count = sum(values.numel() for values in NETWORKS[name].build().parameters())
+    assert round(count / 1e6, 3) == millions
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("height, width", [(130, 130), (33, 47), (1, 5)])
+def test_a_score_for_every_pixel(name, height, width):
+    network = NETWORKS[name]
+    planes = torch.from_numpy(network.planes(noise_frame(0, height, width).planes))
+    model = network.build()
+    with torch.inference_mode():
+        scores = network.scores(model, planes[None])
+        assert name != "weiss" or model(planes[None]).shape == (1, 4 * height, 4 * width)
+    assert scores.shape == (1, height, width) and scores.isfinite().all()
+
+
+def test_gbuffer_of_a_view(buffers, octree):
+    planes = gbuffer(buffers)
+    hit = buffers.hit.reshape(21, 33)
+    assert planes.shape == (9, 21, 33) and 0.1 < hit.mean() < 0.9
+    assert not planes[:, ~hit].any(), "the background is black, and all else is 0 for a miss"
+    np.testing.assert_array_equal(planes[MASK], hit)
+    distance = np.where(hit, buffers.hits.t_world.reshape(hit.shape), 0) / octree.grid.side_world
+    np.testing.assert_allclose(planes[DISTANCE], distance, rtol=1e-6)
+    assert (planes[CHILDREN][hit] > 0).any() and (planes[LEVEL][hit] <= octree.depth / 18 + 1e-6).all()
+    normal = planes[NORMALS][:, hit]
+    length = np.linalg.norm(normal, axis=0)
+    assert (np.isclose(length, 1, atol=1e-5) | (length == 0)).all() and (normal[2] >= 0).all()
+    rows, columns = np.nonzero(hit)
+    left, right = columns < np.median(columns), columns > np.median(columns)
+    assert normal[0, left].mean() < -0.1 and normal[0, right].mean() > 0.1, "a sphere's normals point outwards"
+    low, high = rows < np.median(rows), rows > np.median(rows)
+    assert normal[1, low].mean() < -0.1 and normal[1, high].mean() > 0.1
+
+
+def test_rendered_frames_are_kept(octree, octree_path, frames_folder, frames):
+    found, key = frames
+    assert len(found) == 8 and found[0].planes.shape == (9, 24, 32)
+    paths = sorted(frames_folder.iterdir())
+    before = [path.stat().st_mtime_ns for path in paths]
+    again, same = drain(rendered_frames([octree_path], FrameSettings(16, 2, (32, 24)), frames_folder))
+    assert same == key and [path.stat().st_mtime_ns for path in paths] == before
+    np.testing.assert_array_equal(again[3].fine, found[3].fine)
+    assert RenderedFrame.load(paths[0], "another key") is None
+    _, other = drain(rendered_frames([octree_path], FrameSettings(2, 1, (8, 8)), frames_folder.parent / "others"))
+    assert other != key
+
+
+def test_the_reference_is_that_of_an_evaluation(octree):
+    camera = Camera.look_at(np.array([1.6, -1.2, 0.9]), np.zeros(3), size_px=(9, 7))
+    frame = drain(render_frame(octree, camera))
+    means = frame.fine.reshape(7, 4, 9, 4).mean(axis=(1, 3))
+    np.testing.assert_allclose(means, drain(supersample(octree, camera, 32)).reshape(7, 9), atol=1e-6)
+    np.testing.assert_array_equal(frame.pictures[0], frame.planes[0])
+
+
+@pytest.mark.parametrize("name, steps", [("weiss", 12), ("kuznetsov", 40), ("unet", 30)])
+def test_training_lowers_the_loss(name, steps, frames, tmp_path):
+    network, found = NETWORKS[name], frames[0]
+    batch = batch_of_crops(found, network, batch=4, crop=16, seed=99, step=0)
+
+    def loss(path):
+        model = network.build()
+        model.load_state_dict({key: torch.from_numpy(np.array(value)) for key, value in read_map(path)[0].items()})
+        with torch.inference_mode():
+            return float(network.loss(model, batch))
+
+    few = loss(trained(frames, name, tmp_path, steps=steps, batch=2, stop_after=1))
+    assert loss(trained(frames, name, tmp_path, steps=steps, batch=2, resume=True)) < few
+    lines = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
+    assert [line["step"] for line in lines] == [1, steps] and all(line["loss"] > 0 for line in lines)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_resumed_run_ends_with_the_same_weights(name, frames, maps, tmp_path):
+    trained(frames, name, tmp_path, stop_after=2)
+    assert map_hash(tmp_path / MAP) != map_hash(maps[name])
+    assert map_hash(trained(frames, name, tmp_path, resume=True)) == map_hash(maps[name])
+    longer = trained(frames, name, tmp_path, resume=True, steps=5)
+    assert read_map(longer)[1]["steps"] == 5
+    with pytest.raises(SettingError, match="holds a run already"):
+        trained(frames, name, tmp_path)
+    with pytest.raises(SettingError, match="other values of seed"):
+        trained(frames, name, tmp_path, resume=True, seed=1)
+    (tmp_path / "checkpoint.pt").write_bytes((tmp_path / "checkpoint.pt").read_bytes()[:5000])
+    with pytest.raises(OutputError, match="is not a checkpoint"):
+        trained(frames, name, tmp_path, resume=True)
+
+
+def test_a_stopped_run_goes_on(frames, maps, tmp_path):
+    settings = train_maps.MapSettings("unet", steps=4, batch=1, crop=16, rate=1e-3)
+    steps = train_maps.train_maps(*frames, settings, train_maps.MapOptions(tmp_path))
+    next(steps), next(steps)
+    steps.close()
+    assert read_map(tmp_path / MAP)[1]["steps"] == 2
+    assert map_hash(trained(frames, "unet", tmp_path, resume=True)) == map_hash(maps["unet"])
+
+
+def test_nothing_to_learn_from_is_refused(tmp_path):
+    with pytest.raises(PatchNetError, match="nothing to train on"):
+        trained(([], "key"), "unet", tmp_path)
+    with pytest.raises(SettingError, match="no network 'moon'"):
+        train_maps.MapSettings("moon", steps=1)
+    with pytest.raises(PatchNetError, match="no number after 3 steps"):
+        trained(([broken_frame()], "key"), "unet", tmp_path, steps=3)
+
+
+def broken_frame():
+    frame = noise_frame()
+    frame.fine[:] = np.nan
+    return frame
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_strategy_of_a_weights_file(name, maps, buffers):
+    strategy = map_strategy(maps[name])
+    assert strategy.name == STRATEGY_NAMES[name] and strategy.name not in EVALUATED
+    assert strategy.group == "screen-space" and strategy.extra_rays == 0
+    assert "retrained here, 4 steps on 8 frames" in strategy.description
+    scores = strategy.scores(buffers)
+    network = NETWORKS[name]
+    model = network.build()
+    model.load_state_dict({key: torch.from_numpy(np.array(value)) for key, value in read_map(maps[name])[0].items()})
+    with torch.inference_mode():
+        expected = network.scores(model, torch.from_numpy(network.planes(gbuffer(buffers)))[None]).numpy().ravel()
+    np.testing.assert_allclose(scores, expected, rtol=1e-4, atol=1e-6)
+    np.testing.assert_array_equal(scores, map_strategy(maps[name]).scores(buffers))
+
+
+def test_a_file_that_is_no_map_is_refused(maps, octree_path, tmp_path):
+    arrays, notes = read_map(maps["unet"])
+    damaged = bytearray(maps["unet"].read_bytes())
+    damaged[-20] ^= 255
+    (tmp_path / "damaged").write_bytes(bytes(damaged))
+    save_map(tmp_path / "foreign", "moon", arrays, {})
+    save_map(tmp_path / "mixed", "weiss", arrays, notes)
+    save_map(tmp_path / "endless", "unet", {key: value * np.float32(np.inf) for key, value in arrays.items()}, notes)
+    for path, message in (
+        (tmp_path / "missing", "does not exist"),
+        (tmp_path / "damaged", "is damaged"),
+        (tmp_path / "foreign", "the network 'moon'"),
+        (tmp_path / "mixed", "weights of other layers"),
+        (tmp_path / "endless", "not finite"),
+        (octree_path, "octree file where a sampling-map file is needed"),
+    ):
+        with pytest.raises(WeightsFileError, match=message):
+            map_strategy(path)
+    with pytest.raises(SettingError, match="a second strategy 'ss-unet'"):
+        strategies_in_use(("random",), (maps["unet"], maps["unet"]))
+
+
+def test_sampling_map_has_four_samples_in_the_mean():
+    output = 3 * torch.randn(2, 40, 50, generator=torch.Generator().manual_seed(1))
+    samples = kuznetsov.sampling_map(output)
+    counts = samples.round().clamp(min=1)
+    np.testing.assert_allclose(counts.mean(dim=(1, 2)), 4.0, rtol=0.05)
+    assert torch.equal(samples.flatten(1).argsort(), output.flatten(1).argsort()), "it grows with the output"
+
+
+def test_renderer_simulator_and_its_gradient():
+    pictures = torch.tensor([0.0, 0.4, 0.6, 0.8]).reshape(1, 4, 1, 1).expand(1, 4, 1, 7)
+    samples = torch.tensor([[[1.0, 2.5, 4.0, 10.0, 16.0, 64.0, 256.0]]], requires_grad=True)
+    picture = kuznetsov.SampledPicture.apply(samples, pictures, torch.ones(1, 1, 7))
+    np.testing.assert_allclose(picture.detach().ravel(), [0.0, 0.2, 0.4, 0.5, 0.6, 0.8, 0.9], atol=1e-6)
+    picture.sum().backward()
+    np.testing.assert_allclose(samples.grad, (1 - picture.detach()) / samples.detach(), rtol=1e-6)
+
+
+def test_loss_of_pictures_knows_edges():
+    flat = torch.full((1, 20, 20), 0.5)
+    assert kuznetsov.picture_loss(flat, flat) == 0
+    edge = flat.clone()
+    edge[:, :, 10:] = 0.6
+    level = kuznetsov.picture_loss(flat + 0.05, flat)
+    assert kuznetsov.picture_loss(edge, flat) > level > 0
+
+
+def test_pull_push_keeps_samples_and_fills_between():
+    values = torch.rand(1, 13, 18, generator=torch.Generator().manual_seed(2))
+    np.testing.assert_allclose(pull_push(values, torch.ones_like(values)), values, atol=1e-6)
+    sparse = torch.zeros_like(values)
+    sparse[:, ::5, ::4] = 1
+    constant = torch.full_like(values, 0.3)
+    np.testing.assert_allclose(pull_push(constant * sparse, sparse), constant, atol=1e-4)
+    filled = pull_push(values, sparse)
+    np.testing.assert_allclose(filled[:, ::5, ::4], values[:, ::5, ::4], atol=1e-6)
+    weights = sparse.clone().requires_grad_(True)
+    pull_push(values, weights).sum().backward()
+    assert weights.grad is not None and weights.grad.isfinite().all() and weights.grad.abs().max() > 0
+
+
+def test_pattern_is_even_and_the_map_normalised():
+    thresholds = weiss.pattern(64, 64)
+    shares = [
+        (thresholds[row : row + 16, column : column + 16] < 0.2).float().mean() for row, column in ((0, 0), (5, 40))
+    ]
+    np.testing.assert_allclose(shares, 0.2, atol=0.03)
+    importance = torch.rand(3, 20, 20, generator=torch.Generator().manual_seed(3))
+    found = weiss.normalised(importance)
+    np.testing.assert_allclose(found.mean(dim=(1, 2)), 0.2, rtol=1e-4)
+    assert found.min() >= 0.01
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_train_maps_command(name, octree_path, frames_folder, tmp_path, capsys):
+    words = ["train-maps", str(octree_path), "--network", name, "--out", str(tmp_path), "--steps", "2", *SIZE]
+    words += ["--frames", "16", "--every", "2", "--batch", "1", "--crop", "16", "--frames-folder", str(frames_folder)]
+    words += ["--device", "cpu"]
+    assert main(words) == 0
+    assert MAP in capsys.readouterr().out
+    assert map_strategy(tmp_path / MAP).name == STRATEGY_NAMES[name]
+    assert main(words) == 2 and "--resume" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        (["none.safetensors", "--network", "unet", "--steps", "1"], "none.safetensors"),
+        (["none.safetensors", "--network", "unet", "--steps", "0"], "--steps 0 is outside"),
+        (["none.safetensors", "--network", "unet", "--steps", "1", "--resume"], "without --resume"),
+    ],
+)
+def test_what_cannot_be_trained_is_refused(words, message, tmp_path, capsys):
+    assert main(["train-maps", *words, "--out", str(tmp_path)]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_evaluation_with_maps(octree_path, maps, tmp_path, monkeypatch, capsys):
+    pytest.importorskip("matplotlib")
+    monkeypatch.setattr(evaluate, "_COST_FRAMES", 1)
+    monkeypatch.setattr(evaluate, "_COST_REPEATS", 1)
+    words = ["evaluate", str(octree_path), "--frames", "8", "--every", "2", *SIZE, "--processes", "1"]
+    words += ["--out", str(tmp_path / "out"), "--maps", *map(str, maps.values())]
+    assert main(words) == 0
+    results = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
+    values, names = results["scenes"]["shells"], set(STRATEGY_NAMES.values())
+    assert values["mse"].keys() == EVALUATED.keys() | names == values["group"].keys() == values["rays_per_pixel"].keys()
+    assert all(values["group"][name] == "screen-space" and values["rays_per_pixel"][name] == 1 for name in names)
+    assert all(values["ms_per_frame"][name] > 0 for name in names)
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert results["maps"].keys() == names and all(text in report for text in results["maps"].values())
+    rows = csv.DictReader((tmp_path / "out" / "results.csv").read_text(encoding="utf-8").splitlines())
+    assert names <= {row["strategy"] for row in rows}
+    assert main([*words[:-3], str(octree_path)]) == 2
+    assert "sampling-map file is needed" in capsys.readouterr().err
+
+
+def test_other_weights_are_evaluated_anew(maps):
+    keys = {
+        evaluate._key(evaluate.EvaluationSettings(maps=given), "octree", "weights")
+        for given in ((), (maps["unet"],), (maps["weiss"],))
+    }
+    assert len(keys) == 3

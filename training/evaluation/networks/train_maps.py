@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training of map networks on rendered frames: checkpoints, a log of the loss, weights (methods 3.9-3.11).
+
+What is the papers' and what is ours stands with each network. Everything random follows from the seed and the number of
+the step, so a run that was interrupted continues as if it had not been.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from ....patchnet_addon.network.devices import CPU, enough_memory, found_device
+from ....patchnet_addon.runtime import bounds
+from ....patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ....patchnet_addon.runtime.progress import Progress, Steps
+from ...run_files import CHECKPOINT, LOG
+from ...trainer import Log, load_checkpoint, write_checkpoint
+from .crops import batch_of_crops
+from .map_file import save_map
+from .map_network import MapBatch, MapNetwork
+from .registry import NETWORKS
+from .rendered_frame import RenderedFrame
+from .run_files import MAP, check_map_run
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """Settings that decide the result of a training run.
+
+    network: its name. steps: of Adam. batch, crop: crops a step, and pixels along a crop's side; 0 for the network's
+    own. rate: learning rate, the papers' by default.
+    """
+
+    network: str
+    steps: int
+    batch: int = 0
+    crop: int = 0
+    rate: float = 1e-4
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.network not in NETWORKS:
+            raise SettingError(f"There is no network {self.network!r}: choose one of {', '.join(NETWORKS)}")
+        bounds.STOP_AFTER.check(self.steps)
+        bounds.LEARNING_RATE.check(self.rate)
+        bounds.SEED.check(self.seed)
+        for row, value in ((bounds.BATCH, self.batch), (bounds.CROP, self.crop)):
+            if value:
+                row.check(value)
+
+
+@dataclass(frozen=True)
+class MapOptions:
+    """Options of carrying out a run, which change its result by rounding at most.
+
+    stop_after: end early after this many steps, leaving a checkpoint. notes: for the metadata of the weights.
+    """
+
+    out: Path
+    resume: bool = False
+    checkpoint_minutes: float = 5.0
+    log_steps: int = 50
+    stop_after: int | None = None
+    device: str = CPU
+    notes: dict[str, Any] = field(default_factory=dict)
+
+
+class MapLearner:
+    """Network and optimiser of a run on one device."""
+
+    def __init__(self, settings: MapSettings, device: str) -> None:
+        self.network: MapNetwork = NETWORKS[settings.network]
+        self.device = torch.device(device)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(settings.seed)
+            self.model = self.network.build()
+        self.model.to(self.device)
+        self.optimizer = torch.optim.Adam(self.model.parameters(), settings.rate)
+        self.steps = 0
+        self.seconds = 0.0  # of training so far, over all interruptions
+
+    def step(self, batch: MapBatch) -> torch.Tensor:
+        """Take one step; returns the loss of the batch before it, which is not looked at here."""
+        there = MapBatch(*(values.to(self.device) for values in (batch.planes, batch.pictures, batch.fine)))
+        loss = self.network.loss(self.model, there)
+        self.optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        self.optimizer.step()
+        self.steps += 1
+        return loss.detach()
+
+    def state(self) -> dict[str, Any]:
+        """All that `load` needs to go on."""
+        return {
+            "model": self.model.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "steps": self.steps,
+            "seconds": self.seconds,
+        }
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Inverse of `state`."""
+        self.model.load_state_dict(state["model"])
+        self.optimizer.load_state_dict(state["optimizer"])
+        self.steps, self.seconds = int(state["steps"]), float(state["seconds"])
+
+
+def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings, options: MapOptions) -> Steps[Path]:
+    """Train a map network on frames of one size, and return the file of its weights.
+
+    key: of the frames, so that a run is not resumed on others. Keeps `checkpoint.pt`, `sampling_map.safetensors` and
+    `log.jsonl` in `options.out` up to date. Raises PatchNetError without frames or if the loss is no number any more,
+    and as `check_map_run` and `load_checkpoint`.
+    """
+    if not frames:
+        raise PatchNetError("There is nothing to train on: name at least one octree")
+    check_map_run(options.out, resume=options.resume)
+    options.out.mkdir(parents=True, exist_ok=True)
+    with enough_memory("training"):
+        learner = MapLearner(settings, found_device(options.device))
+    run = asdict(settings) | {"frames": key}
+    del run["steps"]  # the rate is constant, so that a run may go on for longer than was planned
+    if options.resume:
+        load_checkpoint(options.out / CHECKPOINT, learner, run)
+    log = Log(options.out / LOG, learner.steps)
+    end = min(settings.steps, options.stop_after or settings.steps)
+    batch, crop = settings.batch or learner.network.batch, settings.crop or learner.network.crop
+    before, saved, losses = time.monotonic() - learner.seconds, time.monotonic(), []
+    try:
+        while learner.steps < end:
+            crops = batch_of_crops(
+                frames, learner.network, batch=batch, crop=crop, seed=settings.seed, step=learner.steps
+            )
+            with enough_memory("batches of this size (--batch)"):
+                losses.append(learner.step(crops))
+            learner.seconds = time.monotonic() - before
+            if learner.steps % options.log_steps == 0 or learner.steps == end:
+                _log_mean(log, losses, learner)
+            if time.monotonic() - saved > 60 * options.checkpoint_minutes:
+                _save(learner, run, options, len(frames))
+                saved = time.monotonic()
+            yield Progress(learner.steps, end, "Training")
+    except (KeyboardInterrupt, GeneratorExit):  # stopped by the user, to go on another time
+        _save(learner, run, options, len(frames))
+        raise
+    return _save(learner, run, options, len(frames))
+
+
+def _log_mean(log: Log, losses: list[torch.Tensor], learner: MapLearner) -> None:
+    """Write the mean loss since the last time; raises PatchNetError if it is no number."""
+    mean = float(torch.stack(losses).double().mean())
+    losses.clear()
+    if mean != mean:
+        raise PatchNetError(f"The loss is no number after {learner.steps} steps: train anew with a lower --rate")
+    log.write({"step": learner.steps, "loss": round(mean, 8), "seconds": round(learner.seconds, 1)})
+
+
+def _save(learner: MapLearner, run: dict[str, Any], options: MapOptions, frames: int) -> Path:
+    """Write checkpoint and weights, each atomically."""
+    write_checkpoint(options.out, run, learner.state())
+    weights = {name: value.cpu().numpy() for name, value in learner.model.state_dict().items()}
+    extent = {"steps": learner.steps, "frames": frames, "minutes": round(learner.seconds / 60, 1)}
+    save_map(options.out / MAP, learner.network.name, weights, options.notes | extent)
+    return options.out / MAP

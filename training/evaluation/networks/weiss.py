@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""WITW20: importance network of Weiss, Isik, Thies and Westermann, retrained (methods 3.9).
+
+"Learning Adaptive Sampling and Reconstruction for Volume Visualization", 2020. Theirs: the network, its input and
+padding, softplus, normalisation of the map to a mean, smooth sampling against a low-discrepancy pattern, pull-push
+inpainting, the loss on the map's mean, Adam at 1e-4 in batches of 16. Ours: the picture is inpainted luminance alone,
+without their reconstruction network, and the loss its L1 distance; pattern of thresholds by the plastic number; crops.
+The planes of the previous frame are left out: without temporal coherence they are 0, and their 2,880 weights idle.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from .gbuffer import DISTANCE, MASK, NORMALS
+from .map_network import MapBatch, MapNetwork
+from .pull_push import pull_push
+from .rendered_frame import SUBPIXELS
+
+_INPUTS, _FEATURES, _BLOCKS = 5, 64, 5
+_BORDER = 8  # pixels of zeros around the input
+_LEAST, _MEAN = 0.01, 0.2  # of the normalised map: samples of each of the 4 x 4 parts of a pixel
+_SHARPNESS = 50.0
+_MEAN_WEIGHT, _WANTED_MEAN = 0.1, 0.5
+_PLASTIC = 1.324717957244746
+
+
+class _Block(nn.Module):
+    """Residual block of two convolutions."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.first = nn.Conv2d(_FEATURES, _FEATURES, 3, padding=1)
+        self.second = nn.Conv2d(_FEATURES, _FEATURES, 3, padding=1)
+
+    def forward(self, values: Tensor) -> Tensor:
+        """(B, 64, H, W) of the same."""
+        result: Tensor = values + self.second(functional.relu(self.first(values)))
+        return result
+
+
+class WeissNet(nn.Module):
+    """Importance network in the manner of EnhanceNet: 483,585 weights."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.first = nn.Conv2d(_INPUTS, _FEATURES, 3, padding=1)
+        self.blocks = nn.Sequential(*(_Block() for _ in range(_BLOCKS)))
+        self.upsampling = nn.ModuleList(nn.Conv2d(_FEATURES, _FEATURES, 3, padding=1) for _ in range(2))
+        self.last = nn.Conv2d(_FEATURES, _FEATURES, 3, padding=1)
+        self.output = nn.Conv2d(_FEATURES, 1, 3, padding=1)
+
+    def forward(self, planes: Tensor) -> Tensor:
+        """Importance (B, 4H, 4W), positive, of planes (B, 5, H, W)."""
+        values = self.blocks(functional.relu(self.first(functional.pad(planes, [_BORDER] * 4))))
+        for convolution in self.upsampling:
+            values = functional.interpolate(values, scale_factor=2, mode="bilinear")
+            values = functional.relu(convolution(values))
+        values = functional.softplus(self.output(functional.relu(self.last(values))))
+        border = SUBPIXELS * _BORDER
+        return values[:, 0, border:-border, border:-border]
+
+
+def weiss_planes(planes: np.ndarray) -> np.ndarray:
+    """Input (5, H, W) of a G-buffer: mask, normal, distance."""
+    return np.concatenate([planes[MASK, None], planes[NORMALS], planes[DISTANCE, None]])
+
+
+def normalised(importance: Tensor) -> Tensor:
+    """Map (B, h, w) as shares of samples: at least 0.01, 0.2 in the mean of each picture."""
+    mean = importance.mean(dim=(1, 2), keepdim=True).clamp(min=1e-8)
+    return _LEAST + importance.clamp(min=0) * (_MEAN - _LEAST) / mean
+
+
+def pattern(height: int, width: int) -> Tensor:
+    """Thresholds (height, width) in [0, 1) whose every part is even: additive recurrence of the plastic number."""
+    rows, columns = torch.arange(height, dtype=torch.float64), torch.arange(width, dtype=torch.float64)
+    return ((rows[:, None] / _PLASTIC**2 + columns / _PLASTIC) % 1.0).float()
+
+
+def _scores(network: nn.Module, planes: Tensor) -> Tensor:
+    """Sums over 4 x 4 of the map."""
+    parts = functional.avg_pool2d(network(planes)[:, None], SUBPIXELS)
+    return SUBPIXELS**2 * parts[:, 0]
+
+
+def _loss(network: nn.Module, batch: MapBatch) -> Tensor:
+    """L1 of the picture that is inpainted from the samples, and how far the map's mean is from a half."""
+    importance = network(batch.planes)
+    thresholds = pattern(*importance.shape[1:]).to(importance.device)
+    samples = torch.sigmoid(_SHARPNESS * (normalised(importance) - thresholds))
+    picture = pull_push(batch.fine, samples)
+    off = (_WANTED_MEAN - importance.mean(dim=(1, 2))) ** 2
+    return (picture - batch.fine).abs().mean() + _MEAN_WEIGHT * off.mean()
+
+
+WEISS = MapNetwork(
+    name="weiss",
+    strategy="witw20",
+    title="Importance network (WITW20)",
+    description="Importance network on mask, normal and depth, trained through inpainted samples",
+    quantity="importance",
+    maximum=16.0,
+    planes=weiss_planes,
+    build=WeissNet,
+    scores=_scores,
+    loss=_loss,
+    batch=16,
+    crop=32,
+)

@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Strategies in use in an evaluation: those of the registry that are asked for, and maps from weights files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.sampling.references.registry import EVALUATED, evaluated
+from ...patchnet_addon.sampling.strategy import Strategy
+from .networks.strategies import map_strategy
+
+
+def strategies_in_use(names: Sequence[str], maps: Sequence[Path]) -> dict[str, Strategy]:
+    """Strategies by name: those called `names`, then those of the weights files `maps`, in this order.
+
+    Raises SettingError for a name that there is not, or for two files of one network, and as `map_strategy`.
+    """
+    found = {name: evaluated(name) for name in names}
+    for path in maps:
+        strategy = map_strategy(path)
+        if strategy.name in found:
+            raise SettingError(f"{path} is a second strategy {strategy.name!r}: give one file of each network")
+        found[strategy.name] = strategy
+    return found
+
+
+def map_names(names: Iterable[str]) -> list[str]:
+    """Names of strategies in use that come from weights files."""
+    return [name for name in names if name not in EVALUATED]
