@@ -176,6 +176,8 @@ def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
         reference_color=_joined([band.reference_color for band in bands]),
         exact_1=_joined_predictions([band.exact_1 for band in bands]),
         normal=_joined([band.normal for band in bands]),
+        fine=_joined([band.fine for band in bands]),
+        fine_4=_joined([band.fine_4 for band in bands]),
         child_mask=_joined([band.child_mask for band in bands]),
         cube_side_world=bands[0].cube_side_world,
     )

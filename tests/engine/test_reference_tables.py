@@ -19,11 +19,12 @@ from patchnet.patchnet_addon.sampling.references.ws_lut import (
     fibonacci_directions,
 )
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.strategy import PREDICTION
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
 
-NEW = [name for name in EVALUATED if name not in STRATEGIES]
+NEW = [name for name, one in EVALUATED.items() if name not in STRATEGIES and PREDICTION not in one.needs]
 
 
 def rasterised_area(mask, direction, pixels=600):
