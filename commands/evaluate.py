@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
+from ..patchnet_addon.runtime.file_kinds import EVALUATION, EVALUATION_REPORT, EVALUATION_TABLE
+from ..patchnet_addon.runtime.outputs import check_outputs
 from ..patchnet_addon.runtime.progress import drain
+from ..patchnet_addon.runtime.replace import replaced_file
 from .shared.arguments import add_number, add_out
 from .shared.lines import say_result
 
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
 
 ALL = "all"
 RESULTS, TABLE, REPORT, FIGURES = "results.json", "results.csv", "report.html", "figures"
+OUTPUTS = {RESULTS: EVALUATION, TABLE: EVALUATION_TABLE, REPORT: EVALUATION_REPORT}
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -84,6 +88,8 @@ def run(args: argparse.Namespace) -> int:
     )
     if not args.scenes and not args.octrees:
         raise SettingError("There is nothing to evaluate: name --scenes, or octree files")
+    inputs = [*args.octrees, *args.maps, *(args.lpips or ()), *filter(None, [args.weights])]
+    check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, inputs, folder=args.out)
     args.out.mkdir(parents=True, exist_ok=True)
     with ProgressBars() as bars:
         octrees = _octrees(args)
@@ -96,11 +102,11 @@ def run(args: argparse.Namespace) -> int:
             say_result(f"{args.out}: {count} blocks of frames are there", file=args.out, blocks=count)
             return 0
         scenes = drain(evaluate(octrees, settings, args.out), bars.show)
-    results = results_of(scenes) | {"settings": _settings(args)}
+    results = {"settings": _settings(args)} | results_of(scenes)
     results["maps"] = {name: scenes[0].strategies[name].description for name in map_names(scenes[0].strategies)}
-    (args.out / TABLE).write_text(csv_of(results), encoding="utf-8")
-    (args.out / RESULTS).write_text(json.dumps(results, indent=1), encoding="utf-8")
-    _write_report(args, results, scenes)
+    _write(args.out / TABLE, csv_of(results))
+    _write(args.out / RESULTS, json.dumps(results, indent=1, allow_nan=False))
+    _write(args.out / REPORT, _report(args, results, scenes))
     say_result(f"{args.out / REPORT}: {len(scenes)} scenes", file=args.out / REPORT, scenes=len(scenes))
     return 0
 
@@ -139,7 +145,13 @@ def _settings(args: argparse.Namespace) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _write_report(args: argparse.Namespace, results: dict[str, Any], scenes: Sequence[SceneResult]) -> None:
+def _write(path: Path, text: str) -> None:
+    with replaced_file(path, OUTPUTS[path.name]) as file:
+        file.write(text.encode())
+
+
+def _report(args: argparse.Namespace, results: dict[str, Any], scenes: Sequence[SceneResult]) -> str:
+    """Draw the figures; returns the report with them."""
     from ..training.evaluation.figures import draw_budgets, draw_times
     from ..training.evaluation.patterns import draw_patterns
     from ..training.evaluation.report import report_html
@@ -157,4 +169,4 @@ def _write_report(args: argparse.Namespace, results: dict[str, Any], scenes: Seq
         "processor milliseconds of one thread for whole frames, from camera to order."
     ]
     notes += [f"{name}: {description}." for name, description in results["maps"].items()]
-    (args.out / REPORT).write_text(report_html(results, figures, notes), encoding="utf-8")
+    return report_html(results, figures, notes)

@@ -127,3 +127,11 @@ def test_what_cannot_be_evaluated_is_refused(words, message, tmp_path, capsys, d
     save_octree(octree_of_shells(1000), tmp_path / "x.safetensors")
     assert main(["evaluate", *words, "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["results.json", "results.csv", "report.html"])
+def test_files_of_others_are_not_replaced(name, done, tmp_path, capsys):
+    foreign = tmp_path / name
+    foreign.write_text("{}", encoding="utf-8")
+    assert main(["evaluate", str(done[0]), *WORDS, "--out", str(tmp_path)]) == 2
+    assert "so it is not replaced" in capsys.readouterr().err and foreign.read_text(encoding="utf-8") == "{}"

@@ -24,7 +24,9 @@ from ...patchnet_addon.codes.file import load_codes, save_codes
 from ...patchnet_addon.network.weights import Weights, load_weights
 from ...patchnet_addon.octree.file import load_octree, octree_hash
 from ...patchnet_addon.runtime.errors import CodesFileError
+from ...patchnet_addon.runtime.file_kinds import COSTS
 from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.replace import replaced_file
 from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.threads import usable_cores
 from ...patchnet_addon.sampling.references.registry import EVALUATED
@@ -204,5 +206,6 @@ def _costs(scene: _Prepared, coded: CodedOctree, strategies: Mapping[str, Strate
             return Costs.of_json(kept)
     step = max(len(scene.cameras) // _COST_FRAMES, 1)
     costs = measure_costs(coded, scene.cameras[::step][:_COST_FRAMES], strategies, SIDES, _COST_REPEATS)
-    path.write_text(json.dumps({"key": key} | costs.as_json()), encoding="utf-8")
+    with replaced_file(path, COSTS) as file:
+        file.write(json.dumps({"key": key} | costs.as_json()).encode())
     return costs

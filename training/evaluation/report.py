@@ -22,9 +22,9 @@ th { border-bottom: 2px solid #888; } figure { margin: 1.5rem 0; } svg { max-wid
 def report_html(results: Mapping[str, Any], figures: Mapping[str, Sequence[Path]], notes: Sequence[str]) -> str:
     """HTML of the results. figures: .svg files by scene. notes: sentences about how it was made."""
     parts = [
-        "<!doctype html><html lang='en'><head><meta charset='utf-8'>",
+        "<!doctype html><html lang='en'><head><title>PatchNet: evaluation</title><meta charset='utf-8'>",
         "<meta name='viewport' content='width=device-width, initial-scale=1'>",
-        f"<title>PatchNet: evaluation</title><style>{_STYLE}</style></head><body>",
+        f"<style>{_STYLE}</style></head><body>",
         "<h1>Evaluation of refinement strategies</h1>",
         *(f"<p>{escape(note)}</p>" for note in notes),
         "<h2>Claims of the paper</h2>",
