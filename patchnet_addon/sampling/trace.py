@@ -41,51 +41,70 @@ def trace_view(
     """
     from ..codes.exact import exact_prediction
     from ..codes.predict import predict
-    from ..tracing.render import first_hits, hit_colors, patch_hits
-    from ..tracing.supersample import supersample, supersample_colors
+    from ..tracing.render import hit_colors
+    from ..tracing.supersample import supersample
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
-    if PREDICTION in needs and coded is None:
-        raise SettingError("This strategy needs the octree's patch codes: precompute them first")
-    if lookahead is None:
-        lookahead = DEFAULT_LOOKAHEAD if coded is None else coded.weights.lookahead
-    if PREDICTION in needs and coded is not None and coded.weights.lookahead != lookahead:
-        raise SettingError(
-            f"The octree's codes look {coded.weights.lookahead} levels ahead, not {lookahead}: encode it with weights "
-            "that look as far, or leave the look-ahead to the codes"
-        )
+    lookahead = _lookahead(needs, coded, lookahead)
     yield Progress(0, 1, "Tracing the preview")
-    patch = patch_hits(octree, camera, lookahead=lookahead) if needs & {BEHIND, FINE} else None
-    hits = first_hits(octree, camera) if patch is None else patch.hits
+    hits, fine, behind = _center_rays(octree, camera, needs, lookahead)
     fine_4 = (yield from supersample(octree, camera, 2, finer=2**lookahead)) if FINE_4 in needs else None
     prediction = predict(coded, hits, device) if PREDICTION in needs and coded is not None else None
-    exact, exact_1 = None, None
-    if EXACT in needs:
-        exact = yield from exact_prediction(octree, hits, lookahead)
-    if EXACT_1 in needs:
-        exact_1 = yield from exact_prediction(octree, hits, 1)
-    wanted = reference or REFERENCE in needs
+    exact = (yield from exact_prediction(octree, hits, lookahead)) if EXACT in needs else None
+    exact_1 = (yield from exact_prediction(octree, hits, 1)) if EXACT_1 in needs else None
     sampled, colors = None, None
-    if wanted and octree.chroma is not None:
-        sampled, colors = yield from supersample_colors(octree, camera)
-    elif wanted:
-        sampled = yield from supersample(octree, camera)
-    seen = hit_colors(octree, hits) if octree.chroma is not None else None
+    if reference or REFERENCE in needs:
+        sampled, colors = yield from _reference(octree, camera)
     return PixelBuffers(
         hits,
-        behind=None if patch is None else patch.behind,
+        behind=behind,
         prediction=prediction,
         exact=exact,
         reference=sampled,
-        preview_color=seen,
+        preview_color=hit_colors(octree, hits) if octree.chroma is not None else None,
         reference_color=colors,
-        fine=None if patch is None else patch.fine,
+        fine=fine,
         fine_4=fine_4,
         exact_1=exact_1,
         normal=hit_normals(octree, hits) if NORMAL in needs else None,
         child_mask=hit_child_masks(octree, hits) if CHILD_MASK in needs else None,
         cube_side_world=octree.grid.side_world,
     )
+
+
+def _lookahead(needs: frozenset[str], coded: CodedOctree | None, lookahead: int | None) -> int:
+    """Levels to look ahead; raises SettingError where the codes do not do what is needed, see `trace_view`."""
+    if PREDICTION in needs and coded is None:
+        raise SettingError("This strategy needs the octree's patch codes: precompute them first")
+    if lookahead is None:
+        return DEFAULT_LOOKAHEAD if coded is None else coded.weights.lookahead
+    if PREDICTION in needs and coded is not None and coded.weights.lookahead != lookahead:
+        raise SettingError(
+            f"The octree's codes look {coded.weights.lookahead} levels ahead, not {lookahead}: encode it with weights "
+            "that look as far, or leave the look-ahead to the codes"
+        )
+    return lookahead
+
+
+def _center_rays(
+    octree: Octree, camera: Camera, needs: frozenset[str], lookahead: int
+) -> tuple[Hits, np.ndarray | None, np.ndarray | None]:
+    """Hits of the pixels' own rays, and luminance (P,) of the finer voxel and behind the patch where it is needed."""
+    from ..tracing.render import first_hits, patch_hits
+
+    if not needs & {BEHIND, FINE}:
+        return first_hits(octree, camera), None, None
+    patch = patch_hits(octree, camera, lookahead=lookahead, behind=BEHIND in needs)
+    return patch.hits, patch.fine, patch.behind
+
+
+def _reference(octree: Octree, camera: Camera) -> Steps[tuple[np.ndarray, np.ndarray | None]]:
+    """Luminance (P,) of 32x32 samples, and their colour (P, 3) if the octree has one."""
+    from ..tracing.supersample import supersample, supersample_colors
+
+    if octree.chroma is None:
+        return (yield from supersample(octree, camera)), None
+    return (yield from supersample_colors(octree, camera))
 
 
 def hit_normals(octree: Octree, hits: Hits) -> np.ndarray:

@@ -98,13 +98,13 @@ class PatchHits:
     """Hits of the centre ray of each pixel, and what the same ray meets with a finer footprint.
 
     hits: of the pixel's own footprint. fine: (P,) float32, luminance of the first voxel that fits the finer footprint.
-    behind: (P,) float32, L_B, luminance of the first such voxel behind the patch (methods 3.12).
+    behind: (P,) float32, L_B, luminance of the first such voxel behind the patch (methods 3.12), None if not asked for.
     Both are the background where nothing is met.
     """
 
     hits: Hits
     fine: np.ndarray
-    behind: np.ndarray
+    behind: np.ndarray | None
 
 
 def first_hits(octree: Octree, camera: Camera, background: float = 0.0) -> Hits:
@@ -113,19 +113,25 @@ def first_hits(octree: Octree, camera: Camera, background: float = 0.0) -> Hits:
 
 
 def patch_hits(
-    octree: Octree, camera: Camera, background: float = 0.0, *, lookahead: int = DEFAULT_LOOKAHEAD
+    octree: Octree,
+    camera: Camera,
+    background: float = 0.0,
+    *,
+    lookahead: int = DEFAULT_LOOKAHEAD,
+    behind: bool = True,
 ) -> PatchHits:
     """Trace a ray through every pixel centre, which goes on to the finer voxel and to what shows behind the patch.
 
-    The finer footprint is the pixel / 2^lookahead. One walk answers all three.
+    The finer footprint is the pixel / 2^lookahead. One walk answers all three. behind: whether rays go on behind the
+    patch, which costs as much again.
     """
     unit = camera_in_unit_cube(camera, octree.grid)
-    search = Search(unit.side_at_0, unit.side_per_z, 0.5**lookahead, BEHIND, octree.depth)
+    search = Search(unit.side_at_0, unit.side_per_z, 0.5**lookahead, BEHIND if behind else FINE, octree.depth)
     traced, _ = trace_pixels(octree, camera, search)
     return PatchHits(
         _hits(octree, camera, traced, background),
         _seen(octree, traced.fine, background),
-        _seen(octree, traced.behind, background),
+        _seen(octree, traced.behind, background) if behind else None,
     )
 
 

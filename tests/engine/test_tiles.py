@@ -84,6 +84,9 @@ def test_one_walk_has_the_answers_of_three(shells, lookahead):
         beyond, _, _ = single_hits(shells, camera, finer, start)
         np.testing.assert_array_equal(found.behind[met], seen(shells, beyond)[met], err_msg=camera.name)
         assert (found.fine[~met] == np.float32(0.25)).all() and (found.behind[~met] == np.float32(0.25)).all()
+        ended = patch_hits(shells, camera, 0.25, lookahead=lookahead, behind=False)
+        np.testing.assert_array_equal(ended.fine, found.fine, err_msg=camera.name)
+        assert ended.behind is None and np.array_equal(ended.hits.node, found.hits.node)
 
 
 def seen(octree: Octree, nodes: np.ndarray) -> np.ndarray:

@@ -71,7 +71,8 @@ def test_picture_metrics_rise_with_the_budget(results):
 
 def test_claims_are_decided(results):
     lowest, half = results["claims"]["lowest"]["shells"], results["claims"]["half"]["shells"]
-    assert lowest.keys() == {"patchnet", "patchnet-behind", "fusion"} <= half.keys()
+    asked = {"patchnet", "patchnet-behind", "fusion", "patchnet-exact", "patchnet-behind-exact"}
+    assert lowest.keys() == asked <= half.keys()
     assert all(isinstance(found["holds"], bool) for found in [*lowest.values(), *half.values()])
 
 

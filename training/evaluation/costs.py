@@ -7,15 +7,19 @@ scoring, sorting. So strategies that trace or decode more are dearer by what the
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from statistics import median
 from typing import Any
 
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.runtime.file_kinds import COSTS
 from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.replace import replaced_file
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.sampling.refine import refinement_order
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
@@ -83,6 +87,21 @@ def measure_costs(
         {side: median(times) for side, times in uniform.items()},
         median(refined),
     )
+
+
+def write_costs(costs: Costs, path: Path, key: str) -> None:
+    """Keep costs in a file. key: of everything that they depend on. Raises OutputError if it cannot be written."""
+    with replaced_file(path, COSTS) as file:
+        file.write(json.dumps({"key": key} | costs.as_json()).encode())
+
+
+def read_costs(path: Path, key: str) -> Costs | None:
+    """Costs of `write_costs`; None if they are not there, damaged, or of something else."""
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        return Costs.of_json(kept) if kept["key"] == key else None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
 
 
 def _frame(coded: CodedOctree, camera: Camera, strategy: Strategy):  # type: ignore[no-untyped-def]

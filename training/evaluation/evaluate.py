@@ -8,13 +8,11 @@ is skipped, also after a kill.
 from __future__ import annotations
 
 import hashlib
-import json
 import multiprocessing
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,15 +22,13 @@ from ...patchnet_addon.codes.file import load_codes, save_codes
 from ...patchnet_addon.network.weights import Weights, load_weights
 from ...patchnet_addon.octree.file import load_octree, octree_hash
 from ...patchnet_addon.runtime.errors import CodesFileError
-from ...patchnet_addon.runtime.file_kinds import COSTS
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from ...patchnet_addon.runtime.replace import replaced_file
 from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.threads import usable_cores
 from ...patchnet_addon.sampling.references.registry import EVALUATED
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.tracing.camera import Camera
-from .costs import Costs, measure_costs
+from .costs import Costs, measure_costs, read_costs, write_costs
 from .frames import BlockResult, FrameBlock, SceneFiles, evaluate_block, load_block
 from .networks.map_file import map_hash
 from .quality import lpips_weights
@@ -200,12 +196,10 @@ def _result(scene: _Prepared, strategies: Mapping[str, Strategy], weights: Weigh
 def _costs(scene: _Prepared, coded: CodedOctree, strategies: Mapping[str, Strategy], path: Path) -> Costs:
     """Costs from their file, or measured on frames all over the track, and kept."""
     key = scene.blocks[0].key
-    if path.is_file():
-        kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        if kept.pop("key") == key:
-            return Costs.of_json(kept)
+    kept = read_costs(path, key)
+    if kept is not None:
+        return kept
     step = max(len(scene.cameras) // _COST_FRAMES, 1)
     costs = measure_costs(coded, scene.cameras[::step][:_COST_FRAMES], strategies, SIDES, _COST_REPEATS)
-    with replaced_file(path, COSTS) as file:
-        file.write(json.dumps({"key": key} | costs.as_json()).encode())
+    write_costs(costs, path, key)
     return costs

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of costs: read as they were written, and measured again where they are damaged or of something else."""
+
+import json
+
+import pytest
+
+from patchnet.training.evaluation.costs import Costs, read_costs, write_costs
+
+COSTS = Costs({"patchnet": 2.5}, {1: 0.5, 4: 8.0}, 0.01)
+
+
+def test_costs_are_kept(tmp_path):
+    write_costs(COSTS, tmp_path / "costs.json", "key")
+    assert read_costs(tmp_path / "costs.json", "key") == COSTS
+    assert read_costs(tmp_path / "costs.json", "another key") is None
+
+
+@pytest.mark.parametrize("text", ["", "[]", "3", '{"key": "key"}', '{"key": "key", "uniform_ms": 3}', "\xff"])
+def test_damaged_costs_are_not_there(text, tmp_path):
+    (tmp_path / "costs.json").write_bytes(text.encode("latin-1"))
+    assert read_costs(tmp_path / "costs.json", "key") is None
+
+
+def test_costs_without_a_part_are_not_there(tmp_path):
+    values = {"key": "key"} | COSTS.as_json()
+    for name in COSTS.as_json():
+        (tmp_path / "costs.json").write_text(json.dumps({part: values[part] for part in values if part != name}))
+        assert read_costs(tmp_path / "costs.json", "key") is None
+    assert read_costs(tmp_path / "nothing.json", "key") is None
