@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import ctypes
-import os
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -16,8 +15,9 @@ from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
 from ..training.run_files import WEIGHTS, check_run
 from ..training.settings import IMPROVED, PRECISIONS, PRESETS, SAMPLES, VIEWS, TrainSettings
-from .shared.arguments import add_device, add_number, add_out
+from .shared.arguments import add_number, add_out
 from .shared.lines import say_note, say_result
+from .shared.training_run import add_run_arguments, require_torch
 
 _PRESET = "improved"
 
@@ -74,22 +74,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "--precision", choices=PRECISIONS, help="of the encoder's matrix products; tf32: of all, on a GPU"
     )
     add_number(parser, "--seed", bounds.SEED, help="random seed")
-    add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
-    add_number(
-        parser,
-        "--threads",
-        bounds.THREADS,
-        help="threads of the CPU that train, or gather batches for a GPU (all cores)",
-    )
-    parser.add_argument("--resume", action="store_true", help="continue the run in --out")
-    add_number(
-        parser,
-        "--stop-after",
-        bounds.STOP_AFTER,
-        metavar="STEPS",
-        help="end early, leaving a checkpoint to resume from",
-    )
-    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, default=5.0, help="time between checkpoints")
+    add_run_arguments(parser)
     return parser
 
 
@@ -100,13 +85,8 @@ def run(args: argparse.Namespace) -> int:
     files = sample_files(args.datasets)
     validation_files = sample_files(args.validate)
     check_run(args.out, [*files, *validation_files], resume=args.resume)
-    # Threads that spin while they wait cost a shared machine more than they gain; must be set before torch is loaded.
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     keep_freed_memory()
-    try:
-        import torch  # noqa: F401
-    except ImportError as cause:
-        raise SettingError("Training needs torch: install it with `pip install 'patchnet-blender[train]'`") from cause
+    require_torch()
     from ..patchnet_addon.network.devices import found_device
     from ..patchnet_addon.network.weights import save_weights
     from ..training.dataset import load_dataset

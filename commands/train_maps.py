@@ -12,17 +12,16 @@ The octrees to train on should be of other scenes than those that are evaluated.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 from typing import Any
 
 from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
 from ..training.evaluation.networks.names import NAMES
-from .shared.arguments import add_device, add_number, add_out
+from .shared.arguments import add_number, add_out
 from .shared.lines import say_result
+from .shared.training_run import add_run_arguments, require_torch
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -50,17 +49,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add_number(parser, "--crop", bounds.CROP, help="pixels along a crop's side (32 of weiss, else 96)")
     add_number(parser, "--rate", bounds.LEARNING_RATE, default=1e-4, help="learning rate (0.0001)")
     add_number(parser, "--seed", bounds.SEED, default=0, help="of tracks, weights and crops (0)")
-    add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
-    add_number(parser, "--threads", bounds.THREADS, help="threads of the CPU that train (all cores)")
-    parser.add_argument("--resume", action="store_true", help="continue the run in --out")
-    add_number(
-        parser,
-        "--stop-after",
-        bounds.STOP_AFTER,
-        metavar="STEPS",
-        help="end early, leaving a checkpoint to resume from",
-    )
-    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, default=5.0, help="time between checkpoints")
+    add_run_arguments(parser)
     return parser
 
 
@@ -69,12 +58,9 @@ def run(args: argparse.Namespace) -> int:
     from ..training.evaluation.networks.run_files import FRAMES, check_map_run
 
     check_map_run(args.out, args.octrees, resume=args.resume)
-    # Threads that spin while they wait cost a shared machine more than they gain; must be set before torch is loaded.
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-    try:
-        import torch
-    except ImportError as cause:
-        raise SettingError("Training needs torch: install it with `pip install 'patchnet-blender[train]'`") from cause
+    require_torch()
+    import torch
+
     from ..patchnet_addon.network.devices import found_device
     from ..training.evaluation.map_frames import FrameSettings, rendered_frames
     from ..training.evaluation.networks.train_maps import MapOptions, MapSettings, train_maps

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Arguments and preparation of a training run with torch: device, threads, checkpoints, resuming."""
+
+from __future__ import annotations
+
+import argparse
+import os
+
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import SettingError
+from .arguments import add_device, add_number
+
+
+def add_run_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add --device, --threads, --resume, --stop-after and --checkpoint-minutes."""
+    add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
+    add_number(
+        parser, "--threads", bounds.THREADS, help="threads of the CPU that train, or gather batches for a GPU "
+        "(all cores)",
+    )  # fmt: skip
+    parser.add_argument("--resume", action="store_true", help="continue the run in --out")
+    add_number(
+        parser, "--stop-after", bounds.STOP_AFTER, metavar="STEPS", help="end early, leaving a checkpoint to resume "
+        "from",
+    )  # fmt: skip
+    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, default=5.0, help="time between checkpoints")
+
+
+def require_torch() -> None:
+    """Import torch as a training wants it; raises SettingError that says how to install it where it is missing."""
+    # Threads that spin while they wait cost a shared machine more than they gain; must be set before torch is loaded.
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    try:
+        import torch  # noqa: F401
+    except ImportError as cause:
+        raise SettingError("Training needs torch: install it with `pip install 'patchnet-blender[train]'`") from cause
