@@ -16,7 +16,7 @@ from patchnet.tests.torch_devices import DEVICES  # noqa: E402
 from patchnet.tests.training.frame_samples import random_frame, scores_of  # noqa: E402
 from patchnet.training.evaluation.curves import frame_orders  # noqa: E402
 from patchnet.training.evaluation.lpips import LpipsWeights, lpips  # noqa: E402
-from patchnet.training.evaluation.picture_metrics import LINEAR, SRGB, picture_metrics  # noqa: E402
+from patchnet.training.evaluation.picture_metrics import LINEAR, SRGB, composed_pictures, picture_metrics  # noqa: E402
 
 SHAPES = {0: (64, 3, 11, 11), 3: (192, 64, 5, 5), 6: (384, 192, 3, 3), 8: (256, 384, 3, 3), 10: (256, 256, 3, 3)}
 
@@ -84,7 +84,7 @@ def test_lpips_is_that_of_a_plain_computation(device: str, states: tuple[dict, d
 def test_picture_metrics_have_it(states: tuple[dict, dict], files: tuple[Path, Path]) -> None:
     buffers = random_frame(1, 40, 40)
     order = frame_orders(buffers, scores_of(buffers))["random"]
-    found = picture_metrics(buffers, order, [0.0, 0.5], LpipsWeights.load(*files))
+    found = picture_metrics(buffers, composed_pictures(buffers, order, [0.0, 0.5]), LpipsWeights.load(*files))
     expected = plain_lpips(states, buffers.preview.reshape(40, 40), buffers.reference.reshape(40, 40))
     assert found[LINEAR][0].lpips == pytest.approx(expected, rel=2e-4)
     assert found[SRGB][0].lpips != pytest.approx(expected, rel=1e-2)

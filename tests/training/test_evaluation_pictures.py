@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.sampling.refine import refine, refined_picture
 from patchnet.tests.training.frame_samples import random_frame, scores_of
 from patchnet.training.evaluation.curves import frame_orders
 from patchnet.training.evaluation.picture_metrics import LINEAR, SRGB, composed_pictures, picture_metrics
-from patchnet.training.evaluation.structure import ms_ssim, ssim, ssim_map
+from patchnet.training.evaluation.structure import structure_of
 
 WEIGHTS = np.array([0.0448, 0.2856, 0.3001, 0.2363, 0.1333])
 
@@ -34,9 +34,9 @@ def test_ssim_is_that_of_scikit_image(shape: tuple[int, int]) -> None:
     value, similarity = metrics.structural_similarity(
         picture, reference, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1.0, full=True
     )
-    mine = ssim_map(picture, reference)
-    np.testing.assert_allclose(mine, similarity, atol=1e-10)
-    assert ssim(mine) == pytest.approx(value, abs=1e-12)
+    mine = structure_of(np.array([reference, picture]), reference)
+    np.testing.assert_allclose(mine.similarity[1], similarity, atol=1e-10)
+    assert mine.ssim[1] == pytest.approx(value, abs=1e-12) and mine.ssim[0] == pytest.approx(1.0)
 
 
 def plain_ms_ssim(picture: np.ndarray, reference: np.ndarray, scales: int) -> float:
@@ -66,17 +66,17 @@ def plain_ms_ssim(picture: np.ndarray, reference: np.ndarray, scales: int) -> fl
 @pytest.mark.parametrize("shape, scales", [((48, 64), 3), ((88, 96), 4), ((176, 176), 5), ((21, 40), 1)])
 def test_ms_ssim_is_that_of_a_plain_loop(shape: tuple[int, int], scales: int) -> None:
     picture, reference = two_pictures(*shape)
-    found = ms_ssim(picture, reference)
+    found = structure_of(np.array([reference, picture]), reference)
     assert found.scales == scales
-    assert found.value == pytest.approx(plain_ms_ssim(picture, reference, scales), rel=1e-9)
+    assert found.ms_ssim[1] == pytest.approx(plain_ms_ssim(picture, reference, scales), rel=1e-9)
 
 
 def test_scales_of_pictures_that_do_not_halve() -> None:
     picture, reference = two_pictures(130, 130)
-    assert ms_ssim(picture, reference).scales == 4
-    assert ms_ssim(reference, reference).value == pytest.approx(1.0)
-    assert 0 < ms_ssim(picture, reference).value < 1
-    assert ms_ssim(1 - reference, reference).value == 0.0, "against the structure"
+    found = structure_of(np.array([reference, picture, 1 - reference]), reference)
+    assert found.scales == 4 and found.ms_ssim[0] == pytest.approx(1.0)
+    assert 0 < found.ms_ssim[1] < 1
+    assert found.ms_ssim[2] == 0.0, "against the structure"
 
 
 def test_composed_pictures_are_refined_ones() -> None:
@@ -99,14 +99,13 @@ def test_metrics_are_those_of_the_composed_pictures(name: str, encode, monkeypat
     order = frame_orders(buffers, scores_of(buffers))["ss-variance"]
     budgets = [0.0, 0.2, 0.6]
     reference = encode(buffers.reference.reshape(50, 44).astype(np.float64))
-    for measured, picture in zip(
-        picture_metrics(buffers, order, budgets)[name], composed_pictures(buffers, order, budgets), strict=True
-    ):
-        similarity = ssim_map(encode(picture.astype(np.float64)), reference)
+    pictures = composed_pictures(buffers, order, budgets)
+    for measured, picture in zip(picture_metrics(buffers, pictures)[name], pictures, strict=True):
+        expected = structure_of(encode(picture.astype(np.float64))[None], reference)
+        similarity = expected.similarity[0]
         assert measured.ssim == pytest.approx(similarity[5:-5, 5:-5].mean())
         assert measured.ssim_active == pytest.approx(similarity.ravel()[buffers.active].mean())
-        expected = ms_ssim(encode(picture.astype(np.float64)), reference)
-        assert (measured.ms_ssim, measured.ms_ssim_scales) == (pytest.approx(expected.value), 3)
+        assert (measured.ms_ssim, measured.ms_ssim_scales) == (pytest.approx(expected.ms_ssim[0]), 3)
         assert measured.flip is None and measured.lpips is None
         assert set(measured.not_run) == {"flip", "lpips"}
 
@@ -115,7 +114,7 @@ def test_refinement_of_everything_leaves_no_difference() -> None:
     buffers = random_frame(3, 30, 30)
     buffers = replace(buffers, reference=np.where(buffers.active, buffers.reference, buffers.preview))
     order = frame_orders(buffers, scores_of(buffers))["random"]
-    for found in picture_metrics(buffers, order, [1.0]).values():
+    for found in picture_metrics(buffers, composed_pictures(buffers, order, [1.0])).values():
         assert found[0].ssim == found[0].ssim_active == pytest.approx(1.0)
         assert found[0].ms_ssim == pytest.approx(1.0)
 
@@ -124,9 +123,9 @@ def test_flip_is_of_what_a_screen_shows() -> None:
     pytest.importorskip("flip_evaluator")
     buffers = random_frame(4, 40, 40)
     order = frame_orders(buffers, scores_of(buffers))["random"]
-    found = picture_metrics(buffers, order, [0.5])
-    picture = composed_pictures(buffers, order, [0.5])[0]
-    assert found[SRGB][0].flip == flip(picture, buffers.reference.reshape(40, 40)) > 0
+    pictures = composed_pictures(buffers, order, [0.5])
+    found = picture_metrics(buffers, pictures)
+    assert found[SRGB][0].flip == flip(pictures[0], buffers.reference.reshape(40, 40)) > 0
     assert "flip" not in found[SRGB][0].not_run
     assert found[LINEAR][0].flip is None and "screen" in found[LINEAR][0].not_run["flip"]
 
@@ -135,13 +134,16 @@ def test_flip_that_is_not_there_says_what_to_install(monkeypatch: pytest.MonkeyP
     monkeypatch.setitem(sys.modules, "flip_evaluator", None)
     buffers = random_frame(4, 40, 40)
     order = frame_orders(buffers, scores_of(buffers))["random"]
-    assert "patchnet-blender[verify]" in picture_metrics(buffers, order, [0.5])[SRGB][0].not_run["flip"]
+    assert (
+        "patchnet-blender[verify]"
+        in picture_metrics(buffers, composed_pictures(buffers, order, [0.5]))[SRGB][0].not_run["flip"]
+    )
 
 
 def test_frames_without_active_pixels_have_no_figure_for_them() -> None:
     buffers = random_frame(5, 20, 20, hits=0.0)
     order = frame_orders(buffers, scores_of(buffers))["random"]
-    found = picture_metrics(buffers, order, [0.5])[LINEAR][0]
+    found = picture_metrics(buffers, composed_pictures(buffers, order, [0.5]))[LINEAR][0]
     assert found.ssim_active is None and found.ssim < 1
 
 
@@ -149,10 +151,11 @@ def test_bad_input_is_named() -> None:
     buffers = random_frame(6, 8, 40)
     order = frame_orders(buffers, scores_of(buffers))["random"]
     with pytest.raises(SettingError, match="11 x 11"):
-        picture_metrics(buffers, order, [0.5])
+        picture_metrics(buffers, composed_pictures(buffers, order, [0.5]))
     with pytest.raises(SettingError, match=r"Budget 1\.5"):
-        picture_metrics(buffers, order, [1.5])
-    with pytest.raises(SettingError, match="reference"):
-        picture_metrics(replace(buffers, reference=None), order, [0.5])
+        composed_pictures(buffers, order, [1.5])
+    for measure in (composed_pictures, lambda view, *_: picture_metrics(view, np.zeros((1, 8, 40)))):
+        with pytest.raises(SettingError, match="reference"):
+            measure(replace(buffers, reference=None), order, [0.5])
     with pytest.raises(SettingError, match=r"\(20, 20\) and \(20, 21\)"):
-        ssim_map(np.zeros((20, 20)), np.zeros((20, 21)))
+        structure_of(np.zeros((1, 20, 20)), np.zeros((20, 21)))

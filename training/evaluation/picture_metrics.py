@@ -15,7 +15,7 @@ from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.refine import refined_count, refined_picture
 from .lpips import lpips
-from .structure import ms_ssim, ssim, ssim_map
+from .structure import structure_of
 
 if TYPE_CHECKING:
     from .lpips import LpipsWeights
@@ -31,7 +31,7 @@ class PictureMetrics:
     """Metrics of one composed picture against the reference.
 
     ssim: over the full frame. ssim_active: mean of its map over active pixels; None without any. ms_ssim: over
-    `ms_ssim_scales` scales, 5 or as many as fit. flip, lpips: None where they were not run, and `not_run` says why by
+    `ms_ssim_scales` scales. flip, lpips: None where they were not run, and `not_run` says why by
     name.
     """
 
@@ -61,14 +61,16 @@ def composed_pictures(buffers: PixelBuffers, order: np.ndarray, budgets: Sequenc
 
 
 def picture_metrics(
-    buffers: PixelBuffers, order: np.ndarray, budgets: Sequence[float], weights: LpipsWeights | None = None
+    buffers: PixelBuffers, pictures: np.ndarray, weights: LpipsWeights | None = None
 ) -> dict[str, tuple[PictureMetrics, ...]]:
-    """Measure the composed pictures of B budgets, of linear luminance (LINEAR) and of it sRGB-encoded (SRGB).
+    """Measure composed pictures (N, H, W), of linear luminance (LINEAR) and of it sRGB-encoded (SRGB).
 
-    Raises SettingError as `composed_pictures`, and for pictures smaller than the metrics' windows.
+    Raises SettingError for a view without a reference, and for pictures smaller than the metrics' windows.
     """
-    pictures = clamped(composed_pictures(buffers, order, budgets))
-    reference = clamped(buffers.picture(np.asarray(buffers.reference)))
+    if buffers.reference is None:
+        raise SettingError("The view has no reference: render it before pictures are compared")
+    pictures = clamped(pictures)
+    reference = clamped(buffers.picture(buffers.reference))
     active = buffers.picture(buffers.active)
     flips = [flip(picture, reference) for picture in pictures]
     missing = {"flip": NO_FLIP} if None in flips else {}
@@ -86,17 +88,16 @@ def _measured(
     not_run: dict[str, str],
     weights: LpipsWeights | None,
 ) -> tuple[PictureMetrics, ...]:
-    """Metrics of pictures (B, H, W) against the reference (H, W), both encoded alike."""
+    """Metrics of pictures (N, H, W) against the reference (H, W), both encoded alike."""
     perceived: list[float | None] = [None] * len(pictures)
     if weights is None:
         not_run = not_run | {"lpips": NO_LPIPS}
     else:
         perceived = lpips(weights, pictures, reference).tolist()
-    measured = []
-    for picture, flipped, distance in zip(pictures, flips, perceived, strict=True):
-        similarity, scales = ssim_map(picture, reference), ms_ssim(picture, reference)
-        in_active = float(similarity[active].mean()) if active.any() else None
-        measured.append(
-            PictureMetrics(ssim(similarity), in_active, scales.value, scales.scales, flipped, distance, dict(not_run))
-        )
-    return tuple(measured)
+    found = structure_of(pictures, reference)
+    in_active = found.similarity[:, active].mean(axis=1).tolist() if active.any() else [None] * len(pictures)
+    columns = zip(found.ssim.tolist(), in_active, found.ms_ssim.tolist(), flips, perceived, strict=True)
+    return tuple(
+        PictureMetrics(ssim, ssim_active, ms_ssim, found.scales, flipped, distance, dict(not_run))
+        for ssim, ssim_active, ms_ssim, flipped, distance in columns
+    )

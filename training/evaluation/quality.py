@@ -12,7 +12,7 @@ import numpy as np
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from .lpips import LpipsWeights
-from .picture_metrics import LINEAR, SRGB, PictureMetrics, picture_metrics
+from .picture_metrics import LINEAR, SRGB, PictureMetrics, composed_pictures, picture_metrics
 
 QUALITY_STRATEGIES = (
     "patchnet", "patchnet-behind", "fusion", "ss-variance", "ss-variance-hits", "fine-ray", "fine-rays-4", "random",
@@ -28,12 +28,16 @@ _LEAST_SIDE = 11  # of a picture, the window of SSIM
 def quality_of(buffers: PixelBuffers, orders: Mapping[str, np.ndarray], weights: LpipsWeights | None) -> np.ndarray:
     """(Q, B, M) float64 of QUALITY_STRATEGIES, QUALITY_BUDGETS, QUALITY_NAMES; NaN for what was not measured or run."""
     quality = np.full((len(QUALITY_STRATEGIES), len(QUALITY_BUDGETS), len(QUALITY_NAMES)), np.nan)
-    if min(buffers.width, buffers.height) < _LEAST_SIDE:
+    rows = [row for row, name in enumerate(QUALITY_STRATEGIES) if name in orders]
+    if min(buffers.width, buffers.height) < _LEAST_SIDE or not rows:
         return quality
-    for row, name in enumerate(QUALITY_STRATEGIES):
-        if name in orders:
-            found = picture_metrics(buffers, orders[name], QUALITY_BUDGETS, weights)
-            quality[row] = np.concatenate([_columns(found[encoding]) for encoding in (LINEAR, SRGB)], axis=1)
+    # Without budget all strategies show the same picture.
+    pictures = [composed_pictures(buffers, orders[QUALITY_STRATEGIES[rows[0]]], [0.0])]
+    pictures += [composed_pictures(buffers, orders[QUALITY_STRATEGIES[row]], QUALITY_BUDGETS[1:]) for row in rows]
+    found = picture_metrics(buffers, np.concatenate(pictures), weights)
+    columns = np.concatenate([_columns(found[encoding]) for encoding in (LINEAR, SRGB)], axis=1)
+    quality[rows, 0] = columns[0]
+    quality[rows, 1:] = columns[1:].reshape(len(rows), -1, columns.shape[1])
     return quality
 
 
