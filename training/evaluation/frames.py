@@ -95,12 +95,13 @@ def evaluate_block(block: FrameBlock) -> None:
     strategies = strategies_in_use(block.strategies, block.maps)
     rows = []
     with limit_threads(1):
-        for camera in block.cameras:
+        for number, camera in enumerate(block.cameras):
             buffers = drain(trace_view(coded.octree, camera, list(strategies.values()), coded=coded))
             scores = {name: strategy.scores(buffers) for name, strategy in strategies.items()}
             orders = frame_orders(buffers, scores)
             errors = frame_errors(buffers, orders)
-            quality = quality_of(buffers, orders, lpips_weights(block.lpips))
+            # FLIP takes twice as long as all the rest of a frame: the first of a block stands for it.
+            quality = quality_of(buffers, orders, lpips_weights(block.lpips), flips=number == 0)
             prediction = buffers.prediction
             ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
             uniform = [_uniform_error(coded, camera, buffers, side) for side in block.sides]

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 LINEAR, SRGB = "linear", "srgb"
 NO_FLIP = "the package flip-evaluator is not there: install patchnet-blender[verify]"
 FLIP_OF_LINEAR = "FLIP is of what a screen shows, and decodes it itself: see that of the sRGB picture"
+FLIP_NOT_ASKED = "FLIP was not asked for"
 NO_LPIPS = "no weights were given: load AlexNet's and the LPIPS v0.1 heads (LpipsWeights.load)"
 
 
@@ -61,10 +62,11 @@ def composed_pictures(buffers: PixelBuffers, order: np.ndarray, budgets: Sequenc
 
 
 def picture_metrics(
-    buffers: PixelBuffers, pictures: np.ndarray, weights: LpipsWeights | None = None
+    buffers: PixelBuffers, pictures: np.ndarray, weights: LpipsWeights | None = None, *, flips: bool = True
 ) -> dict[str, tuple[PictureMetrics, ...]]:
     """Measure composed pictures (N, H, W), of linear luminance (LINEAR) and of it sRGB-encoded (SRGB).
 
+    flips: whether FLIP is run, which takes longer than all others together.
     Raises SettingError for a view without a reference, and for pictures smaller than the metrics' windows.
     """
     if buffers.reference is None:
@@ -72,11 +74,11 @@ def picture_metrics(
     pictures = clamped(pictures)
     reference = clamped(buffers.picture(buffers.reference))
     active = buffers.picture(buffers.active)
-    flips = [flip(picture, reference) for picture in pictures]
-    missing = {"flip": NO_FLIP} if None in flips else {}
+    differences = [flip(picture, reference) if flips else None for picture in pictures]
+    missing = {} if None not in differences else {"flip": NO_FLIP if flips else FLIP_NOT_ASKED}
     return {
         LINEAR: _measured(pictures, reference, active, [None] * len(pictures), {"flip": FLIP_OF_LINEAR}, weights),
-        SRGB: _measured(srgb_encode(pictures), srgb_encode(reference), active, flips, missing, weights),
+        SRGB: _measured(srgb_encode(pictures), srgb_encode(reference), active, differences, missing, weights),
     }
 
 

@@ -25,8 +25,13 @@ QUALITY_NAMES = tuple(
 _LEAST_SIDE = 11  # of a picture, the window of SSIM
 
 
-def quality_of(buffers: PixelBuffers, orders: Mapping[str, np.ndarray], weights: LpipsWeights | None) -> np.ndarray:
-    """(Q, B, M) float64 of QUALITY_STRATEGIES, QUALITY_BUDGETS, QUALITY_NAMES; NaN for what was not measured or run."""
+def quality_of(
+    buffers: PixelBuffers, orders: Mapping[str, np.ndarray], weights: LpipsWeights | None, *, flips: bool = True
+) -> np.ndarray:
+    """(Q, B, M) float64 of QUALITY_STRATEGIES, QUALITY_BUDGETS, QUALITY_NAMES; NaN for what was not measured or run.
+
+    flips: whether FLIP is run.
+    """
     quality = np.full((len(QUALITY_STRATEGIES), len(QUALITY_BUDGETS), len(QUALITY_NAMES)), np.nan)
     rows = [row for row, name in enumerate(QUALITY_STRATEGIES) if name in orders]
     if min(buffers.width, buffers.height) < _LEAST_SIDE or not rows:
@@ -34,7 +39,7 @@ def quality_of(buffers: PixelBuffers, orders: Mapping[str, np.ndarray], weights:
     # Without budget all strategies show the same picture.
     pictures = [composed_pictures(buffers, orders[QUALITY_STRATEGIES[rows[0]]], [0.0])]
     pictures += [composed_pictures(buffers, orders[QUALITY_STRATEGIES[row]], QUALITY_BUDGETS[1:]) for row in rows]
-    found = picture_metrics(buffers, np.concatenate(pictures), weights)
+    found = picture_metrics(buffers, np.concatenate(pictures), weights, flips=flips)
     columns = np.concatenate([_columns(found[encoding]) for encoding in (LINEAR, SRGB)], axis=1)
     quality[rows, 0] = columns[0]
     quality[rows, 1:] = columns[1:].reshape(len(rows), -1, columns.shape[1])
