@@ -23,9 +23,9 @@ class Scene:
     light: "cycles" (diffuse light with global illumination; a scene without lamps gets sun and sky) or "two-lights"
     (methods 7.3). samples: of Cycles per texel. depth: of the octree. without: texts, in lower case; objects below a
     name with one of them are left out. bisect: axis ("x", "y" or "z") and share of the extent of a plane beyond which
-    all is left out. views: position and target (6 numbers, world units) of cameras that the octree is fitted to, in the
-    place of `depth`; view_px: side of their square pictures. source, licence: of the file, for credits. role: "train" where the shipped weights have seen the
-    scene, "test" where not.
+    all is left out. views: position and target (6 numbers, world units) of cameras that the octree is fitted to, in
+    the place of `depth`; view_px: side of their square pictures. source, licence: of the file, for credits. role:
+    "train" where the shipped weights have seen the scene, "test" where not.
     """
 
     name: str

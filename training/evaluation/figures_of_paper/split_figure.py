@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _TITLES = {PREVIEW: "one ray a pixel", REFERENCE: "32 x 32 rays"}
 _COLORS = (BLUE, ORANGE)
 _INCHES = 11.0
+_WIDE = 0.5  # of it for the stripes, the rest for crops
 
 
 def draw_split(view: SplitView, folder: Path, name: str, title: str) -> list[Path]:
@@ -27,12 +28,12 @@ def draw_split(view: SplitView, folder: Path, name: str, title: str) -> list[Pat
 
     rows, columns = view.bounds
     aspect = (rows.stop - rows.start) / (columns.stop - columns.start)
-    wide, small = 0.56 * _INCHES, _INCHES / 3
-    heights = (max(wide * aspect, 0.26 * _INCHES) + 0.5, 2 * (small * aspect + 0.3))
+    wide, small = _WIDE * _INCHES, _INCHES / 3
+    heights = (max(wide * aspect + 0.5, 0.3 * _INCHES), 2 * (small * aspect + 0.3))
     figure = Figure(figsize=(_INCHES, sum(heights) + 0.3), dpi=150, layout="constrained")
     figure.suptitle(title, fontsize=11)
     above, below = figure.subfigures(2, 1, height_ratios=heights)
-    left, right = above.subfigures(1, 2, width_ratios=(0.56, 0.44))
+    left, right = above.subfigures(1, 2, width_ratios=(_WIDE, 1.0 - _WIDE))
     _draw_stripes(left.subplots(), view)
     _draw_crops(right, view)
     _draw_patterns(below, view)
@@ -59,18 +60,17 @@ def _draw_stripes(axes: Axes, view: SplitView) -> None:
 
 def _draw_crops(figure: SubFigure, view: SplitView) -> None:
     """Crops of all pictures, a row each, in a frame of its colour."""
-    panels = figure.subplots(2, len(view.pictures))
-    for row, crop, color, better, worse in zip(
-        panels, view.crops, _COLORS, (OURS, OTHER), (OTHER, OURS), strict=True
-    ):
-        for axes, (name, picture) in zip(row, view.pictures.items(), strict=True):
+    rows = figure.subfigures(2, 1)
+    for row, crop, color, better, worse in zip(rows, view.crops, _COLORS, (OURS, OTHER), (OTHER, OURS), strict=True):
+        row.suptitle(f"where {better} is ahead of {worse} by most", fontsize=9)
+        panels = row.subplots(1, len(view.pictures))
+        for axes, (name, picture) in zip(panels, view.pictures.items(), strict=True):
             show_picture(axes, gray(picture[crop.slices]), _TITLES.get(name, name))
             axes.title.set_fontsize(8)
             axes.set_axis_on()
             axes.set(xticks=[], yticks=[])
             for spine in axes.spines.values():
                 spine.set(color=color, lw=1.5)
-        row[0].set_ylabel(f"{better}\nahead of\n{worse} by most", fontsize=8)
 
 
 def _draw_patterns(figure: Figure | SubFigure, view: SplitView) -> None:

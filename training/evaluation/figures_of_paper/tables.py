@@ -14,13 +14,19 @@ from ..catalogue import san_miguel_bare
 from ..scene import TWO_LIGHTS, Scene
 
 BOX_WORLD = np.array([[11.705, -8.33, 0.488], [13.325, -6.71, 0.699]])
-"""Box of the table's cloth, an object `Tela Mesa A` of the file; among the plants' free sides, those of +y are open."""
-NEAREST_WORLD = 2.0  # from the middle of the cloth: rays then stop in voxels of 2.07 cm, which is the cube's side / 2^12
+"""Box of the table's cloth, an object `Tela Mesa A` of the file."""
+NEAREST_WORLD = (
+    2.0  # from the middle of the cloth: rays then stop in voxels of 2.07 cm, which is the cube's side / 2^12
+)
 DISTANCES = (1.0, 2.0**0.5, 2.0, 2.0**1.5, 4.0)  # times NEAREST_WORLD
 SHOWN = (1.0, 2.0, 4.0)  # of DISTANCES
 AZIMUTHS = (70.0, 90.0, 110.0)  # degrees; the middle one is shown, errors are of all
 ELEVATION = 40.0
 SIZE_PX = 130  # of the nearest picture; all pictures have pixels of the same angle, and show the table alone
+# What stands on tables, which would hide the cloths.
+_TABLEWARE = (
+    "cenicero", "copas", "cromo", "cubiertos", "individual", "pimienta", "plato a", "sal", "vela", "vidriosalero",
+)  # fmt: skip
 _FIT_FOV = np.radians(50.0)  # of the views of `patchnet octree`, and of the nearest picture
 _PIXEL = 2.0 * np.tan(_FIT_FOV / 2) / SIZE_PX  # side of a pixel at distance 1
 
@@ -56,7 +62,7 @@ SCENE = Scene(
     title="San Miguel, a table",
     file=san_miguel_bare.SCENE.file,
     light=TWO_LIGHTS,
-    without=san_miguel_bare.SCENE.without,
+    without=(*san_miguel_bare.SCENE.without, *_TABLEWARE),
     views=_views(),
     # Views of twice the pixels have leaves a level deeper: for the look-ahead of 2 that octrees are fitted to, and 3.
     view_px=SIZE_PX * 2 ** (max(LOOKAHEADS) - 2),
