@@ -11,7 +11,7 @@ import numpy as np
 
 from ....patchnet_addon.image.tone import gray
 from ....patchnet_addon.runtime.bounds import LOOKAHEADS
-from ...benchmarks.figures import BLUE, GRAY, GREEN, ORANGE, PURPLE, finish
+from ...benchmarks.figures import BLUE, GRAY, GREEN, ORANGE, PURPLE
 from ..panels import save_panels, show_picture, show_values
 from ..patterns import PATTERN_BUDGET
 from .distances import EXACT, NETWORK, PLAIN, DistanceView, named
@@ -45,7 +45,7 @@ def draw_look_ahead(
     size = _PANEL * count + 0.6, (_PANEL + 0.3) * len(shown) + 3.6
     figure = Figure(figsize=size, dpi=150, layout="constrained")
     figure.suptitle(title, fontsize=11)
-    above, below = figure.subfigures(2, 1, height_ratios=(size[1] - 3.3, 3.3))
+    above, below = np.ravel(figure.subfigures(2, 1, height_ratios=(size[1] - 3.3, 3.3)))
     largest = float(np.quantile(np.concatenate([view.error.ravel() for view in shown]), _QUANTILE)) or 1.0
     panels = above.subplots(len(shown), count, squeeze=False)
     for row, view, found in zip(panels, shown, shown_values, strict=True):
@@ -99,5 +99,5 @@ def _draw_found(axes: Axes, values: Sequence[Mapping[str, Any]], part: str, titl
     axes.set(xlabel="distance (m)", title=title, xscale="log")
     axes.set_xticks(distances, [f"{distance:.1f}" for distance in distances])
     axes.minorticks_off()
-    finish(axes)
-    axes.get_legend().remove()
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
