@@ -94,7 +94,8 @@ def _draw_found(axes: Axes, values: Sequence[Mapping[str, Any]], part: str, titl
         for lookahead in reversed(LOOKAHEADS):
             name = named(kind, lookahead)
             if name in values[0][part]["strategies"]:
-                draw(name, f"{label}, {lookahead} levels ahead", style, _COLORS[lookahead])
+                ahead = "1 level" if lookahead == 1 else f"{lookahead} levels"
+                draw(name, f"{label}, {ahead} ahead", style, _COLORS[lookahead])
     draw(PLAIN[0], PLAIN[0], "--", ORANGE)
     axes.set(xlabel="distance (m)", title=title, xscale="log")
     axes.set_xticks(distances, [f"{distance:.1f}" for distance in distances])
