@@ -40,7 +40,13 @@ def run(args: argparse.Namespace) -> int:
     """Draw and say where; returns 0; raises PatchNetError."""
     from ..patchnet_addon.network.weights import load_weights
     from ..training.benchmarks.figures import check_figure
-    from ..training.evaluation.figures_of_paper.figures import SCENES, figure_files, make_look_ahead, make_split
+    from ..training.evaluation.figures_of_paper.figures import (
+        SCENES,
+        check_look_aheads,
+        figure_files,
+        make_look_ahead,
+        make_split,
+    )
     from ..training.evaluation.octrees import scene_octree
     from .shared.progress_bars import ProgressBars
 
@@ -49,8 +55,9 @@ def run(args: argparse.Namespace) -> int:
     check_outputs(files, args.weights, folder=args.out)
     args.out.mkdir(parents=True, exist_ok=True)
     check_figure(args.out / f"{names[0]}.png", args.weights)
-    for path in args.weights:
-        load_weights(path)  # an error now, not after the octrees
+    networks = [load_weights(path) for path in args.weights]  # an error now, not after the octrees
+    if LOOK_AHEAD in names:
+        check_look_aheads(networks)
     octrees = args.octrees or args.out / "octrees"
     drawn: list[Path] = []
     with ProgressBars() as bars:

@@ -28,6 +28,7 @@ from patchnet.training.evaluation.figures_of_paper.viewpoint import hardest_end
 from patchnet.training.evaluation.octrees import octree_path
 
 CLOTH, WOOD = 0.5, 0.1  # luminance
+WEIGHTS = Path(__file__).resolve().parents[2] / "patchnet_addon/network/weights/patchnet.safetensors"
 LOOKS = [f"patchnet-behind-exact {levels}" for levels in (1, 2, 3)]
 
 
@@ -217,7 +218,9 @@ def test_command(scenes):
     for each in values["distances"]:
         found = {name: one["found"] for name, one in each["region"]["strategies"].items()}
         assert found["optimal"] == max(found.values())
-    assert main(words) == 0, "its own files are replaced"
+    assert main([*words, "--weights", str(WEIGHTS)]) == 0, "its own files are replaced"
+    values = json.loads((out / "look-ahead.json").read_text(encoding="utf-8"))
+    assert len(values["weights"]) == 1 and "patchnet-behind 2" in values["distances"][0]["picture"]["strategies"]
 
 
 @pytest.mark.parametrize("name", ["look-ahead.json", "look-ahead.png"])
@@ -235,3 +238,5 @@ def test_what_is_missing_is_named(scenes, capsys):
     assert "ldraw_space_shuttle.glb" in capsys.readouterr().err
     assert main([*words, "--weights", str(scenes / "none.safetensors")]) == 2
     assert "none.safetensors" in capsys.readouterr().err
+    assert main([*words, "--weights", str(WEIGHTS), str(WEIGHTS)]) == 2
+    assert "Two weights files look 2 levels ahead" in capsys.readouterr().err

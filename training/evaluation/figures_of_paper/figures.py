@@ -11,6 +11,7 @@ from typing import Any
 from ....patchnet_addon.codes.coded_octree import CodedOctree
 from ....patchnet_addon.network.weights import Weights, load_weights
 from ....patchnet_addon.octree.file import load_octree, octree_hash
+from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.file_kinds import FIGURE_VALUES, PNG, SVG, FileKind
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.replace import replaced_file
@@ -50,9 +51,11 @@ def make_split(octree: Path, weights: Path | None, out: Path, size_px: int = SPL
 def make_look_ahead(octree: Path, weights: Sequence[Path], out: Path) -> Steps[list[Path]]:
     """Make the figure of the table from its octree file; returns its files.
 
-    weights: files of networks whose scores are shown beside the exact ones.
+    weights: files of networks whose scores are shown beside the exact ones. Raises SettingError if two of them look
+    equally far ahead.
     """
     networks = [load_weights(path) for path in weights]
+    check_look_aheads(networks)
     coded: list[CodedOctree] = []
     for network in networks:
         coded.append((yield from coded_octree(octree, network)))
@@ -69,6 +72,14 @@ def make_look_ahead(octree: Path, weights: Sequence[Path], out: Path) -> Steps[l
     shown_values = [pooled_values([view]) for view in shown]
     paths = draw_look_ahead(shown, values, shown_values, out, LOOK_AHEAD, _title(SCENES[LOOK_AHEAD]))
     return [*paths, _write(LOOK_AHEAD, octree_hash(tree), networks, {"distances": values, "shown": shown_values}, out)]
+
+
+def check_look_aheads(networks: Sequence[Weights]) -> None:
+    """Raise SettingError if two networks look equally far ahead: the figure has one column for each look-ahead."""
+    levels = [network.lookahead for network in networks]
+    for each in levels:
+        if levels.count(each) > 1:
+            raise SettingError(f"Two weights files look {each} levels ahead: give one file for each look-ahead")
 
 
 def _title(scene: Scene) -> str:

@@ -45,7 +45,8 @@ def draw_look_ahead(
     size = _PANEL * count + 0.6, (_PANEL + 0.3) * len(shown) + 3.6
     figure = Figure(figsize=size, dpi=150, layout="constrained")
     figure.suptitle(title, fontsize=11)
-    above, below = np.ravel(figure.subfigures(2, 1, height_ratios=(size[1] - 3.3, 3.3)))
+    parts: Any = figure.subfigures(2, 1, height_ratios=(size[1] - 3.3, 3.3))
+    above, below = parts
     largest = float(np.quantile(np.concatenate([view.error.ravel() for view in shown]), _QUANTILE)) or 1.0
     panels = above.subplots(len(shown), count, squeeze=False)
     for row, view, found in zip(panels, shown, shown_values, strict=True):

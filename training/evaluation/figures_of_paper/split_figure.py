@@ -4,9 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from ....patchnet_addon.image.tone import gray
 from ...benchmarks.figures import BLUE, ORANGE
@@ -34,8 +32,9 @@ def draw_split(view: SplitView, folder: Path, name: str, title: str) -> list[Pat
     heights = (max(wide * aspect + 0.5, 0.3 * _INCHES), 2 * (small * aspect + 0.3))
     figure = Figure(figsize=(_INCHES, sum(heights) + 0.3), dpi=150, layout="constrained")
     figure.suptitle(title, fontsize=11)
-    above, below = np.ravel(figure.subfigures(2, 1, height_ratios=heights))
-    left, right = np.ravel(above.subfigures(1, 2, width_ratios=(_WIDE, 1.0 - _WIDE)))
+    parts: Any = figure.subfigures(2, 1, height_ratios=heights)
+    above, below = parts
+    left, right = above.subfigures(1, 2, width_ratios=(_WIDE, 1.0 - _WIDE))
     _draw_stripes(left.subplots(), view)
     _draw_crops(right, view)
     _draw_patterns(below, view)
@@ -62,7 +61,7 @@ def _draw_stripes(axes: Axes, view: SplitView) -> None:
 
 def _draw_crops(figure: SubFigure, view: SplitView) -> None:
     """Crops of all pictures, a row each, in a frame of its colour."""
-    rows = np.ravel(figure.subfigures(2, 1))
+    rows: Any = figure.subfigures(2, 1)
     for row, crop, color, better, worse in zip(rows, view.crops, _COLORS, (OURS, OTHER), (OTHER, OURS), strict=True):
         row.suptitle(f"where {better} is ahead of {worse} by most", fontsize=9)
         panels = row.subplots(1, len(view.pictures))
