@@ -124,3 +124,4 @@ EVALUATION_REPORT = FileKind(
     _begins(b"<!doctype html><html lang='en'><head><title>PatchNet: evaluation"),
 )
 COSTS = FileKind("costs of an evaluation", (".json",), _begins(b'{"key": '))
+FIGURE_VALUES = FileKind("values of a figure of PatchNet", (".json",), _begins(b'{\n "figure": '))

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..benchmarks.figures import BLUE, GRAY, GREEN, ORANGE, PURPLE, finish, save_figure
+from ..benchmarks.figures import BLUE, GRAY, GREEN, ORANGE, PURPLE, finish
+from .panels import save_panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-ENDINGS = (".png", ".svg")
 CYCLES_MS_PER_PIXEL = 0.2
 """Processor milliseconds that 64 paths of Cycles take in a pixel, at the rate that `patchnet bench bake` says of camera
 renders: 0.3 million paths a second."""
@@ -49,7 +49,7 @@ def draw_budgets(values: dict[str, Any], folder: Path, name: str, title: str) ->
         finish(axes)
         axes.legend(fontsize=8, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
     panels[0].set_ylabel("mean squared error (1e-4)")
-    return _save(figure, folder, name)
+    return save_panels(figure, folder, name)
 
 
 def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> list[Path]:
@@ -83,7 +83,7 @@ def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> l
     )  # fmt: skip
     figure.legend(*left.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=6)
     left.set_ylabel("mean squared error (1e-4)")
-    return _save(figure, folder, name)
+    return save_panels(figure, folder, name)
 
 
 def _error(curve: list[float]) -> np.ndarray:
@@ -103,11 +103,3 @@ def _draw_curve(axes: Axes, x: np.ndarray, error: np.ndarray, strategy: str) -> 
 def _first_of(axes: Axes, label: str) -> str:
     """Label for the first of several curves alone."""
     return "_hidden" if label in axes.get_legend_handles_labels()[1] else label
-
-
-def _save(figure: Any, folder: Path, name: str) -> list[Path]:
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"{name}{ending}" for ending in ENDINGS]
-    for path in paths:
-        save_figure(figure, path)
-    return paths

@@ -25,13 +25,17 @@ def scene_octree(scene: Scene, folder: Path) -> Path:
     Its name has a hash of the recipe, the scene's file and the code, so that a change of any makes another file.
     Raises SceneError if the file is missing or does not become an octree, OutputError if it cannot be written.
     """
-    source = scene.path()
-    path = folder / f"{scene.name}-{_key(scene, source)}.safetensors"
+    path = octree_path(scene, folder)
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
         with replaced_path(path, OCTREE) as temporary:
-            _make(scene, source, temporary)
+            _make(scene, scene.path(), temporary)
     return path
+
+
+def octree_path(scene: Scene, folder: Path) -> Path:
+    """Path of a scene's octree file in `folder`, there or not; raises SceneError if the scene's file is missing."""
+    return folder / f"{scene.name}-{_key(scene, scene.path())}.safetensors"
 
 
 def _key(scene: Scene, source: Path) -> str:

@@ -23,8 +23,9 @@ class Scene:
     light: "cycles" (diffuse light with global illumination; a scene without lamps gets sun and sky) or "two-lights"
     (methods 7.3). samples: of Cycles per texel. depth: of the octree. without: texts, in lower case; objects below a
     name with one of them are left out. bisect: axis ("x", "y" or "z") and share of the extent of a plane beyond which
-    all is left out. source, licence: of the file, for credits. role: "train" where the shipped weights have seen the
-    scene, "test" where not.
+    all is left out. views: position and target (6 numbers, world units) of cameras that the octree is fitted to, in
+    the place of `depth`; view_px: side of their square pictures. source, licence: of the file, for credits. role:
+    "train" where the shipped weights have seen the scene, "test" where not.
     """
 
     name: str
@@ -38,6 +39,8 @@ class Scene:
     depth: int = 10
     without: tuple[str, ...] = ()
     bisect: tuple[str, float] | None = None
+    views: tuple[tuple[float, ...], ...] = ()
+    view_px: int = 130
 
     def path(self) -> Path:
         """Path of the file, or the name of a scene that the project builds.
@@ -58,7 +61,11 @@ class Scene:
 
     def arguments(self) -> list[str]:
         """Arguments of `patchnet octree` beside the scene and --out."""
-        words = ["--depth", str(self.depth), "--light", self.light]
+        words = ["--depth", "fit" if self.views else str(self.depth), "--light", self.light]
+        for view in self.views:
+            words += ["--view", *map(str, view)]
+        if self.views:
+            words += ["--size", str(self.view_px), str(self.view_px)]
         if self.light == CYCLES:
             words += ["--samples", str(self.samples)]
         if self.without:

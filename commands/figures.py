@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet figures`: draw figures of the paper from our own scenes."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from ..patchnet_addon.runtime.outputs import check_outputs
+from ..patchnet_addon.runtime.progress import drain
+from .shared.arguments import add_out
+from .shared.lines import say_result
+
+SPLIT, LOOK_AHEAD = FIGURES = ("split", "look-ahead")
+
+
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Arguments of `patchnet figures`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "figures",
+        help="draw figures of the paper from our own scenes",
+        description="Draw a split rendering and refinement patterns of the shuttle, and a table of San Miguel from "
+        "several distances with one to three levels of look-ahead, as .png, .svg and .json. Scenes are read from the "
+        "folder PATCHNET_SCENES.",
+    )
+    parser.add_argument("--only", choices=FIGURES, help="draw one figure (both)")
+    parser.add_argument(
+        "--octrees", type=Path, metavar="DIR", help="folder where octrees and codes are found and kept (OUT/octrees)"
+    )
+    parser.add_argument(
+        "--weights", type=Path, nargs="+", default=(), metavar="FILE", help="weights files: the first is that of "
+        "split (the shipped one), look-ahead shows each beside the exact scores",
+    )  # fmt: skip
+    add_out(parser, "folder for the figures", required=True)
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Draw and say where; returns 0; raises PatchNetError."""
+    from ..patchnet_addon.network.weights import load_weights
+    from ..training.benchmarks.figures import check_figure
+    from ..training.evaluation.figures_of_paper.figures import (
+        SCENES,
+        check_look_aheads,
+        figure_files,
+        make_look_ahead,
+        make_split,
+    )
+    from ..training.evaluation.octrees import scene_octree
+    from .shared.progress_bars import ProgressBars
+
+    names = FIGURES if args.only is None else (args.only,)
+    files = {args.out / file: kind for name in names for file, kind in figure_files(name).items()}
+    check_outputs(files, args.weights, folder=args.out)
+    args.out.mkdir(parents=True, exist_ok=True)
+    check_figure(args.out / f"{names[0]}.png", args.weights)
+    networks = [load_weights(path) for path in args.weights]  # an error now, not after the octrees
+    if LOOK_AHEAD in names:
+        check_look_aheads(networks)
+    octrees = args.octrees or args.out / "octrees"
+    drawn: list[Path] = []
+    with ProgressBars() as bars:
+        paths = {name: scene_octree(SCENES[name], octrees) for name in names}
+        if SPLIT in paths:
+            first = args.weights[0] if args.weights else None
+            drawn += drain(make_split(paths[SPLIT], first, args.out), bars.show)
+        if LOOK_AHEAD in paths:
+            drawn += drain(make_look_ahead(paths[LOOK_AHEAD], args.weights, args.out), bars.show)
+    say_result(f"{args.out}: {', '.join(path.name for path in drawn)}", file=args.out, figures=list(names))
+    return 0

@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Figures 2 and 4 of the paper on small octrees: crops by rule, what is found with which look-ahead, their files."""
+
+import json
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from patchnet.commands import main
+from patchnet.patchnet_addon.network.weights import load_weights
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.file import load_octree, save_octree
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.refine import refine
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.evaluation.figures_of_paper import tables
+from patchnet.training.evaluation.figures_of_paper.crops import Crop, crops_of_difference, window_sums
+from patchnet.training.evaluation.figures_of_paper.distances import distance_view, pooled_values
+from patchnet.training.evaluation.figures_of_paper.figures import make_split
+from patchnet.training.evaluation.figures_of_paper.kept_codes import coded_octree
+from patchnet.training.evaluation.figures_of_paper.split import PATTERNS, split_view
+from patchnet.training.evaluation.figures_of_paper.viewpoint import hardest_end
+from patchnet.training.evaluation.octrees import octree_path
+
+CLOTH, WOOD = 0.5, 0.1  # luminance
+WEIGHTS = Path(__file__).resolve().parents[2] / "patchnet_addon/network/weights/patchnet.safetensors"
+LOOKS = [f"patchnet-behind-exact {levels}" for levels in (1, 2, 3)]
+
+
+def square(z_world: float, side_world: float = 0.4) -> np.ndarray:
+    """Two triangles of a level square around the middle of San Miguel's table."""
+    middle = tables.BOX_WORLD.mean(axis=0)
+    corners = [[middle[0] + x * side_world / 2, middle[1] + y * side_world / 2, z_world]
+               for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]  # fmt: skip
+    return np.array([[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]])
+
+
+def small_table():
+    """A bright cloth of 40 cm a centimetre above dark wood."""
+    top = tables.BOX_WORLD[1, 2]
+    mesh = TriangleMesh.from_arrays(np.concatenate([square(top), square(top - 0.01)]))
+
+    def shade(batch, fragments):
+        height = batch.corners_world[fragments.triangle, :, 2].mean(axis=1)
+        luminance = np.where(height > top - 0.005, CLOTH, WOOD).astype(np.float32)
+        return luminance, np.ones(len(luminance), np.float32)
+
+    bounds = mesh.bounds_world - [
+        [0, 0, 0.066],
+        [0, 0, 0],
+    ]  # so that cells of 2.5 cm hold both, and smaller ones do not
+    return drain(build_octree(mesh, Grid.around(bounds, 8), shade, exposure=1.0, provenance={}))
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    path = tmp_path_factory.mktemp("table") / "table.safetensors"
+    save_octree(small_table(), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def shells(tmp_path_factory):
+    path = tmp_path_factory.mktemp("shells") / "shells.safetensors"
+    save_octree(octree_of_shells(30_000), path)
+    return path
+
+
+def test_sums_of_windows():
+    values = np.random.default_rng(0).random((7, 9))
+    sums = window_sums(values, 3)
+    assert sums.shape == (5, 7)
+    for row, column in np.ndindex(sums.shape):
+        assert sums[row, column] == pytest.approx(values[row : row + 3, column : column + 3].sum())
+
+
+def test_crops_are_where_the_difference_is_largest():
+    error, other = np.zeros((40, 50)), np.zeros((40, 50))
+    other[21:26, 31:36] = 1.0  # the first is better here by most
+    other[3, 3] = 3.0
+    error[22:26, 20:24] = 1.0  # and worse here
+    first, second = crops_of_difference(error, other, 5)
+    assert first == Crop(21, 31, 5)
+    assert (error[second.slices] - other[second.slices]).sum() == 16
+    assert not first.overlaps(second) and first.overlaps(Crop(24, 35, 5))
+
+
+def test_second_crop_stays_beside_the_first():
+    error, other = np.zeros((12, 12)), np.zeros((12, 12))
+    other[4:8, 4:8], error[4:8, 8] = 1.0, 0.2
+    first, second = crops_of_difference(error, other, 4)
+    assert first == Crop(4, 4, 4) and not first.overlaps(second)
+
+
+def test_split_view(shells):
+    coded = drain(coded_octree(shells, load_weights()))
+    camera = drain(hardest_end(coded.octree, (60, 60)))
+    view = drain(split_view(coded, camera))
+    values = view.values()
+    assert camera.name.startswith("Approach") and values["look_ahead_share"] > 0.9
+    found = {name: each["found"] for name, each in values["strategies"].items()}
+    assert list(found) == list(PATTERNS) and max(found, key=found.get) == "optimal"
+    assert values["strategies"]["optimal"]["mse"] < values["mse"]
+    ours, other = values["crops"]
+    assert ours["mse"]["patchnet-behind"] <= ours["mse"]["ss-variance"]
+    assert other["mse"]["ss-variance"] <= other["mse"]["patchnet-behind"]
+    rows, columns = view.bounds
+    assert view.buffers.picture(view.buffers.hit)[rows, columns].sum() == view.buffers.hit.sum()
+    stripes = view.stripes()
+    assert stripes.shape == (rows.stop - rows.start, columns.stop - columns.start, 3)
+    quarter = stripes.shape[1] // 4
+    preview = view.pictures["preview"][rows, columns][:, :quarter]
+    assert np.array_equal(stripes[:, :quarter, 0] > 0, preview > 0)
+
+
+def test_files_of_the_split_rendering(shells, tmp_path):
+    pytest.importorskip("matplotlib")
+    paths = drain(make_split(shells, None, tmp_path, size_px=60))
+    assert {path.name for path in paths} == {"split.png", "split.svg", "split.json"} == set(os.listdir(tmp_path))
+    values = json.loads((tmp_path / "split.json").read_text(encoding="utf-8"))
+    assert values["figure"] == "split" and values["licence"] == "CC BY 2.0" and values["viewpoint"]["size"] == [60, 60]
+    assert list(shells.parent.glob("*-codes-*")), "kept beside the octree"
+
+
+def test_views_of_a_table(table):
+    octree = load_octree(table)
+    voxels = []
+    for distance in tables.SHOWN:
+        view = drain(distance_view(octree, tables.table_camera(distance, 90.0), tables.BOX_WORLD))
+        values = pooled_values([view])
+        voxels.append(values["voxel"])
+        assert values["look_ahead_share"] == {"1": 1.0, "2": 1.0, "3": 1.0}
+        assert np.array_equal(view.region, view.buffers.hit), "there is nothing but the table"
+        found = {name: each["found"] for name, each in values["region"]["strategies"].items()}
+        assert found["optimal"] == max(found.values()) <= 1
+        mask = view.buffers.active & ~refine(view.buffers, view.scores[LOOKS[1]], 0.3)
+        left = view.error.ravel()[mask].astype(np.float64) ** 2
+        expected = left.sum() / view.buffers.active.sum()
+        assert values["picture"]["strategies"][LOOKS[1]]["mse"] == pytest.approx(expected, rel=1e-5)
+    assert voxels[1:] == pytest.approx([2 * voxels[0], 4 * voxels[0]])
+
+
+def test_far_errors_need_more_look_ahead(table):
+    """Voxels that hold wood and cloth are too dark, and so are the cells one level down; those further down are not."""
+    octree = load_octree(table)
+    view = drain(distance_view(octree, tables.table_camera(2.0, 90.0), tables.BOX_WORLD))
+    inner = view.region & (np.abs(view.buffers.reference - CLOTH) < 0.01)
+    error = view.error.ravel()[inner]
+    assert np.median(error) > 0.1, "dark wood shines through the cloth"
+    missed = [np.abs(view.scores[look][inner] - error).mean() for look in LOOKS]
+    assert missed[0] > 0.05 and max(missed[1:]) < 0.3 * missed[0]
+
+
+def test_pooled_errors_are_of_all_views(table):
+    octree = load_octree(table)
+    views = [drain(distance_view(octree, tables.table_camera(2.0, azimuth), tables.BOX_WORLD)) for azimuth in (70, 110)]
+    both, one, other = pooled_values(views), pooled_values(views[:1]), pooled_values(views[1:])
+    pixels = [each["region"]["pixels"] for each in (one, other)]
+    assert both["region"]["pixels"] == sum(pixels)
+    mse = np.average([each["region"]["mse"] for each in (one, other)], weights=pixels)
+    assert both["region"]["mse"] == pytest.approx(mse)
+
+
+def test_networks_are_scored_beside_the_exact_patches(table):
+    coded = drain(coded_octree(table, load_weights()))
+    view = drain(distance_view(coded.octree, tables.table_camera(4.0, 90.0), tables.BOX_WORLD, [coded]))
+    assert {"patchnet-behind 2", "patchnet 2", *LOOKS} <= view.scores.keys()
+
+
+def test_cameras_have_pixels_of_one_angle():
+    for distance in tables.DISTANCES:
+        camera = tables.table_camera(distance, 90.0)
+        assert 2 * camera.half_y / camera.height_px == pytest.approx(2 * np.tan(np.radians(25)) / 130)
+    words = tables.SCENE.arguments()
+    assert words.count("--view") == len(tables.DISTANCES) * len(tables.AZIMUTHS)
+    assert words[:2] == ["--depth", "fit"] and words[words.index("--size") + 1] == "260"
+
+
+def test_box_is_that_of_a_cloth_of_the_file():
+    folder = os.environ.get("PATCHNET_SCENES", "")
+    path = Path(folder) / tables.SCENE.file
+    if not folder or not path.is_file():
+        pytest.skip("no scenes here: set PATCHNET_SCENES")
+    with path.open("rb") as file:
+        length = struct.unpack("<12xII", file.read(20))[0]
+        content = json.loads(file.read(length))
+    middle = tables.BOX_WORLD.mean(axis=0)
+    cloths = [node for node in content["nodes"] if node.get("name", "").startswith("Tela Mesa A")]
+    places = np.array([node["matrix"][12:14] for node in cloths])
+    assert np.linalg.norm(places - middle[:2], axis=1).min() < 1.0
+
+
+@pytest.fixture
+def scenes(table, tmp_path, monkeypatch):
+    """A folder of scenes, and one of octrees with that of the table in it."""
+    (tmp_path / "scenes").mkdir()
+    (tmp_path / "scenes" / tables.SCENE.file).write_bytes(b"not read: its octree is there")
+    monkeypatch.setenv("PATCHNET_SCENES", str(tmp_path / "scenes"))
+    path = octree_path(tables.SCENE, tmp_path / "octrees")
+    path.parent.mkdir()
+    path.write_bytes(table.read_bytes())
+    return tmp_path
+
+
+def test_command(scenes):
+    pytest.importorskip("matplotlib")
+    out = scenes / "out"
+    words = ["figures", "--only", "look-ahead", "--octrees", str(scenes / "octrees"), "--out", str(out)]
+    assert main(words) == 0
+    assert {path.name for path in out.iterdir()} == {f"look-ahead.{ending}" for ending in ("png", "svg", "json")}
+    values = json.loads((out / "look-ahead.json").read_text(encoding="utf-8"))
+    assert len(values["distances"]) == len(tables.DISTANCES) and len(values["shown"]) == len(tables.SHOWN)
+    for each in values["distances"]:
+        found = {name: one["found"] for name, one in each["region"]["strategies"].items()}
+        assert found["optimal"] == max(found.values())
+    assert main([*words, "--weights", str(WEIGHTS)]) == 0, "its own files are replaced"
+    values = json.loads((out / "look-ahead.json").read_text(encoding="utf-8"))
+    assert len(values["weights"]) == 1 and "patchnet-behind 2" in values["distances"][0]["picture"]["strategies"]
+
+
+@pytest.mark.parametrize("name", ["look-ahead.json", "look-ahead.png"])
+def test_files_of_others_are_not_replaced(scenes, name, capsys):
+    foreign = scenes / name
+    foreign.write_text("{}", encoding="utf-8")
+    words = ["figures", "--only", "look-ahead", "--octrees", str(scenes / "octrees"), "--out", str(scenes)]
+    assert main(words) == 2
+    assert "so it is not replaced" in capsys.readouterr().err and foreign.read_text(encoding="utf-8") == "{}"
+
+
+def test_what_is_missing_is_named(scenes, capsys):
+    words = ["figures", "--octrees", str(scenes / "octrees"), "--out", str(scenes / "out")]
+    assert main([*words, "--only", "split"]) == 2
+    assert "ldraw_space_shuttle.glb" in capsys.readouterr().err
+    assert main([*words, "--weights", str(scenes / "none.safetensors")]) == 2
+    assert "none.safetensors" in capsys.readouterr().err
+    assert main([*words, "--weights", str(WEIGHTS), str(WEIGHTS)]) == 2
+    assert "Two weights files look 2 levels ahead" in capsys.readouterr().err

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Figures 2 and 4 of the paper: which scenes, which views, and the files of each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ....patchnet_addon.codes.coded_octree import CodedOctree
+from ....patchnet_addon.network.weights import Weights, load_weights
+from ....patchnet_addon.octree.file import load_octree, octree_hash
+from ....patchnet_addon.runtime.errors import SettingError
+from ....patchnet_addon.runtime.file_kinds import FIGURE_VALUES, PNG, SVG, FileKind
+from ....patchnet_addon.runtime.progress import Progress, Steps
+from ....patchnet_addon.runtime.replace import replaced_file
+from ..catalogue import shuttle
+from ..scene import Scene
+from . import tables
+from .distances import DistanceView, distance_view, pooled_values
+from .kept_codes import coded_octree
+from .look_ahead_figure import draw_look_ahead
+from .split import split_view
+from .split_figure import draw_split
+from .viewpoint import hardest_end
+
+SPLIT, LOOK_AHEAD = "split", "look-ahead"
+SCENES: dict[str, Scene] = {SPLIT: shuttle.SCENE, LOOK_AHEAD: tables.SCENE}
+SPLIT_PX = 520
+
+
+def figure_files(figure: str) -> dict[str, FileKind]:
+    """Names of a figure's files with their kinds."""
+    return {f"{figure}.png": PNG, f"{figure}.svg": SVG, f"{figure}.json": FIGURE_VALUES}
+
+
+def make_split(octree: Path, weights: Path | None, out: Path, size_px: int = SPLIT_PX) -> Steps[list[Path]]:
+    """Make the figure of the shuttle from its octree file; returns its files.
+
+    weights: file of the network, None for that which is shipped.
+    """
+    network = load_weights(weights)
+    coded = yield from coded_octree(octree, network)
+    camera = yield from hardest_end(coded.octree, (size_px, size_px), lookahead=network.lookahead)
+    view = yield from split_view(coded, camera)
+    paths = draw_split(view, out, SPLIT, _title(SCENES[SPLIT]))
+    return [*paths, _write(SPLIT, octree_hash(coded.octree), [network], view.values(), out)]
+
+
+def make_look_ahead(octree: Path, weights: Sequence[Path], out: Path) -> Steps[list[Path]]:
+    """Make the figure of the table from its octree file; returns its files.
+
+    weights: files of networks whose scores are shown beside the exact ones. Raises SettingError if two of them look
+    equally far ahead.
+    """
+    networks = [load_weights(path) for path in weights]
+    check_look_aheads(networks)
+    coded: list[CodedOctree] = []
+    for network in networks:
+        coded.append((yield from coded_octree(octree, network)))
+    tree = coded[0].octree if coded else load_octree(octree)
+    views: dict[float, list[DistanceView]] = {}
+    for number, distance in enumerate(tables.DISTANCES):
+        yield Progress(number, len(tables.DISTANCES), "Looking from several distances")
+        views[distance] = []
+        for azimuth in tables.AZIMUTHS:
+            camera = tables.table_camera(distance, azimuth)
+            views[distance].append((yield from distance_view(tree, camera, tables.BOX_WORLD, coded)))
+    values = [pooled_values(views[distance]) for distance in tables.DISTANCES]
+    shown = [views[distance][len(tables.AZIMUTHS) // 2] for distance in tables.SHOWN]
+    shown_values = [pooled_values([view]) for view in shown]
+    paths = draw_look_ahead(shown, values, shown_values, out, LOOK_AHEAD, _title(SCENES[LOOK_AHEAD]))
+    return [*paths, _write(LOOK_AHEAD, octree_hash(tree), networks, {"distances": values, "shown": shown_values}, out)]
+
+
+def check_look_aheads(networks: Sequence[Weights]) -> None:
+    """Raise SettingError if two networks look equally far ahead: the figure has one column for each look-ahead."""
+    levels = [network.lookahead for network in networks]
+    for each in levels:
+        if levels.count(each) > 1:
+            raise SettingError(f"Two weights files look {each} levels ahead: give one file for each look-ahead")
+
+
+def _title(scene: Scene) -> str:
+    """Title with the credit that the scene's licence asks for."""
+    return f"{scene.title} ({scene.source}, {scene.licence})"
+
+
+def _write(figure: str, octree: str, networks: Sequence[Weights], values: Mapping[str, Any], out: Path) -> Path:
+    scene = SCENES[figure]
+    about = {
+        "figure": figure, "scene": scene.name, "source": scene.source, "licence": scene.licence, "octree": octree,
+        "weights": [network.hash for network in networks],
+    }  # fmt: skip
+    path = out / f"{figure}.json"
+    with replaced_file(path, FIGURE_VALUES) as file:
+        file.write(json.dumps(about | dict(values), indent=1, allow_nan=False).encode())
+    return path
