@@ -29,6 +29,7 @@ NAMES: tuple[str, ...] = (
     "train",
     "train-maps",
     "evaluate",
+    "evaluate-cycles",
     "bench",
 )
 

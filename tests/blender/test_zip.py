@@ -12,7 +12,9 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-NOT_FOR_BLENDER = {f"commands/{name}.py" for name in ("bench", "dataset", "evaluate", "train", "train_maps")}
+NOT_FOR_BLENDER = {
+    f"commands/{name}.py" for name in ("bench", "dataset", "evaluate", "evaluate_cycles", "train", "train_maps")
+}
 WHEELS = [f"{name}-1-cp313-cp313-win_amd64.whl" for name in ("llvmlite", "numba")]
 
 
