@@ -73,6 +73,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 def run(args: argparse.Namespace) -> int:
     """Evaluate scene after scene, write, and say where; returns 0; raises PatchNetError."""
     from ..patchnet_addon.network.weights import load_weights
+    from ..patchnet_addon.sampling.references.registry import EVALUATED
     from ..training.evaluation.second_truth import second_truth_results
     from .shared.progress_bars import ProgressBars
 
@@ -84,13 +85,13 @@ def run(args: argparse.Namespace) -> int:
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, inputs, folder=args.out)
     require_blender()
     args.out.mkdir(parents=True, exist_ok=True)
-    weights, strategies = load_weights(args.weights), _strategies()
+    weights = load_weights(args.weights)
     found: dict[str, Any] = {}
     with ProgressBars() as bars:
         for scene in scenes:
             steps = _measured(scene, octrees.get(scene.name), settings, weights, args.out)
             coded, cameras = drain(labelled(steps, f"{scene.title}: {{}}"), bars.show)
-            found[scene.name] = {"light": scene.light} | second_truth_results(scene.name, coded, strategies, cameras)
+            found[scene.name] = {"light": scene.light} | second_truth_results(scene.name, coded, EVALUATED, cameras)
             _draw(scene, found[scene.name], cameras, args.out / FIGURES)
             _write(args.out, settings, found)  # scene by scene: each takes long
     say_result(f"{args.out / RESULTS}: {len(found)} scenes", file=args.out / RESULTS, scenes=len(found))
@@ -118,13 +119,6 @@ def _scenes(args: argparse.Namespace) -> tuple[list[Scene], dict[str, Path]]:
     for scene in scenes:
         scene.path()
     return scenes, octrees
-
-
-def _strategies() -> dict[str, Any]:
-    from ..training.evaluation.evaluate import EvaluationSettings
-    from ..training.evaluation.strategies import strategies_in_use
-
-    return strategies_in_use(EvaluationSettings.strategies, ())
 
 
 def _measured(
@@ -165,6 +159,7 @@ def _camera(coded: CodedOctree, camera: Any, scene: Scene, settings: _Settings) 
     import bpy
 
     from ..operators.cycles.halves import render_halves
+    from ..patchnet_addon.sampling.references.registry import EVALUATED
     from ..training.evaluation.scene import CYCLES
     from ..training.evaluation.second_truth import COMBINED, DIFFUSE, Truth, measure_camera
 
@@ -173,7 +168,7 @@ def _camera(coded: CodedOctree, camera: Any, scene: Scene, settings: _Settings) 
     truths = {DIFFUSE: Truth.of_halves(first.luminance, second.luminance, exposure)}
     if scene.light == CYCLES:
         truths[COMBINED] = Truth.of_halves(first.combined, second.combined, exposure)
-    return (yield from measure_camera(coded, camera, _strategies(), truths))
+    return (yield from measure_camera(coded, camera, EVALUATED, truths))
 
 
 def _draw(scene: Scene, values: dict[str, Any], cameras: list[CameraResult], folder: Path) -> None:

@@ -33,7 +33,8 @@ def draw_budgets(
 ) -> list[Path]:
     """Draw error over budget of a scene, a diagram for each number of rays a pixel, with optimal and random.
 
-    levels: errors that are no strategy's, drawn as level lines, by label. Returns the files; raises PatchNetError if one cannot be written.
+    levels: errors that are no strategy's, drawn as level lines, by label. Returns the files; raises PatchNetError if
+    one cannot be written.
     """
     from matplotlib.figure import Figure
 
