@@ -42,7 +42,7 @@ def boxes() -> str:
         corners = [(x + width * (i & 1), -(y + length * (i >> 1 & 1)), height * (i >> 2)) for i in range(8)]
         lines += [f"v {a} {c} {b}" for a, b, c in corners]  # y is up in such files
         lines.append(f"usemtl {'grey' if number % 2 else 'light'}")
-        faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+        faces = [(2, 3, 1, 0), (5, 7, 6, 4), (1, 5, 4, 0), (6, 7, 3, 2), (4, 6, 2, 0), (3, 7, 5, 1)]  # outwards
         lines += ["f " + " ".join(str(count + each + 1) for each in face) for face in faces]
         count += 8
     return "\n".join(["mtllib bars.mtl", *lines, ""])
