@@ -30,6 +30,7 @@ NAMES: tuple[str, ...] = (
     "train-maps",
     "evaluate",
     "figures",
+    "evaluate-cycles",
     "bench",
 )
 

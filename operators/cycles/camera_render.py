@@ -43,11 +43,12 @@ _EMISSION = ("Emit", "Emission")
 class Reference:
     """Render, row 0 at the bottom, over black.
 
-    luminance: (H, W) float32 of diffuse light and emission, unexposed. coverage, depth_world, albedo: (H, W).
-    normal: (H, W, 3).
+    luminance: (H, W) float32 of diffuse light and emission, unexposed. combined: (H, W) float32 of all light, gloss
+    and glass included. coverage, depth_world, albedo: (H, W). normal: (H, W, 3).
     """
 
     luminance: np.ndarray
+    combined: np.ndarray
     coverage: np.ndarray
     depth_world: np.ndarray
     albedo: np.ndarray
@@ -100,6 +101,7 @@ def _reference(channels: dict[str, np.ndarray]) -> Reference:
     layers = _layers(channels)
     return Reference(
         luminance=luminance(baked_light(channels)),
+        combined=luminance(combined_light(channels)),
         coverage=layers["Combined", "A"],
         depth_world=layers["Depth", "Z"],
         albedo=luminance(_color(layers, _COLOR)),

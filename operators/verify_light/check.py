@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +12,11 @@ import numpy as np
 
 from ...patchnet_addon.image.comparison import Guides, compare, psnr
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
-from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.progress import Steps, labelled
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
-from ..cycles.camera_render import Reference, render_reference
-from ..cycles.daylight import daylight, has_light
+from ..cycles.camera_render import Reference
+from ..cycles.halves import render_halves
 from ..pipeline.lit_octree import build_lit_octree
 from ..pipeline.versions import machine, versions
 from ..scene.cameras import camera_size_px, choose_cameras
@@ -103,32 +102,17 @@ def check_camera(
     mine = (yield from supersample(octree, camera, settings.rays)).reshape(shape)
     white = replace(octree, luminance=np.full_like(octree.luminance, round(LUMINANCE_SCALE)))
     coverage = (yield from supersample(white, camera, min(_COVERAGE_RAYS, settings.rays))).reshape(shape)
-    halves = []
-    for seed in range(2):
-        yield Progress(seed, 2, "Cycles")
-        with _light(context):
-            halves.append(render_reference(context, camera, settings.render_samples // 2, seed + 1))
-    yield Progress(2, 2, "Cycles")
+    halves = yield from render_halves(context, camera, settings.render_samples)
     report = _figures(mine, coverage, halves, octree.exposure) | _placed(camera)
     cycles = np.clip(octree.exposure * _mean(halves), 0.0, 1.0).astype(np.float32)
     return CameraCheck(camera, cycles, mine, report)
 
 
-@contextmanager
-def _light(context: bpy.types.Context) -> Iterator[None]:
-    """Light that was baked: the scene's own, or daylight if it has none."""
-    if has_light(context.evaluated_depsgraph_get()):
-        yield
-        return
-    with daylight(context.scene):
-        yield
-
-
-def _mean(halves: list[Reference]) -> np.ndarray:
+def _mean(halves: Sequence[Reference]) -> np.ndarray:
     return np.mean([half.luminance for half in halves], axis=0)
 
 
-def _figures(mine: np.ndarray, coverage: np.ndarray, halves: list[Reference], exposure: float) -> dict[str, Any]:
+def _figures(mine: np.ndarray, coverage: np.ndarray, halves: Sequence[Reference], exposure: float) -> dict[str, Any]:
     """Figures of a view; the noise of the mean of two independent halves is half their difference."""
     first, second = (half.luminance * np.float32(exposure) for half in halves)
     cycles = (first + second) / 2

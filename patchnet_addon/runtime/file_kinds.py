@@ -117,6 +117,9 @@ CHECKPOINT = FileKind(
 TRAINING_LOG = FileKind("a log of a training run", (".jsonl",), _is_log)
 MODEL_CARD = FileKind("a model card of PatchNet", (".md",), _begins(b"# Model card of PatchNet"))
 EVALUATION = FileKind("results of an evaluation", (".json",), _begins(b'{\n "settings": {\n  "frames": '))
+CYCLES_EVALUATION = FileKind(
+    "results of an evaluation against Cycles", (".json",), _begins(b'{\n "settings": {\n  "cameras": ')
+)
 EVALUATION_TABLE = FileKind("a table of an evaluation", (".csv",), _begins(b"scene,strategy,group,rays_per_pixel,"))
 EVALUATION_REPORT = FileKind(
     "a report of an evaluation",

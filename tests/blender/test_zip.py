@@ -12,7 +12,7 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-_TRAINING = ("bench", "dataset", "evaluate", "figures", "shared/training_run", "train", "train_maps")
+_TRAINING = ("bench", "dataset", "evaluate", "evaluate_cycles", "figures", "shared/training_run", "train", "train_maps")
 NOT_FOR_BLENDER = {f"commands/{name}.py" for name in _TRAINING}
 WHEELS = [f"{name}-1-cp313-cp313-win_amd64.whl" for name in ("llvmlite", "numba")]
 

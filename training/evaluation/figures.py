@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,10 +28,13 @@ _STYLES = {
 _PANELS = ((1, "no further ray"), (2, "one further ray"), (5, "four further rays"))
 
 
-def draw_budgets(values: dict[str, Any], folder: Path, name: str, title: str) -> list[Path]:
+def draw_budgets(
+    values: dict[str, Any], folder: Path, name: str, title: str, levels: Mapping[str, float] | None = None
+) -> list[Path]:
     """Draw error over budget of a scene, a diagram for each number of rays a pixel, with optimal and random.
 
-    Returns the files; raises PatchNetError if one cannot be written.
+    levels: errors that are no strategy's, drawn as level lines, by label. Returns the files; raises PatchNetError if
+    one cannot be written.
     """
     from matplotlib.figure import Figure
 
@@ -41,6 +45,8 @@ def draw_budgets(values: dict[str, Any], folder: Path, name: str, title: str) ->
     for axes, (rays, label) in zip(panels, _PANELS, strict=True):
         for kind, style in (("random", "--"), ("optimal", ":")):
             axes.plot(budgets, _error(values["mse"][kind]), style, color=GRAY, lw=1, label=kind)
+        for number, (label_of_level, level) in enumerate((levels or {}).items()):
+            axes.axhline(1e4 * level, color="k", lw=0.8, ls=("-.", (0, (1, 3)))[number % 2], label=label_of_level)
         for strategy, curve in values["mse"].items():
             if values["rays_per_pixel"][strategy] == rays and strategy not in ("random", "optimal"):
                 _draw_curve(axes, budgets, _error(curve), strategy)

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet evaluate-cycles`: all strategies against Cycles' pictures of the scenes, through a few cameras each."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.errors import SettingError
+from ..patchnet_addon.runtime.file_kinds import CYCLES_EVALUATION, EVALUATION_TABLE
+from ..patchnet_addon.runtime.outputs import check_outputs
+from ..patchnet_addon.runtime.progress import Steps, drain, labelled
+from ..patchnet_addon.runtime.replace import replaced_file
+from .shared.arguments import add_number, add_out
+from .shared.job_arguments import require_blender
+from .shared.lines import say_result
+
+if TYPE_CHECKING:
+    from ..patchnet_addon.codes.coded_octree import CodedOctree
+    from ..patchnet_addon.network.weights import Weights
+    from ..training.evaluation.scene import Scene
+    from ..training.evaluation.second_truth import CameraResult
+
+RESULTS, TABLE, FIGURES = "cycles.json", "cycles.csv", "figures"
+OUTPUTS = {RESULTS: CYCLES_EVALUATION, TABLE: EVALUATION_TABLE}
+_COLUMNS = ("scene", "strategy", "group", "rays_per_pixel", "truth", "budget", "mse")
+
+
+@dataclass(frozen=True)
+class _Settings:
+    """Settings of a run, as they stand in its results; cameras: of each scene; frames: of the whole track."""
+
+    cameras: int
+    samples: int
+    frames: int
+    size: tuple[int, int]
+    seed: int
+    weights: str | None
+
+
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Arguments of `patchnet evaluate-cycles`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "evaluate-cycles",
+        help="compare all strategies against renders by Cycles",
+        description="Evaluate all strategies on a few cameras of each scene's track, with refined pixels taken from a "
+        "render of the scene by Cycles. The error that the voxels themselves leave is stated apart.",
+    )
+    parser.add_argument("--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all")
+    parser.add_argument(
+        "--octree", type=_octree_file, action="append", default=[], metavar="NAME=FILE", help="octree file of a scene "
+        "(made in --out); may be repeated",
+    )  # fmt: skip
+    add_number(parser, "--cameras", bounds.TRACK_FRAMES, default=3, help="cameras of each scene (3)")
+    add_number(parser, "--samples", bounds.RENDER_SAMPLES, default=256, help="Cycles samples per pixel (256)")
+    add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of the track they are from (2000)")
+    add_number(
+        parser, "--size", bounds.VIEW_PX, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"),
+        help="pixels (130 130)",
+    )  # fmt: skip
+    add_number(parser, "--seed", bounds.SEED, default=0, help="of the camera tracks (0)")
+    parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
+    add_out(parser, "folder for results and figures; that of `patchnet evaluate` will do", required=True)
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate scene after scene, write, and say where; returns 0; raises PatchNetError."""
+    from ..patchnet_addon.network.weights import load_weights
+    from ..patchnet_addon.sampling.references.registry import EVALUATED
+    from ..training.evaluation.second_truth import second_truth_results
+    from .shared.progress_bars import ProgressBars
+
+    settings = _Settings(
+        args.cameras, args.samples, args.frames, tuple(args.size), args.seed, args.weights and args.weights.name
+    )
+    scenes, octrees = _scenes(args)
+    inputs = [*octrees.values(), *filter(None, [args.weights])]
+    check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, inputs, folder=args.out)
+    require_blender()
+    args.out.mkdir(parents=True, exist_ok=True)
+    weights = load_weights(args.weights)
+    found: dict[str, Any] = {}
+    with ProgressBars() as bars:
+        for scene in scenes:
+            steps = _measured(scene, octrees.get(scene.name), settings, weights, args.out)
+            coded, cameras = drain(labelled(steps, f"{scene.title}: {{}}"), bars.show)
+            found[scene.name] = {"light": scene.light} | second_truth_results(scene.name, coded, EVALUATED, cameras)
+            _draw(scene, found[scene.name], cameras, args.out / FIGURES)
+            _write(args.out, settings, found)  # scene by scene: each takes long
+    say_result(f"{args.out / RESULTS}: {len(found)} scenes", file=args.out / RESULTS, scenes=len(found))
+    return 0
+
+
+def _octree_file(text: str) -> tuple[str, Path]:
+    """Read NAME=FILE."""
+    name, sign, path = text.partition("=")
+    if not (name and sign and path):
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE, such as courtyard=courtyard.safetensors")
+    return name, Path(path)
+
+
+def _scenes(args: argparse.Namespace) -> tuple[list[Scene], dict[str, Path]]:
+    """Scenes, and octree files that are given by name; raises SettingError, and SceneError for a missing file."""
+    from ..training.evaluation.catalogue import scenes_named
+
+    scenes, octrees = scenes_named(args.scenes), dict(args.octree)
+    if not scenes:
+        raise SettingError("There is nothing to evaluate: name --scenes of the catalogue, or all")
+    strange = octrees.keys() - {scene.name for scene in scenes}
+    if strange:
+        raise SettingError(f"--octree {sorted(strange)[0]}: there is no such scene among --scenes: name it there, too")
+    for scene in scenes:
+        scene.path()
+    return scenes, octrees
+
+
+def _measured(
+    scene: Scene, given: Path | None, settings: _Settings, weights: Weights, out: Path
+) -> Steps[tuple[CodedOctree, list[CameraResult]]]:
+    """Octree with its codes, and results of the scene's cameras; the scene is open in Blender afterwards."""
+    import bpy
+
+    from ..operators.scene.hiding import hide_from_renders
+    from ..operators.verify_light.octree_light import as_in_octree
+    from ..patchnet_addon.octree.file import load_octree
+    from ..patchnet_addon.surface.bisect import AXES
+    from ..training.evaluation.kept_codes import kept_codes
+    from ..training.evaluation.octrees import scene_octree
+    from ..training.evaluation.second_truth import spread_cameras
+    from ..training.evaluation.tracks import camera_track
+    from .shared.own_scenes import open_or_build
+    from .shared.quiet import quiet_stdout
+
+    octree = load_octree(given or scene_octree(scene, out / "octrees"))
+    open_or_build(str(scene.path()))
+    hide_from_renders(scene.without)
+    bisect = None if scene.bisect is None else (AXES.index(scene.bisect[0]), scene.bisect[1])
+    with quiet_stdout(), as_in_octree(bpy.context, octree, scene.light, bisect):
+        coded = yield from kept_codes(octree, weights, out / "scenes" / scene.name)
+        track = yield from camera_track(
+            octree, frames=settings.frames, size_px=settings.size, lookahead=weights.lookahead, seed=settings.seed
+        )
+        results = []
+        for camera in spread_cameras(track, settings.cameras):
+            steps = _camera(coded, camera, scene, settings)
+            results.append((yield from labelled(steps, f"{camera.name}: {{}}")))
+    return coded, results
+
+
+def _camera(coded: CodedOctree, camera: Any, scene: Scene, settings: _Settings) -> Steps[CameraResult]:
+    """Results of a camera. Surfaces that shine by Two Lights have no gloss: there is no truth of all light."""
+    import bpy
+
+    from ..operators.cycles.halves import render_halves
+    from ..patchnet_addon.sampling.references.registry import EVALUATED
+    from ..training.evaluation.scene import CYCLES
+    from ..training.evaluation.second_truth import COMBINED, DIFFUSE, Truth, measure_camera
+
+    first, second = yield from render_halves(bpy.context, camera, settings.samples)
+    exposure = coded.octree.exposure
+    truths = {DIFFUSE: Truth.of_halves(first.luminance, second.luminance, exposure)}
+    if scene.light == CYCLES:
+        truths[COMBINED] = Truth.of_halves(first.combined, second.combined, exposure)
+    return (yield from measure_camera(coded, camera, EVALUATED, truths))
+
+
+def _draw(scene: Scene, values: dict[str, Any], cameras: list[CameraResult], folder: Path) -> None:
+    """Draw error over budget against Cycles, and what the cameras see."""
+    from ..training.evaluation.figures import draw_budgets
+    from ..training.evaluation.second_truth import DIFFUSE
+    from ..training.evaluation.second_truth_figures import draw_cameras
+
+    truth = values["truths"][DIFFUSE]
+    levels = {"octree, 32 x 32 rays": truth["bias"], "noise of Cycles": truth["noise"]}
+    draw_budgets(values, folder, f"{scene.name}-cycles", f"{scene.title}: error against Cycles", levels)
+    draw_cameras(cameras, folder, f"{scene.name}-cycles-views")
+
+
+def _write(out: Path, settings: _Settings, found: dict[str, Any]) -> None:
+    """Write all scenes that there are up to now, the table first."""
+    from ..training.evaluation.second_truth import csv_rows
+
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(_COLUMNS)
+    for name, values in found.items():
+        rows.writerows(csv_rows(name, values))
+    results = json.dumps({"settings": asdict(settings), "scenes": found}, indent=1, allow_nan=False)
+    for name, content in ((TABLE, text.getvalue()), (RESULTS, results)):
+        with replaced_file(out / name, OUTPUTS[name]) as file:
+            file.write(content.encode())

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Two Lights, the paper's light without shadows, as materials that shine by themselves (methods 7.3).
+
+Lamps of Cycles would not do: they shade by smooth normals, and light nothing of a metal's base colour that is diffuse.
+So a surface emits what an octree lit by Two Lights holds: base colour times |normal . direction|, plus its emission.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.runtime.errors import SceneError
+from ..scene.layer_names import shader_tree
+from ..scene_access.overrides import changed, put_back_when_saved
+from ..scene_access.temporary import temporary
+
+_BASE = {"BSDF_PRINCIPLED": "Base Color", "BSDF_DIFFUSE": "Color"}
+_KEPT = frozenset({"MIX_SHADER", "ADD_SHADER", "BSDF_TRANSPARENT", "EMISSION"})
+_MOST_LAYERS = 1024  # transparent ones that a ray passes, as Cycles' panel offers
+Plane = tuple[int, float]  # axis, and coordinate in world units beyond which nothing is
+
+
+@contextmanager
+def two_lights(
+    scene: bpy.types.Scene, names: Sequence[str], direction: Sequence[float], plane: Plane | None = None
+) -> Iterator[None]:
+    """Let materials, by full name, emit the light of two antipodal lights within the block; all is as before after it.
+
+    plane: beyond it they are transparent. Raises SceneError for a surface without material, or one whose shaders are
+    other than principled, diffuse, transparent and emission.
+    """
+    if "" in names:
+        raise SceneError("A surface has no material, and Two Lights shine on those with one: give it a material")
+    library = {material.name_full: material for material in bpy.data.materials}
+    with ExitStack() as stack:
+        stack.enter_context(changed(scene.cycles, transparent_max_bounces=_MOST_LAYERS))
+        for name in names:
+            stack.enter_context(_replaced(library[name], np.asarray(direction, np.float64), plane))
+        yield
+
+
+@contextmanager
+def _replaced(material: bpy.types.Material, direction: np.ndarray, plane: Plane | None) -> Iterator[None]:
+    """Put a copy that shines in the place of a material, wherever it is used."""
+    with temporary(material.copy()) as copy:
+        _make_shine(copy, material.name, direction / np.linalg.norm(direction), plane)
+
+        def use() -> None:
+            material.user_remap(copy)
+
+        def put_back() -> None:
+            copy.user_remap(material)
+
+        use()
+        try:
+            with put_back_when_saved(put_back, use):
+                yield
+        finally:
+            put_back()
+
+
+def _make_shine(copy: bpy.types.Material, name: str, direction: np.ndarray, plane: Plane | None) -> None:
+    tree = shader_tree(copy)
+    if tree is None:
+        raise SceneError(f"Material '{name}' has no nodes, and Two Lights need them: turn on its nodes")
+    for node in list(tree.nodes):
+        if node.type in _BASE:
+            shine = _shine(tree, node, direction)
+            for link in list(node.outputs[0].links):
+                tree.links.new(shine, link.to_socket)
+        elif node.type not in _KEPT and any(each.type == "SHADER" and each.is_linked for each in node.outputs):
+            raise SceneError(
+                f"Material '{name}' has a shader '{node.name}' that Two Lights do not know: use a principled one"
+            )
+    if plane is not None:
+        _cut(tree, *plane)
+
+
+def _shine(tree: bpy.types.NodeTree, node: bpy.types.Node, direction: np.ndarray) -> bpy.types.NodeSocket:
+    """Shader output that emits what the lights make of a node's base colour, and its emission, where it is opaque."""
+    base = tree.nodes.new("ShaderNodeEmission")
+    _same(tree, node.inputs[_BASE[node.type]], base.inputs["Color"])
+    tree.links.new(_cosine(tree, direction), base.inputs["Strength"])
+    if node.type != "BSDF_PRINCIPLED":
+        return base.outputs[0]
+    own, both = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeAddShader")
+    _same(tree, node.inputs["Emission Color"], own.inputs["Color"])
+    _same(tree, node.inputs["Emission Strength"], own.inputs["Strength"])
+    tree.links.new(base.outputs[0], both.inputs[0])
+    tree.links.new(own.outputs[0], both.inputs[1])
+    mix = _mixed_with_transparent(tree, both.outputs[0])
+    _same(tree, node.inputs["Alpha"], mix.inputs[0])
+    return mix.outputs[0]
+
+
+def _cosine(tree: bpy.types.NodeTree, direction: np.ndarray) -> bpy.types.NodeSocket:
+    """Output |n . d|, of the normal without smoothing."""
+    geometry, dot = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeVectorMath")
+    dot.operation = "DOT_PRODUCT"
+    tree.links.new(geometry.outputs["True Normal"], dot.inputs[0])
+    dot.inputs[1].default_value = direction.tolist()
+    size = tree.nodes.new("ShaderNodeMath")
+    size.operation = "ABSOLUTE"
+    tree.links.new(dot.outputs["Value"], size.inputs[0])
+    return size.outputs[0]
+
+
+def _cut(tree: bpy.types.NodeTree, axis: int, beyond_world: float) -> None:
+    """Make the surface transparent beyond a plane across an axis."""
+    output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    if output is None or not output.inputs["Surface"].is_linked:
+        return  # shows nothing anyway
+    geometry, parts = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeSeparateXYZ")
+    tree.links.new(geometry.outputs["Position"], parts.inputs[0])
+    within = tree.nodes.new("ShaderNodeMath")
+    within.operation = "LESS_THAN"
+    tree.links.new(parts.outputs[axis], within.inputs[0])
+    within.inputs[1].default_value = beyond_world
+    mix = _mixed_with_transparent(tree, output.inputs["Surface"].links[0].from_socket)
+    tree.links.new(within.outputs[0], mix.inputs[0])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+
+
+def _mixed_with_transparent(tree: bpy.types.NodeTree, shown: bpy.types.NodeSocket) -> bpy.types.Node:
+    """Mix node whose factor is the share of `shown`."""
+    mix, clear = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfTransparent")
+    tree.links.new(clear.outputs[0], mix.inputs[1])
+    tree.links.new(shown, mix.inputs[2])
+    return mix
+
+
+def _same(tree: bpy.types.NodeTree, source: bpy.types.NodeSocket, target: bpy.types.NodeSocket) -> None:
+    """Give an input the link or the value of another one."""
+    if source.is_linked:
+        tree.links.new(source.links[0].from_socket, target)
+    else:
+        target.default_value = source.default_value

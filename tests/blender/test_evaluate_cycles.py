@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Strategies against Cycles' own pictures: curves that can be right, light that is the octree's, a scene left alone."""
+
+import csv
+import json
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet import commands
+from patchnet.operators.cycles.halves import render_halves
+from patchnet.operators.cycles.two_lights import two_lights
+from patchnet.operators.scene.files import open_scene
+from patchnet.operators.scene.read import read_scene
+from patchnet.operators.verify_light.octree_light import as_in_octree
+from patchnet.patchnet_addon.octree.file import load_octree
+from patchnet.patchnet_addon.runtime.errors import SceneError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
+from patchnet.patchnet_addon.surface.two_lights import DIRECTION
+from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.patchnet_addon.tracing.supersample import supersample
+from patchnet.tests.blender.light_scene import simple
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.training.evaluation.catalogue import SCENES
+from patchnet.training.evaluation.scene import CYCLES, FOLDER, TEST, TWO_LIGHTS, Scene
+
+FILE = "bars.obj"
+DEPTH = 7
+WORDS = ["--cameras", "2", "--samples", "8", "--frames", "20", "--size", "32", "24"]
+
+
+def boxes() -> str:
+    """Ten bars of different height and width on a plate, of two colours, as an .obj file."""
+    lines, count = [], 0
+    places = [(0.0, 0.0, 2.0, 2.0, 0.1)] + [
+        (0.2 * k, 0.15 * k, 0.04 + 0.03 * k, 0.1, 0.3 + 0.15 * k) for k in range(10)
+    ]
+    for number, (x, y, width, length, height) in enumerate(places):
+        corners = [(x + width * (i & 1), -(y + length * (i >> 1 & 1)), height * (i >> 2)) for i in range(8)]
+        lines += [f"v {a} {c} {b}" for a, b, c in corners]  # y is up in such files
+        lines.append(f"usemtl {'grey' if number % 2 else 'light'}")
+        faces = [(2, 3, 1, 0), (5, 7, 6, 4), (1, 5, 4, 0), (6, 7, 3, 2), (4, 6, 2, 0), (3, 7, 5, 1)]  # outwards
+        lines += ["f " + " ".join(str(count + each + 1) for each in face) for face in faces]
+        count += 8
+    return "\n".join(["mtllib bars.mtl", *lines, ""])
+
+
+@pytest.fixture
+def scenes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Scene]:
+    """Two scenes of one file, in the light of Cycles and in that of Two Lights, cut open, in the catalogue."""
+    (tmp_path / FILE).write_text(boxes())
+    (tmp_path / "bars.mtl").write_text("newmtl grey\nKd 0.4 0.4 0.4\nnewmtl light\nKd 0.7 0.6 0.5\nd 1.0\n")
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    common = {"file": FILE, "source": "a test", "licence": "none", "role": TEST, "samples": 2, "depth": DEPTH}
+    found = {
+        "bars": Scene("bars", "Bars", light=CYCLES, **common),
+        "bars-cut": Scene("bars-cut", "Bars, cut", light=TWO_LIGHTS, bisect=("x", 0.75), **common),
+    }
+    for name, scene in found.items():
+        monkeypatch.setitem(SCENES, name, scene)
+    return found
+
+
+def octree_file(scene: Scene, folder: Path) -> Path:
+    path = folder / f"{scene.name}.safetensors"
+    assert commands.main(["octree", str(scene.path()), *scene.arguments(), "--out", str(path)]) == 0
+    return path
+
+
+def view(size: int = 48) -> Camera:
+    return Camera.look_at(np.array([1.4, -3.2, 2.4]), np.array([0.9, 0.9, 0.4]), size_px=(size, size))
+
+
+def test_curves_against_cycles(scenes: dict[str, Scene], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib")
+    out = tmp_path / "out"
+    given = [word for scene in scenes.values() for word in ("--octree", f"{scene.name}={octree_file(scene, tmp_path)}")]
+    assert commands.main(["evaluate-cycles", "--scenes", ",".join(scenes), *given, *WORDS, "--out", str(out)]) == 0
+    assert "2 scenes" in capsys.readouterr().out
+    results = json.loads((out / "cycles.json").read_text())
+    assert results["settings"] | {"cameras": 2, "samples": 8} == results["settings"]
+    for name, values in results["scenes"].items():
+        truths = {"octree", "diffuse", "combined"} if name == "bars" else {"octree", "diffuse"}
+        assert values["truths"].keys() == truths and len(values["cameras"]) == 2
+        for truth, found in values["truths"].items():
+            curves = np.array(list(found["mse"].values()))
+            assert found["mse"].keys() == EVALUATED.keys() and curves.shape == (len(EVALUATED), 101)
+            np.testing.assert_allclose(curves[:, 0], curves[0, 0])
+            assert curves[0, 0] > 0 and np.abs(curves[:, 100]).max() < 1e-12
+            assert (np.array(found["mse"]["optimal"]) <= curves.min(axis=0) + 1e-9 * curves[0, 0]).all()
+            if truth != "octree":
+                assert 0 < found["bias"] < curves[0, 0] and 0 < found["noise"] < found["bias"]
+        assert values["mse"] == values["truths"]["diffuse"]["mse"]
+    rows = list(csv.DictReader((out / "cycles.csv").read_text().splitlines()))
+    assert len(rows) == 5 * len(EVALUATED) * 101
+    figures = {path.name for path in (out / "figures").iterdir()}
+    assert figures == {f"{name}-cycles{end}" for name in scenes for end in (".png", ".svg", "-views.png")}
+
+
+@pytest.mark.parametrize("name", ["bars", "bars-cut"])
+def test_light_is_that_of_the_octree_and_the_scene_stays(name: str, scenes: dict[str, Scene], tmp_path: Path) -> None:
+    scene = scenes[name]
+    octree = load_octree(octree_file(scene, tmp_path))
+    open_scene(scene.path())
+    before = scene_snapshot()
+    with as_in_octree(bpy.context, octree, scene.light, None if scene.bisect is None else (0, scene.bisect[1])):
+        first, second = drain(render_halves(bpy.context, view(), 32))
+    assert_unchanged(before)
+    cycles = octree.exposure * (first.luminance + second.luminance) / 2
+    mine = drain(supersample(octree, view(), 8)).reshape(cycles.shape)
+    assert np.clip(cycles, 0, 1).mean() == pytest.approx(mine.mean(), rel=0.05)
+    right = cycles[:, 38:]  # of what is left of the cut
+    assert (right.max() == 0) == (name == "bars-cut")
+
+
+def test_two_lights_are_what_methods_say(empty_scene: None) -> None:
+    """A smooth metal, a diffuse surface that is half transparent, and an emitter, seen from above."""
+    bpy.ops.mesh.primitive_plane_add(size=4.0)
+    material = simple("BsdfPrincipled", Base_Color=(0.5, 0.5, 0.5, 1.0), Metallic=1.0, Alpha=0.5)
+    bpy.context.object.data.materials.append(material)
+    names = read_scene(bpy.context.evaluated_depsgraph_get()).material_names
+    camera = Camera.look_at(np.array([0.0, -0.1, 2.0]), np.zeros(3), size_px=(8, 8), fov=0.5)
+    with two_lights(bpy.context.scene, names, DIRECTION):
+        halves = drain(render_halves(bpy.context, camera, 512))
+    expected = 0.5 * 0.5 * DIRECTION[2] / np.linalg.norm(DIRECTION)
+    assert np.mean([half.luminance for half in halves]) == pytest.approx(expected, rel=0.02)
+
+
+def test_shaders_that_two_lights_do_not_know_are_refused(empty_scene: None) -> None:
+    bpy.ops.mesh.primitive_plane_add()
+    bpy.context.object.data.materials.append(simple("BsdfGlass", "Window"))
+    before = scene_snapshot()
+    wrong = pytest.raises(SceneError, match="Material 'Window' has a shader")
+    with wrong, two_lights(bpy.context.scene, ["Window"], DIRECTION):
+        pass
+    assert_unchanged(before)
+    with pytest.raises(SceneError, match="no material"), two_lights(bpy.context.scene, [""], DIRECTION):
+        pass
+
+
+def test_octree_of_something_else_is_refused(scenes: dict[str, Scene], tmp_path: Path) -> None:
+    octree = load_octree(octree_file(scenes["bars-cut"], tmp_path))
+    with pytest.raises(SceneError, match="light is 'two-lights'"), as_in_octree(bpy.context, octree, CYCLES):
+        pass
+    bpy.ops.mesh.primitive_cube_add(size=9.0)
+    with pytest.raises(SceneError, match="cube"), as_in_octree(bpy.context, octree, TWO_LIGHTS):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "There is nothing to evaluate"),
+        (["--scenes", "moon"], "There is no scene 'moon'"),
+        (["--scenes", "courtyard", "--octree", "bars=x.safetensors"], "there is no such scene among --scenes"),
+        (["--scenes", "courtyard", "--samples", "1"], "outside"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_refused(
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert commands.main(["evaluate-cycles", *words, "--out", str(tmp_path / "out")]) == 2
+    assert message in capsys.readouterr().err
