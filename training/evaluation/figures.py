@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..benchmarks.figures import BLUE, GRAY, GREEN, ORANGE, PURPLE, finish, save_figure
+from .patch_networks import network_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,19 +20,23 @@ CYCLES_MS_PER_PIXEL = 0.2
 """Processor milliseconds that 64 paths of Cycles take in a pixel, at the rate that `patchnet bench bake` says of camera
 renders: 0.3 million paths a second."""
 _LIGHT = "0.75"
-_STYLES = {
+Style = tuple[str, str]  # color and line
+_STYLES: dict[str, Style] = {
     "patchnet": ("#56b4e9", "-"), "patchnet-behind": (BLUE, "-"), "fusion": (PURPLE, "-"), "ss-variance": (ORANGE, "-"),
     "ws-lut": (GREEN, "-"), "fine-ray": ("#8c510a", "-"), "fine-ray-variance": ("#8c510a", "--"),
     "fine-rays-4": ("#cc79a7", "-"), "fine-rays-4-variance": ("#cc79a7", "--"), "patchnet-behind-exact": (BLUE, ":"),
     "patchnet-exact": ("#56b4e9", ":"),
 }  # fmt: skip
+# For further networks, the first ones that are named; those after them are gray.
+_NETWORK_STYLES = (("black", "-."), ("#e69f00", "-."), ("#882255", "-."), ("#999933", "-."))
 _PANELS = ((1, "no further ray"), (2, "one further ray"), (5, "four further rays"))
 
 
 def draw_budgets(values: dict[str, Any], folder: Path, name: str, title: str) -> list[Path]:
     """Draw error over budget of a scene, a diagram for each number of rays a pixel, with optimal and random.
 
-    Returns the files; raises PatchNetError if one cannot be written.
+    Of further networks the first four have lines of their own. Returns the files; raises PatchNetError if one cannot
+    be written.
     """
     from matplotlib.figure import Figure
 
@@ -38,18 +44,19 @@ def draw_budgets(values: dict[str, Any], folder: Path, name: str, title: str) ->
     figure.suptitle(title, fontsize=12)
     budgets = 100 * np.asarray(values["budgets"])
     panels = figure.subplots(1, len(_PANELS), sharey=True)
+    styles = _STYLES | network_styles(values["mse"])
     for axes, (rays, label) in zip(panels, _PANELS, strict=True):
         for kind, style in (("random", "--"), ("optimal", ":")):
             axes.plot(budgets, _error(values["mse"][kind]), style, color=GRAY, lw=1, label=kind)
         for strategy, curve in values["mse"].items():
             if values["rays_per_pixel"][strategy] == rays and strategy not in ("random", "optimal"):
-                _draw_curve(axes, budgets, _error(curve), strategy)
+                _draw_curve(axes, budgets, _error(curve), strategy, styles)
         axes.set(xlabel="refined (% of active pixels)", title=label, yscale="log")
         axes.set_ylim(values["mse"]["random"][0] * 1e4 / 200, values["mse"]["random"][0] * 1.2e4)
         finish(axes)
         axes.legend(fontsize=8, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
     panels[0].set_ylabel("mean squared error (1e-4)")
-    return _save(figure, folder, name)
+    return save_both(figure, folder, name)
 
 
 def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> list[Path]:
@@ -71,7 +78,7 @@ def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> l
         for strategy, milliseconds in values["ms_per_frame"].items():
             if strategy in _STYLES or strategy == "random":
                 times = milliseconds + budgets * pixels * price
-                _draw_curve(axes, times, _error(values["mse"][strategy]), strategy)
+                _draw_curve(axes, times, _error(values["mse"][strategy]), strategy, _STYLES)
         axes.set(xlabel="milliseconds a frame, one thread", title=label, yscale="log", xscale="log")
         axes.set_ylim(values["mse"]["random"][0] * 1e4 / 300, values["mse"]["random"][0] * 1.2e4)
         finish(axes)
@@ -83,7 +90,14 @@ def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> l
     )  # fmt: skip
     figure.legend(*left.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=6)
     left.set_ylabel("mean squared error (1e-4)")
-    return _save(figure, folder, name)
+    return save_both(figure, folder, name)
+
+
+def network_styles(strategies: Iterable[str]) -> dict[str, Style]:
+    """Color and line of the strategies of the first four further networks; all strategies of a network have one."""
+    networks = {strategy: name for strategy in strategies if (name := network_name(strategy)) is not None}
+    styles = dict(zip(dict.fromkeys(networks.values()), _NETWORK_STYLES, strict=False))
+    return {strategy: styles[name] for strategy, name in networks.items() if name in styles}
 
 
 def _error(curve: list[float]) -> np.ndarray:
@@ -92,12 +106,13 @@ def _error(curve: list[float]) -> np.ndarray:
     return np.where(error > 0, error, np.nan)
 
 
-def _draw_curve(axes: Axes, x: np.ndarray, error: np.ndarray, strategy: str) -> None:
-    if strategy in _STYLES:
-        color, style = _STYLES[strategy]
+def _draw_curve(axes: Axes, x: np.ndarray, error: np.ndarray, strategy: str, styles: Mapping[str, Style]) -> None:
+    if strategy in styles:
+        color, style = styles[strategy]
         axes.plot(x, error, style, color=color, lw=1.8, label=strategy, zorder=3)
-    else:
-        axes.plot(x, error, "-", color=_LIGHT, lw=0.9, zorder=1, label=_first_of(axes, "other scores"))
+        return
+    label, style = ("other scores", "-") if network_name(strategy) is None else ("other networks", "-.")
+    axes.plot(x, error, style, color=_LIGHT, lw=0.9, zorder=1, label=_first_of(axes, label))
 
 
 def _first_of(axes: Axes, label: str) -> str:
@@ -105,7 +120,8 @@ def _first_of(axes: Axes, label: str) -> str:
     return "_hidden" if label in axes.get_legend_handles_labels()[1] else label
 
 
-def _save(figure: Any, folder: Path, name: str) -> list[Path]:
+def save_both(figure: Any, folder: Path, name: str) -> list[Path]:
+    """Write a figure as .png and .svg; returns the files; raises PatchNetError if one cannot be written."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"{name}{ending}" for ending in ENDINGS]
     for path in paths:
