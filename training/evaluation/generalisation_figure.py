@@ -91,12 +91,11 @@ def _label(axes: Axes, grid: np.ndarray, image: Any, rows: Sequence[str], scenes
     for (row, column), value in np.ndenumerate(grid):
         text = f"{value:.2f}" if np.isfinite(value) else "none"
         red, green, blue, _ = image.cmap(image.norm(value)) if np.isfinite(value) else (1.0, 1.0, 1.0, 1.0)
-        light = 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.5
-        axes.text(column, row, text, ha="center", va="center", fontsize=9, color="black" if light else "white")
+        ink = "black" if 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.5 else "white"
+        axes.text(column, row, text, ha="center", va="center", fontsize=9, color=ink)
         if rows[row].removeprefix(WITHOUT) == scenes[column]:
-            outline = Rectangle((column - 0.46, row - 0.42), 0.92, 0.84, fill=False, color="black", lw=1.6)
-            axes.add_patch(outline)
-            outline.set_linestyle("--" if rows[row].startswith(WITHOUT) else "-")
+            style = "--" if rows[row].startswith(WITHOUT) else "-"
+            axes.add_patch(Rectangle((column - 0.46, row - 0.42), 0.92, 0.84, fill=False, color=ink, lw=1.6, ls=style))
 
 
 def _plain_ticks(bar: Any, widest: float) -> None:

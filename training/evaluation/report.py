@@ -134,7 +134,7 @@ def _generalisation(found: Mapping[str, Any], figure: Path) -> str:
     ]
     text = (
         "<h2>Generalisation</h2><p>Errors at 30 % over those of ss-variance, of networks that were trained on one "
-        "scene, or on all but one. Solid outlines: tested on the scene that was learned; dashed: on the one that was left "
+        "scene, or on all but one. Solid outlines: tested on the scene that was learned; dashed: on the one left "
         f"out.</p><figure>{_svg(figure)}</figure>"
     )
     if not rows:
