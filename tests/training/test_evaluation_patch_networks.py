@@ -97,7 +97,7 @@ def test_a_network_scores_and_costs_what_it_decodes_itself(folder, tmp_path):
     strategies = {strategy.name: strategy for strategy in network_strategies(network)}
     mine = codes.of(strategies["pn-slats-behind"])
     assert mine.weights_hash == network.hash and codes.of(BEHIND) is codes.coded
-    camera = Camera.look_at(np.array([1.6, -1.2, 0.9]), np.zeros(3), size_px=(33, 21))
+    camera = Camera.look_at(np.array([4.8, -3.6, 2.7]), np.zeros(3), size_px=(33, 21))
     shared = drain(trace_view(codes.coded.octree, camera, [BEHIND], coded=codes.coded, reference=False))
     alone = drain(trace_view(mine.octree, camera, [BEHIND], coded=mine, reference=False))
     scores = frames._scores(strategies | {BEHIND.name: BEHIND}, shared, codes)
