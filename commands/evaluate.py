@@ -198,6 +198,6 @@ def _drawings(paths: Sequence[Path]) -> list[Path]:
 
 def _note(name: str, network: dict[str, Any]) -> str:
     return (
-        f"pn-{name}, pn-{name}-behind: the scores of patchnet and patchnet-behind by a network of "
-        f"{network['sample_passes']:,} sample passes on {len(network['octrees'])} octrees."
+        f"pn-{name}, pn-{name}-behind: the scores of patchnet and patchnet-behind by another network; sample passes "
+        f"that its weights state: {network['sample_passes']:,}, octrees: {len(network['octrees'])}."
     )

@@ -128,7 +128,8 @@ def test_figures_and_report_show_the_networks(out, results):
     assert {"generalisation.png", "generalisation.svg"} <= {path.name for path in (out / "figures").iterdir()}
     report = (out / "report.html").read_text(encoding="utf-8")
     assert report.count("<svg") == 7 and "Generalisation" in report
-    assert "7 sample passes on 1 octrees" in report and results["networks"]["without-shells"]["octrees"] == ["01"]
+    assert "sample passes that its weights state: 7, octrees: 1." in report
+    assert results["networks"]["without-shells"]["octrees"] == ["01"]
 
 
 def test_what_is_done_with_networks_is_skipped(out, folder, given, monkeypatch):
