@@ -57,6 +57,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "--maps", type=Path, nargs="+", default=(), metavar="FILE", help="weights files of train-maps, which are "
         "evaluated as well",
     )  # fmt: skip
+    parser.add_argument(
+        "--networks", type=_network, nargs="+", default=(), metavar="NAME=FILE", help="weights files of train, "
+        "evaluated as well, as pn-NAME and pn-NAME-behind; NAME is the scene that was trained on, or without-SCENE",
+    )  # fmt: skip
     add_number(parser, "--processes", bounds.THREADS, help="processes of one thread each (one for each core)")
     share = parser.add_mutually_exclusive_group()
     share.add_argument(
@@ -71,7 +75,9 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write and say where; returns 0; raises PatchNetError."""
+    from ..patchnet_addon.network.weights import load_weights
     from ..training.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_part, prepare
+    from ..training.evaluation.patch_networks import patch_networks
     from ..training.evaluation.results import csv_of, results_of
     from ..training.evaluation.strategies import map_names
     from .shared.progress_bars import ProgressBars
@@ -85,10 +91,12 @@ def run(args: argparse.Namespace) -> int:
         processes=args.processes,
         lpips=None if args.lpips is None else tuple(args.lpips),
         maps=tuple(args.maps),
+        networks=patch_networks(args.networks, load_weights(args.weights).lookahead),
     )
     if not args.scenes and not args.octrees:
         raise SettingError("There is nothing to evaluate: name --scenes, or octree files")
     inputs = [*args.octrees, *args.maps, *(args.lpips or ()), *filter(None, [args.weights])]
+    inputs += [path for _, path in args.networks]
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, inputs, folder=args.out)
     args.out.mkdir(parents=True, exist_ok=True)
     with ProgressBars() as bars:
@@ -102,8 +110,9 @@ def run(args: argparse.Namespace) -> int:
             say_result(f"{args.out}: {count} blocks of frames are there", file=args.out, blocks=count)
             return 0
         scenes = drain(evaluate(octrees, settings, args.out), bars.show)
-    results = {"settings": _settings(args)} | results_of(scenes)
-    results["maps"] = {name: scenes[0].strategies[name].description for name in map_names(scenes[0].strategies)}
+    results = {"settings": _settings(args)} | results_of(scenes, settings.networks)
+    strategies = scenes[0].strategies
+    results["maps"] = {name: strategies[name].description for name in map_names(strategies.values())}
     _write(args.out / TABLE, csv_of(results))
     _write(args.out / RESULTS, json.dumps(results, indent=1, allow_nan=False))
     _write(args.out / REPORT, _report(args, results, scenes))
@@ -117,6 +126,14 @@ def _part(text: str) -> tuple[int, int]:
     if not (slash and part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
         raise argparse.ArgumentTypeError(f"{text!r} is not a share such as 2/8, the second of eight")
     return int(part), int(parts)
+
+
+def _network(text: str) -> tuple[str, Path]:
+    """Read "station=run/patchnet.safetensors" as a name and a file."""
+    name, equals, path = text.partition("=")
+    if not (name and equals and path):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a name and a file such as station=run/patchnet.safetensors")
+    return name, Path(path)
 
 
 def _octrees(args: argparse.Namespace) -> dict[str, Path]:
@@ -153,6 +170,7 @@ def _write(path: Path, text: str) -> None:
 def _report(args: argparse.Namespace, results: dict[str, Any], scenes: Sequence[SceneResult]) -> str:
     """Draw the figures; returns the report with them."""
     from ..training.evaluation.figures import draw_budgets, draw_times
+    from ..training.evaluation.generalisation_figure import draw_generalisation
     from ..training.evaluation.patterns import draw_patterns
     from ..training.evaluation.report import report_html
 
@@ -162,11 +180,24 @@ def _report(args: argparse.Namespace, results: dict[str, Any], scenes: Sequence[
         drawn = drain(draw_patterns(scene.coded, scene.hardest, args.out / FIGURES, f"{name}-patterns"))
         drawn += draw_budgets(values, args.out / FIGURES, f"{name}-budget", name)
         drawn += draw_times(values, args.out / FIGURES, f"{name}-time", name)
-        figures[name] = [path for path in drawn if path.suffix == ".svg"]
+        figures[name] = _drawings(drawn)
+    matrix = draw_generalisation(results["claims"].get("generalisation", {}), args.out / FIGURES)
     notes = [
         f"{args.frames} frames a track, every {args.every}th of them at {args.size[0]} x {args.size[1]}; errors are of "
         "linear luminance against 32 x 32 rays in each pixel, pooled over the active pixels of all frames. Costs are "
         "processor milliseconds of one thread for whole frames, from camera to order."
     ]
     notes += [f"{name}: {description}." for name, description in results["maps"].items()]
-    return report_html(results, figures, notes)
+    notes += [_note(name, network) for name, network in results["networks"].items()]
+    return report_html(results, figures, notes, _drawings(matrix))
+
+
+def _drawings(paths: Sequence[Path]) -> list[Path]:
+    return [path for path in paths if path.suffix == ".svg"]
+
+
+def _note(name: str, network: dict[str, Any]) -> str:
+    return (
+        f"pn-{name}, pn-{name}-behind: the scores of patchnet and patchnet-behind by another network; sample passes "
+        f"that its weights state: {network['sample_passes']:,}, octrees: {len(network['octrees'])}."
+    )

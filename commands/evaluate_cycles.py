@@ -131,7 +131,7 @@ def _measured(
     from ..operators.verify_light.octree_light import as_in_octree
     from ..patchnet_addon.octree.file import load_octree
     from ..patchnet_addon.surface.bisect import AXES
-    from ..training.evaluation.kept_codes import kept_codes
+    from ..training.evaluation.kept_codes import codes_path, kept_codes
     from ..training.evaluation.octrees import scene_octree
     from ..training.evaluation.second_truth import spread_cameras
     from ..training.evaluation.tracks import camera_track
@@ -143,7 +143,7 @@ def _measured(
     hide_from_renders(scene.without)
     bisect = None if scene.bisect is None else (AXES.index(scene.bisect[0]), scene.bisect[1])
     with quiet_stdout(), as_in_octree(bpy.context, octree, scene.light, bisect):
-        coded = yield from kept_codes(octree, weights, out / "scenes" / scene.name)
+        coded = yield from kept_codes(octree, weights, codes_path(out / "scenes" / scene.name, weights.hash))
         track = yield from camera_track(
             octree, frames=settings.frames, size_px=settings.size, lookahead=weights.lookahead, seed=settings.seed
         )

@@ -22,9 +22,9 @@ from patchnet.training.evaluation.figures_of_paper import tables
 from patchnet.training.evaluation.figures_of_paper.crops import Crop, crops_of_difference, window_sums
 from patchnet.training.evaluation.figures_of_paper.distances import distance_view, pooled_values
 from patchnet.training.evaluation.figures_of_paper.figures import make_split
-from patchnet.training.evaluation.figures_of_paper.kept_codes import coded_octree
 from patchnet.training.evaluation.figures_of_paper.split import PATTERNS, split_view
 from patchnet.training.evaluation.figures_of_paper.viewpoint import hardest_end
+from patchnet.training.evaluation.kept_codes import coded_octree
 from patchnet.training.evaluation.octrees import octree_path
 
 CLOTH, WOOD = 0.5, 0.1  # luminance

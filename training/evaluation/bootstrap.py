@@ -147,3 +147,17 @@ def _interval(figures: np.ndarray) -> Interval:
     undefined = np.isnan(resamples[-1])
     low, high = (np.where(undefined, np.nan, resamples[place]) for place in (outside, -1 - outside))
     return Interval(figures[0], low, high)
+
+
+def number_with_interval(interval: Interval) -> dict[str, float | None]:
+    """Value and ends of an interval of one figure; None for what is infinite or undefined, which JSON cannot say."""
+    return {
+        "value": finite(np.ravel(interval.value)[0]),
+        "low": finite(np.ravel(interval.low)[0]),
+        "high": finite(np.ravel(interval.high)[0]),
+    }
+
+
+def finite(value: float) -> float | None:
+    """Number as JSON can say it; None for what is infinite or undefined."""
+    return float(value) if np.isfinite(value) else None

@@ -28,6 +28,7 @@ from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.pixels import supersample_pixels
 from ...patchnet_addon.tracing.supersample import supersample
 from ..benchmarks.timing import take_turns
+from .scene_codes import SceneCodes
 
 REFERENCE_SIDE = 32
 _REFERENCE_PIXELS = 512  # of a frame, enough to be timed
@@ -57,13 +58,14 @@ class Costs:
 
 
 def measure_costs(
-    coded: CodedOctree,
+    codes: SceneCodes,
     cameras: Sequence[Camera],
     strategies: Mapping[str, Strategy],
     sides: Sequence[int],
     repeats: int,
 ) -> Costs:
     """Measure frames by every strategy, in turns; those that read the reference have no price."""
+    coded = codes.coded
     priced = {name: strategy for name, strategy in strategies.items() if REFERENCE not in strategy.needs}
     frames: dict[str, list[float]] = {name: [] for name in priced}
     uniform: dict[int, list[float]] = {side: [] for side in sides}
@@ -71,7 +73,7 @@ def measure_costs(
     with limit_threads(1):
         for camera in cameras:
             pixels = _spread_pixels(camera)
-            runs = {name: _frame(coded, camera, strategy) for name, strategy in priced.items()}
+            runs = {name: _frame(codes.of(strategy), camera, strategy) for name, strategy in priced.items()}
             runs |= {f"uniform {side}": _uniform(coded, camera, side) for side in sides}
             runs["reference"] = _reference(coded, camera, pixels)
             for run in runs.values():

@@ -17,11 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
-from ...patchnet_addon.codes.encode import encode_octree
-from ...patchnet_addon.codes.file import load_codes, save_codes
 from ...patchnet_addon.network.weights import Weights, load_weights
 from ...patchnet_addon.octree.file import load_octree, octree_hash
-from ...patchnet_addon.runtime.errors import CodesFileError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.threads import usable_cores
@@ -29,9 +26,12 @@ from ...patchnet_addon.sampling.references.registry import EVALUATED
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.tracing.camera import Camera
 from .costs import Costs, measure_costs, read_costs, write_costs
-from .frames import BlockResult, FrameBlock, SceneFiles, evaluate_block, load_block
+from .frames import BlockResult, FrameBlock, evaluate_block, load_block
+from .kept_codes import codes_path
 from .networks.map_file import map_hash
+from .patch_networks import PatchNetwork
 from .quality import lpips_weights
+from .scene_codes import SceneCodes, SceneFiles, load_scene, make_codes
 from .strategies import strategies_in_use
 from .tracks import camera_track
 
@@ -47,7 +47,8 @@ class EvaluationSettings:
 
     frames: of each whole track. every: distance of the frames that are evaluated. size_px: of the pictures.
     weights: file, None for those that are shipped. processes: None for one a core. strategies: names of those of the
-    registry. lpips: files of its trunk and heads. maps: weights files of map networks, which are evaluated as well.
+    registry. lpips: files of its trunk and heads. maps: weights files of map networks, which are evaluated as well, and
+    networks: further networks like the one of `weights`.
     """
 
     frames: int = 2000
@@ -59,6 +60,7 @@ class EvaluationSettings:
     strategies: tuple[str, ...] = tuple(EVALUATED)
     lpips: tuple[Path, Path] | None = None
     maps: tuple[Path, ...] = ()
+    networks: tuple[PatchNetwork, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +83,7 @@ def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Pat
     """Evaluate all strategies on octree files by name of the scene; what is in `out` already is skipped."""
     weights = load_weights(settings.weights)
     lpips_weights(settings.lpips)  # an error now, not after hours
-    strategies = strategies_in_use(settings.strategies, settings.maps)
+    strategies = strategies_in_use(settings.strategies, settings.maps, settings.networks)
     scenes = []
     for name, path in octrees.items():
         scenes.append((yield from _prepare(name, path, settings, weights, out)))
@@ -89,7 +91,7 @@ def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Pat
     results = []
     for number, scene in enumerate(scenes):
         yield Progress(number, len(scenes), "Measuring costs")
-        results.append(_result(scene, strategies, weights, out))
+        results.append(_result(scene, strategies, out))
     return results
 
 
@@ -130,11 +132,8 @@ def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weigh
     octree = load_octree(path)
     folder = out / "scenes" / name
     folder.mkdir(parents=True, exist_ok=True)
-    files = SceneFiles(path, folder / f"codes-{weights.hash[:16]}.safetensors", settings.weights)
-    try:
-        load_codes(files.codes, octree, weights)
-    except CodesFileError:
-        save_codes((yield from encode_octree(octree, weights)), files.codes)
+    files = SceneFiles(path, codes_path(folder, weights.hash), settings.weights, settings.networks)
+    yield from make_codes(files, octree)
     track = yield from camera_track(
         octree, frames=settings.frames, size_px=settings.size_px, lookahead=weights.lookahead, seed=settings.seed
     )
@@ -153,9 +152,10 @@ def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weigh
 def _key(settings: EvaluationSettings, octree: str, weights: str) -> str:
     """Hash of what a frame's errors depend on: settings, files, and the code that measures."""
     code = source_hash("training.evaluation.frames", "training.evaluation.tracks")
-    kept = replace(settings, processes=None, weights=None, maps=())
+    kept = replace(settings, processes=None, weights=None, maps=(), networks=())
     maps = [map_hash(path) for path in settings.maps]
-    return hashlib.sha256(repr((kept, octree, weights, maps, SIDES, code)).encode()).hexdigest()[:32]
+    networks = [(network.name, network.hash) for network in settings.networks]  # costs are kept by name
+    return hashlib.sha256(repr((kept, octree, weights, maps, networks, SIDES, code)).encode()).hexdigest()[:32]
 
 
 def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
@@ -177,29 +177,28 @@ def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
             raise
 
 
-def _result(scene: _Prepared, strategies: Mapping[str, Strategy], weights: Weights, out: Path) -> SceneResult:
+def _result(scene: _Prepared, strategies: Mapping[str, Strategy], out: Path) -> SceneResult:
     found = [block for block in map(load_block, scene.blocks) if block is not None]
-    octree = load_octree(scene.files.octree)
-    coded = load_codes(scene.files.codes, octree, weights)
-    costs = _costs(scene, coded, strategies, out / "scenes" / scene.name / "costs.json")
+    codes = load_scene(scene.files)
+    costs = _costs(scene, codes, strategies, out / "scenes" / scene.name / "costs.json")
     frames = BlockResult.joined(found)
     return SceneResult(
         name=scene.name,
         strategies=strategies,
         frames=frames,
         costs=costs,
-        coded=coded,
+        coded=codes.coded,
         hardest=scene.cameras[int(np.argmax(frames.left[:, 0, 0]))],
     )
 
 
-def _costs(scene: _Prepared, coded: CodedOctree, strategies: Mapping[str, Strategy], path: Path) -> Costs:
+def _costs(scene: _Prepared, codes: SceneCodes, strategies: Mapping[str, Strategy], path: Path) -> Costs:
     """Costs from their file, or measured on frames all over the track, and kept."""
     key = scene.blocks[0].key
     kept = read_costs(path, key)
     if kept is not None:
         return kept
     step = max(len(scene.cameras) // _COST_FRAMES, 1)
-    costs = measure_costs(coded, scene.cameras[::step][:_COST_FRAMES], strategies, SIDES, _COST_REPEATS)
+    costs = measure_costs(codes, scene.cameras[::step][:_COST_FRAMES], strategies, SIDES, _COST_REPEATS)
     write_costs(costs, path, key)
     return costs

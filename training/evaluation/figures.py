@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from ..benchmarks.figures import BLUE, GRAY, GREEN, ORANGE, PURPLE, finish
 from .panels import save_panels
+from .patch_networks import network_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,12 +20,15 @@ CYCLES_MS_PER_PIXEL = 0.2
 """Processor milliseconds that 64 paths of Cycles take in a pixel, at the rate that `patchnet bench bake` says of camera
 renders: 0.3 million paths a second."""
 _LIGHT = "0.75"
-_STYLES = {
+Style = tuple[str, str]  # color and line
+_STYLES: dict[str, Style] = {
     "patchnet": ("#56b4e9", "-"), "patchnet-behind": (BLUE, "-"), "fusion": (PURPLE, "-"), "ss-variance": (ORANGE, "-"),
     "ws-lut": (GREEN, "-"), "fine-ray": ("#8c510a", "-"), "fine-ray-variance": ("#8c510a", "--"),
     "fine-rays-4": ("#cc79a7", "-"), "fine-rays-4-variance": ("#cc79a7", "--"), "patchnet-behind-exact": (BLUE, ":"),
     "patchnet-exact": ("#56b4e9", ":"),
 }  # fmt: skip
+# For further networks, the first ones that are named; those after them are gray.
+_NETWORK_STYLES = (("black", "-."), ("#e69f00", "-."), ("#882255", "-."), ("#999933", "-."))
 _PANELS = ((1, "no further ray"), (2, "one further ray"), (5, "four further rays"))
 
 
@@ -33,8 +37,8 @@ def draw_budgets(
 ) -> list[Path]:
     """Draw error over budget of a scene, a diagram for each number of rays a pixel, with optimal and random.
 
-    levels: errors that are no strategy's, drawn as level lines, by label. Returns the files; raises PatchNetError if
-    one cannot be written.
+    Of further networks the first four have lines of their own. levels: errors that are no strategy's, drawn as level
+    lines, by label. Returns the files; raises PatchNetError if one cannot be written.
     """
     from matplotlib.figure import Figure
 
@@ -42,6 +46,7 @@ def draw_budgets(
     figure.suptitle(title, fontsize=12)
     budgets = 100 * np.asarray(values["budgets"])
     panels = figure.subplots(1, len(_PANELS), sharey=True)
+    styles = _STYLES | network_styles(values["mse"])
     for axes, (rays, label) in zip(panels, _PANELS, strict=True):
         for kind, style in (("random", "--"), ("optimal", ":")):
             axes.plot(budgets, _error(values["mse"][kind]), style, color=GRAY, lw=1, label=kind)
@@ -49,7 +54,7 @@ def draw_budgets(
             axes.axhline(1e4 * level, color="k", lw=0.8, ls=("-.", (0, (1, 3)))[number % 2], label=label_of_level)
         for strategy, curve in values["mse"].items():
             if values["rays_per_pixel"][strategy] == rays and strategy not in ("random", "optimal"):
-                _draw_curve(axes, budgets, _error(curve), strategy)
+                _draw_curve(axes, budgets, _error(curve), strategy, styles)
         axes.set(xlabel="refined (% of active pixels)", title=label, yscale="log")
         axes.set_ylim(values["mse"]["random"][0] * 1e4 / 200, values["mse"]["random"][0] * 1.2e4)
         finish(axes)
@@ -77,7 +82,7 @@ def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> l
         for strategy, milliseconds in values["ms_per_frame"].items():
             if strategy in _STYLES or strategy == "random":
                 times = milliseconds + budgets * pixels * price
-                _draw_curve(axes, times, _error(values["mse"][strategy]), strategy)
+                _draw_curve(axes, times, _error(values["mse"][strategy]), strategy, _STYLES)
         axes.set(xlabel="milliseconds a frame, one thread", title=label, yscale="log", xscale="log")
         axes.set_ylim(values["mse"]["random"][0] * 1e4 / 300, values["mse"]["random"][0] * 1.2e4)
         finish(axes)
@@ -92,18 +97,26 @@ def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> l
     return save_panels(figure, folder, name)
 
 
+def network_styles(strategies: Iterable[str]) -> dict[str, Style]:
+    """Color and line of the strategies of the first four further networks; all strategies of a network have one."""
+    networks = {strategy: name for strategy in strategies if (name := network_name(strategy)) is not None}
+    styles = dict(zip(dict.fromkeys(networks.values()), _NETWORK_STYLES, strict=False))
+    return {strategy: styles[name] for strategy, name in networks.items() if name in styles}
+
+
 def _error(curve: list[float]) -> np.ndarray:
     """Errors in 1e-4; none at budget 1, which a logarithm cannot show."""
     error = 1e4 * np.asarray(curve)
     return np.where(error > 0, error, np.nan)
 
 
-def _draw_curve(axes: Axes, x: np.ndarray, error: np.ndarray, strategy: str) -> None:
-    if strategy in _STYLES:
-        color, style = _STYLES[strategy]
+def _draw_curve(axes: Axes, x: np.ndarray, error: np.ndarray, strategy: str, styles: Mapping[str, Style]) -> None:
+    if strategy in styles:
+        color, style = styles[strategy]
         axes.plot(x, error, style, color=color, lw=1.8, label=strategy, zorder=3)
-    else:
-        axes.plot(x, error, "-", color=_LIGHT, lw=0.9, zorder=1, label=_first_of(axes, "other scores"))
+        return
+    label, style = ("other scores", "-") if network_name(strategy) is None else ("other networks", "-.")
+    axes.plot(x, error, style, color=_LIGHT, lw=0.9, zorder=1, label=_first_of(axes, label))
 
 
 def _first_of(axes: Axes, label: str) -> str:

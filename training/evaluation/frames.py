@@ -3,40 +3,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
-from ...patchnet_addon.codes.file import load_codes
-from ...patchnet_addon.network.weights import load_weights
-from ...patchnet_addon.octree.file import load_octree
+from ...patchnet_addon.codes.predict import predict
 from ...patchnet_addon.runtime.errors import FileFormatError
 from ...patchnet_addon.runtime.files import read_arrays, write_arrays
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.sampling.errors import squared_error
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.supersample import supersample
 from .curves import TrackErrors, frame_errors, frame_orders
 from .quality import lpips_weights, quality_of
+from .scene_codes import SceneCodes, SceneFiles, load_scene
 from .strategies import strategies_in_use
 
 KIND = "frames"
-
-
-@dataclass(frozen=True)
-class SceneFiles:
-    """Files of a scene that frames are evaluated of; weights: None for those that are shipped."""
-
-    octree: Path
-    codes: Path
-    weights: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +35,8 @@ class FrameBlock:
     """Block of F frames of a scene, the unit of work and of what is kept.
 
     path: file of the results. key: of everything that they depend on; a file with another key is made again.
-    strategies: names, in the order of the results. maps: weights files of map networks, whose strategies follow.
-    sides: of the uniform pictures. lpips: files of its trunk and heads.
+    strategies: names, in the order of the results; those of maps, weights files of map networks, follow, then those of
+    the networks of `files`. sides: of the uniform pictures. lpips: files of its trunk and heads.
     """
 
     files: SceneFiles
@@ -91,14 +82,14 @@ def evaluate_block(block: FrameBlock) -> None:
     """Evaluate the frames of a block on one thread and write them, unless they are there already."""
     if load_block(block) is not None:
         return
-    coded = _load(block.files)
-    strategies = strategies_in_use(block.strategies, block.maps)
+    codes = _load(block.files)
+    coded = codes.coded
+    strategies = strategies_in_use(block.strategies, block.maps, block.files.networks)
     rows = []
     with limit_threads(1):
         for number, camera in enumerate(block.cameras):
             buffers = drain(trace_view(coded.octree, camera, list(strategies.values()), coded=coded))
-            scores = {name: strategy.scores(buffers) for name, strategy in strategies.items()}
-            orders = frame_orders(buffers, scores)
+            orders = frame_orders(buffers, _scores(strategies, buffers, codes))
             errors = frame_errors(buffers, orders)
             # FLIP takes twice as long as all the rest of a frame: the first of a block stands for it.
             quality = quality_of(buffers, orders, lpips_weights(block.lpips), flips=number == 0)
@@ -123,6 +114,14 @@ def load_block(block: FrameBlock) -> BlockResult | None:
     return BlockResult(**arrays) if metadata.get("key") == block.key else None
 
 
+def _scores(strategies: Mapping[str, Strategy], buffers: PixelBuffers, codes: SceneCodes) -> dict[str, np.ndarray]:
+    """Scores (P,) by strategy; each further network decodes once, at the same hits."""
+    views = {codes.coded: buffers} | {
+        coded: replace(buffers, prediction=predict(coded, buffers.hits)) for coded in codes.networks.values()
+    }
+    return {name: strategy.scores(views[codes.of(strategy)]) for name, strategy in strategies.items()}
+
+
 def _uniform_error(coded: CodedOctree, camera: Camera, buffers: PixelBuffers, side: int) -> float:
     """Squared error of a picture of side x side rays in each pixel, summed over active pixels."""
     if side == 1:
@@ -133,6 +132,6 @@ def _uniform_error(coded: CodedOctree, camera: Camera, buffers: PixelBuffers, si
 
 
 @lru_cache(maxsize=1)
-def _load(files: SceneFiles) -> CodedOctree:
-    weights = load_weights() if files.weights is None else load_weights(files.weights)
-    return load_codes(files.codes, load_octree(files.octree), weights)
+def _load(files: SceneFiles) -> SceneCodes:
+    """Scene of the last block; its codes are mapped, so that processes share the memory."""
+    return load_scene(files)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from .claims import ORACLES
+from .patch_networks import network_name
 from .results import SHOWN
 
 _STYLE = """
@@ -20,8 +21,16 @@ th { border-bottom: 2px solid #888; } figure { margin: 1.5rem 0; } svg { max-wid
 """
 
 
-def report_html(results: Mapping[str, Any], figures: Mapping[str, Sequence[Path]], notes: Sequence[str]) -> str:
-    """HTML of the results. figures: .svg files by scene. notes: sentences about how it was made."""
+def report_html(
+    results: Mapping[str, Any],
+    figures: Mapping[str, Sequence[Path]],
+    notes: Sequence[str],
+    generalisation: Sequence[Path] = (),
+) -> str:
+    """HTML of the results. figures: .svg files by scene. notes: sentences about how it was made.
+
+    generalisation: .svg file of its matrix, if networks were trained on single scenes, or on all but one.
+    """
     parts = [
         "<!doctype html><html lang='en'><head><title>PatchNet: evaluation</title><meta charset='utf-8'>",
         "<meta name='viewport' content='width=device-width, initial-scale=1'>",
@@ -30,6 +39,7 @@ def report_html(results: Mapping[str, Any], figures: Mapping[str, Sequence[Path]
         *(f"<p>{escape(note)}</p>" for note in notes),
         "<h2>Claims of the paper</h2>",
         _claims(results["claims"]),
+        *(_generalisation(results["claims"]["generalisation"], path) for path in generalisation),
     ]
     for name, values in results["scenes"].items():
         parts += [f"<h2>{escape(name)}</h2>", _facts(values), _errors(values)]
@@ -86,8 +96,8 @@ def _quality(quality: Mapping[str, Any]) -> str:
     return "<p>Picture metrics at 30 %, means over frames:</p>" + _table(["strategy", *metrics], rows)
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.4f}"
+def _number(value: float | None, digits: int = 4) -> str:
+    return "" if value is None else f"{value:.{digits}f}"
 
 
 def _area(values: Mapping[str, Any], name: str) -> float:
@@ -99,14 +109,39 @@ def _claims(claims: Mapping[str, Any]) -> str:
     rows = []
     for claim, text in (("lowest", "lowest of the paper's references"), ("lowest_of_more", "lowest of all references")):
         for scene, found in claims[claim].items():
-            for name, values in found.items():
+            for name, values in _shipped(found).items():
                 rows.append([scene, name, f"{text} from 13 % on", _start(values), _verdict(values, found, name)])
     for scene, found in claims["half"].items():
-        for name, values in found.items():
+        for name, values in _shipped(found).items():
             at = values["budgets"].index(0.3)
             ratio = f"{values['value'][at]:.2f} ({values['low'][at]:.2f} to {values['high'][at]:.2f})"
             rows.append([scene, name, "half of ss-variance at 30 %", ratio, _verdict(values, found, name)])
     return _table(["scene", "strategy", "claim", "found", "holds"], rows)
+
+
+def _shipped(found: Mapping[str, Any]) -> dict[str, Any]:
+    """What was found without further networks, which the matrix of generalisation shows."""
+    return {name: values for name, values in found.items() if network_name(name) is None}
+
+
+def _generalisation(found: Mapping[str, Any], figure: Path) -> str:
+    """Matrix of all networks and scenes, and how far networks of one scene are apart."""
+    rows = [
+        [scene, score, *(_number(values[name], 2) for name in ("least", "greatest", "ratio"))]
+        for score, scores in found.items()
+        for scene, values in scores["spread"].items()
+        if values["least"] is not None
+    ]
+    text = (
+        "<h2>Generalisation</h2><p>Errors at 30 % over those of ss-variance, of networks that were trained on one "
+        "scene, or on all but one. Solid outlines: tested on the scene that was learned; dashed: on the one left "
+        f"out.</p><figure>{_svg(figure)}</figure>"
+    )
+    if not rows:
+        return text
+    return f"{text}<p>Spread over networks of one scene:</p>" + _table(
+        ["tested on", "score", "least", "greatest", "greatest over least"], rows
+    )
 
 
 def _start(values: Mapping[str, Any]) -> str:

@@ -12,19 +12,25 @@ from typing import Any
 import numpy as np
 
 from ...patchnet_addon.octree.file import octree_hash
-from .bootstrap import Bootstrap, Interval
+from .bootstrap import Bootstrap, finite, number_with_interval
 from .checks import check_track
 from .claims import claims_of
 from .curves import BUDGETS, OPTIMAL, TrackErrors, excess_area, mean_frame_mse, pooled_mse
 from .evaluate import SIDES, SceneResult
+from .generalisation import generalisation_of
+from .patch_networks import PatchNetwork
 from .quality import QUALITY_BUDGETS, QUALITY_NAMES, QUALITY_STRATEGIES
 
 POOLED = "all scenes"
 SHOWN = (0.05, 0.1, 0.13, 0.2, 0.3, 0.5, 0.7)  # budgets of tables
 
 
-def results_of(scenes: Sequence[SceneResult], *, resamples: int = 2000) -> dict[str, Any]:
+def results_of(
+    scenes: Sequence[SceneResult], networks: Sequence[PatchNetwork] = (), *, resamples: int = 2000
+) -> dict[str, Any]:
     """Results of scenes, and of all of them pooled; every track is checked first.
+
+    networks: those whose strategies are among the scenes', for how they generalise.
 
     Raises CheckError for a track whose errors cannot be right, and SettingError for less than two frames.
     """
@@ -41,7 +47,20 @@ def results_of(scenes: Sequence[SceneResult], *, resamples: int = 2000) -> dict[
         draws[POOLED] = Bootstrap.of(tracks, resamples)
         results["pooled"] = _curves(tracks, draws[POOLED])
     groups = {name: strategy.group for scene in scenes for name, strategy in scene.strategies.items()}
-    return results | {"claims": claims_of(draws, groups)}
+    claims = claims_of(draws, groups)
+    if networks:
+        octrees = {name: values["octree_hash"] for name, values in results["scenes"].items()}
+        claims["generalisation"] = generalisation_of(draws, networks, octrees)
+    return results | {"networks": {network.name: _network(network) for network in networks}, "claims": claims}
+
+
+def _network(network: PatchNetwork) -> dict[str, Any]:
+    """What a network's weights say of it."""
+    return {
+        "weights_hash": network.hash,
+        "sample_passes": network.sample_passes,
+        "octrees": sorted(network.octrees),
+    }
 
 
 def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str, Any]:
@@ -79,7 +98,7 @@ def _quality(quality: np.ndarray) -> dict[str, Any]:
         "budgets": list(QUALITY_BUDGETS),
         "metrics": {
             metric: {
-                name: [_finite(value) for value in means[row, :, column]] for row, name in enumerate(QUALITY_STRATEGIES)
+                name: [finite(value) for value in means[row, :, column]] for row, name in enumerate(QUALITY_STRATEGIES)
             }
             for column, metric in enumerate(QUALITY_NAMES)
         },
@@ -97,24 +116,11 @@ def _curves(tracks: Sequence[TrackErrors], draws: Bootstrap) -> dict[str, Any]:
         "mean_frame_mse": {name: by_frame[row].tolist() for row, name in enumerate(names)},
         "intervals": {name: {"low": item.low.tolist(), "high": item.high.tolist()} for name, item in intervals.items()},
         "excess_area": {
-            name: number_with_interval(draws.excess_area(name)) | {"value": _finite(areas[row])}
+            name: number_with_interval(draws.excess_area(name)) | {"value": finite(areas[row])}
             for row, name in enumerate(names)
         },
         "block_frames": list(draws.block_frames),
     }
-
-
-def number_with_interval(interval: Interval) -> dict[str, float | None]:
-    """Value and ends of an interval of one figure; None for what is infinite or undefined, which JSON cannot say."""
-    return {
-        "value": _finite(np.ravel(interval.value)[0]),
-        "low": _finite(np.ravel(interval.low)[0]),
-        "high": _finite(np.ravel(interval.high)[0]),
-    }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def csv_of(results: dict[str, Any]) -> str:

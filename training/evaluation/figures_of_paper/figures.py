@@ -16,10 +16,10 @@ from ....patchnet_addon.runtime.file_kinds import FIGURE_VALUES, PNG, SVG, FileK
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.replace import replaced_file
 from ..catalogue import shuttle
+from ..kept_codes import coded_octree
 from ..scene import Scene
 from . import tables
 from .distances import DistanceView, distance_view, pooled_values
-from .kept_codes import coded_octree
 from .look_ahead_figure import draw_look_ahead
 from .split import split_view
 from .split_figure import draw_split

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Several PatchNet networks in one evaluation: their strategies, codes, costs, and the matrix of generalisation."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patchnet.commands import main
+from patchnet.patchnet_addon.network.weights import Weights, default_weights_path, load_weights, save_weights
+from patchnet.patchnet_addon.octree.file import load_octree, save_octree
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.patchnet_behind import STRATEGY as BEHIND
+from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
+from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.evaluation import evaluate, frames, scene_codes
+from patchnet.training.evaluation.figures import network_styles
+from patchnet.training.evaluation.generalisation import seen
+from patchnet.training.evaluation.generalisation_figure import ordered_rows
+from patchnet.training.evaluation.patch_networks import PatchNetwork, network_strategies, patch_networks
+from patchnet.training.evaluation.scene_codes import SceneFiles, codes_path, load_scene, make_codes
+from patchnet.training.procedural import spheres_and_slats
+
+WORDS = ["--frames", "8", "--every", "2", "--size", "32", "24", "--processes", "1"]
+NETWORKS = ("shells", "slats", "without-shells")
+PAIRS = {f"pn-{name}{ending}" for name in NETWORKS for ending in ("", "-behind")}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two octrees, the shipped weights, and two networks that were never trained."""
+    folder = tmp_path_factory.mktemp("networks")
+    save_octree(octree_of_shells(5_000), folder / "shells.safetensors")
+    save_octree(spheres_and_slats(6, seed=1), folder / "slats.safetensors")
+    (folder / "shipped").write_bytes(default_weights_path().read_bytes())
+    save_weights(Weights.random(1), folder / "random-1")
+    save_weights(replace(Weights.random(2), metadata={"octrees": {"a": "01"}, "sample_passes": 7}), folder / "random-2")
+    save_weights(Weights.random(1, lookahead=1), folder / "near")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def given(folder):
+    """Words of --networks."""
+    files = zip(NETWORKS, ("shipped", "random-1", "random-2"), strict=True)
+    return [f"{name}={folder / file}" for name, file in files]
+
+
+@pytest.fixture(scope="module")
+def out(folder, given):
+    """An evaluation with three networks."""
+    pytest.importorskip("matplotlib")
+    octrees = [str(folder / f"{name}.safetensors") for name in ("shells", "slats")]
+    with pytest.MonkeyPatch.context() as context:
+        context.setattr(evaluate, "_COST_FRAMES", 1)
+        context.setattr(evaluate, "_COST_REPEATS", 1)
+        assert main(["evaluate", *octrees, *WORDS, "--networks", *given, "--out", str(folder / "out")]) == 0
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def results(out):
+    return json.loads((out / "results.json").read_text(encoding="utf-8"))
+
+
+def test_strategies_of_networks_stand_beside_all_others(results):
+    values = results["scenes"]["shells"]
+    for table in ("mse", "group", "rays_per_pixel", "intervals"):
+        assert values[table].keys() == EVALUATED.keys() | PAIRS
+    assert all(values["group"][name] == "network" for name in PAIRS)
+    assert all(values["rays_per_pixel"][name] == 1 + name.endswith("-behind") for name in PAIRS)
+    assert all(values["ms_per_frame"][name] > 0 for name in PAIRS)
+
+
+@pytest.mark.parametrize("scene", ["shells", "slats"])
+def test_the_same_weights_give_the_same_errors_and_others_do_not(results, scene):
+    errors = results["scenes"][scene]["mse"]
+    assert errors["pn-shells"] == errors["patchnet"] and errors["pn-shells-behind"] == errors["patchnet-behind"]
+    assert errors["pn-slats"] != errors["patchnet"] and errors["pn-slats"] != errors["pn-without-shells"]
+
+
+def test_codes_are_kept_once_for_each_network(out, folder):
+    hashes = {load_weights(folder / name).hash[:16] for name in ("shipped", "random-1", "random-2")}
+    found = {path.name for path in (out / "scenes" / "shells").glob("codes-*")}
+    assert found == {f"codes-{each}.safetensors" for each in hashes}
+
+
+def test_a_network_scores_and_costs_what_it_decodes_itself(folder, tmp_path):
+    (network,) = patch_networks([("slats", folder / "random-1")], 2)
+    files = SceneFiles(folder / "shells.safetensors", codes_path(tmp_path, load_weights().hash), None, (network,))
+    drain(make_codes(files, load_octree(files.octree)))
+    codes = load_scene(files)
+    strategies = {strategy.name: strategy for strategy in network_strategies(network)}
+    mine = codes.of(strategies["pn-slats-behind"])
+    assert mine.weights_hash == network.hash and codes.of(BEHIND) is codes.coded
+    camera = Camera.look_at(np.array([4.8, -3.6, 2.7]), np.zeros(3), size_px=(33, 21))
+    shared = drain(trace_view(codes.coded.octree, camera, [BEHIND], coded=codes.coded, reference=False))
+    alone = drain(trace_view(mine.octree, camera, [BEHIND], coded=mine, reference=False))
+    scores = frames._scores(strategies | {BEHIND.name: BEHIND}, shared, codes)
+    np.testing.assert_array_equal(scores["pn-slats-behind"], BEHIND.scores(alone))
+    np.testing.assert_array_equal(scores[BEHIND.name], BEHIND.scores(shared))
+    assert scores["pn-slats-behind"].max() > 0 and (scores["pn-slats-behind"] != scores[BEHIND.name]).any()
+
+
+def test_generalisation_of_every_network_and_scene(results):
+    found = results["claims"]["generalisation"]
+    assert found.keys() == {"patchnet", "patchnet-behind"}
+    for score, ending in (("patchnet", ""), ("patchnet-behind", "-behind")):
+        cells = found[score]["networks"]
+        assert tuple(cells) == NETWORKS
+        for network, scenes in cells.items():
+            for scene, cell in scenes.items():
+                errors = results["scenes"][scene]["mse"]
+                expected = errors[f"pn-{network}{ending}"][30] / errors["ss-variance"][30]
+                assert cell["value"] == pytest.approx(expected) and cell["low"] <= cell["value"] <= cell["high"]
+                assert cell["seen"] == (scene == {"without-shells": "slats"}.get(network, network))
+        for scene, spread in found[score]["spread"].items():
+            values = sorted(cells[network][scene]["value"] for network in ("shells", "slats"))
+            assert [spread["least"], spread["greatest"]] == values
+            assert spread["ratio"] == pytest.approx(values[1] / values[0])
+
+
+def test_figures_and_report_show_the_networks(out, results):
+    assert {"generalisation.png", "generalisation.svg"} <= {path.name for path in (out / "figures").iterdir()}
+    report = (out / "report.html").read_text(encoding="utf-8")
+    assert report.count("<svg") == 7 and "Generalisation" in report
+    assert "sample passes that its weights state: 7, octrees: 1." in report
+    assert results["networks"]["without-shells"]["octrees"] == ["01"]
+
+
+def test_what_is_done_with_networks_is_skipped(out, folder, given, monkeypatch):
+    monkeypatch.setattr(evaluate, "evaluate_block", None)
+    monkeypatch.setattr(scene_codes, "encode_octree", None)
+    octrees = [str(folder / f"{name}.safetensors") for name in ("shells", "slats")]
+    assert main(["evaluate", *octrees, *WORDS, "--networks", *given, "--part", "1/1", "--out", str(out)]) == 0
+
+
+def test_other_networks_are_evaluated_anew(folder):
+    chosen = ([], [("a", folder / "random-1")], [("a", folder / "random-2")], [("b", folder / "random-2")])
+    keys = {
+        evaluate._key(evaluate.EvaluationSettings(networks=patch_networks(named, 2)), "octree", "weights")
+        for named in chosen
+    }
+    assert len(keys) == 4
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        (["a={}/random-1", "a={}/random-2"], "Two networks are called 'a'"),
+        (["Big={}/random-1"], "A network cannot be called 'Big'"),
+        (["a-behind={}/random-1"], "A network cannot be called 'a-behind'"),
+        (["a={}/missing"], "missing"),
+        (["a={}/shells.safetensors"], "octree file where a weights file is needed"),
+        (["a={}/near"], "Network 'a' looks 1 levels ahead, and the evaluation 2"),
+    ],
+)
+def test_networks_that_cannot_be_evaluated_are_refused_before_work_begins(words, message, folder, tmp_path, capsys):
+    given = [word.format(folder) for word in words]
+    octree = str(folder / "shells.safetensors")
+    assert main(["evaluate", octree, *WORDS, "--networks", *given, "--out", str(tmp_path / "out")]) == 2
+    assert message in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_a_network_without_a_name_is_refused(folder, tmp_path, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["evaluate", "--networks", str(folder / "random-1"), "--out", str(tmp_path)])
+    assert stop.value.code == 2 and "is not a name and a file such as station=" in capsys.readouterr().err
+
+
+def test_weights_are_not_replaced(folder, tmp_path, capsys):
+    weights = tmp_path / "results.csv"
+    weights.write_bytes((folder / "random-1").read_bytes())
+    octree = str(folder / "shells.safetensors")
+    assert main(["evaluate", octree, *WORDS, "--networks", f"a={weights}", "--out", str(tmp_path)]) == 2
+    assert "is what is read here" in capsys.readouterr().err
+    assert weights.read_bytes() == (folder / "random-1").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "name, scene, octree, expected",
+    [
+        ("station", "station", "02", True),
+        ("station", "shuttle", "02", False),
+        ("station", "shuttle", "01", True),
+        ("without-station", "station", "02", False),
+        ("without-station", "station", "01", True),
+        ("without-station", "shuttle", "02", True),
+    ],
+)
+def test_scenes_that_a_network_has_seen(name, scene, octree, expected, folder):
+    network = PatchNetwork(name, folder / "random-2", "hash", octrees=frozenset({"01"}))
+    assert seen(network, scene, octree) is expected
+
+
+def test_rows_of_the_matrix_have_diagonals():
+    networks = ["without-b", "moon", "b", "without-a", "a"]
+    assert ordered_rows(networks, ["a", "b", "c"]) == ["a", "b", "moon", "without-a", "without-b"]
+
+
+def test_four_networks_have_lines_of_their_own():
+    names = [f"pn-{letter}{ending}" for letter in "abcde" for ending in ("", "-behind")]
+    styles = network_styles(["patchnet", *names, "random"])
+    assert list(styles) == names[:8] and len(set(styles.values())) == 4
+    assert all(styles[name] == styles[f"{name}-behind"] for name in names[:8:2])
+
+
+def test_names_of_equal_networks_are_checked_without_the_command(folder):
+    with pytest.raises(SettingError, match="without -behind"):
+        patch_networks([("x-behind", folder / "random-1")], 2)

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Codes of a scene by every network of an evaluation: made once, kept in the scene's folder, mapped into memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.codes.file import load_codes
+from ...patchnet_addon.network.weights import load_weights
+from ...patchnet_addon.octree.file import load_octree
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.sampling.strategy import Strategy
+from .kept_codes import codes_path, kept_codes
+from .patch_networks import NetworkStrategy, PatchNetwork
+
+
+@dataclass(frozen=True)
+class SceneFiles:
+    """Files of a scene that frames are evaluated of.
+
+    codes: file of those by `weights`, None for the weights that are shipped. networks: further networks, whose codes
+    stand beside that file.
+    """
+
+    octree: Path
+    codes: Path
+    weights: Path | None = None
+    networks: tuple[PatchNetwork, ...] = ()
+
+    def codes_of(self, network: PatchNetwork) -> Path:
+        """File of the codes by a further network."""
+        return codes_path(self.codes.parent, network.hash)
+
+    def pairs(self) -> Iterator[tuple[Path, Path | None]]:
+        """Files of codes, and of the weights that they are by."""
+        yield self.codes, self.weights
+        yield from ((self.codes_of(network), network.weights) for network in self.networks)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneCodes:
+    """Octree with its codes. coded: by the weights of the evaluation. networks: by each further network."""
+
+    coded: CodedOctree
+    networks: Mapping[PatchNetwork, CodedOctree]
+
+    def of(self, strategy: Strategy) -> CodedOctree:
+        """Octree with the codes that a strategy's prediction is decoded from."""
+        return self.networks[strategy.network] if isinstance(strategy, NetworkStrategy) else self.coded
+
+
+def make_codes(files: SceneFiles, octree: Octree) -> Steps[None]:
+    """Encode the scene by each network whose codes are not there, or are damaged."""
+    for codes, path in files.pairs():
+        yield from kept_codes(octree, load_weights(path), codes)
+
+
+def load_scene(files: SceneFiles) -> SceneCodes:
+    """Read octree and codes; raises PatchNetError for a file that is missing or does not fit the others."""
+    octree = load_octree(files.octree)
+    coded = load_codes(files.codes, octree, load_weights(files.weights))
+    networks = {
+        network: load_codes(files.codes_of(network), octree, load_weights(network.weights))
+        for network in files.networks
+    }
+    return SceneCodes(coded, networks)
