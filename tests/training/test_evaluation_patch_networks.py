@@ -17,12 +17,13 @@ from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.training.benchmarks.shells import octree_of_shells
-from patchnet.training.evaluation import evaluate, frames, scene_codes
+from patchnet.training.evaluation import evaluate, frames, kept_codes
 from patchnet.training.evaluation.figures import network_styles
 from patchnet.training.evaluation.generalisation import seen
 from patchnet.training.evaluation.generalisation_figure import ordered_rows
+from patchnet.training.evaluation.kept_codes import codes_path
 from patchnet.training.evaluation.patch_networks import PatchNetwork, network_strategies, patch_networks
-from patchnet.training.evaluation.scene_codes import SceneFiles, codes_path, load_scene, make_codes
+from patchnet.training.evaluation.scene_codes import SceneFiles, load_scene, make_codes
 from patchnet.training.procedural import spheres_and_slats
 
 WORDS = ["--frames", "8", "--every", "2", "--size", "32", "24", "--processes", "1"]
@@ -134,7 +135,7 @@ def test_figures_and_report_show_the_networks(out, results):
 
 def test_what_is_done_with_networks_is_skipped(out, folder, given, monkeypatch):
     monkeypatch.setattr(evaluate, "evaluate_block", None)
-    monkeypatch.setattr(scene_codes, "encode_octree", None)
+    monkeypatch.setattr(kept_codes, "encode_octree", None)
     octrees = [str(folder / f"{name}.safetensors") for name in ("shells", "slats")]
     assert main(["evaluate", *octrees, *WORDS, "--networks", *given, "--part", "1/1", "--out", str(out)]) == 0
 

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .bootstrap import Bootstrap, number_with_interval
-from .catalogue import SCENES
 from .claims import VARIANCE
 from .patch_networks import SCORES, PatchNetwork, strategy_name
 
@@ -23,12 +22,10 @@ def generalisation_of(
 ) -> dict[str, Any]:
     """Errors of networks over that of screen-space variance at BUDGET on every scene, by score, with intervals.
 
-    draws: of each scene. octrees: hash of each scene's. Networks that are named after no scene, neither of these nor of
-    the catalogue, are left out. `networks` of a score: {network: {scene: {value, low, high, seen}}}, None where the
-    variance leaves no error. `spread`: {scene: {least, greatest, ratio}} over networks of one scene.
+    draws: of each scene. octrees: hash of each scene's. `networks` of a score: {network: {scene: {value, low, high,
+    seen}}}, None where the variance leaves no error. `spread`: {scene: {least, greatest, ratio}} over networks that are
+    named after one of the scenes.
     """
-    scenes = {*octrees, *SCENES}
-    named = [network for network in networks if network.name.removeprefix(WITHOUT) in scenes]
     found = {}
     for score in SCORES:
         cells = {
@@ -37,9 +34,9 @@ def generalisation_of(
                 | {"seen": seen(network, scene, octree)}
                 for scene, octree in octrees.items()
             }
-            for network in named
+            for network in networks
         }
-        alone = [name for name in cells if not name.startswith(WITHOUT)]
+        alone = [name for name in cells if name in octrees]
         found[score] = {
             "networks": cells,
             "spread": {scene: _spread([cells[name][scene]["value"] for name in alone]) for scene in octrees},
