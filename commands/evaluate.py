@@ -16,7 +16,7 @@ from ..patchnet_addon.runtime.outputs import check_outputs
 from ..patchnet_addon.runtime.progress import drain
 from ..patchnet_addon.runtime.replace import replaced_file
 from .shared.arguments import add_number, add_out
-from .shared.lines import say_result
+from .shared.lines import say_note, say_result
 
 if TYPE_CHECKING:
     from ..training.evaluation.evaluate import SceneResult
@@ -38,8 +38,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "octrees", nargs="*", type=Path, metavar="OCTREE", help="octree files to evaluate beside --scenes"
     )
     parser.add_argument(
-        "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all; they are read from the "
-        "folder PATCHNET_SCENES",
+        "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all whose files are there; they are "
+        "read from the folder PATCHNET_SCENES",
     )  # fmt: skip
     add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of a track (2000)")
     add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="evaluate each such frame of a track (10)")
@@ -133,8 +133,12 @@ def _scenes(args: argparse.Namespace) -> dict[str, Path]:
     from ..training.evaluation.catalogue import SCENES, scene_named
     from ..training.evaluation.octrees import scene_octree
 
-    names = list(SCENES) if args.scenes == ALL else [name.strip() for name in args.scenes.split(",") if name.strip()]
-    scenes = [scene_named(name) for name in names]  # all names are looked at before the first octree is made
+    if args.scenes == ALL:
+        scenes = [scene for scene in SCENES.values() if scene.is_there()]
+        if absent := [f"{scene.name} ({scene.file})" for scene in SCENES.values() if scene not in scenes]:
+            say_note(f"not evaluated, since their files are not there: {', '.join(absent)}; --scenes NAME says more")
+    else:  # all names are looked at before the first octree is made
+        scenes = [scene_named(name.strip()) for name in args.scenes.split(",") if name.strip()]
     return {scene.name: scene_octree(scene, args.out / "octrees") for scene in scenes}
 
 

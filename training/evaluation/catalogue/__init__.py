@@ -5,9 +5,23 @@ from __future__ import annotations
 
 from ....patchnet_addon.runtime.errors import SettingError
 from ..scene import Scene
-from . import clinic, courtyard, san_miguel, san_miguel_bare, shuttle, sponza, sports_car, station
+from . import (
+    clinic,
+    courtyard,
+    furnished_garden,
+    furnished_room,
+    san_miguel,
+    san_miguel_bare,
+    shuttle,
+    sponza,
+    sports_car,
+    station,
+)
 
-_MODULES = (san_miguel_bare, san_miguel, sponza, clinic, shuttle, station, sports_car, courtyard)
+_MODULES = (
+    san_miguel_bare, san_miguel, sponza, clinic, shuttle, station, sports_car, courtyard, furnished_room,
+    furnished_garden,
+)  # fmt: skip
 SCENES: dict[str, Scene] = {module.SCENE.name: module.SCENE for module in _MODULES}
 
 
