@@ -38,8 +38,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "octrees", nargs="*", type=Path, metavar="OCTREE", help="octree files to evaluate beside --scenes"
     )
     parser.add_argument(
-        "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all whose files are there; they are "
-        "read from the folder PATCHNET_SCENES",
+        "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all whose files are there; "
+        "they are read from the folder PATCHNET_SCENES",
     )  # fmt: skip
     add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of a track (2000)")
     add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="evaluate each such frame of a track (10)")

@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
+import bmesh
 import bpy
 import numpy as np
 from mathutils import Matrix
@@ -76,9 +77,31 @@ def _imported(piece: Piece, path: Path, folder: Path) -> bpy.types.Mesh:
     for material in mesh.materials:
         if material is not None:
             _keep_own_images(material, folder)
+    _remove_doubles(mesh, points)
     fit_mesh(mesh, piece.size, _Z_UP @ np.array(piece.rotation).reshape(3, 3))
     mesh.name = piece.name
     return mesh
+
+
+def _remove_doubles(mesh: bpy.types.Mesh, points: np.ndarray) -> None:
+    """Remove faces that lie on others: models for viewers with one-sided faces have each twice, turned round.
+
+    Rays would meet either, as rounding has it.
+    """
+    numbers = np.unique(np.round(points / np.ptp(points, axis=0).max(), 7), axis=0, return_inverse=True)[1].ravel()
+    seen, doubles = set(), []
+    for polygon in mesh.polygons:
+        corners = frozenset(numbers[list(polygon.vertices)].tolist())
+        if corners in seen:
+            doubles.append(polygon.index)
+        seen.add(corners)
+    if doubles:
+        shape = bmesh.new()
+        shape.from_mesh(mesh)
+        shape.faces.ensure_lookup_table()
+        bmesh.ops.delete(shape, geom=[shape.faces[number] for number in doubles], context="FACES")
+        shape.to_mesh(mesh)
+        shape.free()
 
 
 def _damaged(piece: Piece) -> LibraryFileError:

@@ -15,8 +15,8 @@ from .stock import Stock
 
 # At the walls, in this order: kind, and how many at least and at most.
 _AT_WALLS = (
-    (kinds.BED, 0, 1), (kinds.SHELF, 2, 3), (kinds.DEVICE, 1, 2), (kinds.FLOOR_LAMP, 1, 2), (kinds.ARMCHAIR, 1, 2),
-    (kinds.PLANT, 2, 4), (kinds.CHAIR, 0, 2),
+    (kinds.BED, 0, 1), (kinds.SHELF, 2, 4), (kinds.DEVICE, 1, 3), (kinds.FLOOR_LAMP, 1, 2), (kinds.ARMCHAIR, 1, 3),
+    (kinds.PLANT, 3, 5), (kinds.CHAIR, 1, 2),
 )  # fmt: skip
 
 
