@@ -7,7 +7,6 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
-import bmesh
 import bpy
 import numpy as np
 from mathutils import Matrix
@@ -15,6 +14,7 @@ from mathutils import Matrix
 from ...patchnet_addon.furniture.archive import LibraryFileError, opened_archive, unpack_folder
 from ...patchnet_addon.furniture.library import Piece
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
+from .mesh_repair import repair_mesh, vertices_of
 
 # Models of libraries have y up and their front towards +z.
 _Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -49,13 +49,6 @@ def fit_mesh(mesh: bpy.types.Mesh, size: tuple[float, float, float], turned: np.
     mesh.update()
 
 
-def vertices_of(mesh: bpy.types.Mesh) -> np.ndarray:
-    """Vertices (n, 3) float64 of a mesh."""
-    points = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", points)
-    return points.reshape(-1, 3).astype(np.float64)
-
-
 def _imported(piece: Piece, path: Path, folder: Path) -> bpy.types.Mesh:
     """Import a file as one mesh, which no object has; what else came with it goes."""
     before = set(bpy.data.objects)
@@ -77,31 +70,10 @@ def _imported(piece: Piece, path: Path, folder: Path) -> bpy.types.Mesh:
     for material in mesh.materials:
         if material is not None:
             _keep_own_images(material, folder)
-    _remove_doubles(mesh, points)
+    repair_mesh(mesh)
     fit_mesh(mesh, piece.size, _Z_UP @ np.array(piece.rotation).reshape(3, 3))
     mesh.name = piece.name
     return mesh
-
-
-def _remove_doubles(mesh: bpy.types.Mesh, points: np.ndarray) -> None:
-    """Remove faces that lie on others: models for viewers with one-sided faces have each twice, turned round.
-
-    Rays would meet either, as rounding has it.
-    """
-    numbers = np.unique(np.round(points / np.ptp(points, axis=0).max(), 7), axis=0, return_inverse=True)[1].ravel()
-    seen, doubles = set(), []
-    for polygon in mesh.polygons:
-        corners = frozenset(numbers[list(polygon.vertices)].tolist())
-        if corners in seen:
-            doubles.append(polygon.index)
-        seen.add(corners)
-    if doubles:
-        shape = bmesh.new()
-        shape.from_mesh(mesh)
-        shape.faces.ensure_lookup_table()
-        bmesh.ops.delete(shape, geom=[shape.faces[number] for number in doubles], context="FACES")
-        shape.to_mesh(mesh)
-        shape.free()
 
 
 def _damaged(piece: Piece) -> LibraryFileError:

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from ..demo_scene.geometry import Shape, box, join, place
-from .models import vertices_of
+from .mesh_repair import vertices_of
 
 _BACK_SHARE, _LOWEST = 0.3, 0.25  # of the depth of a sitting person, from the back; metres
 
