@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -13,6 +13,7 @@ from mathutils import Matrix
 
 from ...patchnet_addon.furniture.archive import LibraryFileError, opened_archive, unpack_folder
 from ...patchnet_addon.furniture.library import Piece
+from ...patchnet_addon.furniture.material_files import keep_own_textures
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from .mesh_repair import repair_mesh, vertices_of
 
@@ -20,15 +21,16 @@ from .mesh_repair import repair_mesh, vertices_of
 _Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
-def library_meshes(pieces: Iterable[Piece]) -> dict[Piece, bpy.types.Mesh]:
+def library_meshes(pieces: Sequence[Piece]) -> dict[Piece, bpy.types.Mesh]:
     """Import the models of pieces of libraries, each once; raises LibraryFileError for one that has no surface."""
-    meshes = {}
+    meshes: dict[Piece, bpy.types.Mesh] = {}
     for library in sorted({piece.library for piece in pieces if piece.library is not None}):
         with opened_archive(library) as archive, tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
-            wanted = sorted({piece for piece in pieces if piece.library == library}, key=lambda piece: piece.model)
-            for piece in wanted:
-                path = unpack_folder(archive, piece.model, Path(folder))
-                meshes[piece] = _imported(piece, path, Path(folder))
+            for piece in pieces:
+                if piece.library == library and piece not in meshes:
+                    path = unpack_folder(archive, piece.model, Path(folder))
+                    keep_own_textures(path.parent)
+                    meshes[piece] = _imported(piece, path, Path(folder))
     return meshes
 
 
@@ -84,10 +86,7 @@ def _damaged(piece: Piece) -> LibraryFileError:
 
 
 def _keep_own_images(material: bpy.types.Material, folder: Path) -> None:
-    """Pack the images of a material that came with the library; others, and what is missing, are taken off it.
-
-    Some models name files on their creators' disks; what is there on this one is nothing of theirs.
-    """
+    """Pack the images of a material that came with the library; what cannot be read is taken off it."""
     nodes = material.node_tree.nodes if material.node_tree is not None else ()
     for node in [node for node in nodes if node.type == "TEX_IMAGE"]:
         image = node.image
