@@ -17,6 +17,7 @@ STANDING, SITTING, RESTING = "standing person", "sitting person", "person on the
 _Test = Callable[[set[str], Piece], bool]
 _PLANTS = {"plant", "ficus", "flowers", "bonsai", "yucca", "lily", "tulips", "bamboo", "spathiphyllum"}
 _SEATS = {"chair", "stool", "seat"}
+_CUPBOARDS = {"bookcase", "shelves", "shelf", "wardrobe", "closet", "dresser", "cabinet", "sideboard", "chest"}
 _OUTDOOR = {"outdoor", "garden", "exterior"}
 _FLAT = 0.02  # metres: road markings and the like are no furniture
 
@@ -48,7 +49,6 @@ _RULES: tuple[tuple[str, _Test], ...] = (
     (DEVICE, lambda words, piece: "appliance" in words and _is_between(0.5, piece.size[2], 2.0)),
     (SMALL, lambda words, piece: max(piece.size) < 0.45 and min(piece.size[:2]) > 0.03),
 )
-_CUPBOARDS = {"bookcase", "shelves", "shelf", "wardrobe", "closet", "dresser", "cabinet", "sideboard", "chest"}
 
 
 def kind_of(piece: Piece) -> str | None:
