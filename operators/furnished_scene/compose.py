@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -39,11 +40,13 @@ class Composed:
 
 
 def compose_scene(libraries: Sequence[Library], kind: str, seed: int) -> Composed:
-    """Replace whatever is open by a furnished room or a garden; every random choice from `seed`.
+    """Replace whatever is open by a furnished room or a garden; every random choice from `seed` and libraries.
 
     Raises SettingError for libraries that are not to be mixed, LibraryFileError for models that cannot be read.
     """
-    choice, layout, looks = np.random.default_rng(seed).spawn(3)
+    # The libraries count too: scenes for training and for testing share no room, whatever their seeds are.
+    names = zlib.crc32("\n".join(library.name for library in libraries).encode())
+    choice, layout, looks = np.random.default_rng([seed, names]).spawn(3)
     stock = Stock(libraries, choice)
     bpy.ops.wm.read_homefile(use_empty=True)
     scene = bpy.context.scene
