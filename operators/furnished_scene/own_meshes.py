@@ -16,7 +16,7 @@ from ..demo_scene.materials import principled
 from ..demo_scene.plants import bush
 from .models import fit_mesh
 
-_Part = tuple[Shape, str]  # and its material: wood, metal, cloth, clay, leaves, paper
+_Part = tuple[Shape, str]  # and its material, see `_materials`
 _GREENS = ((0.27, 0.45, 0.16), (0.34, 0.53, 0.20), (0.22, 0.38, 0.15))
 
 
@@ -66,6 +66,7 @@ def _materials(rng: np.random.Generator) -> dict[str, bpy.types.Material]:
         "metal": principled("Own metal", (0.25, 0.25, 0.27), roughness=0.6),
         "cloth": principled("Own cloth", tuple(rng.uniform(0.25, 0.75, 3))),
         "clay": principled("Own clay", (0.72, 0.45, 0.32)),
+        "bark": principled("Own bark", (0.42, 0.34, 0.27)),
         "paper": principled("Own paper", (0.92, 0.88, 0.78)),
         "leaves": principled("Own leaves", image=leaves, alpha=True),
     }
@@ -140,7 +141,7 @@ def _tree(rng: np.random.Generator) -> list[_Part]:
         tip = top + np.array([np.cos(angle), np.sin(angle), 0.7 + 0.4 * (number % 3)]) * rng.uniform(0.7, 0.95)
         wood.append(tube(np.array([top, (top + tip) / 2 + (0, 0, 0.08), tip]), np.array([0.05, 0.03, 0.015]), 6))
         crowns.append(bush(rng, 110, (0.5, 0.5, 0.4), tip, 0.26, 0.7))
-    return [(join(wood), "wood"), (join(crowns), "leaves")]
+    return [(join(wood), "bark"), (join(crowns), "leaves")]
 
 
 def _bush(rng: np.random.Generator) -> list[_Part]:

@@ -12,14 +12,14 @@ from .floor_plan import FloorPlan, Placement
 from .groups import dining_group
 from .stock import Stock
 
-_TRIES = 60
+_TRIES = 150
 _HEIGHT = 20.0  # metres of air
 _BORDER = 0.5  # metres between the fence and what grows
 _LARGEST_TREE = 8.0  # metres, of all its sides
-# Kind, how many, and metres that stay free around each.
+# Kind, how many, and metres that stay free around each, in an order that leaves room for all.
 _SCATTERED = (
-    (kinds.TREE, 7, 0.2), (kinds.GARDEN, 6, 0.3), (kinds.BUSH, 9, 0.15), (kinds.PLANT, 9, 0.15),
-    (kinds.SITTING, 4, 0.2), (kinds.RESTING, 5, 0.2), (kinds.STANDING, 8, 0.2),
+    (kinds.TREE, 4, 0.2), (kinds.SITTING, 4, 0.2), (kinds.RESTING, 5, 0.2), (kinds.STANDING, 8, 0.2),
+    (kinds.GARDEN, 6, 0.3), (kinds.TREE, 3, 0.2), (kinds.BUSH, 9, 0.15), (kinds.PLANT, 9, 0.15),
 )  # fmt: skip
 
 
