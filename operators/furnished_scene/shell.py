@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import bpy
 import numpy as np
@@ -50,17 +51,25 @@ def _set(plan: FloorPlan, wall: int, shape: Shape) -> Shape:
 
 
 def _wall(plan: FloorPlan, wall: int, openings: list[Opening]) -> Shape:
-    """Boxes around the openings; walls at +y and -y reach over the corners."""
+    """Wall around its openings, in cells without faces between them; walls at +y and -y reach over the corners."""
     half = _lengths(plan, wall)[0] / 2 + (_WALL if wall % 2 == 0 else 0.0)
-    parts, edge = [], -half
-    for opening in sorted(openings, key=lambda opening: opening.left):
-        parts.append(((edge, 0.0), (opening.left, plan.height)))
-        if opening.sill > 0:
-            parts.append(((opening.left, 0.0), (opening.right, opening.sill)))
-        parts.append(((opening.left, opening.lintel), (opening.right, plan.height)))
-        edge = opening.right
-    parts.append(((edge, 0.0), (half, plan.height)))
-    return join(box((a, 0.0, c), (b, _WALL, d)) for (a, c), (b, d) in parts)
+    x = sorted({-half, half, *(end for opening in openings for end in (opening.left, opening.right))})
+    z = sorted({0.0, plan.height, *(end for opening in openings for end in (opening.sill, opening.lintel))})
+    solid = np.zeros((len(x) + 1, len(z) + 1), bool)  # with a border of air
+    solid[1:-1, 1:-1] = [
+        [not _is_open(openings, (a + b) / 2, (c + d) / 2) for c, d in pairwise(z)] for a, b in pairwise(x)
+    ]
+    cells = []
+    for i, k in np.argwhere(solid).tolist():
+        cell = box((x[i - 1], 0.0, z[k - 1]), (x[i], _WALL, z[k]))
+        # Faces of a box: +x and -x are its third and second, +z and -z its first and last.
+        hidden = {2: solid[i + 1, k], 1: solid[i - 1, k], 0: solid[i, k + 1], 5: solid[i, k - 1]}
+        cells.append(Shape(cell.vertices, [face for number, face in enumerate(cell.faces) if not hidden.get(number)]))
+    return join(cells)
+
+
+def _is_open(openings: list[Opening], x: float, z: float) -> bool:
+    return any(one.left < x < one.right and one.sill < z < one.lintel for one in openings)
 
 
 def _trim(opening: Opening) -> Shape:
