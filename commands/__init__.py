@@ -25,6 +25,7 @@ NAMES: tuple[str, ...] = (
     "octree",
     "export",
     "verify-light",
+    "furnish",
     "dataset",
     "train",
     "train-maps",

@@ -21,7 +21,6 @@ from .shared.lines import say_result
 if TYPE_CHECKING:
     from ..training.evaluation.evaluate import SceneResult
 
-ALL = "all"
 RESULTS, TABLE, REPORT, FIGURES = "results.json", "results.csv", "report.html", "figures"
 OUTPUTS = {RESULTS: EVALUATION, TABLE: EVALUATION_TABLE, REPORT: EVALUATION_REPORT}
 
@@ -38,8 +37,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "octrees", nargs="*", type=Path, metavar="OCTREE", help="octree files to evaluate beside --scenes"
     )
     parser.add_argument(
-        "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all; they are read from the "
-        "folder PATCHNET_SCENES",
+        "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all whose files are there; "
+        "they are read from the folder PATCHNET_SCENES",
     )  # fmt: skip
     add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of a track (2000)")
     add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="evaluate each such frame of a track (10)")
@@ -147,11 +146,10 @@ def _octrees(args: argparse.Namespace) -> dict[str, Path]:
 
 
 def _scenes(args: argparse.Namespace) -> dict[str, Path]:
-    from ..training.evaluation.catalogue import SCENES, scene_named
     from ..training.evaluation.octrees import scene_octree
+    from .shared.catalogue_scenes import scenes_named
 
-    names = list(SCENES) if args.scenes == ALL else [name.strip() for name in args.scenes.split(",") if name.strip()]
-    scenes = [scene_named(name) for name in names]  # all names are looked at before the first octree is made
+    scenes = scenes_named(args.scenes)  # all names are looked at before the first octree is made
     return {scene.name: scene_octree(scene, args.out / "octrees") for scene in scenes}
 
 

@@ -108,7 +108,7 @@ def _octree_file(text: str) -> tuple[str, Path]:
 
 def _scenes(args: argparse.Namespace) -> tuple[list[Scene], dict[str, Path]]:
     """Scenes, and octree files that are given by name; raises SettingError, and SceneError for a missing file."""
-    from ..training.evaluation.catalogue import scenes_named
+    from .shared.catalogue_scenes import scenes_named
 
     scenes, octrees = scenes_named(args.scenes), dict(args.octree)
     if not scenes:

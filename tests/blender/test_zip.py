@@ -12,8 +12,12 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-_TRAINING = ("bench", "dataset", "evaluate", "evaluate_cycles", "figures", "shared/training_run", "train", "train_maps")
+_TRAINING = (
+    "bench", "dataset", "evaluate", "evaluate_cycles", "figures", "furnish", "shared/catalogue_scenes",
+    "shared/training_run", "train", "train_maps",
+)  # fmt: skip
 NOT_FOR_BLENDER = {f"commands/{name}.py" for name in _TRAINING}
+NO_FOLDERS_FOR_BLENDER = ("commands/benches/", "operators/furnished_scene/", "patchnet_addon/furniture/")
 WHEELS = [f"{name}-1-cp313-cp313-win_amd64.whl" for name in ("llvmlite", "numba")]
 
 
@@ -38,7 +42,7 @@ def names(builder: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> set[
 def test_all_code_of_blender_is_in_the_zip(names: set[str]) -> None:
     tree = {path for part in ("commands", "operators", "patchnet_addon") for path in (ROOT / part).rglob("*.py")}
     code = {path.relative_to(ROOT).as_posix() for path in tree}
-    wanted = {name for name in code - NOT_FOR_BLENDER if not name.startswith("commands/benches/")}
+    wanted = {name for name in code - NOT_FOR_BLENDER if not name.startswith(NO_FOLDERS_FOR_BLENDER)}
     assert {name for name in names if name.endswith(".py")} == wanted | {"__init__.py"}
     assert {"LICENSE", "blender_manifest.toml", "patchnet_addon/network/weights/patchnet.safetensors"} <= names
 

@@ -3,11 +3,15 @@
 
 import importlib.util
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from patchnet.commands import _parser, furnish
+from patchnet.commands.evaluate import _scenes
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.surface.bisect import AXES
@@ -54,6 +58,36 @@ def test_missing_folder_and_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv(FOLDER, str(tmp_path))
     with pytest.raises(SceneError, match=r"needs small\.obj"):
         SMALL.path()
+
+
+def test_missing_composed_file_says_how_to_make_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    composed = [scene for scene in SCENES.values() if scene.composed]
+    assert {scene.role for scene in composed} == {TEST}
+    for scene in composed:
+        assert not scene.is_there()
+        made = f"make it by `patchnet {scene.composed} --out {tmp_path / scene.file}`"
+        with pytest.raises(SceneError, match=re.escape(made)):
+            scene.path()
+        _parser({"furnish": furnish}, "patchnet").parse_args([*scene.composed.split(), "--out", scene.file])
+        (tmp_path / scene.file).touch()
+        assert scene.is_there() and scene.path() == tmp_path / scene.file
+
+
+def test_all_scenes_are_those_whose_files_are_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(octrees, "scene_octree", lambda scene, folder: folder / scene.name)
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    (tmp_path / "sponza_crytek.glb").touch()
+    found = _scenes(SimpleNamespace(scenes="all", out=tmp_path))
+    assert found == {name: tmp_path / "octrees" / name for name in ("sponza", "courtyard")}
+    said = capsys.readouterr().err
+    assert "furnished-room (furnished_room.glb)" in said and "shuttle (ldraw_space_shuttle.glb)" in said
+    assert "sponza" not in said
+    monkeypatch.delenv(FOLDER)
+    with pytest.raises(SceneError, match=FOLDER):
+        _scenes(SimpleNamespace(scenes="all", out=tmp_path))
 
 
 def test_arguments_say_only_what_counts() -> None:

@@ -25,7 +25,8 @@ class Scene:
     name with one of them are left out. bisect: axis ("x", "y" or "z") and share of the extent of a plane beyond which
     all is left out. views: position and target (6 numbers, world units) of cameras that the octree is fitted to, in
     the place of `depth`; view_px: side of their square pictures. source, licence: of the file, for credits. role:
-    "train" where the shipped weights have seen the scene, "test" where not.
+    "train" where the shipped weights have seen the scene, "test" where not. composed: arguments of `patchnet` that
+    write the file, but for --out; "" for a file that is to be had elsewhere.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Scene:
     bisect: tuple[str, float] | None = None
     views: tuple[tuple[float, ...], ...] = ()
     view_px: int = 130
+    composed: str = ""
 
     def path(self) -> Path:
         """Path of the file, or the name of a scene that the project builds.
@@ -49,15 +51,23 @@ class Scene:
         """
         if self.file in OWN_SCENES:
             return Path(self.file)
+        path = self._folder() / self.file
+        if path.is_file():
+            return path
+        advice = f"make it by `patchnet {self.composed} --out {path}`" if self.composed else "put it there"
+        raise SceneError(f"Scene {self.name!r} needs {self.file}, which is not in {path.parent}: {advice}")
+
+    def is_there(self) -> bool:
+        """Return whether the file is there; raises SceneError if PATCHNET_SCENES is not set, or is no folder."""
+        return self.file in OWN_SCENES or (self._folder() / self.file).is_file()
+
+    def _folder(self) -> Path:
         folder = os.environ.get(FOLDER, "")
         if not folder:
             raise SceneError(f"Scene {self.name!r} is a file of its own: set {FOLDER} to the folder of the scenes")
         if not Path(folder).is_dir():
             raise SceneError(f"{FOLDER} names {folder}, which is no folder: set it to the folder of the scenes")
-        path = Path(folder) / self.file
-        if not path.is_file():
-            raise SceneError(f"Scene {self.name!r} needs {self.file}, which is not in {folder}: put it there")
-        return path
+        return Path(folder)
 
     def arguments(self) -> list[str]:
         """Arguments of `patchnet octree` beside the scene and --out."""

@@ -5,10 +5,23 @@ from __future__ import annotations
 
 from ....patchnet_addon.runtime.errors import SettingError
 from ..scene import Scene
-from . import clinic, courtyard, san_miguel, san_miguel_bare, shuttle, sponza, sports_car, station
+from . import (
+    clinic,
+    courtyard,
+    furnished_garden,
+    furnished_room,
+    san_miguel,
+    san_miguel_bare,
+    shuttle,
+    sponza,
+    sports_car,
+    station,
+)
 
-_MODULES = (san_miguel_bare, san_miguel, sponza, clinic, shuttle, station, sports_car, courtyard)
-ALL = "all"
+_MODULES = (
+    san_miguel_bare, san_miguel, sponza, clinic, shuttle, station, sports_car, courtyard, furnished_room,
+    furnished_garden,
+)  # fmt: skip
 SCENES: dict[str, Scene] = {module.SCENE.name: module.SCENE for module in _MODULES}
 
 
@@ -17,10 +30,3 @@ def scene_named(name: str) -> Scene:
     if name not in SCENES:
         raise SettingError(f"There is no scene {name!r}: choose one of {', '.join(SCENES)}")
     return SCENES[name]
-
-
-def scenes_named(names: str) -> list[Scene]:
-    """Scenes of names with commas between, or all for "all"; raises SettingError as `scene_named`."""
-    if names == ALL:
-        return list(SCENES.values())
-    return [scene_named(name.strip()) for name in names.split(",") if name.strip()]

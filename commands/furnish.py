@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet furnish LIBRARY...`: compose a furnished room or a garden of models from furniture libraries."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+
+from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.errors import SettingError
+from .shared.arguments import add_number, add_out
+from .shared.job_arguments import require_blender
+from .shared.lines import make_parent, say_note, say_result
+
+CREDITS = ".credits.txt"
+_KINDS = ("interior", "garden")  # those of `operators/furnished_scene`, which the help is not to load
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
+    """Arguments of `patchnet furnish`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "furnish",
+        help="compose a furnished room or a garden",
+        description="Compose a scene of models from furniture libraries of Sweet Home 3D (.sh3f), with a text of "
+        "credits beside it. The same seed gives the same scene.",
+    )
+    parser.add_argument("libraries", nargs="+", type=Path, metavar="LIBRARY", help=".sh3f files")
+    parser.add_argument("--kind", choices=_KINDS, default=_KINDS[0], help="a room or a garden (interior)")
+    add_number(parser, "--seed", bounds.SEED, default=1, help="of all random choices (1)")
+    add_out(parser, "scene to write: .glb, or .blend with sun, sky and a camera", required=True)
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read the libraries, compose, write scene and credits; returns 0; raises PatchNetError."""
+    from ..patchnet_addon.furniture.library import read_library
+    from ..patchnet_addon.furniture.policy import common_role
+    from ..patchnet_addon.runtime.file_kinds import BLEND, GLB, SCENE_CREDITS
+    from ..patchnet_addon.runtime.outputs import check_outputs
+
+    kinds = {".blend": BLEND, ".glb": GLB}
+    if args.out.suffix.lower() not in kinds:
+        raise SettingError(f"--out {args.out} is no scene file: let it end with .glb or .blend")
+    credits_file = args.out.with_suffix(CREDITS)
+    check_outputs({args.out: kinds[args.out.suffix.lower()], credits_file: SCENE_CREDITS}, args.libraries)
+    libraries = [read_library(path) for path in dict.fromkeys(args.libraries)]
+    common_role(library.role for library in libraries)
+    require_blender()
+    from ..operators.furnished_scene import compose_scene, save_composed
+    from ..patchnet_addon.furniture.credits import credits_text
+    from ..patchnet_addon.runtime.replace import replaced_file
+    from .shared.quiet import quiet_stdout
+
+    make_parent(args.out)
+    with quiet_stdout():
+        composed = compose_scene(libraries, args.kind, args.seed)
+        save_composed(args.out)
+    words = ["furnish", *(path.name for path in args.libraries), "--kind", args.kind, "--seed", str(args.seed)]
+    text = credits_text(
+        shlex.join(["patchnet", *words]), composed.role, libraries, composed.plan.placements, composed.own
+    )
+    with replaced_file(credits_file, SCENE_CREDITS) as file:
+        file.write(text.encode())
+    if composed.role == "test":
+        say_note("this library is for testing only: nothing is to be trained on this scene")
+    count = len(composed.plan.placements)
+    say_result(f"{args.out}: {count} pieces; credits are in {credits_file}", file=args.out, pieces=count)
+    return 0

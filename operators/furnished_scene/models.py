@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Models of furniture libraries as meshes, of the catalogue's size, upright, with their front towards -y."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...patchnet_addon.furniture.archive import LibraryFileError, opened_archive, unpack_folder
+from ...patchnet_addon.furniture.library import Piece
+from ...patchnet_addon.furniture.material_files import keep_own_textures
+from ...patchnet_addon.runtime.interrupt import interrupts_wait
+from .mesh_repair import repair_mesh, vertices_of
+
+# Models of libraries have y up and their front towards +z.
+_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+
+def library_meshes(pieces: Sequence[Piece]) -> dict[Piece, bpy.types.Mesh]:
+    """Import the models of pieces of libraries, each once; raises LibraryFileError for one that has no surface."""
+    meshes: dict[Piece, bpy.types.Mesh] = {}
+    for library in sorted({piece.library for piece in pieces if piece.library is not None}):
+        with opened_archive(library) as archive, tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
+            for piece in pieces:
+                if piece.library == library and piece not in meshes:
+                    path = unpack_folder(archive, piece.model, Path(folder))
+                    keep_own_textures(path.parent)
+                    meshes[piece] = _imported(piece, path, Path(folder))
+    return meshes
+
+
+def fit_mesh(mesh: bpy.types.Mesh, size: tuple[float, float, float], turned: np.ndarray | None = None) -> None:
+    """Turn a mesh (3, 3), scale its box to a size in metres, and set the middle of its lower end in the origin."""
+    points = vertices_of(mesh)
+    turn = np.eye(3) if turned is None else turned
+    points = points @ turn.T
+    low, extent = points.min(axis=0), np.ptp(points, axis=0)
+    scale = np.where(extent > 1e-9, size / np.maximum(extent, 1e-9), 1.0)  # a flat model stays flat
+    middle = low + extent * (0.5, 0.5, 0.0)
+    matrix = np.eye(4)
+    matrix[:3, :3] = scale[:, None] * turn
+    matrix[:3, 3] = -middle * scale
+    mesh.transform(Matrix(matrix.tolist()))
+    if np.linalg.det(turn) < 0:
+        mesh.flip_normals()
+    mesh.update()
+
+
+def _imported(piece: Piece, path: Path, folder: Path) -> bpy.types.Mesh:
+    """Import a file as one mesh, which no object has; what else came with it goes."""
+    before = set(bpy.data.objects)
+    try:
+        with interrupts_wait():
+            bpy.ops.wm.obj_import(filepath=str(path), forward_axis="Y", up_axis="Z", use_split_objects=False)
+    except RuntimeError as cause:
+        raise _damaged(piece) from cause
+    found = [item for item in bpy.data.objects if item not in before]
+    meshes = [item.data for item in found if item.type == "MESH" and item.data.polygons]
+    for item in found:
+        bpy.data.objects.remove(item)
+    if len(meshes) != 1:
+        raise _damaged(piece)
+    mesh = meshes[0]
+    points = vertices_of(mesh)
+    if not np.isfinite(points).all() or not np.ptp(points, axis=0).any():
+        raise _damaged(piece)
+    for material in mesh.materials:
+        if material is not None:
+            _keep_own_images(material, folder)
+    repair_mesh(mesh)
+    fit_mesh(mesh, piece.size, _Z_UP @ np.array(piece.rotation).reshape(3, 3))
+    mesh.name = piece.name
+    return mesh
+
+
+def _damaged(piece: Piece) -> LibraryFileError:
+    return LibraryFileError(
+        f"Furniture library {piece.library} has no surface in {piece.model!r}, the model of {piece.name!r}: fetch it "
+        "again, or choose another --seed"
+    )
+
+
+def _keep_own_images(material: bpy.types.Material, folder: Path) -> None:
+    """Pack the images of a material that came with the library; what cannot be read is taken off it."""
+    nodes = material.node_tree.nodes if material.node_tree is not None else ()
+    for node in [node for node in nodes if node.type == "TEX_IMAGE"]:
+        image = node.image
+        if image is not None and image.packed_file is None and _is_below(image, folder) and image.has_data:
+            image.pack()
+        if image is None or image.packed_file is None:
+            material.node_tree.nodes.remove(node)
+
+
+def _is_below(image: bpy.types.Image, folder: Path) -> bool:
+    path = Path(bpy.path.abspath(image.filepath)).resolve()
+    return path.is_file() and path.is_relative_to(folder.resolve()) and bool(image.size[0])

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Floor plans: pieces at places, as axis-aligned boxes of which no two intersect."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .library import Piece
+
+GAP = 0.02  # metres between two pieces, and between a piece and a wall
+_TOUCH = 1e-6
+
+
+@dataclass(frozen=True)
+class Box:
+    """Axis-aligned box of two corners (x, y, z) in metres."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    def meets(self, other: Box) -> bool:
+        """Tell whether both have volume in common; those that touch do not."""
+        return all(
+            a < d - _TOUCH and c < b - _TOUCH
+            for a, b, c, d in zip(self.low, self.high, other.low, other.high, strict=True)
+        )
+
+    def holds(self, other: Box) -> bool:
+        """Tell whether the other is inside."""
+        return all(a <= c + _TOUCH for a, c in zip(self.low, other.low, strict=True)) and all(
+            d <= b + _TOUCH for b, d in zip(self.high, other.high, strict=True)
+        )
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Piece at a place: the middle of its lower end (x, y, z) in metres, turned about z by `angle` radians."""
+
+    piece: Piece
+    at: tuple[float, float, float]
+    angle: float = 0.0
+
+    def box(self, gap: float = 0.0) -> Box:
+        """Box around it, on the plan larger by `gap` on all sides."""
+        cos, sin = abs(math.cos(self.angle)), abs(math.sin(self.angle))
+        width, depth, height = self.piece.size
+        x, y = (width * cos + depth * sin) / 2 + gap, (width * sin + depth * cos) / 2 + gap
+        return Box((self.at[0] - x, self.at[1] - y, self.at[2]), (self.at[0] + x, self.at[1] + y, self.at[2] + height))
+
+
+@dataclass
+class FloorPlan:
+    """Plan of a room or garden `width` (x) by `depth` (y) about the origin, `height` up from z = 0, in metres.
+
+    kept_free: boxes that nothing may stand in, such as before doors.
+    """
+
+    width: float
+    depth: float
+    height: float
+    kept_free: list[Box] = field(default_factory=list)
+    placements: list[Placement] = field(default_factory=list)
+
+    def bounds(self) -> Box:
+        """Box of the whole plan."""
+        return Box((-self.width / 2, -self.depth / 2, 0.0), (self.width / 2, self.depth / 2, self.height))
+
+    def has_room(self, placements: Sequence[Placement], gap: float = GAP) -> bool:
+        """Tell whether all of them fit beside and above what is there, and within the plan."""
+        taken = self.kept_free + [placement.box() for placement in self.placements]
+        bounds = self.bounds()
+        for placement in placements:
+            wide = placement.box(gap)
+            if not bounds.holds(placement.box()) or any(wide.meets(box) for box in taken):
+                return False
+        return True
+
+    def add(self, placements: Sequence[Placement], gap: float = GAP) -> bool:
+        """Add all of them, or none if they have no room; returns whether they were added."""
+        if not self.has_room(placements, gap):
+            return False
+        self.placements += placements
+        return True
+
+    def at_wall(self, piece: Piece, wall: int, along: float, gap: float = GAP) -> Placement:
+        """Place a piece with its back to a wall; its front is towards -y at angle 0.
+
+        wall: 0 at +y, 1 at -x, 2 at -y, 3 at +x. along: share (-1 to 1) of the way that it can be moved.
+        """
+        angle = wall * math.pi / 2
+        inward = np.array([math.sin(angle), -math.cos(angle)]).round(12)
+        tangent = np.array([-inward[1], inward[0]])
+        across, length = (self.depth, self.width) if wall % 2 == 0 else (self.width, self.depth)
+        middle = -inward * (across / 2 - piece.size[1] / 2 - gap)
+        middle = middle + tangent * along * max((length - piece.size[0]) / 2 - gap, 0.0)
+        return Placement(piece, (float(middle[0]), float(middle[1]), piece.elevation), angle)
+
+
+def beside(placement: Placement, piece: Piece, side: int, along: float = 0.0, gap: float = GAP) -> Placement:
+    """Place a piece on the floor beside another one, with its front towards it.
+
+    side: 0 before the other's front, 2 behind it, 1 and 3 at its ends. along: metres from the middle of that side.
+    """
+    angle = placement.angle + (side + 2) * math.pi / 2
+    outward = np.array([math.sin(angle + math.pi), -math.cos(angle + math.pi)])
+    tangent = np.array([-outward[1], outward[0]])
+    reach = placement.piece.size[1 if side % 2 == 0 else 0] / 2 + piece.size[1] / 2 + gap
+    at = np.array(placement.at[:2]) + outward * reach + tangent * along
+    return Placement(piece, (float(at[0]), float(at[1]), 0.0), angle)

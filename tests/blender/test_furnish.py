@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet furnish`: scenes of a library that the test writes; sizes, seeds, files, refusals."""
+
+from itertools import combinations
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet import commands
+from patchnet.operators.furnished_scene import KINDS, compose_scene
+from patchnet.operators.furnished_scene.mesh_repair import repair_mesh, vertices_of
+from patchnet.operators.furnished_scene.models import fit_mesh, library_meshes
+from patchnet.patchnet_addon.furniture.archive import LibraryFileError
+from patchnet.patchnet_addon.furniture.library import read_library
+from patchnet.tests.furniture_library import write_library
+
+CREDITS = "scene.credits.txt"
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return write_library(tmp_path / "cubes.sh3f", extra="modelRotation#1=0 0 1 0 1 0 -1 0 0")
+
+
+def placed() -> dict[str, np.ndarray]:
+    """Vertices (n, 3) in world space of what stands in the scene, by name."""
+    bpy.context.view_layer.update()
+    found = {}
+    for item in bpy.data.collections["Furniture"].objects:
+        matrix = np.array(item.matrix_world)
+        found[item.name] = vertices_of(item.data) @ matrix[:3, :3].T + matrix[:3, 3]
+    return found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_nothing_intersects_and_sizes_are_true(path: Path, kind: str) -> None:
+    library = read_library(path)
+    composed = compose_scene([library], kind, 2)
+    things = {name: points for name, points in placed().items() if "Stool" not in name}
+    assert len(things) == len(composed.plan.placements) > 10
+    for placement, points in zip(composed.plan.placements, things.values(), strict=True):
+        box = placement.box()
+        assert (points.min(axis=0) > np.array(box.low) - 1e-4).all()
+        assert (points.max(axis=0) < np.array(box.high) + 1e-4).all()
+        assert np.ptp(points[:, 2]) == pytest.approx(placement.piece.size[2], abs=1e-4)
+    boxes = [(points.min(axis=0) + 1e-4, points.max(axis=0) - 1e-4) for points in things.values()]
+    assert not [1 for a, b in combinations(boxes, 2) if (a[0] < b[1]).all() and (b[0] < a[1]).all()]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_same_seed_gives_the_same_scene(path: Path, kind: str) -> None:
+    library = read_library(path)
+    scenes = []
+    for seed in (5, 5, 6):
+        compose_scene([library], kind, seed)
+        scenes.append(placed())
+    first, second, other = scenes
+    assert list(first) == list(second) != list(other)
+    assert all(np.array_equal(first[name], second[name]) for name in first)
+
+
+def test_model_is_turned_before_it_is_scaled(path: Path) -> None:
+    table, chair = read_library(path).pieces[:2]
+    for piece, mesh in library_meshes([table, chair]).items():
+        points = vertices_of(mesh)
+        assert np.allclose(np.ptp(points, axis=0), piece.size, atol=1e-5)
+        assert np.allclose(points.min(axis=0), (-piece.size[0] / 2, -piece.size[1] / 2, 0.0), atol=1e-5)
+    # The model's lower edge of z = 0 (its back) is at +y; turned by a quarter, what was on its right is.
+    assert np.allclose(vertices_of(library_meshes([chair])[chair])[0], (-0.225, 0.25, 0.0), atol=1e-5)
+    assert np.allclose(vertices_of(library_meshes([table])[table])[0][:2], (-0.75, -0.4), atol=1e-5)
+
+
+def test_model_has_its_colour_and_no_image_of_others(path: Path) -> None:
+    chair = read_library(path).pieces[1]
+    (material,) = library_meshes([chair])[chair].materials
+    assert [node.type for node in material.node_tree.nodes if node.type == "TEX_IMAGE"] == []
+    assert not any("not-ours" in image.filepath for image in bpy.data.images)
+
+
+def test_model_without_surface(tmp_path: Path) -> None:
+    path = write_library(tmp_path / "flat.sh3f", files={"cubes/none.obj": "v 0 0 0\n"}, extra="model#1=cubes/none.obj")
+    table = read_library(path).pieces[0]
+    with pytest.raises(LibraryFileError, match=r"no surface in 'cubes/none\.obj', the model of 'Table'"):
+        library_meshes([table])
+
+
+def test_faces_that_lie_on_others_go_and_the_rest_faces_outwards(empty_scene: None) -> None:
+    cube = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    mixed = [face[::-1] if number % 2 else face for number, face in enumerate(faces)]
+    mesh = bpy.data.meshes.new("Cube")
+    mesh.from_pydata(cube, [], mixed + [face[::-1] for face in mixed])
+    repair_mesh(mesh)
+    middle = np.array([0.5, 0.5, 0.5])
+    outward = [np.dot(polygon.normal, np.array(polygon.center) - middle) for polygon in mesh.polygons]
+    assert len(outward) == 6 and min(outward) > 0.4
+
+
+def test_flat_models_stay_flat(empty_scene: None) -> None:
+    mesh = bpy.data.meshes.new("Sheet")
+    mesh.from_pydata([(0, 0, 0), (2, 0, 0), (2, 0, 2), (0, 0, 2)], [], [(0, 1, 2, 3)])
+    fit_mesh(mesh, (1.0, 0.1, 3.0))
+    assert np.allclose(np.ptp(vertices_of(mesh), axis=0), (1.0, 0.0, 3.0))
+
+
+@pytest.mark.parametrize("ending", ["glb", "blend"])
+def test_command(path: Path, tmp_path: Path, ending: str, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "made" / f"scene.{ending}"
+    words = ["furnish", str(path), "--seed", "3", "--out", str(out)]
+    assert commands.main(words) == 0
+    assert f"{out}: " in capsys.readouterr().out
+    assert {file.name for file in out.parent.iterdir()} == {out.name, CREDITS}
+    text = (out.parent / CREDITS).read_text()
+    assert "patchnet furnish cubes.sh3f --kind interior --seed 3" in text and "| Sofa | A / tester |" in text
+    assert commands.main(words) == 0  # its own files are replaced
+    from patchnet.operators.scene.files import open_scene
+
+    open_scene(out)
+    kinds = {item.type for item in bpy.data.objects}
+    assert kinds == ({"MESH"} if ending == "glb" else {"MESH", "LIGHT", "CAMERA"})
+    assert all(image.packed_file for image in bpy.data.images if image.source == "FILE")
+    floor = bpy.data.objects["Floor"]
+    assert floor.dimensions.z == pytest.approx(0.16, abs=1e-3) and floor.dimensions.x > 5.0
+
+
+@pytest.mark.parametrize(
+    ("name", "out", "why"),
+    [
+        ("cubes.sh3f", "scene.fbx", "end with .glb or .blend"),
+        ("cubes.sh3f", "other.glb", "is not a .glb file"),
+        ("none.sh3f", "scene.glb", "is no file"),
+        ("KatorLegaz.sh3f", "scene.glb", "kept for the tests of others"),
+    ],
+)
+def test_refusals(
+    path: Path, tmp_path: Path, name: str, out: str, why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "other.glb").write_text("foreign")
+    assert commands.main(["furnish", str(tmp_path / name), "--out", str(tmp_path / out)]) == 2
+    assert why in capsys.readouterr().err
+    assert not (tmp_path / CREDITS).exists()
