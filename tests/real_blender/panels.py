@@ -105,6 +105,8 @@ def undo_and_redo():
     yield from clicks.key("G", x, y)
     yield from clicks.move(x + 40, y + 40)
     yield from clicks.key("LEFTMOUSE", x + 40, y + 40)
+    while clicks.window().modal_operators:  # a move that has not ended yet is no step that undo could take back
+        yield 0.1
     yield 0.3
     states.append(sorted(result().stale))
     seen["why"] = result().why("surface")
