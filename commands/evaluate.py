@@ -19,7 +19,7 @@ from .shared.arguments import add_number, add_out
 from .shared.lines import say_result
 
 if TYPE_CHECKING:
-    from ..training.evaluation.evaluate import SceneResult
+    from ..training.evaluation.evaluate import EvaluationSettings, SceneResult
 
 RESULTS, TABLE, REPORT, FIGURES = "results.json", "results.csv", "report.html", "figures"
 OUTPUTS = {RESULTS: EVALUATION, TABLE: EVALUATION_TABLE, REPORT: EVALUATION_REPORT}
@@ -74,24 +74,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write and say where; returns 0; raises PatchNetError."""
-    from ..patchnet_addon.network.weights import load_weights
-    from ..training.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_part, prepare
-    from ..training.evaluation.patch_networks import patch_networks
-    from ..training.evaluation.results import csv_of, results_of
-    from ..training.evaluation.strategies import map_names
+    from ..training.evaluation.evaluate import evaluate, evaluate_part, prepare
     from .shared.progress_bars import ProgressBars
 
-    settings = EvaluationSettings(
-        frames=args.frames,
-        every=args.every,
-        size_px=tuple(args.size),
-        seed=args.seed,
-        weights=args.weights,
-        processes=args.processes,
-        lpips=None if args.lpips is None else tuple(args.lpips),
-        maps=tuple(args.maps),
-        networks=patch_networks(args.networks, load_weights(args.weights).lookahead),
-    )
+    settings = _evaluation(args)
     if not args.scenes and not args.octrees:
         raise SettingError("There is nothing to evaluate: name --scenes, or octree files")
     inputs = [*args.octrees, *args.maps, *(args.lpips or ()), *filter(None, [args.weights])]
@@ -109,14 +95,41 @@ def run(args: argparse.Namespace) -> int:
             say_result(f"{args.out}: {count} blocks of frames are there", file=args.out, blocks=count)
             return 0
         scenes = drain(evaluate(octrees, settings, args.out), bars.show)
+    _write_results(args, settings, scenes)
+    say_result(f"{args.out / REPORT}: {len(scenes)} scenes", file=args.out / REPORT, scenes=len(scenes))
+    return 0
+
+
+def _evaluation(args: argparse.Namespace) -> EvaluationSettings:
+    """Settings of the evaluation; raises PatchNetError for networks that cannot stand beside each other."""
+    from ..patchnet_addon.network.weights import load_weights
+    from ..training.evaluation.evaluate import EvaluationSettings
+    from ..training.evaluation.patch_networks import patch_networks
+
+    return EvaluationSettings(
+        frames=args.frames,
+        every=args.every,
+        size_px=tuple(args.size),
+        seed=args.seed,
+        weights=args.weights,
+        processes=args.processes,
+        lpips=None if args.lpips is None else tuple(args.lpips),
+        maps=tuple(args.maps),
+        networks=patch_networks(args.networks, load_weights(args.weights).lookahead),
+    )
+
+
+def _write_results(args: argparse.Namespace, settings: EvaluationSettings, scenes: Sequence[SceneResult]) -> None:
+    """Write results, table, figures and report."""
+    from ..training.evaluation.results import csv_of, results_of
+    from ..training.evaluation.strategies import map_names
+
     results = {"settings": _settings(args)} | results_of(scenes, settings.networks)
     strategies = scenes[0].strategies
     results["maps"] = {name: strategies[name].description for name in map_names(strategies.values())}
     _write(args.out / TABLE, csv_of(results))
     _write(args.out / RESULTS, json.dumps(results, indent=1, allow_nan=False))
     _write(args.out / REPORT, _report(args, results, scenes))
-    say_result(f"{args.out / REPORT}: {len(scenes)} scenes", file=args.out / REPORT, scenes=len(scenes))
-    return 0
 
 
 def _part(text: str) -> tuple[int, int]:
