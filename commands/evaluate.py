@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
-from ..patchnet_addon.runtime.file_kinds import EVALUATION, EVALUATION_REPORT, EVALUATION_TABLE
+from ..patchnet_addon.runtime.file_kinds import EVALUATION, EVALUATION_REPORT, EVALUATION_TABLE, EVALUATION_TABLES
 from ..patchnet_addon.runtime.outputs import check_outputs
 from ..patchnet_addon.runtime.progress import drain
 from ..patchnet_addon.runtime.replace import replaced_file
@@ -21,8 +21,8 @@ from .shared.lines import say_result
 if TYPE_CHECKING:
     from ..training.evaluation.evaluate import EvaluationSettings, SceneResult
 
-RESULTS, TABLE, REPORT, FIGURES = "results.json", "results.csv", "report.html", "figures"
-OUTPUTS = {RESULTS: EVALUATION, TABLE: EVALUATION_TABLE, REPORT: EVALUATION_REPORT}
+RESULTS, TABLE, TABLES, REPORT, FIGURES = "results.json", "results.csv", "tables.md", "report.html", "figures"
+OUTPUTS = {RESULTS: EVALUATION, TABLE: EVALUATION_TABLE, TABLES: EVALUATION_TABLES, REPORT: EVALUATION_REPORT}
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -121,6 +121,7 @@ def _evaluation(args: argparse.Namespace) -> EvaluationSettings:
 
 def _write_results(args: argparse.Namespace, settings: EvaluationSettings, scenes: Sequence[SceneResult]) -> None:
     """Write results, table, figures and report."""
+    from ..training.evaluation.markdown import markdown_of
     from ..training.evaluation.results import csv_of, results_of
     from ..training.evaluation.strategies import map_names
 
@@ -128,6 +129,7 @@ def _write_results(args: argparse.Namespace, settings: EvaluationSettings, scene
     strategies = scenes[0].strategies
     results["maps"] = {name: strategies[name].description for name in map_names(strategies.values())}
     _write(args.out / TABLE, csv_of(results))
+    _write(args.out / TABLES, markdown_of(results))
     _write(args.out / RESULTS, json.dumps(results, indent=1, allow_nan=False))
     _write(args.out / REPORT, _report(args, results, scenes))
 

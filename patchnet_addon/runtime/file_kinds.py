@@ -123,6 +123,7 @@ CYCLES_EVALUATION = FileKind(
     "results of an evaluation against Cycles", (".json",), _begins(b'{\n "settings": {\n  "cameras": ')
 )
 EVALUATION_TABLE = FileKind("a table of an evaluation", (".csv",), _begins(b"scene,strategy,group,rays_per_pixel,"))
+EVALUATION_TABLES = FileKind("tables of an evaluation", (".md",), _begins(b"# Tables of an evaluation"))
 EVALUATION_REPORT = FileKind(
     "a report of an evaluation",
     (".html",),

@@ -87,6 +87,15 @@ def test_table_figures_and_report(done):
     assert not re.search(r"(src|href)=['\"]http", report), "it needs no other file"
 
 
+def test_tables_have_the_figures_of_the_results(done, results):
+    text = (done[1] / "tables.md").read_text(encoding="utf-8")
+    mse = results["scenes"]["shells"]["mse"]
+    assert f"| `optimal` | {mse['optimal'][30] / mse['ss-variance'][30]:.2f} |" in text
+    assert all(f"| `{name}` |" in text for name in EVALUATED.keys() - {"random"})
+    widths = [line.count("|") for table in text.split("\n\n") for line in table.splitlines() if line.startswith("|")]
+    assert min(widths) > 2 and not re.search(r"\bnan\b", text)
+
+
 def test_report_in_a_browser(done):
     browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if browser is None:
@@ -130,7 +139,7 @@ def test_what_cannot_be_evaluated_is_refused(words, message, tmp_path, capsys, d
     assert message in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", ["results.json", "results.csv", "report.html"])
+@pytest.mark.parametrize("name", ["results.json", "results.csv", "tables.md", "report.html"])
 def test_files_of_others_are_not_replaced(name, done, tmp_path, capsys):
     foreign = tmp_path / name
     foreign.write_text("{}", encoding="utf-8")

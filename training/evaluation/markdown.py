@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Markdown tables of an evaluation's results, with a column for each scene, as documentation shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from statistics import median
+from typing import Any
+
+from .claims import VARIANCE
+from .patch_networks import network_name
+from .results import POOLED
+
+TITLE = "# Tables of an evaluation"
+BUDGET = 0.3
+_RATIOS = ("patchnet", "patchnet-behind", "fusion", "fine-ray", "fine-ray-variance", "fine-rays-4")
+
+
+def markdown_of(results: Mapping[str, Any]) -> str:
+    """Tables of the results of `results_of`: scenes, errors, excess areas, costs, claims, matrix, picture metrics."""
+    scenes, claims = results["scenes"], results["claims"]
+    first = next(iter(scenes.values()))
+    names = sorted(
+        (name for name in first["mse"] if network_name(name) is None and name not in ("random", VARIANCE)),
+        key=lambda name: (first["group"][name] == "oracle", first["rays_per_pixel"][name], name),
+    )
+    areas = {scene: _areas(values) for scene, values in scenes.items()}
+    parts = [
+        TITLE,
+        "Scenes; mean squared errors times 10,000.",
+        _scenes(scenes),
+        f"Error at {BUDGET:.0%} over that of `{VARIANCE}`.",
+        _by_scene(results, names, lambda values, name: _over_variance(values, name)),
+        "Excess area: 0 is optimal, 1 is random.",
+        _table(
+            ["strategy", *scenes],
+            ([f"`{name}`", *(f"{areas[scene][name]:.3f}" for scene in scenes)] for name in [VARIANCE, *names]),
+        ),
+        "Cost: rays a pixel, and milliseconds of a frame on one thread, median over scenes and by scene.",
+        _costs(scenes, names),
+        f"Intervals of 95 % of the ratio to `{VARIANCE}` at {BUDGET:.0%}.",
+        _intervals(claims["half"]),
+        "Lowest of the paper's references: from which budget on (interval), at which share of budgets from 13 % on.",
+        _lowest(claims["lowest"]),
+        "Rays in each pixel: error times 10,000, and milliseconds.",
+        _uniform(scenes),
+        f"Picture metrics at {BUDGET:.0%}, means over scenes.",
+        _quality([values["quality"] for values in scenes.values()]),
+    ]
+    for score, found in claims.get("generalisation", {}).items():
+        parts += [
+            f"Generalisation of `{score}`, error at {BUDGET:.0%} over that of `{VARIANCE}`.",
+            _matrix(found, scenes),
+        ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _scenes(scenes: Mapping[str, Any]) -> str:
+    at = round(100 * BUDGET)
+    return _table(
+        ["scene", "depth", "nodes", "frames", "look-ahead", "unrefined", f"`{VARIANCE}`, {BUDGET:.0%}", "optimal"],
+        (
+            [
+                scene, values["depth"], f"{values['nodes']:,}", values["frames"], f"{values['lookahead_share']:.1%}",
+                f"{1e4 * values['mse']['random'][0]:.1f}", f"{1e4 * values['mse'][VARIANCE][at]:.1f}",
+                f"{1e4 * values['mse']['optimal'][at]:.1f}",
+            ]
+            for scene, values in scenes.items()
+        ),
+    )  # fmt: skip
+
+
+def _by_scene(results: Mapping[str, Any], names: Sequence[str], cell: Callable[[Any, str], str]) -> str:
+    columns = dict(results["scenes"])
+    if "pooled" in results:
+        columns["pooled"] = results["pooled"]
+    rows = ([f"`{name}`", *(cell(values, name) for values in columns.values())] for name in names)
+    return _table(["strategy", *columns], rows)
+
+
+def _over_variance(values: Mapping[str, Any], name: str) -> str:
+    at = round(100 * BUDGET)
+    variance = values["mse"][VARIANCE][at]
+    return f"{values['mse'][name][at] / variance:.2f}" if variance else ""
+
+
+def _areas(values: Mapping[str, Any]) -> dict[str, float]:
+    areas = {name: item["value"] for name, item in values["excess_area"].items()}
+    return {name: float("nan") if area is None else area for name, area in areas.items()}
+
+
+def _costs(scenes: Mapping[str, Any], names: Sequence[str]) -> str:
+    first = next(iter(scenes.values()))
+    rows = []
+    for name in [VARIANCE, *names]:
+        times = [values["ms_per_frame"].get(name) for values in scenes.values()]
+        if None not in times:
+            each = [f"{time:.1f}" for time in times]
+            rows.append([f"`{name}`", first["rays_per_pixel"][name], f"{median(times):.1f}", *each])
+    return _table(["strategy", "rays", "median", *scenes], rows)
+
+
+def _intervals(half: Mapping[str, Any]) -> str:
+    shown = [name for name in _RATIOS if all(name in found for found in half.values())]
+    rows = []
+    for scene, found in half.items():
+        cells = []
+        for name in shown:
+            values = found[name]
+            at = values["budgets"].index(BUDGET)
+            cells.append(f"{values['value'][at]:.2f} ({values['low'][at]:.2f} to {values['high'][at]:.2f})")
+        rows.append(["pooled" if scene == POOLED else scene, *cells])
+    return _table(["scene", *(f"`{name}`" for name in shown)], rows)
+
+
+def _lowest(lowest: Mapping[str, Any]) -> str:
+    shown = [name for name in next(iter(lowest.values())) if network_name(name) is None]
+    rows = [[scene, *(_from(found[name]) for name in shown)] for scene, found in lowest.items()]
+    return _table(["scene", *(f"`{name}`" for name in shown)], rows)
+
+
+def _from(values: Mapping[str, Any]) -> str:
+    share = f"{values['share_of_budgets']:.0%}"
+    if values["value"] is None:
+        return f"never for good; {share}"
+    high = "never" if values["high"] is None else f"{values['high']:.0%}"
+    return f"{values['value']:.0%} ({values['low']:.0%} to {high}); {share}"
+
+
+def _uniform(scenes: Mapping[str, Any]) -> str:
+    sides = list(next(iter(scenes.values()))["uniform"])
+    rows = (
+        [scene]
+        + [
+            f"{1e4 * values['uniform'][side]['mse']:.1f} in {values['uniform'][side]['ms_per_frame']:.1f} ms"
+            for side in sides
+        ]
+        for scene, values in scenes.items()
+    )
+    return _table(["scene", *(f"{side} x {side}" for side in sides)], rows)
+
+
+def _quality(found: Sequence[Mapping[str, Any]]) -> str:
+    """Means over scenes of each metric that was run on all of them."""
+    at = found[0]["budgets"].index(BUDGET)
+    columns: dict[str, dict[str, float]] = {}
+    for metric, rows in found[0]["metrics"].items():
+        means = {name: [quality["metrics"][metric][name][at] for quality in found] for name in rows}
+        if all(value is not None for values in means.values() for value in values):
+            columns[metric] = {name: sum(values) / len(values) for name, values in means.items()}
+    names = list(next(iter(found[0]["metrics"].values())))
+    rows = ([f"`{name}`", *(f"{values[name]:.4f}" for values in columns.values())] for name in names)
+    return _table(["strategy", *columns], rows)
+
+
+def _matrix(found: Mapping[str, Any], scenes: Iterable[str]) -> str:
+    rows = []
+    for network, cells in found["networks"].items():
+        texts = [(f"{cells[scene]['value']:.2f}", cells[scene]["seen"]) for scene in scenes]
+        rows.append([network, *(f"**{text}**" if seen else text for text, seen in texts)])
+    return _table(["trained on", *scenes], rows) + "\n\nBold: the scene was in the training."
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(str(cell) for cell in line)} |" for line in lines)
