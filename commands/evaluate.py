@@ -121,8 +121,9 @@ def _evaluation(args: argparse.Namespace) -> EvaluationSettings:
 
 def _write_results(args: argparse.Namespace, settings: EvaluationSettings, scenes: Sequence[SceneResult]) -> None:
     """Write results, table, figures and report."""
+    from ..training.evaluation.csv_table import csv_of
     from ..training.evaluation.markdown import markdown_of
-    from ..training.evaluation.results import csv_of, results_of
+    from ..training.evaluation.results import results_of
     from ..training.evaluation.strategies import map_names
 
     results = {"settings": _settings(args)} | results_of(scenes, settings.networks)

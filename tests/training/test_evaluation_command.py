@@ -80,6 +80,10 @@ def test_table_figures_and_report(done):
     out = done[1]
     rows = list(csv.DictReader((out / "results.csv").read_text(encoding="utf-8").splitlines()))
     assert len(rows) == 101 * len(EVALUATED) and {row["group"] for row in rows} >= {"network", "rays", "oracle"}
+    half = next(row for row in rows if row["strategy"] == "fine-ray" and row["budget"] == "0.5")
+    assert float(half["psnr_db"]) == pytest.approx(-10 * np.log10(float(half["mse"])))
+    assert float(half["ms_with_cycles"]) > float(half["ms_with_rays"]) > float(half["ms_per_frame"]) > 0
+    assert all(row["psnr_db"] == "" for row in rows if row["budget"] == "1.0")
     names = {path.name for path in (out / "figures").iterdir()}
     assert names == {f"shells-{kind}.{ending}" for kind in ("patterns", "budget", "time") for ending in ("png", "svg")}
     report = (out / "report.html").read_text(encoding="utf-8")

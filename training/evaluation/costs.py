@@ -34,6 +34,11 @@ REFERENCE_SIDE = 32
 _REFERENCE_PIXELS = 512  # of a frame, enough to be timed
 
 
+CYCLES_MS_PER_PIXEL = 0.2
+"""Processor milliseconds that 64 paths of Cycles take in a pixel, at the rate that `patchnet bench bake` says of camera
+renders: 0.3 million paths a second."""
+
+
 @dataclass(frozen=True)
 class Costs:
     """Costs on one thread, medians over frames of processor milliseconds.
@@ -89,6 +94,15 @@ def measure_costs(
         {side: median(times) for side, times in uniform.items()},
         median(refined),
     )
+
+
+def total_ms(values: Mapping[str, Any], strategy: str, ms_per_pixel: float) -> np.ndarray:
+    """Milliseconds (B,) of a frame at each budget: what a strategy takes, and the samples that the budget asks for.
+
+    values: of a scene in the results. ms_per_pixel: of the samples of a refined pixel.
+    """
+    pixels = values["active_pixels"] / max(values["frames"], 1)
+    return np.asarray(values["ms_per_frame"][strategy] + np.asarray(values["budgets"]) * pixels * ms_per_pixel)
 
 
 def write_costs(costs: Costs, path: Path, key: str) -> None:

@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..benchmarks.figures import BLUE, GRAY, GREEN, ORANGE, PURPLE, finish
+from .costs import CYCLES_MS_PER_PIXEL, total_ms
 from .panels import save_panels
 from .patch_networks import network_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-CYCLES_MS_PER_PIXEL = 0.2
-"""Processor milliseconds that 64 paths of Cycles take in a pixel, at the rate that `patchnet bench bake` says of camera
-renders: 0.3 million paths a second."""
 _LIGHT = "0.75"
 Style = tuple[str, str]  # color and line
 _STYLES: dict[str, Style] = {
@@ -73,16 +71,12 @@ def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> l
 
     figure = Figure(figsize=(12, 5.2), dpi=100, layout="constrained")
     figure.suptitle(title, fontsize=12)
-    pixels = values["active_pixels"] / max(values["frames"], 1)
     left, right = figure.subplots(1, 2, sharey=True)
     prices = ((left, values["reference_ms_per_pixel"], "samples: 32 x 32 rays"),
               (right, CYCLES_MS_PER_PIXEL, f"samples: Cycles, {CYCLES_MS_PER_PIXEL:g} ms a pixel"))  # fmt: skip
-    budgets = np.asarray(values["budgets"])
     for axes, price, label in prices:
-        for strategy, milliseconds in values["ms_per_frame"].items():
-            if strategy in _STYLES or strategy == "random":
-                times = milliseconds + budgets * pixels * price
-                _draw_curve(axes, times, _error(values["mse"][strategy]), strategy, _STYLES)
+        for strategy in values["ms_per_frame"]:
+            _draw_curve(axes, total_ms(values, strategy, price), _error(values["mse"][strategy]), strategy, _STYLES)
         axes.set(xlabel="milliseconds a frame, one thread", title=label, yscale="log", xscale="log")
         axes.set_ylim(values["mse"]["random"][0] * 1e4 / 300, values["mse"]["random"][0] * 1.2e4)
         finish(axes)

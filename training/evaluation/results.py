@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import warnings
 from collections.abc import Sequence
 from typing import Any
@@ -121,21 +119,3 @@ def _curves(tracks: Sequence[TrackErrors], draws: Bootstrap) -> dict[str, Any]:
         },
         "block_frames": list(draws.block_frames),
     }
-
-
-def csv_of(results: dict[str, Any]) -> str:
-    """Table of all errors: scene, strategy, group, rays per pixel, milliseconds, budget, error and its interval."""
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(["scene", "strategy", "group", "rays_per_pixel", "ms_per_frame", "budget", "mse", "low", "high"])
-    for scene, values in results["scenes"].items():
-        for name, curve in values["mse"].items():
-            low, high = (values["intervals"][name][end] for end in ("low", "high"))
-            for index, budget in enumerate(values["budgets"]):
-                rows.writerow(
-                    [
-                        scene, name, values["group"][name], values["rays_per_pixel"][name],
-                        values["ms_per_frame"].get(name, ""), budget, curve[index], low[index], high[index],
-                    ]
-                )  # fmt: skip
-    return text.getvalue()
