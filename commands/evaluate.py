@@ -183,10 +183,11 @@ def _write(path: Path, text: str) -> None:
 
 def _report(args: argparse.Namespace, results: dict[str, Any], scenes: Sequence[SceneResult]) -> str:
     """Draw the figures; returns the report with them."""
-    from ..training.evaluation.figures import draw_budgets, draw_times
+    from ..training.evaluation.figures import draw_budgets, draw_overview, draw_times
     from ..training.evaluation.generalisation_figure import draw_generalisation
     from ..training.evaluation.patterns import draw_patterns
     from ..training.evaluation.report import report_html
+    from ..training.evaluation.results import POOLED
 
     figures = {}
     for scene in scenes:
@@ -195,6 +196,8 @@ def _report(args: argparse.Namespace, results: dict[str, Any], scenes: Sequence[
         drawn += draw_budgets(values, args.out / FIGURES, f"{name}-budget", name)
         drawn += draw_times(values, args.out / FIGURES, f"{name}-time", name)
         figures[name] = _drawings(drawn)
+    if len(scenes) > 1:
+        figures[POOLED] = _drawings(draw_overview(results["scenes"], args.out / FIGURES, "all-scenes"))
     matrix = draw_generalisation(results["claims"].get("generalisation", {}), args.out / FIGURES)
     notes = [
         f"{args.frames} frames a track, every {args.every}th of them at {args.size[0]} x {args.size[1]}; errors are of "

@@ -126,9 +126,10 @@ def test_generalisation_of_every_network_and_scene(results):
 
 
 def test_figures_and_report_show_the_networks(out, results):
-    assert {"generalisation.png", "generalisation.svg"} <= {path.name for path in (out / "figures").iterdir()}
+    names = {path.name for path in (out / "figures").iterdir()}
+    assert {f"{name}.{ending}" for name in ("generalisation", "all-scenes") for ending in ("png", "svg")} <= names
     report = (out / "report.html").read_text(encoding="utf-8")
-    assert report.count("<svg") == 7 and "Generalisation" in report
+    assert report.count("<svg") == 8 and "Generalisation" in report
     assert "sample passes that its weights state: 7, octrees: 1." in report
     assert results["networks"]["without-shells"]["octrees"] == ["01"]
 

@@ -27,6 +27,7 @@ _STYLES: dict[str, Style] = {
 }  # fmt: skip
 # For further networks, the first ones that are named; those after them are gray.
 _NETWORK_STYLES = (("black", "-."), ("#e69f00", "-."), ("#882255", "-."), ("#999933", "-."))
+_COLUMNS = 5  # of the overview
 _PANELS = ((1, "no further ray"), (2, "one further ray"), (5, "four further rays"))
 
 
@@ -58,6 +59,39 @@ def draw_budgets(
         finish(axes)
         axes.legend(fontsize=8, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
     panels[0].set_ylabel("mean squared error (1e-4)")
+    return save_panels(figure, folder, name)
+
+
+def draw_overview(scenes: Mapping[str, Any], folder: Path, name: str) -> list[Path]:
+    """Draw error over budget of all scenes, a small diagram each, with the strategies that have lines of their own.
+
+    Returns the files; raises PatchNetError if one cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    rows = -(-len(scenes) // _COLUMNS)
+    figure = Figure(figsize=(3.2 * _COLUMNS, 2.9 * rows + 0.8), dpi=100, layout="constrained")
+    panels = figure.subplots(rows, _COLUMNS, squeeze=False, sharex=True).ravel()
+    for axes, (scene, values) in zip(panels, scenes.items(), strict=False):
+        budgets = 100 * np.asarray(values["budgets"])
+        for kind, style in (("random", "--"), ("optimal", ":")):
+            axes.plot(budgets, _error(values["mse"][kind]), style, color=GRAY, lw=1, label=kind)
+        for strategy in values["mse"]:
+            if strategy in _STYLES:
+                _draw_curve(axes, budgets, _error(values["mse"][strategy]), strategy, _STYLES)
+        axes.set(title=scene, yscale="log")
+        axes.set_ylim(values["mse"]["random"][0] * 1e4 / 200, values["mse"]["random"][0] * 1.2e4)
+        finish(axes)
+        if axes.get_legend() is not None:
+            axes.get_legend().remove()
+    for axes in panels[len(scenes) :]:
+        axes.set_axis_off()
+    for axes in panels[-_COLUMNS:]:
+        axes.set_xlabel("refined (% of active pixels)")
+    figure.supylabel("mean squared error (1e-4)", fontsize=10)
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), fontsize=9, frameon=False, loc="outside lower center", ncols=7
+    )
     return save_panels(figure, folder, name)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from .claims import ORACLES
 from .patch_networks import network_name
-from .results import SHOWN
+from .results import POOLED, SHOWN
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 75rem; padding: 0 1rem; color: #222; }
@@ -27,7 +27,7 @@ def report_html(
     notes: Sequence[str],
     generalisation: Sequence[Path] = (),
 ) -> str:
-    """HTML of the results. figures: .svg files by scene. notes: sentences about how it was made.
+    """HTML of the results. figures: .svg files by scene, those of all scenes by POOLED. notes: sentences about it.
 
     generalisation: .svg file of its matrix, if networks were trained on single scenes, or on all but one.
     """
@@ -40,6 +40,7 @@ def report_html(
         "<h2>Claims of the paper</h2>",
         _claims(results["claims"]),
         *(_generalisation(results["claims"]["generalisation"], path) for path in generalisation),
+        *(f"<h2>All scenes</h2><figure>{_svg(path)}</figure>" for path in figures.get(POOLED, ())),
     ]
     for name, values in results["scenes"].items():
         parts += [f"<h2>{escape(name)}</h2>", _facts(values), _errors(values)]
