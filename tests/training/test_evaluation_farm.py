@@ -59,7 +59,7 @@ def test_open_job_description(octree, tmp_path):
     pytest.importorskip("openjd.cli", reason="openjd-cli is not installed")
     out = tmp_path / "out"
     values = SMALL | {
-        "Scenes": "", "Octrees": octree, "OutputFolder": out, "Shares": "2", "Command": PATCHNET,
+        "Scenes": "", "Octrees": octree, "OutputFolder": out, "Shares": "2", "Command": PATCHNET, "Options": "--seed 3",
     }  # fmt: skip
     words = [word for name, value in values.items() for word in ("-p", f"{name}={value}")]
     template = str(ROOT / "docs" / "openjd" / "evaluate.yaml")
@@ -67,6 +67,7 @@ def test_open_job_description(octree, tmp_path):
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     assert results(out)["frames"] == 6 and (out / "report.html").is_file()
+    assert json.loads((out / "results.json").read_text(encoding="utf-8"))["settings"]["seed"] == 3
 
 
 @pytest.fixture
