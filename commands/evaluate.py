@@ -17,6 +17,7 @@ from ..patchnet_addon.runtime.progress import drain
 from ..patchnet_addon.runtime.replace import replaced_file
 from .shared.arguments import add_number, add_out
 from .shared.lines import say_result
+from .shared.track_arguments import add_track
 
 if TYPE_CHECKING:
     from ..training.evaluation.evaluate import EvaluationSettings, SceneResult
@@ -40,13 +41,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all whose files are there; "
         "they are read from the folder PATCHNET_SCENES",
     )  # fmt: skip
-    add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of a track (2000)")
     add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="evaluate each such frame of a track (10)")
-    add_number(
-        parser, "--size", bounds.VIEW_PX, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"),
-        help="pixels (130 130)",
-    )  # fmt: skip
-    add_number(parser, "--seed", bounds.SEED, default=0, help="of the camera tracks (0)")
+    add_track(parser)
     parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
     parser.add_argument(
         "--lpips", type=Path, nargs=2, metavar=("TRUNK", "HEADS"), help="weight files of LPIPS: AlexNet as torchvision "

@@ -20,6 +20,7 @@ from ..patchnet_addon.runtime.replace import replaced_file
 from .shared.arguments import add_number, add_out
 from .shared.job_arguments import require_blender
 from .shared.lines import say_result
+from .shared.track_arguments import add_track
 
 if TYPE_CHECKING:
     from ..patchnet_addon.codes.coded_octree import CodedOctree
@@ -59,12 +60,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     )  # fmt: skip
     add_number(parser, "--cameras", bounds.TRACK_FRAMES, default=3, help="cameras of each scene (3)")
     add_number(parser, "--samples", bounds.RENDER_SAMPLES, default=256, help="Cycles samples per pixel (256)")
-    add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of the track they are from (2000)")
-    add_number(
-        parser, "--size", bounds.VIEW_PX, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"),
-        help="pixels (130 130)",
-    )  # fmt: skip
-    add_number(parser, "--seed", bounds.SEED, default=0, help="of the camera tracks (0)")
+    add_track(parser)
     parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
     add_out(parser, "folder for results and figures; that of `patchnet evaluate` will do", required=True)
     return parser

@@ -21,6 +21,7 @@ from ..patchnet_addon.runtime.progress import drain
 from ..training.evaluation.networks.names import NAMES
 from .shared.arguments import add_number, add_out
 from .shared.lines import say_result
+from .shared.track_arguments import add_track
 from .shared.training_run import add_run_arguments, require_torch
 
 
@@ -39,16 +40,11 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--frames-folder", type=Path, metavar="FOLDER", help="where rendered frames are kept (frames in --out)"
     )
-    add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of each octree's track (2000)")
     add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="learn from each such frame of a track (10)")
-    add_number(
-        parser, "--size", bounds.VIEW_PX, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"),
-        help="pixels (130 130)",
-    )  # fmt: skip
+    add_track(parser, "tracks, weights and crops")
     add_number(parser, "--batch", bounds.BATCH, help="crops per step (16 of weiss, else 6)")
     add_number(parser, "--crop", bounds.CROP, help="pixels along a crop's side (32 of weiss, else 96)")
     add_number(parser, "--rate", bounds.LEARNING_RATE, default=1e-4, help="learning rate (0.0001)")
-    add_number(parser, "--seed", bounds.SEED, default=0, help="of tracks, weights and crops (0)")
     add_run_arguments(parser)
     return parser
 

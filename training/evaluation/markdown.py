@@ -13,6 +13,7 @@ from .results import POOLED
 
 TITLE = "# Tables of an evaluation"
 BUDGET = 0.3
+BUDGETS_SHOWN = (0.1, 0.13, 0.2, 0.3, 0.5, 0.7)
 _RATIOS = ("patchnet", "patchnet-behind", "fusion", "fine-ray", "fine-ray-variance", "fine-rays-4")
 
 
@@ -30,7 +31,8 @@ def markdown_of(results: Mapping[str, Any]) -> str:
         "Scenes; mean squared errors times 10,000.",
         _scenes(scenes),
         f"Error at {BUDGET:.0%} over that of `{VARIANCE}`.",
-        _by_scene(results, names, lambda values, name: _over_variance(values, name)),
+        _by_scene(results, names, _over_variance),
+        *_pooled(results, names),
         "Excess area: 0 is optimal, 1 is random.",
         _table(
             ["strategy", *scenes],
@@ -78,8 +80,17 @@ def _by_scene(results: Mapping[str, Any], names: Sequence[str], cell: Callable[[
     return _table(["strategy", *columns], rows)
 
 
-def _over_variance(values: Mapping[str, Any], name: str) -> str:
-    at = round(100 * BUDGET)
+def _pooled(results: Mapping[str, Any], names: Sequence[str]) -> list[str]:
+    """Error over that of the variance at several budgets, all scenes pooled; nothing for a single scene."""
+    if "pooled" not in results:
+        return []
+    rows = ([f"`{name}`", *(_over_variance(results["pooled"], name, at) for at in BUDGETS_SHOWN)] for name in names)
+    table = _table(["strategy", *(f"{budget:.0%}" for budget in BUDGETS_SHOWN)], rows)
+    return [f"All scenes pooled: error over that of `{VARIANCE}` at several budgets.", table]
+
+
+def _over_variance(values: Mapping[str, Any], name: str, budget: float = BUDGET) -> str:
+    at = round(100 * budget)
     variance = values["mse"][VARIANCE][at]
     return f"{values['mse'][name][at] / variance:.2f}" if variance else ""
 

@@ -21,6 +21,7 @@ from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
+from .bootstrap import finite
 from .checks import check_track
 from .curves import BUDGETS, OPTIMAL, FrameErrors, TrackErrors, excess_area, frame_errors, frame_orders, pooled_mse
 
@@ -113,7 +114,7 @@ def second_truth_results(
         areas = excess_area(mse, mse[names.index(OPTIMAL)])
         truths[truth] = {
             "mse": {name: mse[row].tolist() for row, name in enumerate(names)},
-            "excess_area": {name: _finite(areas[row]) for row, name in enumerate(names)},
+            "excess_area": {name: finite(areas[row]) for row, name in enumerate(names)},
         }
         if truth != OCTREE:
             truths[truth] |= {
@@ -155,7 +156,3 @@ def _camera(result: CameraResult) -> dict[str, Any]:
         "bias": {name: value / active for name, value in result.bias.items()},
         "noise": {name: value / active for name, value in result.noise.items()},
     }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
