@@ -67,7 +67,8 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
             else "luminance alone, no colour",
         ]
     if header.kind == "weights":
-        return [f"hash {load_weights(path).hash}"]
+        held = load_weights(path)
+        return [f"network {held.kind.name}, look-ahead {held.lookahead}", f"hash {held.hash}"]
     if header.kind == "codes":
         arrays = header.arrays
         codes, nodes = arrays["codes"][1], arrays["corner_rows" if "corner_rows" in arrays else "node_corners"][1]

@@ -77,7 +77,7 @@ def run_with_bars(settings: JobSettings) -> JobResult:
 
 def print_result(result: JobResult, settings: JobSettings) -> None:
     """Warnings, the octree, and what is left of the error by strategy."""
-    from ..patchnet_addon.sampling.report import refined_mse
+    from ..patchnet_addon.sampling.report import shown_errors, shown_figures
 
     for warning in result.warnings:
         say_note(warning)
@@ -90,13 +90,17 @@ def print_result(result: JobResult, settings: JobSettings) -> None:
     wanted = settings.view
     for view in result.report["frames"]:
         width, height = view["size"]
+        shown = shown_figures(view)
         print(
             f"{view['camera']} {width} x {height}: look-ahead on {view['lookahead_share']:.1%} of hits, "
-            f"error {view['mse_unrefined']:.2e}, after refining {wanted.budget:.0%} of {view['active_pixels']}:"
+            f"error {shown['mse_unrefined']:.2e}, after refining {wanted.budget:.0%} of {view['active_pixels']}:"
         )
-        for name, value in sorted(view["mse"].items(), key=lambda item: item[1]):
+        for name, value in sorted(shown["mse"].items(), key=lambda item: item[1]):
             marker = " <" if name == wanted.strategy else ""
             print(f"  {name:<24} {value:.2e}{marker}")
+        pictures = {"preview": view["mse_unrefined"], "predicted": view["predicted"]["mse_unrefined"]}
+        pictures |= {f"{side} x {side} rays": error for side, error in view["uniform"].items() if side != "1"}
+        print(f"  Unrefined: {', '.join(f'{name} {error:.2e}' for name, error in pictures.items())}")
         if "spp" in view:
             spp = view["spp"]
             print(
@@ -104,9 +108,7 @@ def print_result(result: JobResult, settings: JobSettings) -> None:
                 f"as many rays as a share {spp['mse_of_share']:.2e}"
             )
         print_cycles(view.get("cycles"))
-    views = [
-        {"camera": view["camera"], "mse_unrefined": view["mse_unrefined"], "mse": refined_mse(view, wanted.strategy)}
-        for view in result.report["frames"]
-    ]
+    errors = [(view["camera"], *shown_errors(view, wanted.strategy)) for view in result.report["frames"]]
+    views = [{"camera": camera, "mse_unrefined": before, "mse": after} for camera, before, after in errors]
     figures = {"depth": octree["depth"], "leaves": octree["leaves"], "views": views}
     say_result(f"Results are in {settings.out}", file=settings.out, **figures)

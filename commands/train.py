@@ -10,11 +10,12 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from ..patchnet_addon.network.kinds import KINDS
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
 from ..training.run_files import WEIGHTS, check_run
-from ..training.settings import IMPROVED, PRECISIONS, PRESETS, SAMPLES, VIEWS, TrainSettings
+from ..training.settings import IMPROVED, LOSSES, PRECISIONS, PRESETS, SAMPLES, VIEWS, TrainSettings
 from .shared.arguments import add_number, add_out
 from .shared.lines import say_note, say_result
 from .shared.training_run import add_run_arguments, require_torch
@@ -26,7 +27,8 @@ def description() -> str:
     """Description of the command, with the numbers of the presets and of the shipped weights' run."""
     presets = "\n".join(
         f"    {name:<9} {settings.passes:>11,} passes in batches of {settings.batch:,}, "
-        f"rate {settings.learning_rate:g}, schedule {settings.schedule}{', augmented' if settings.augment else ''}"
+        f"rate {settings.learning_rate:g}, schedule {settings.schedule}{', augmented' if settings.augment else ''}, "
+        f"network {settings.network}, {settings.loss} errors"
         for name, settings in PRESETS.items()
     )
     return f"""Train PatchNet on sample files.
@@ -35,7 +37,7 @@ The shipped weights come from {SAMPLES:,} samples, {SAMPLES // VIEWS:,} voxels o
 training/shipped_weights.sh draws and learns from in {IMPROVED.passes:,} passes:
 
     patchnet dataset OCTREE... --samples {SAMPLES} --out samples
-    patchnet train samples --preset {_PRESET} --passes {IMPROVED.passes} --out run
+    patchnet train samples --preset {_PRESET} --network paper --loss absolute --passes {IMPROVED.passes} --out run
 
 A pass is one sample seen once. Presets:
 
@@ -68,6 +70,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add_number(parser, "--passes", bounds.PASSES, help="sample passes in all")
     add_number(parser, "--batch", bounds.BATCH, help="samples per step")
     add_number(parser, "--rate", bounds.LEARNING_RATE, help="highest learning rate")
+    parser.add_argument("--network", choices=tuple(KINDS), help="kind of network: paper, or mixture")
+    parser.add_argument("--loss", choices=LOSSES, help="errors that are made small; squared ones are least for means")
     parser.add_argument("--schedule", choices=("paper", "cosine"), help="how the learning rate falls")
     add_number(parser, "--luminance-weight", bounds.LUMINANCE_WEIGHT, help="factor of the luminance error in the loss")
     parser.add_argument(
@@ -137,6 +141,8 @@ def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
         "passes": args.passes if args.epochs is None else int(args.epochs * samples),
         "batch": args.batch,
         "learning_rate": args.rate,
+        "network": args.network,
+        "loss": args.loss,
         "schedule": args.schedule,
         "luminance_weight": args.luminance_weight,
         "precision": args.precision,

@@ -35,8 +35,8 @@ class Note:
 
 
 _VIEW = (
-    "images that begin with `PatchNet`: preview, heatmap, overlay, refined, reference and error as pictures, and raw "
-    "values of the pixels as floats,"
+    "images that begin with `PatchNet`: preview, predicted, heatmap, overlay, refined, reference and error as "
+    "pictures, and raw values of the pixels as floats,"
 )
 NOTES = {
     "run_all": Note(

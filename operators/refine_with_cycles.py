@@ -57,7 +57,7 @@ def summary(view: CyclesView) -> str:
     if view.full is None:
         return text
     mse = report["mse"]
-    errors = f"error {mse['preview']:.2e} -> {mse['composited']:.2e}, of the full render {mse['full']:.2e}"
+    errors = f"error {mse[report['unrefined']]:.2e} -> {mse['composited']:.2e}, of the full render {mse['full']:.2e}"
     return f"{text}, all of them {seconds['full']:.1f} s; {errors}"
 
 

@@ -57,9 +57,8 @@ class PATCHNET_OT_run_all(
         overlay.show(context, result.views, settings.view)
         for warning in result.warnings:
             tell(self, "WARNING", warning)
-        left = first.report["mse"][settings.view.strategy]
+        error, left = first.errors
         where = f", files in {settings.out}" if settings.out else ""
-        error = first.report["mse_unrefined"]
         count = f"{len(result.views)} view{'s' if len(result.views) != 1 else ''}"
         return f"{count}; {first.camera.name}: error {error:.2e} -> {left:.2e}{where}"
 

@@ -8,7 +8,7 @@ since several threads gather, and learn from, a part of a step each.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
@@ -19,6 +19,7 @@ from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ..patchnet_addon.runtime.kernels import kernel
 from .forest import Forest
+from .nearby import Nearby, gather_nearby
 from .samples import COVERAGE_SCALE, SIGNED, UNIT
 from .symmetry import COUNT, Symmetries, cube_symmetries
 
@@ -37,6 +38,7 @@ class Batch:
     slice_start: (9,) int64; pairs slice_start[s] to slice_start[s + 1] meet slice s (octant x + 2y + 4z of the patch).
     pair_block: (P,) int64 rows of `blocks`. pair_corner: (P,) int64 corner 8 v + c that the pair adds to.
     entry, direction, up: (V, R, 3) float32. ratio, coverage, luminance: (V, R) float32.
+    nearby: for networks that mix luminances.
     """
 
     blocks: np.ndarray
@@ -49,6 +51,7 @@ class Batch:
     ratio: np.ndarray
     coverage: np.ndarray
     luminance: np.ndarray
+    nearby: Nearby | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +96,11 @@ def gather_batch(
     views: np.ndarray,
     augmentation: Augmentation,
     lookahead: int = DEFAULT_LOOKAHEAD,
+    *,
+    nearby: bool = False,
 ) -> Batch:
     """Batch of voxels (V, 4) of octrees `tree` (V,) with their stored views (V, R, 12), drawn `lookahead` levels
-    ahead."""
+    ahead; `nearby`: with the luminances that a mixture needs."""
     symmetries = _symmetries(lookahead)
     count = len(tree)
     bricks = Brick(np.empty((count, 27, 8**lookahead), np.int32), np.empty((count, 27), np.int32))
@@ -123,7 +128,9 @@ def gather_batch(
         moved,
     )
     start, pair_block, pair_corner = _list_pairs(moved, PAIR_POSITION)
-    return Batch(blocks, start, pair_block, pair_corner, *_move_views(views, augmentation.symmetry, symmetries, linear))
+    moved_views = _move_views(views, augmentation.symmetry, symmetries, linear)
+    found = gather_nearby(forest, tree, voxel, augmentation.symmetry, linear) if nearby else None
+    return Batch(blocks, start, pair_block, pair_corner, *moved_views, nearby=found)
 
 
 def _move_views(

@@ -19,7 +19,7 @@ from .forest import Forest, concatenate
 class Corpus:
     """Voxels of all data sets to train on: tree (G,) int32, voxel (G, 4), views (G, R, 12).
 
-    lookahead: levels that they look ahead.
+    lookahead: levels that they look ahead. nearby: batches have the luminances that a mixture needs.
     """
 
     forest: Forest
@@ -27,15 +27,19 @@ class Corpus:
     voxel: np.ndarray
     views: np.ndarray
     lookahead: int = DEFAULT_LOOKAHEAD
+    nearby: bool = False
 
     def batch(self, rows: np.ndarray, augmentation: Augmentation) -> Batch:
         """Batch of the voxels `rows` (V,)."""
         parts = self.tree[rows], self.voxel[rows], self.views[rows]
-        return gather_batch(self.forest, *parts, augmentation, self.lookahead)
+        return gather_batch(self.forest, *parts, augmentation, self.lookahead, nearby=self.nearby)
 
 
-def corpus_of(datasets: Sequence[Dataset]) -> tuple[Corpus, dict[str, Corpus]]:
-    """All voxels to train on, and those held out, by data set; raises PatchNetError if there are none."""
+def corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tuple[Corpus, dict[str, Corpus]]:
+    """All voxels to train on, and those held out, by data set; raises PatchNetError if there are none.
+
+    nearby: as `Corpus` says.
+    """
     if not datasets:
         raise SettingError("There is nothing to train on: name at least one sample file")
     views = {dataset.samples.views.shape[1] for dataset in datasets}
@@ -56,8 +60,9 @@ def corpus_of(datasets: Sequence[Dataset]) -> tuple[Corpus, dict[str, Corpus]]:
         keep, held = np.flatnonzero(~samples.held_out), np.flatnonzero(samples.held_out)
         parts.append((tree[keep], samples.voxel[keep], samples.views[keep]))
         if len(held):
-            held_out[dataset.name] = Corpus(forest, tree[held], samples.voxel[held], samples.views[held], lookahead)
+            of_held = tree[held], samples.voxel[held], samples.views[held]
+            held_out[dataset.name] = Corpus(forest, *of_held, lookahead, nearby)
     tree, voxel, view = (np.concatenate([part[k] for part in parts]) for k in range(3))
     if not len(tree):
         raise PatchNetError("All samples are held out for validation: draw more of them")
-    return Corpus(forest, tree, voxel, view, lookahead), held_out
+    return Corpus(forest, tree, voxel, view, lookahead, nearby), held_out

@@ -43,11 +43,12 @@ class Crew(Protocol):
 def crew_for(learner: Learner, corpus: Corpus, voxels: int, threads: int, gather: str = "") -> Crew:
     """Crew for the learner's device, with `voxels` a step.
 
-    gather: HOST or DEVICE, where a GPU's batches are gathered; by default on the GPU if its memory holds the data.
+    gather: HOST or DEVICE, where a GPU's batches are gathered; by default on the GPU if its memory holds the data. The
+    luminances that a mixture needs are gathered on the host always.
     """
     if learner.device.type == "cpu":
         return ThreadCrew(learner, corpus, voxels, threads)
-    if gather == DEVICE or (not gather and corpus_fits(corpus, learner.device)):
+    if not corpus.nearby and (gather == DEVICE or (not gather and corpus_fits(corpus, learner.device))):
         return GpuCrew(learner, corpus, voxels)
     return FedGpuCrew(learner, corpus, voxels, threads)
 

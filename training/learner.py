@@ -9,10 +9,11 @@ import torch
 from torch import Tensor
 
 from ..patchnet_addon.network.devices import CPU
+from ..patchnet_addon.network.kinds import KINDS
 from ..patchnet_addon.network.torch_precision import float32_products
 from ..patchnet_addon.network.weights import Weights
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
-from .settings import TF32, TrainSettings
+from .settings import SQUARED, TF32, TrainSettings
 from .sliced_net import SlicedNet
 from .tensor_batch import TensorBatch
 
@@ -22,7 +23,7 @@ class Learner:
 
     def __init__(self, settings: TrainSettings, lookahead: int = DEFAULT_LOOKAHEAD, device: str = CPU) -> None:
         self.settings, self.device = settings, torch.device(device)
-        weights = Weights.random(settings.seed, lookahead=lookahead)
+        weights = Weights.random(settings.seed, lookahead=lookahead, kind=KINDS[settings.network])
         self.model, self.mean = (SlicedNet(weights).to(self.device) for _ in range(2))
         self.optimizer = torch.optim.Adam(self.model.trained(), settings.learning_rate, betas=(0.9, 0.999), fused=True)
         self.steps = 0
@@ -35,8 +36,12 @@ class Learner:
         encoder's products run in `dtype`. Touches nothing, so that several threads may work on parts of a step.
         """
         with float32_products(self.device, tf32=self.settings.precision == TF32):
-            coverage, luminance, seen = errors(self.model(batch, dtype), batch)
-            loss = share * (coverage + self.settings.luminance_weight * luminance * seen)
+            predicted = self.model(batch, dtype)
+            coverage, luminance, seen = errors(predicted, batch)
+            loss = coverage + self.settings.luminance_weight * luminance * seen
+            if self.settings.loss == SQUARED:
+                loss = squared_errors(predicted, batch, self.settings.luminance_weight)
+            loss = share * loss
             gradients = torch.autograd.grad(loss, self.model.trained())
         return list(gradients), share * torch.stack([coverage, luminance * seen, seen]).detach()
 
@@ -83,6 +88,14 @@ def errors(predicted: Tensor, batch: TensorBatch) -> tuple[Tensor, Tensor, Tenso
     of_coverage = (predicted[..., 0] - batch.coverage).abs().mean()
     of_luminance = ((predicted[..., 1] - batch.luminance).abs() * seen).sum() / seen.sum().clamp(1)
     return of_coverage, of_luminance, seen.mean()
+
+
+def squared_errors(predicted: Tensor, batch: TensorBatch, luminance_weight: float) -> Tensor:
+    """Mean squared error of coverage, and `luminance_weight` times that of luminance where something is seen."""
+    seen = (batch.coverage > 0).float()
+    of_coverage = (predicted[..., 0] - batch.coverage).square()
+    of_luminance = (predicted[..., 1] - batch.luminance).square() * seen
+    return (of_coverage + luminance_weight * of_luminance).mean()
 
 
 def mean_errors(sums: Tensor) -> Tensor:

@@ -9,7 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon.network.weights import DECODER_SIZES, encoder_sizes, patch_side
+from ..patchnet_addon.network.kinds import KINDS
+from ..patchnet_addon.network.weights import encoder_sizes, patch_side
 from .dataset import Dataset
 from .held_out import is_turned, scene_of
 from .run_files import CARD, CURVES, LOG
@@ -43,11 +44,13 @@ def write_card(
     curve, validations = read_log(folder / LOG)
     lookahead = datasets[0].lookahead
     side = patch_side(lookahead)
-    encoder, decoder = ("-".join(map(str, sizes)) for sizes in (encoder_sizes(lookahead), DECODER_SIZES))
+    kind = KINDS[settings.network]
+    encoder, decoder = ("-".join(map(str, sizes)) for sizes in (encoder_sizes(lookahead), kind.decoder))
     has_picture = draw_curves(curve, validations, folder / CURVES)
     parts = [
         "# Model card of PatchNet weights\n",
-        f"Weights `{weights_hash}`. Encoder {encoder}, decoder {decoder}, look-ahead of {_levels(lookahead)}.\n",
+        f"Weights `{weights_hash}` of the network `{kind.name}`. Encoder {encoder}, decoder {decoder}, look-ahead of "
+        f"{_levels(lookahead)}.\n",
         f"Input: occupancy, linear luminance in [0, 1] and mean normal of {side}x{side}x{side} fine voxels around each",
         "corner of a voxel. Output: coverage and luminance that a pixel of half to a whole voxel would see.\n",
         "## How they were made\n",

@@ -5,12 +5,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from ..patchnet_addon.network.kinds import KINDS, MIXTURE
+from ..patchnet_addon.network.kinds import PAPER as PAPER_KIND
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 
 SAMPLES = 16_000_000  # that data sets have in all, as the paper's and those of the shipped weights
 VIEWS = 8  # of each voxel
 VALIDATION_VOXELS = 2048  # of a data set, at most
+ABSOLUTE, SQUARED = LOSSES = ("absolute", "squared")
 AUTO, BF16, FP32, TF32 = PRECISIONS = ("auto", "bf16", "fp32", "tf32")
 
 
@@ -23,7 +26,9 @@ class TrainSettings:
     warm_up: steps of rising learning rate. average: decay of the moving mean of weights that is saved, 0 for none.
     clip: largest norm of a gradient, 0 for no limit. augment: methods 7.20. luminance_weight: factor of |dL| in the
     loss. precision: "fp32"; "bf16" for the encoder's products; "tf32" for all products on a GPU, fp32 on a CPU; or
-    "auto": fp32 on a GPU, on a CPU bf16 where the processor has it natively, and fp32 for the last fiftieth.
+    "auto": fp32 on a GPU, on a CPU bf16 where the processor has it natively, and fp32 for the last fiftieth. network:
+    its kind (`network/kinds.py`). loss: "absolute" errors, whose best guesses are medians, or "squared" ones, whose are
+    means, which pictures and mean squared errors need.
     """
 
     passes: int = 8 * SAMPLES
@@ -38,6 +43,8 @@ class TrainSettings:
     luminance_weight: float = 1.0
     precision: str = AUTO
     seed: int = 0
+    network: str = PAPER_KIND.name
+    loss: str = ABSOLUTE
 
     def __post_init__(self) -> None:
         for row, value in (
@@ -50,6 +57,10 @@ class TrainSettings:
             row.check(value)
         if self.schedule not in ("paper", "cosine"):
             raise SettingError(f"Schedule '{self.schedule}' is unknown: use paper or cosine")
+        if self.network not in KINDS:
+            raise SettingError(f"Network '{self.network}' is unknown: use one of {', '.join(KINDS)}")
+        if self.loss not in LOSSES:
+            raise SettingError(f"Loss '{self.loss}' is unknown: use one of {', '.join(LOSSES)}")
         if self.precision not in PRECISIONS:
             raise SettingError(f"Precision '{self.precision}' is unknown: use one of {', '.join(PRECISIONS)}")
 
@@ -64,6 +75,8 @@ IMPROVED = TrainSettings(
     clip=1.0,
     augment=True,
     luminance_weight=2.0,
+    network=MIXTURE.name,
+    loss=SQUARED,
 )
 QUICK_SAMPLES = SAMPLES // 4
 PRESETS = {"quick": replace(IMPROVED, passes=8 * QUICK_SAMPLES), "paper": PAPER, "improved": IMPROVED}

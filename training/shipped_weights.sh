@@ -34,4 +34,5 @@ octree san-miguel-turned san_miguel.glb --depth 10 --light two-lights --rotate 1
 
 [ -d "$work/samples" ] || "$patchnet" dataset "$work"/octrees/*.safetensors --samples 16000000 --out "$work/samples"
 resume=$([ -e "$work/run/checkpoint.pt" ] && echo --resume || true)
-"$patchnet" train "$work/samples" --preset improved --passes 128000000 --out "$work/run" $resume
+"$patchnet" train "$work/samples" --preset improved --network paper --loss absolute --passes 128000000 \
+    --out "$work/run" $resume

@@ -9,8 +9,8 @@ import torch
 import torch.nn.functional as functional
 from torch import Tensor, nn
 
-from ..patchnet_addon.network.torch_model import PatchNet
-from ..patchnet_addon.network.weights import Weights
+from ..patchnet_addon.network.torch_model import MixturePlace, PatchNet
+from ..patchnet_addon.network.weights import CHANNELS, LUMINANCE, Weights
 from .corner_layer import CornerLayer, from_slices, to_slices
 from .tensor_batch import TensorBatch
 
@@ -41,16 +41,29 @@ class SlicedNet(nn.Module):
         """
         voxels, views = batch.ratio.shape
         first, *middle, last = self._encoder()
-        blocks = batch.blocks.to(dtype)
+        blocks = self._seen(batch.blocks).to(dtype)
         pairs = batch.pair_block, batch.pair_corner
         hidden = CornerLayer.apply(self.slices, blocks, batch.slice_start, *pairs, 8 * voxels)
         hidden = torch.relu(hidden + first.bias.to(dtype))
         for layer in middle:
             hidden = torch.relu(functional.linear(hidden, layer.weight.to(dtype), layer.bias.to(dtype)))
-        codes = last(hidden.float()).view(voxels, 8, -1)
-        codes = torch.bmm(corner_shares(batch.entry), codes)  # (V, R, 10)
-        direction, up = (part.reshape(voxels * views, 3) for part in (batch.direction, batch.up))
-        return self.net.decode(codes.flatten(0, 1), direction, up, batch.ratio.reshape(-1)).view(voxels, views, 2)
+        eight = last(hidden.float()).view(voxels, 8, -1)
+        codes = torch.bmm(corner_shares(batch.entry), eight).flatten(0, 1)  # (V R, 10)
+        rays = *(part.flatten(0, 1) for part in (batch.direction, batch.up)), batch.ratio.reshape(-1)
+        if batch.nearby is None:
+            return self.net.decode(codes, *rays).view(voxels, views, 2)
+        corner_codes = eight[:, None].expand(-1, views, -1, -1).flatten(0, 1)  # (V R, 8, 10)
+        covered, luminances = (part.flatten(0, 1) for part in batch.nearby.along(batch.direction))
+        place = MixturePlace(corner_codes, batch.entry.flatten(0, 1), covered, luminances)
+        return self.net.decode_mixture(codes, place, *rays).view(voxels, views, 2)
+
+    def _seen(self, blocks: Tensor) -> Tensor:
+        """Blocks (M, B) without luminance for a network that sees shape alone."""
+        if not self.net.kind.mixes:
+            return blocks
+        cells = blocks.view(len(blocks), -1, CHANNELS).clone()
+        cells[:, :, LUMINANCE] = 0
+        return cells.flatten(1)
 
     def to_weights(self, metadata: dict[str, Any] | None = None) -> Weights:
         """Copy of the parameters as plain arrays."""

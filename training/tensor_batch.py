@@ -3,12 +3,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from .batches import Batch
+
+
+@dataclass(frozen=True, eq=False)
+class TensorNearby:
+    """Luminances near V voxels, see `Nearby`."""
+
+    covered: Tensor
+    shown: Tensor
+    own: Tensor
+    around: Tensor
+
+    def along(self, direction: Tensor) -> tuple[Tensor, Tensor]:
+        """Coverage (V, R, 8) of children, and luminances (V, R, 17) to mix, for directions (V, R, 3)."""
+        up, down = direction.clamp(min=0).square(), direction.clamp(max=0).square()
+        squares = torch.stack([up, down], dim=-1).flatten(2)  # (V, R, 6), see `seen_along`
+        covered = torch.einsum("vrk,vck->vrc", squares, self.covered)
+        shown = torch.einsum("vrk,vck->vrc", squares, self.covered * self.shown) / covered.clamp(min=1e-12)
+        views = direction.shape[1]
+        rest = torch.cat([self.own[:, None], self.around], dim=1)[:, None].expand(-1, views, -1)
+        return covered, torch.cat([shown, rest], dim=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +49,22 @@ class TensorBatch:
     ratio: Tensor
     coverage: Tensor
     luminance: Tensor
+    nearby: TensorNearby | None = field(default=None, kw_only=True)
 
     @classmethod
     def of(cls, batch: Batch, device: torch.device) -> TensorBatch:
         """Tensors of a batch's arrays: the same memory on the CPU, copies by way of pinned memory on a GPU."""
-        arrays = {field.name: getattr(batch, field.name) for field in fields(cls)}
-        starts = arrays.pop("slice_start").tolist()
-        tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
-        if device.type == "cuda":
-            tensors = {name: value.pin_memory().to(device, non_blocking=True) for name, value in tensors.items()}
-        return cls(slice_start=starts, **tensors)
+        arrays = {each.name: getattr(batch, each.name) for each in fields(cls)}
+        starts, nearby = arrays.pop("slice_start").tolist(), arrays.pop("nearby")
+        there = None
+        if nearby is not None:
+            near = {each.name: getattr(nearby, each.name) for each in fields(nearby)}
+            there = TensorNearby(**_on_device(near, device))
+        return cls(slice_start=starts, nearby=there, **_on_device(arrays, device))
+
+
+def _on_device(arrays: dict[str, np.ndarray], device: torch.device) -> dict[str, Tensor]:
+    tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
+    if device.type == "cuda":
+        tensors = {name: value.pin_memory().to(device, non_blocking=True) for name, value in tensors.items()}
+    return tensors

@@ -19,6 +19,7 @@ from typing import Any, Protocol
 import torch
 
 from ..patchnet_addon.network.devices import CPU, enough_memory, found_device
+from ..patchnet_addon.network.kinds import KINDS, PAPER
 from ..patchnet_addon.network.weights import Weights, save_weights
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, THREADS
 from ..patchnet_addon.runtime.errors import FileFormatError, SettingError
@@ -31,7 +32,7 @@ from .learner import Learner
 from .provenance import describe_data
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .schedule import learning_rate
-from .settings import AUTO, BF16, TrainSettings
+from .settings import ABSOLUTE, AUTO, BF16, TrainSettings
 from .validation import validate
 from .validation_sets import validation_sets
 
@@ -68,8 +69,8 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     device = found_device(options.device)
     threads = usable_cores() if options.threads is None else options.threads
     THREADS.check(threads)
-    corpus, held_out = corpus_of(datasets)
-    sets = validation_sets(held_out, datasets, options.validation, corpus.lookahead)
+    corpus, held_out = corpus_of(datasets, nearby=KINDS[settings.network].mixes)
+    sets = validation_sets(held_out, datasets, options.validation, corpus.lookahead, nearby=corpus.nearby)
     notes = describe_data(datasets, options.validation) | options.notes
     voxels = max(1, settings.batch // corpus.views.shape[1])
     per_step = voxels * corpus.views.shape[1]
@@ -157,7 +158,7 @@ def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None
     """Go on from a checkpoint; raises PatchNetError if it is damaged or of other settings or data."""
     try:
         state = torch.load(path, map_location=CPU, weights_only=True)
-        other = {"lookahead": DEFAULT_LOOKAHEAD} | state["run"]
+        other = {"lookahead": DEFAULT_LOOKAHEAD, "network": PAPER.name, "loss": ABSOLUTE} | state["run"]
         changed = [name for name in run if other.get(name) != run[name]]
         if not changed:
             learner.load(state["learner"])

@@ -24,11 +24,17 @@ class ValidationSet:
 
 
 def validation_sets(
-    parts: Mapping[str, Corpus], training: Sequence[Dataset], validation: Sequence[Dataset], lookahead: int
+    parts: Mapping[str, Corpus],
+    training: Sequence[Dataset],
+    validation: Sequence[Dataset],
+    lookahead: int,
+    *,
+    nearby: bool = False,
 ) -> dict[str, ValidationSet]:
     """Validation sets by name: all of `validation`, then the held-out `parts` of `training` by data set.
 
-    Raises SettingError for names that are there twice, and for another look-ahead than that of training.
+    nearby: as `Corpus` says. Raises SettingError for names that are there twice, and for another look-ahead than that
+    of training.
     """
     check_names([*training, *validation])
     sets = {}
@@ -39,7 +45,7 @@ def validation_sets(
             )
         samples = dataset.samples
         tree = np.zeros(len(samples.voxel), np.int32)
-        corpus = Corpus(concatenate([dataset.octree]), tree, samples.voxel, samples.views, lookahead)
+        corpus = Corpus(concatenate([dataset.octree]), tree, samples.voxel, samples.views, lookahead, nearby)
         sets[dataset.name] = ValidationSet(corpus, why_not_held_out(dataset, training))
     reasons = {dataset.name: why_not_held_out(dataset, training) for dataset in training}
     return sets | {name: ValidationSet(corpus, reasons[name]) for name, corpus in parts.items()}

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
 
 _TITLES = {
     "preview": "preview",
+    "predicted": "predicted",
     "refined_octree": "refined octree",
-    "composited": "Cycles over preview",
+    "composited": "Cycles over unrefined",
     "composited_over_refined_octree": "Cycles over refined",
     "full": "full Cycles render",
 }

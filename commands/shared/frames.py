@@ -68,7 +68,11 @@ def print_frames(result: AnimationResult, out: Path) -> None:
 
 
 def _figures(entry: dict[str, Any]) -> str:
+    from ...patchnet_addon.sampling.report import shown_figures
+
     octree = entry["octree"]
     figures = [f"depth {octree['depth']}, {octree['leaves']:,} voxels"]
-    figures += [f"{view['camera']} error {view['mse_unrefined']:.2e} -> {view['mse']:.2e}" for view in entry["views"]]
+    for view in entry["views"]:
+        errors = shown_figures(view)
+        figures.append(f"{view['camera']} error {errors['mse_unrefined']:.2e} -> {errors['mse']:.2e}")
     return "; ".join(figures)

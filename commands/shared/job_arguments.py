@@ -55,6 +55,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_settings(parser, "color", "both_sides", "budget", "spp")
     parser.add_argument("--strategy", default="patchnet-behind", help="what is refined first (patchnet-behind)")
+    add_settings(parser, "unrefined")
     parser.add_argument(
         "--mask", type=Path, metavar="IMAGE",
         help="painted importance, stretched over each view: multiplies the priority, black is never refined",

@@ -145,5 +145,6 @@ def _summary(result: JobResult) -> dict[str, Any]:
 
 
 def _view_summary(view: dict[str, Any], strategy: str) -> dict[str, Any]:
-    names: Sequence[str] = ("camera", "folder", "size", "lookahead_share", "mse_unrefined")
-    return {name: view[name] for name in names} | {"mse": view["mse"][strategy]}
+    names: Sequence[str] = ("camera", "folder", "size", "lookahead_share", "mse_unrefined", "unrefined")
+    predicted = {"mse_unrefined": view["predicted"]["mse_unrefined"], "mse": view["predicted"]["mse"][strategy]}
+    return {name: view[name] for name in names} | {"mse": view["mse"][strategy], "predicted": predicted}

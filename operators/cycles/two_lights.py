@@ -8,20 +8,18 @@ So a surface emits what an octree lit by Two Lights holds: base colour times |no
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 
 import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import SceneError
 from ..scene.layer_names import shader_tree
-from ..scene_access.overrides import changed, put_back_when_saved
-from ..scene_access.temporary import temporary
+from .plane_cut import Plane, cut, mixed_with_transparent
+from .replaced_materials import replaced_materials
 
 _BASE = {"BSDF_PRINCIPLED": "Base Color", "BSDF_DIFFUSE": "Color"}
 _KEPT = frozenset({"MIX_SHADER", "ADD_SHADER", "BSDF_TRANSPARENT", "EMISSION"})
-_MOST_LAYERS = 1024  # transparent ones that a ray passes, as Cycles' panel offers
-Plane = tuple[int, float]  # axis, and coordinate in world units beyond which nothing is
 
 
 @contextmanager
@@ -35,32 +33,14 @@ def two_lights(
     """
     if "" in names:
         raise SceneError("A surface has no material, and Two Lights shine on those with one: give it a material")
-    library = {material.name_full: material for material in bpy.data.materials}
-    with ExitStack() as stack:
-        stack.enter_context(changed(scene.cycles, transparent_max_bounces=_MOST_LAYERS))
-        for name in names:
-            stack.enter_context(_replaced(library[name], np.asarray(direction, np.float64), plane))
+    toward = np.asarray(direction, np.float64)
+    toward /= np.linalg.norm(toward)
+
+    def change(copy: bpy.types.Material, name: str) -> None:
+        _make_shine(copy, name, toward, plane)
+
+    with replaced_materials(scene, names, change):
         yield
-
-
-@contextmanager
-def _replaced(material: bpy.types.Material, direction: np.ndarray, plane: Plane | None) -> Iterator[None]:
-    """Put a copy that shines in the place of a material, wherever it is used."""
-    with temporary(material.copy()) as copy:
-        _make_shine(copy, material.name, direction / np.linalg.norm(direction), plane)
-
-        def use() -> None:
-            material.user_remap(copy)
-
-        def put_back() -> None:
-            copy.user_remap(material)
-
-        use()
-        try:
-            with put_back_when_saved(put_back, use):
-                yield
-        finally:
-            put_back()
 
 
 def _make_shine(copy: bpy.types.Material, name: str, direction: np.ndarray, plane: Plane | None) -> None:
@@ -77,7 +57,7 @@ def _make_shine(copy: bpy.types.Material, name: str, direction: np.ndarray, plan
                 f"Material '{name}' has a shader '{node.name}' that Two Lights do not know: use a principled one"
             )
     if plane is not None:
-        _cut(tree, *plane)
+        cut(tree, *plane, camera_only=False)
 
 
 def _shine(tree: bpy.types.NodeTree, node: bpy.types.Node, direction: np.ndarray) -> bpy.types.NodeSocket:
@@ -92,7 +72,7 @@ def _shine(tree: bpy.types.NodeTree, node: bpy.types.Node, direction: np.ndarray
     _same(tree, node.inputs["Emission Strength"], own.inputs["Strength"])
     tree.links.new(base.outputs[0], both.inputs[0])
     tree.links.new(own.outputs[0], both.inputs[1])
-    mix = _mixed_with_transparent(tree, both.outputs[0])
+    mix = mixed_with_transparent(tree, both.outputs[0])
     _same(tree, node.inputs["Alpha"], mix.inputs[0])
     return mix.outputs[0]
 
@@ -107,30 +87,6 @@ def _cosine(tree: bpy.types.NodeTree, direction: np.ndarray) -> bpy.types.NodeSo
     size.operation = "ABSOLUTE"
     tree.links.new(dot.outputs["Value"], size.inputs[0])
     return size.outputs[0]
-
-
-def _cut(tree: bpy.types.NodeTree, axis: int, beyond_world: float) -> None:
-    """Make the surface transparent beyond a plane across an axis."""
-    output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
-    if output is None or not output.inputs["Surface"].is_linked:
-        return  # shows nothing anyway
-    geometry, parts = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeSeparateXYZ")
-    tree.links.new(geometry.outputs["Position"], parts.inputs[0])
-    within = tree.nodes.new("ShaderNodeMath")
-    within.operation = "LESS_THAN"
-    tree.links.new(parts.outputs[axis], within.inputs[0])
-    within.inputs[1].default_value = beyond_world
-    mix = _mixed_with_transparent(tree, output.inputs["Surface"].links[0].from_socket)
-    tree.links.new(within.outputs[0], mix.inputs[0])
-    tree.links.new(mix.outputs[0], output.inputs["Surface"])
-
-
-def _mixed_with_transparent(tree: bpy.types.NodeTree, shown: bpy.types.NodeSocket) -> bpy.types.Node:
-    """Mix node whose factor is the share of `shown`."""
-    mix, clear = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfTransparent")
-    tree.links.new(clear.outputs[0], mix.inputs[1])
-    tree.links.new(shown, mix.inputs[2])
-    return mix
 
 
 def _same(tree: bpy.types.NodeTree, source: bpy.types.NodeSocket, target: bpy.types.NodeSocket) -> None:

@@ -20,9 +20,11 @@ _ITEMS = [
         (
             "Priority of each pixel, up to the heatmap's configured maximum",
             "One sample a pixel",
+            "What the network expects of each pixel",
             "The picture after the budget is spent",
             "32 x 32 samples in every pixel",
             "How far the preview is from the reference",
+            "How far the predicted picture is from the reference",
             "How far the refined picture is from the reference",
         ),
         strict=True,

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
 from ...patchnet_addon.sampling.regions import Region
 from ...patchnet_addon.surface.textures import luminance
 from ..settings.cycles_settings import REFERENCE_FACTOR, CyclesSettings
 
-PREVIEW, REFINED, COMPOSITED, OVER_REFINED, FULL = (
-    "preview", "refined_octree", "composited", "composited_over_refined_octree", "full",
+REFINED, COMPOSITED, OVER_REFINED, FULL = (
+    "refined_octree", "composited", "composited_over_refined_octree", "full",
 )  # fmt: skip
 
 
@@ -73,8 +74,10 @@ def squared_errors(
     reference, cycles, full = (
         shown_light(light, exposure, False) for light in (renders.reference, renders.regions, renders.full)
     )
-    preview = buffers.picture(buffers.preview)
-    pictures = {PREVIEW: preview, COMPOSITED: np.where(mask, cycles, preview), FULL: full}
+    preview, shown = buffers.picture(buffers.preview), buffers.picture(buffers.shown)
+    pictures = {PREVIEW: preview, COMPOSITED: np.where(mask, cycles, shown), FULL: full}
+    if buffers.shows_predicted:
+        pictures[PREDICTED] = shown
     if refined is not None:
         octree = buffers.picture(refined)
         pictures |= {REFINED: octree, OVER_REFINED: np.where(mask, cycles, octree)}

@@ -13,10 +13,9 @@ from ...patchnet_addon.image.heatmap import magnify, with_legend
 from ...patchnet_addon.image.outlines import outlined
 from ...patchnet_addon.image.tone import shown
 from ..scene_access.images import ERROR_MAXIMUM, save_png, show_image
-from .cycles_figures import COMPOSITED, FULL, PREVIEW
+from .cycles_figures import COMPOSITED, FULL
 from .cycles_regions import CyclesView
 
-_ERRORS = (PREVIEW, COMPOSITED, FULL)
 _SHEET_NAME = "cycles_compare.png"
 _NAMES, _COMPARISON_NAMES = ("cycles", "regions"), ("cycles full", "cycles error")
 
@@ -63,10 +62,10 @@ def comparison_sheet(view: CyclesView, maximum: float, map_name: str = COLORMAPS
     """(h, w, 3): preview, regions over the heatmap, composited and full render, with the figures as titles."""
     assert view.full is not None
     report = view.report
-    mse, seconds, count = report["mse"], report["seconds"], len(view.regions)
+    mse, seconds, count, unrefined = report["mse"], report["seconds"], len(view.regions), report["unrefined"]
     regions = outlined(colormap(view.priority / np.float32(maximum), map_name), view.regions)
     titles = [
-        f"Preview mse {mse[PREVIEW]:.5f}",
+        f"{unrefined.capitalize()} mse {mse[unrefined]:.5f}",
         f"{count} region{'s' if count != 1 else ''}, {report['pixels_share']:.1%}",
         f"Cycles {seconds['regions']:.1f} s mse {mse[COMPOSITED]:.5f}",
         f"Full {seconds['full']:.1f} s mse {mse[FULL]:.5f}",
@@ -77,7 +76,8 @@ def comparison_sheet(view: CyclesView, maximum: float, map_name: str = COLORMAPS
 
 
 def _errors(view: CyclesView) -> np.ndarray:
-    views = [magnify(colormap(view.errors[name] / np.float32(ERROR_MAXIMUM))) for name in _ERRORS]
-    titles = [f"{name}: mse {view.report['mse'][name]:.5f}" for name in _ERRORS]
+    names = view.report["unrefined"], COMPOSITED, FULL
+    views = [magnify(colormap(view.errors[name] / np.float32(ERROR_MAXIMUM))) for name in names]
+    titles = [f"{name}: mse {view.report['mse'][name]:.5f}" for name in names]
     ticks = [f"{ERROR_MAXIMUM * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
     return with_legend(views, titles, colormap, ticks, "luminance error against Cycles")

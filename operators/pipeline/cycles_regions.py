@@ -31,7 +31,8 @@ NOT_CYCLES = "The voxels do not show Cycles' light: bake the light with Cycles f
 class CyclesView:
     """View with Cycles' regions in it.
 
-    priority: (H, W) float32 that chose them. mask: (H, W) bool, their pixels. preview, composited, full: (H, W), or
+    priority: (H, W) float32 that chose them. mask: (H, W) bool, their pixels. preview: what pixels beside regions show,
+    the predicted picture where that is chosen. preview, composited, full: (H, W), or
     (H, W, 3) in colour, linear, exposed, in [0, 1]; `full` is of Cycles alone, None unless `compare` is set.
     errors: name -> (H, W) absolute luminance error against the reference; empty without one. report: figures.
     """
@@ -144,7 +145,7 @@ def _composited(
     refined: np.ndarray | None,
 ) -> CyclesView:
     mask = region_mask(list(regions), camera.height_px, camera.width_px)
-    report = cycles_report(priority, regions, renders, settings)
+    report = cycles_report(priority, regions, renders, settings) | {"unrefined": buffers.unrefined}
     errors: dict[str, np.ndarray] = {}
     if renders.reference is not None:
         squared = squared_errors(buffers, mask, renders, exposure, refined)
@@ -153,8 +154,9 @@ def _composited(
             name: float(values[active].mean()) if active.any() else 0.0 for name, values in squared.items()
         }
         errors = {name: np.sqrt(values) for name, values in squared.items()}
-    colored = buffers.preview_color is not None
-    preview = buffers.picture(buffers.preview if buffers.preview_color is None else buffers.preview_color)
+    color = buffers.shown_color
+    colored = color is not None
+    preview = buffers.picture(buffers.shown if color is None else color)
     cycles = shown_light(renders.regions, exposure, colored)
     composited = np.where(mask[..., None] if colored else mask, cycles, preview)
     full = None if renders.full is None else shown_light(renders.full, exposure, colored)

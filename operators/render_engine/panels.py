@@ -49,6 +49,7 @@ class PATCHNET_PT_render_refinement(_RenderPanel, bpy.types.Panel):
         """Strategy, budget and painted importance, which views in the sidebar have, too."""
         layout = split(self.layout)
         draw_setting(layout, context.scene.patchnet, "strategy")
+        draw_setting(layout, context.scene.patchnet, "unrefined")
         draw_budget(layout, context.scene.patchnet)
         draw_settings(layout, context.scene.patchnet, "importance")
 

@@ -49,7 +49,7 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
     coded = pull(engine, making, 0.0, 0.3)
     importance = None if strokes is None else partial(strokes.weights, coded.octree.grid, rect=rect)
-    picture = AdaptivePicture(coded.octree, camera, chosen, coded, importance)
+    picture = AdaptivePicture(coded.octree, camera, chosen, coded, importance, wanted.unrefined)
     output = _Output(engine, depsgraph.view_layer.name, camera, picture, world)
     try:
         pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)

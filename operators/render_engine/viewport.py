@@ -13,6 +13,7 @@ import numpy as np
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.heap import trim
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
+from ...patchnet_addon.sampling.predicted import PREVIEW
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..session import results
@@ -58,7 +59,7 @@ class Viewport:
     def _draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, result: SceneResult) -> None:
         values, region = context.scene.patchnet, context.region
         chosen = strategy(values.strategy)
-        if result.coded is None and chosen.needs:
+        if result.coded is None and (chosen.needs or values.unrefined != PREVIEW):
             self._forget()
             self._message(engine, context, _NO_CODES)
             return
@@ -67,7 +68,8 @@ class Viewport:
         view = context.region_data
         camera = viewport_camera(view.view_matrix, view.window_matrix, (region.width, region.height), bounds)
         idle = self._preview is not None and self._preview.done
-        prepared = self._prepare(context, AdaptivePicture(octree, camera.with_size(8, 8), chosen, coded))
+        tiny = AdaptivePicture(octree, camera.with_size(8, 8), chosen, coded, unrefined=values.unrefined)
+        prepared = self._prepare(context, tiny)
         if not (self.mask.ready(context, idle=idle) and prepared):
             self._message(engine, context, _READY_SOON)
             engine.tag_redraw()
@@ -90,18 +92,20 @@ class Viewport:
         world = None if context.scene.render.film_transparent else world_color(context.scene.world)
         background = None if world is None else world.tobytes()
         rect = None if strokes is None else camera_rect(context)
-        wanted = values.strategy, values.budget, values.spp
+        wanted = values.strategy, values.unrefined, values.budget, values.spp
         state = (id(result), *wanted, background, self.mask.version, rect, *_view(camera))
         if state != self._state or self._preview is None:
             importance = None if strokes is None else partial(strokes.weights, result.octree.grid, rect=rect)
-            picture = AdaptivePicture(result.octree, camera, strategy(values.strategy), result.coded, importance)
+            picture = AdaptivePicture(
+                result.octree, camera, strategy(values.strategy), result.coded, importance, values.unrefined
+            )
             self._state, self._preview = state, ViewportPreview(picture, values.budget, world, values.spp or None)
             self._asked = time.perf_counter()  # the first picture comes soon
         return self._preview
 
     def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:
         """Return whether all kernels are there; they come once for each kind of work."""
-        kind = picture.strategy.name, picture.octree.chroma is None, picture.coded is None
+        kind = picture.strategy.name, picture.unrefined, picture.octree.chroma is None, picture.coded is None
         if self._preparation is None or self._prepared_for != kind:
             apply_preferences(context)
             self._preparation, self._prepared_for = Preparation(picture), kind

@@ -17,7 +17,7 @@ from ...patchnet_addon.runtime.errors import PatchNetError
 from .own import OWNER
 
 # Pictures of a view, each a file and a Blender image, in the order in which a user would look at them.
-PICTURES = ("preview", "heatmap", "overlay", "refined", "reference", "error")
+PICTURES = ("preview", "predicted", "heatmap", "overlay", "refined", "reference", "error")
 PRIORITY_NAME = "priority.exr"
 ERROR_MAXIMUM = 0.5  # luminance error at the end of an error picture's legend
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
 from ...patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from .setting import Effect, Kind, Setting
 
@@ -156,6 +157,16 @@ _VIEWS = (
     Setting(
         "strategy", "Strategy", "What is refined first", VIEW, Kind.CHOICE, DEFAULT,
         choices=tuple((item.name, item.title, item.description) for item in STRATEGIES.values()),
+    ),
+    Setting(
+        "unrefined", "Unrefined",
+        "What pixels show that are not refined; priorities are of what is wrong in that picture",
+        VIEW, Kind.CHOICE, PREVIEW,
+        choices=(
+            (PREVIEW, "Preview", "The voxel that one ray meets"),
+            (PREDICTED, "Predicted", "What the network expects of voxel and background, with one further ray a pixel"),
+        ),
+        argument="--unrefined", help="what pixels show that are not refined",
     ),
     Setting(
         "budget", "Budget", "Share of active pixels to refine", VIEW, Kind.SHARE, 0.3, bounds.BUDGET,

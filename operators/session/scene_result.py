@@ -29,13 +29,15 @@ class Row:
 class Comparison:
     """Comparison of all strategies on one view, best first.
 
-    view: camera and size, in words. unrefined: the error without a budget.
+    view: camera and size, in words. unrefined: the error without a budget, of what unrefined pixels show. pictures:
+    titles and errors of all pictures that they may show.
     """
 
     view: str
     budget: float
     unrefined: float
     rows: tuple[Row, ...]
+    pictures: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ...patchnet_addon.sampling.registry import STRATEGIES
+from ...patchnet_addon.sampling.report import shown_figures
 from .scene_result import Comparison, Row, SceneResult
 
 if TYPE_CHECKING:
@@ -28,12 +29,13 @@ def seen(result: SceneResult, view: View, *, compared: bool = False) -> SceneRes
 
 def comparison_of(view: View) -> Comparison:
     """Table of a view on which all strategies were measured."""
-    report = view.report
+    report, figures = view.report, shown_figures(view.report)
     width, height = report["size"]
-    rows = [Row(name, STRATEGIES[name].title, error) for name, error in report["mse"].items()]
+    rows = [Row(name, STRATEGIES[name].title, error) for name, error in figures["mse"].items()]
     return Comparison(
         view=f"{report['camera']}, {width} x {height}",
         budget=report["budget"],
-        unrefined=report["mse_unrefined"],
+        unrefined=figures["mse_unrefined"],
+        pictures=(("Preview", report["mse_unrefined"]), ("Predicted", report["predicted"]["mse_unrefined"])),
         rows=tuple(sorted(rows, key=lambda row: row.error)),
     )

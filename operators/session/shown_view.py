@@ -21,19 +21,21 @@ from ..settings.groups import ViewSettings
 if TYPE_CHECKING:
     from ..pipeline.views import View
 
-PREVIEW, HEATMAP, REFINED, REFERENCE = "PREVIEW", "HEATMAP", "REFINED", "REFERENCE"
-PREVIEW_ERROR, REFINED_ERROR = "PREVIEW_ERROR", "REFINED_ERROR"
+PREVIEW, PREDICTED, HEATMAP, REFINED, REFERENCE = "PREVIEW", "PREDICTED", "HEATMAP", "REFINED", "REFERENCE"
+PREVIEW_ERROR, PREDICTED_ERROR, REFINED_ERROR = "PREVIEW_ERROR", "PREDICTED_ERROR", "REFINED_ERROR"
 TITLES = {
     HEATMAP: "Heatmap",
     PREVIEW: "Preview",
+    PREDICTED: "Predicted",
     REFINED: "Refined",
     REFERENCE: "Reference",
     PREVIEW_ERROR: "Preview Error",
+    PREDICTED_ERROR: "Predicted Error",
     REFINED_ERROR: "Refined Error",
 }
 # Quantities of a pixel, each a picture of its own; coverage only where a network was asked.
 PRIORITY, COVERAGE, LEVEL = "priority", "coverage", "level"
-LUMINANCES = ("preview luminance", "refined luminance", "reference luminance")
+LUMINANCES = ("preview luminance", "predicted luminance", "refined luminance", "reference luminance")
 SAMPLES = "samples"
 _numbers = count(1)
 
@@ -43,7 +45,7 @@ class ShownView:
     """Values of each pixel of a view.
 
     camera: what it looked through. values: quantity -> (H, W) float32, raw; level is -1 where nothing was met.
-    looks: PREVIEW, REFINED, REFERENCE -> (H, W, 3) uint8, as a screen shows them. strategy: name.
+    looks: PREVIEW, PREDICTED, REFINED, REFERENCE -> (H, W, 3) uint8, as a screen shows them. strategy: name.
     maximum: priority at the end of the legend as the view was made. chosen_maximum: the scene's setting then.
     octree: that it shows, which may be gone. number: of no other view in this process.
     """
@@ -77,8 +79,9 @@ class ShownView:
         """Values (H, W) that a picture shows in colours, and the one at the end of its legend."""
         if name == HEATMAP:
             return self.values[PRIORITY], maximum
-        before, after, reference = (self.values[item] for item in LUMINANCES)
-        return np.abs((before if name == PREVIEW_ERROR else after) - reference), ERROR_MAXIMUM
+        *pictures, reference = (self.values[item] for item in LUMINANCES)
+        shown = dict(zip((PREVIEW_ERROR, PREDICTED_ERROR, REFINED_ERROR), pictures, strict=True))
+        return np.abs(shown[name] - reference), ERROR_MAXIMUM
 
     def legend(self, name: str, maximum: float) -> tuple[float, str] | None:
         """End of a picture's legend and what it measures; None for pictures that show light."""
@@ -92,14 +95,11 @@ class ShownView:
         """Lines about a pixel."""
         value = {name: float(picture[row, column]) for name, picture in self.values.items()}
         level, coverage = round(value[LEVEL]), value.get(COVERAGE)
-        before, after, reference = (value[name] for name in LUMINANCES)
         return [
             f"Pixel {column}, {row}",
             f"Priority {value[PRIORITY]:.4g} of {maximum:.3g}",
             f"Coverage {'not computed' if coverage is None else format(coverage, '.3f')}",
-            f"Preview luminance {before:.4f}",
-            f"Refined luminance {after:.4f}",
-            f"Reference luminance {reference:.4f}",
+            *(f"{name.capitalize()} {value[name]:.4f}" for name in LUMINANCES),
             f"Level {level}" if level >= 0 else "Level none: background",
             f"Samples {round(value[SAMPLES])}",
         ]
@@ -108,17 +108,18 @@ class ShownView:
 def view_to_show(view: View, settings: ViewSettings, chosen_maximum: float) -> ShownView:
     """Select what overlay and inspection need of a view that was made with `settings`."""
     buffers, refined = view.buffers, view.refined
-    assert buffers.reference is not None
+    assert buffers.predicted is not None and buffers.reference is not None
+    pictures = buffers.preview, buffers.predicted, refined.luminance, buffers.reference
     flat = {
         LEVEL: np.where(buffers.hit, buffers.hits.level, -1),
-        **dict(zip(LUMINANCES, (buffers.preview, refined.luminance, buffers.reference), strict=True)),
+        **dict(zip(LUMINANCES, pictures, strict=True)),
         SAMPLES: refined.samples,
     }
     known = buffers.prediction or buffers.exact
     if known is not None:
         flat[COVERAGE] = np.where(buffers.hit, known.coverage, 0.0)
     values = {name: np.ascontiguousarray(buffers.picture(item), np.float32) for name, item in flat.items()}
-    looks = {name: to_bytes(view.pictures[name.lower()]) for name in (PREVIEW, REFINED, REFERENCE)}
+    looks = {name: to_bytes(view.pictures[name.lower()]) for name in (PREVIEW, PREDICTED, REFINED, REFERENCE)}
     maximum = settings.heatmap_maximum or view.ranking.strategy.maximum
     return ShownView(
         view.camera,

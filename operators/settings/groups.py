@@ -12,6 +12,7 @@ import numpy as np
 from ...patchnet_addon.image.colormaps import COLORMAPS
 from ...patchnet_addon.network.devices import CUDA, read_device
 from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.sampling.predicted import check_unrefined
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.surface.mesh import MeshSource
 from ..importance.painted import Importance
@@ -109,6 +110,7 @@ class ViewSettings:
 
     cameras: names, or ("all",), or ("auto",); empty for the scene's active camera.
     size: pictures in pixels; a height of 0 follows the render aspect, (0, 0) is the render resolution.
+    unrefined: what pixels show that are not refined, "preview" or "predicted" (methods 3.12b).
     budget: share of active pixels to refine. spp: mean samples per active pixel, spread by priority (methods 7.25b);
     None refines the share. heatmap_maximum: None takes the strategy's own.
     importance: what was painted to matter; None where all pixels matter alike.
@@ -120,6 +122,7 @@ class ViewSettings:
     budget: float = TABLE["budget"].default
     spp: float | None = None
     strategy: str = TABLE["strategy"].default
+    unrefined: str = TABLE["unrefined"].default
     heatmap_maximum: float | None = None
     colormap: str = COLORMAPS[0]
     importance: Importance | None = None
@@ -127,6 +130,7 @@ class ViewSettings:
 
     def __post_init__(self) -> None:
         strategy(self.strategy)
+        check_unrefined(self.unrefined)
         _check_numbers(self)
         if self.colormap not in COLORMAPS:
             raise SettingError(f"There is no colour map {self.colormap!r}: choose one of {', '.join(COLORMAPS)}")

@@ -13,7 +13,7 @@ from bpy.props import StringProperty
 _FOLDER = "patchnet"
 _VALUES = (
     "resolution", "depth", "voxel_size", "track", "light", "samples", "texel_voxels", "color", "size", "strategy",
-    "budget", "spp",
+    "unrefined", "budget", "spp",
 )  # fmt: skip
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 
 import bpy
 import numpy as np
@@ -12,9 +12,10 @@ import numpy as np
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SceneError
+from ..cycles.plane_cut import cut_for_camera
 from ..cycles.two_lights import two_lights
 from ..scene.read import read_scene
-from ..schema.table import CYCLES, TWO_LIGHTS
+from ..schema.table import TWO_LIGHTS
 
 
 @contextmanager
@@ -23,9 +24,9 @@ def as_in_octree(
 ) -> Iterator[None]:
     """Light the open scene as an octree of it that is lit by `light`, within the block; it is as before after it.
 
-    Light that Cycles has baked is the scene's own already, and nothing is done about it here. bisect: axis and share of
-    the plane at which the octree is cut open. Raises SceneError for an octree of another surface or light, for a plane
-    through light that was baked, and as `two_lights`.
+    Light that Cycles has baked is the scene's own already, of the whole scene where the octree is cut open: the camera
+    alone sees through what lies beyond the plane. bisect: axis and share of that plane. Raises SceneError for an octree
+    of another surface or light, and as `two_lights` and `cut_for_camera`.
     """
     from ...patchnet_addon.surface.two_lights import DIRECTION
 
@@ -40,12 +41,14 @@ def as_in_octree(
             f"The octree's cube, of side {grid.side_world:g}, is not that around the scene, of side "
             f"{wanted.side_world:g}: give an octree of this scene, without what is left out of it"
         )
-    if light == CYCLES and bisect is not None:
-        raise SceneError("Cycles cannot cut a scene open whose light is that of the whole: leave the plane out")
     plane = None
     if bisect is not None:
         axis, share = bisect
         low, high = source.bounds_world[:, axis]
         plane = axis, float(low + share * (high - low))
-    with two_lights(context.scene, source.material_names, DIRECTION, plane) if light == TWO_LIGHTS else nullcontext():
+    with ExitStack() as stack:
+        if light == TWO_LIGHTS:
+            stack.enter_context(two_lights(context.scene, source.material_names, DIRECTION, plane))
+        elif plane is not None:
+            stack.enter_context(cut_for_camera(context.scene, source.material_names, plane))
         yield

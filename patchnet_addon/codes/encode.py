@@ -10,7 +10,8 @@ import numpy as np
 from ..network.compiled_encode import CompiledEncoder
 from ..network.devices import AUTO, CPU, enough_memory, found_device, has_torch, read_device
 from ..network.encode import Encoder, NumpyEncoder
-from ..network.weights import CODE_SIZE, Weights
+from ..network.kinds import CODE_SIZE
+from ..network.weights import Weights
 from ..octree.octree import Octree
 from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
@@ -18,6 +19,7 @@ from ..runtime.widths import NODE_ADVICE, UINT32_COUNT, check_count
 from .brick import check_nodes
 from .coded_nodes import coded_nodes
 from .coded_octree import CodedOctree
+from .corner_luminance import corner_luminance
 from .corner_rows import COLUMNS
 from .corners import corner_ranges, find_corners, write_corner_rows
 from .encode_corners import encode_corners
@@ -60,6 +62,7 @@ def encode_octree(
         yield Progress(len(counts), len(ranges), "Finding corners")
     check_count(sum(counts), UINT32_COUNT, "corners of voxels", NODE_ADVICE)
     codes = np.empty((sum(counts), CODE_SIZE), np.float16)
+    around = np.empty(len(codes), np.uint16) if weights.kind.mixes else None
     with enough_memory("the octree"):
         on_device = _corners_on_device(encoder, octree, weights.lookahead)
     done = 0
@@ -73,9 +76,11 @@ def encode_octree(
                 else:
                     found = _encode(encoder, octree, where.level, part, weights.lookahead)
             codes[done : done + len(found)] = np.clip(found, -_HALF_MAX, _HALF_MAX)
+            if around is not None:
+                around[done : done + len(found)] = corner_luminance(octree, where.level, part)
             done += len(found)
             yield Progress(done, len(codes), _LABEL)
-    return CodedOctree(octree, weights, codes, table, coded)
+    return CodedOctree(octree, weights, codes, table, coded, around)
 
 
 def make_encoder(weights: Weights, backend: str = "auto", device: str = CPU) -> Encoder:

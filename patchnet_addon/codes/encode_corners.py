@@ -17,9 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..network.compiled_encode import PackedLayers
+from ..network.kinds import CODE_SIZE
 from ..network.lanes import LANES, load, zeros
 from ..network.product import ROWS, WIDTH, find_steps, sum_products, write_sums
-from ..network.weights import CHANNELS, CODE_SIZE
+from ..network.weights import CHANNELS
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.bits import lowest_one
 from ..runtime.kernels import device, kernel

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..network.weights import CODE_SIZE, Weights
+from ..network.kinds import CODE_SIZE
+from ..network.weights import Weights
 from ..octree.file import octree_hash
 from ..octree.octree import Octree
 from ..runtime.errors import CodesFileError
@@ -27,7 +28,10 @@ def save_codes(coded: CodedOctree, path: str | Path) -> None:
         "look_ahead": coded.weights.lookahead,
         "depth": coded.octree.depth,
     }
-    write_arrays(path, {"codes": coded.codes, "corner_rows": coded.corner_rows}, metadata, KIND)
+    arrays = {"codes": coded.codes, "corner_rows": coded.corner_rows}
+    if coded.corner_luminance is not None:
+        arrays["corner_luminance"] = coded.corner_luminance
+    write_arrays(path, arrays, metadata, KIND)
 
 
 def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctree:
@@ -51,13 +55,15 @@ def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctre
             "precompute the codes again, or choose the weights that made them"
         )
     nodes = coded_nodes(octree, weights.lookahead)
-    codes, rows = arrays.get("codes"), arrays.get("corner_rows")
+    codes, rows, around = (arrays.get(name) for name in ("codes", "corner_rows", "corner_luminance"))
     if (
         codes is None
         or rows is None
         or (codes.dtype, codes.shape[1:]) != (np.float16, (CODE_SIZE,))
         or (rows.dtype, rows.shape) != (np.uint32, (nodes.total, COLUMNS))
         or last_row(rows) >= len(codes)
+        or (around is not None) != weights.kind.mixes
+        or (around is not None and (around.dtype, around.shape) != (np.uint16, codes.shape[:1]))
     ):
         raise CodesFileError(f"{path} is damaged: its codes do not fit its octree; precompute the codes again")
-    return CodedOctree(octree, weights, codes, rows, nodes)
+    return CodedOctree(octree, weights, codes, rows, nodes, around)

@@ -4,20 +4,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..network.compiled_decode import DIRECTION, RATIO, TILE, UP, DecoderLayers, decode_tile, empty_tile
+from ..network.compiled_decode import decode_tile, empty_tile
+from ..network.compiled_layers import TILE, DecoderLayers
+from ..network.compiled_mixture import pack_mixture
 from ..network.decode import decode
 from ..network.devices import CPU, enough_memory, found_device
-from ..network.weights import CODE_SIZE
-from ..runtime.kernels import device, kernel
+from ..network.mixture_decode import decode_mixture
+from ..runtime.kernels import kernel
 from ..runtime.threads import run_parts
 from .coded_nodes import coded_row
 from .coded_octree import CodedOctree
-from .corner_codes import MEAN_SIZE, CornerCodes, write_mean_code
+from .corner_codes import CornerCodes
+from .mixture_inputs import NearbyLuminance, mixture_inputs_reference, nearby_of
 from .patches import OCTANTS
+from .pixel_tiles import PixelRays, fill_codes, fill_rays
+from .predict_mixture import predict_mixture
 
 if TYPE_CHECKING:
     from ..tracing.render import Hits
@@ -37,16 +42,6 @@ class Prediction:
     look_ahead: np.ndarray
 
 
-class _Rays(NamedTuple):
-    """What the network is given of each pixel's ray; see `Hits`."""
-
-    node: np.ndarray
-    entry: np.ndarray
-    direction: np.ndarray
-    up: np.ndarray
-    ratio: np.ndarray
-
-
 def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
     """Decode coverage and luminance of all pixels, on all cores of the CPU or on a GPU.
 
@@ -59,21 +54,18 @@ def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
     entry, direction, up, ratio = (
         np.ascontiguousarray(array, np.float32) for array in (hits.entry_voxel, hits.direction, hits.up, hits.ratio)
     )
-    rays = _Rays(np.ascontiguousarray(hits.node, np.int64), entry, direction, up, ratio)
+    rays = PixelRays(np.ascontiguousarray(hits.node, np.int64), entry, direction, up, ratio)
     pixels = len(rays.node)
     prediction = Prediction(
         np.ones(pixels, np.float32), np.array(hits.luminance, np.float32), np.zeros(pixels, np.bool_)
     )
-    run_parts(
-        _predict,
-        -(-pixels // TILE),
-        rays,
-        CornerCodes.of(coded),
-        DecoderLayers.pack(coded.weights),
-        prediction.coverage,
-        prediction.luminance,
-        prediction.look_ahead,
-    )
+    results = prediction.coverage, prediction.luminance, prediction.look_ahead
+    parts = -(-pixels // TILE)
+    if coded.weights.kind.mixes:
+        nearby, layers = NearbyLuminance.of(coded), pack_mixture(coded.weights)
+        run_parts(predict_mixture, parts, rays, CornerCodes.of(coded), nearby, layers, *results)
+    else:
+        run_parts(_predict, parts, rays, CornerCodes.of(coded), DecoderLayers.pack(coded.weights), *results)
     return prediction
 
 
@@ -81,12 +73,14 @@ def predict_reference(coded: CodedOctree, hits: Hits) -> Prediction:
     """Reference of `predict` in NumPy."""
     rows = coded.rows_of(hits.node)
     pixels = np.flatnonzero(rows >= 0)
-    codes = interpolate_codes_reference(coded, rows[pixels], hits.entry_voxel[pixels])
     coverage = np.ones(len(rows), np.float32)
     luminance = hits.luminance.astype(np.float32)
-    coverage[pixels], luminance[pixels] = decode(
-        coded.weights, codes, hits.direction[pixels], hits.up[pixels], hits.ratio[pixels]
-    )
+    if coded.weights.kind.mixes:
+        decoded = decode_mixture(coded.weights, mixture_inputs_reference(coded, pixels, hits))
+    else:
+        codes = interpolate_codes_reference(coded, rows[pixels], hits.entry_voxel[pixels])
+        decoded = decode(coded.weights, codes, hits.direction[pixels], hits.up[pixels], hits.ratio[pixels])
+    coverage[pixels], luminance[pixels] = decoded
     return Prediction(coverage, luminance, rows >= 0)
 
 
@@ -103,9 +97,16 @@ def predict_on(device: str, coded: CodedOctree, hits: Hits) -> Prediction:
     luminance = hits.luminance.astype(np.float32)
     with enough_memory("decoding"):
         decode_there = TorchDecoder(coded.weights, coded.codes, device)
+        nearby = None
+        if coded.weights.kind.mixes:
+            nearby = nearby_of(coded, hits.node[pixels], rows[pixels], hits.direction[pixels])
         coverage[pixels], luminance[pixels] = decode_there(
             coded.corners_of(rows[pixels]),
-            *(part[pixels] for part in (hits.entry_voxel, hits.direction, hits.up, hits.ratio)),
+            hits.entry_voxel[pixels],
+            hits.direction[pixels],
+            hits.up[pixels],
+            hits.ratio[pixels],
+            nearby,
         )
     return Prediction(coverage, luminance, rows >= 0)
 
@@ -139,34 +140,10 @@ def _predict(first, last, rays, corner_codes, layers, coverage, luminance, look_
             pixels[count], rows[count] = pixel, row
             count += 1
         if count == TILE or (pixel == end - 1 and count > 0):
-            _fill_codes(corner_codes, rows[:count], rays.entry, pixels, tile[0])
-            _fill_rays(rays.direction, rays.up, rays.ratio, pixels[:count], tile[0])
+            fill_codes(corner_codes, rows[:count], rays.entry, pixels, tile[0])
+            fill_rays(rays, pixels[:count], tile[0])
             outputs = decode_tile(tile[0], tile[1], layers)
             for place in range(count):
                 coverage[pixels[place]] = outputs[place]
                 luminance[pixels[place]] = outputs[TILE + place]
             count = 0
-
-
-@device
-def _fill_codes(corner_codes, rows, entry, pixels, inputs):  # type: ignore[no-untyped-def]
-    """Write the codes of pixels, interpolated at their entry points, into a tile; rows: of the nodes they hit."""
-    halves, table = corner_codes.halves, corner_codes.rows
-    mean = np.empty(MEAN_SIZE, np.float32)
-    for place in range(len(rows)):
-        pixel = pixels[place]
-        point = entry[pixel, 0], entry[pixel, 1], entry[pixel, 2]
-        write_mean_code(halves, table, rows[place], point, mean)
-        for k in range(CODE_SIZE):
-            inputs[k * TILE + place] = mean[k if k < 8 else k + MEAN_SIZE - CODE_SIZE]
-
-
-@device
-def _fill_rays(direction, up, ratio, pixels, inputs):  # type: ignore[no-untyped-def]
-    """Write what the network is given of the rays of pixels into a tile."""
-    for place in range(len(pixels)):
-        pixel = pixels[place]
-        for axis in range(3):
-            inputs[(DIRECTION + axis) * TILE + place] = direction[pixel, axis]
-            inputs[(UP + axis) * TILE + place] = up[pixel, axis]
-        inputs[RATIO * TILE + place] = ratio[pixel]

@@ -62,11 +62,17 @@ def tint(luminance: np.ndarray, urgency: np.ndarray) -> np.ndarray:
 
 
 def error_picture(
-    before: np.ndarray, after: np.ndarray, maximum: float, mse: tuple[float, float], *, map_name: str = "viridis"
+    before: np.ndarray,
+    after: np.ndarray,
+    maximum: float,
+    mse: tuple[float, float],
+    *,
+    map_name: str = "viridis",
+    unrefined: str = "preview",
 ) -> np.ndarray:
-    """Absolute luminance errors (H, W) of the preview and of the refined picture, side by side."""
+    """Absolute luminance errors (H, W) of the picture called `unrefined` and of the refined one, side by side."""
     views = [magnify(colormap(error / np.float32(maximum), map_name)) for error in (before, after)]
-    titles = [f"{name}: mse {value:.5f}" for name, value in zip(("preview", "refined"), mse, strict=True)]
+    titles = [f"{name}: mse {value:.5f}" for name, value in zip((unrefined, "refined"), mse, strict=True)]
     ticks = [f"{maximum * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
     return with_legend(views, titles, lambda position: colormap(position, map_name), ticks, "luminance error")
 

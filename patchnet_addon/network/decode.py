@@ -6,7 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from .harmonics import harmonic_terms
-from .weights import CODE_SIZE, DECODER_SIZES, MODULATED, Weights
+from .kinds import CODE_SIZE, PAPER
+from .weights import MODULATED, Weights
 
 BLOCK = 4096  # pixels at once: the layers' values stay in the cache (methods 4.5)
 OUTPUT_LOW, OUTPUT_RANGE = -1.0, 3.0  # out = -1 + 3 sigmoid(x)
@@ -22,28 +23,38 @@ def decode(
     """
     count = len(codes)
     outputs = np.empty((2, count), np.float32)
-    inputs = np.empty((DECODER_SIZES[0], min(BLOCK, count)), np.float32)
+    inputs = np.empty((PAPER.decoder[0], min(BLOCK, count)), np.float32)
     for start in range(0, count, BLOCK):
         block = slice(start, min(start + BLOCK, count))
         values = inputs[:, : block.stop - start]
-        _fill_inputs(values, codes[block], direction[block], up[block], ratio[block])
-        for matrix, bias in weights.decoder[:-1]:
-            values = matrix @ values
-            values += bias[:, None]
-            np.maximum(values, 0, out=values)
-        matrix, bias = weights.decoder[-1]
-        # The exponent is bounded so that far values saturate without an overflow warning.
-        logits = np.clip(matrix @ values + bias[:, None], -80, 80)
-        outputs[:, block] = OUTPUT_LOW + OUTPUT_RANGE / (1 + np.exp(-logits))
+        fill_ray_inputs(values, codes[block], direction[block], up[block], ratio[block])
+        outputs[:, block] = sigmoid_output(run_decoder(weights, values))
     if clip:
         np.clip(outputs, 0, 1, out=outputs)
     return outputs[0], outputs[1]
 
 
-def _fill_inputs(
+def run_decoder(weights: Weights, values: np.ndarray) -> np.ndarray:
+    """Last layer's values (outputs, n) float32 for inputs (inputs, n)."""
+    for matrix, bias in weights.decoder[:-1]:
+        values = matrix @ values
+        values += bias[:, None]
+        np.maximum(values, 0, out=values)
+    matrix, bias = weights.decoder[-1]
+    result: np.ndarray = matrix @ values + bias[:, None]
+    return result
+
+
+def sigmoid_output(logits: np.ndarray) -> np.ndarray:
+    """Values in [-1, 2] of the last layer's, bounded so that far ones saturate without an overflow warning."""
+    result: np.ndarray = OUTPUT_LOW + OUTPUT_RANGE / (1 + np.exp(-np.clip(logits, -80, 80)))
+    return result
+
+
+def fill_ray_inputs(
     inputs: np.ndarray, codes: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: np.ndarray
 ) -> None:
-    """Write the network's inputs (42, n), one feature a row: the rows are contiguous, and BLAS does the layers."""
+    """Write the inputs (42, n) of code and ray, one feature a row: rows are contiguous, and BLAS does the layers."""
     inputs[:CODE_SIZE] = codes.T
     inputs[CODE_SIZE : CODE_SIZE + 3] = direction.T
     inputs[CODE_SIZE + 3 : CODE_SIZE + 6] = up.T

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -12,24 +13,39 @@ from torch import Tensor, nn
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from .decode import OUTPUT_LOW, OUTPUT_RANGE
 from .harmonics import harmonic_terms
-from .weights import DECODER_SIZES, MODULATED, Weights, encoder_sizes
+from .kinds import CHILDREN, PAPER, NetworkKind
+from .mixture_decode import ABSENT
+from .weights import MODULATED, Weights, encoder_sizes
+
+
+@dataclass(frozen=True)
+class MixturePlace:
+    """Inputs of a luminance mixture that tell the place, see `MixtureInputs`.
+
+    corner_codes: (N, 8, 10). entry: (N, 3). covered: (N, 8). luminances: (N, 17).
+    """
+
+    corner_codes: Tensor
+    entry: Tensor
+    covered: Tensor
+    luminances: Tensor
 
 
 class PatchNet(nn.Module):
-    """Encoder of patches, trilinear interpolation of the eight corners' codes, decoder (methods 7.9 to 7.15)."""
+    """Encoder of patches, trilinear interpolation of the eight corners' codes, decoder (methods 7.9 to 7.15, 11.1)."""
 
-    def __init__(self, seed: int = 0, lookahead: int = DEFAULT_LOOKAHEAD) -> None:
+    def __init__(self, seed: int = 0, lookahead: int = DEFAULT_LOOKAHEAD, kind: NetworkKind = PAPER) -> None:
         """Initialise a network by He's method, which depends on `seed` alone, for patches `lookahead` levels deep."""
         super().__init__()
-        self.lookahead = lookahead
+        self.lookahead, self.kind = lookahead, kind
         self.encoder = nn.ModuleList(_linear_layers(encoder_sizes(lookahead)))
-        self.decoder = nn.ModuleList(_linear_layers(DECODER_SIZES))
-        self.set_weights(Weights.random(seed, lookahead=lookahead))
+        self.decoder = nn.ModuleList(_linear_layers(kind.decoder))
+        self.set_weights(Weights.random(seed, lookahead=lookahead, kind=kind))
 
     @classmethod
     def from_weights(cls, weights: Weights) -> PatchNet:
         """Network with a copy of `weights`."""
-        model = cls(lookahead=weights.lookahead)
+        model = cls(lookahead=weights.lookahead, kind=weights.kind)
         model.set_weights(weights)
         return model
 
@@ -40,7 +56,7 @@ class PatchNet(nn.Module):
     def to_weights(self, metadata: dict[str, Any] | None = None) -> Weights:
         """Copy of the parameters as plain arrays."""
         arrays = {name: value.detach().float().cpu().numpy().copy() for name, value in self.state_dict().items()}
-        return Weights.from_arrays(arrays, metadata, self.lookahead)
+        return Weights.from_arrays(arrays, metadata, self.lookahead, self.kind)
 
     def encode(self, patches: Tensor) -> Tensor:
         """Codes (..., 10) of patches (..., S), flattened from cells z, y, x, channel; S = 2560 for two levels."""
@@ -48,19 +64,38 @@ class PatchNet(nn.Module):
 
     def decode(self, codes: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> Tensor:
         """Coverage and luminance (N, 2) in [-1, 2] for codes (N, 10), unit vectors (N, 3) and ratios (N,)."""
-        x, y, z = direction.unbind(-1)
-        harmonics = torch.stack(harmonic_terms(x, y, z), dim=-1)  # (N, 25)
-        modulated = codes[:, :MODULATED] * harmonics[:, :MODULATED]
-        inputs = torch.cat([modulated, codes[:, MODULATED:], direction, up, ratio[:, None], harmonics], dim=-1)
+        inputs = _ray_inputs(codes, direction, up, ratio)
         return OUTPUT_LOW + OUTPUT_RANGE * torch.sigmoid(_run_layers(self.decoder, inputs))
+
+    def decode_mixture(
+        self, codes: Tensor, place: MixturePlace, direction: Tensor, up: Tensor, ratio: Tensor
+    ) -> Tensor:
+        """Coverage in [-1, 2] and luminance (N, 2), see `decode`, of a luminance mixture (methods 11.1)."""
+        rays = _ray_inputs(codes, direction, up, ratio)
+        inputs = torch.cat([rays, place.corner_codes.flatten(1), 2 * place.entry - 1, place.covered], dim=-1)
+        outputs = _run_layers(self.decoder, inputs)
+        logits = outputs[:, 1:]
+        exists = place.covered > 0
+        children = logits[:, :CHILDREN].masked_fill(~exists, float(ABSENT))
+        shares = torch.softmax(torch.cat([children, logits[:, CHILDREN:]], dim=-1), dim=-1)
+        coverage = OUTPUT_LOW + OUTPUT_RANGE * torch.sigmoid(outputs[:, 0])
+        return torch.stack([coverage, (shares * place.luminances).sum(-1)], dim=-1)
 
     def forward(self, patches: Tensor, entry: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> Tensor:
         """Coverage and luminance (N, 2) in [-1, 2].
 
-        patches: (N, 8, S) of the voxel's corners, x fastest. entry: (N, 3) point in the voxel, [0, 1]^3
-        (methods 7.11). direction, up: (N, 3). ratio: (N,).
+        Of a network of the paper's kind. patches: (N, 8, S) of the voxel's corners, x fastest. entry: (N, 3) point in
+        the voxel, [0, 1]^3 (methods 7.11). direction, up: (N, 3). ratio: (N,).
         """
         return self.decode(interpolate(self.encode(patches), entry), direction, up, ratio)
+
+
+def _ray_inputs(codes: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> Tensor:
+    """Inputs (N, 42) of code and ray."""
+    x, y, z = direction.unbind(-1)
+    harmonics = torch.stack(harmonic_terms(x, y, z), dim=-1)  # (N, 25)
+    modulated = codes[:, :MODULATED] * harmonics[:, :MODULATED]
+    return torch.cat([modulated, codes[:, MODULATED:], direction, up, ratio[:, None], harmonics], dim=-1)
 
 
 def interpolate(codes: Tensor, entry: Tensor) -> Tensor:

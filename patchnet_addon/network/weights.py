@@ -13,12 +13,11 @@ import numpy as np
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD, LOOKAHEADS
 from ..runtime.errors import WeightsFileError
 from ..runtime.files import content_hash, read_arrays, write_arrays
+from .kinds import CODE_SIZE, KINDS, PAPER, NetworkKind
 
-CODE_SIZE = 10
-HARMONICS = 25
 MODULATED = 9  # dimensions of a code that harmonics of degree 0 to 2 are multiplied into (methods 7.13)
 CHANNELS = 5  # of a cell: occupancy, luminance, three of the normal
-DECODER_SIZES = (CODE_SIZE + 3 + 3 + 1 + HARMONICS, 48, 48, 48, 2)  # methods 7.15
+LUMINANCE = 1  # its place among them
 KIND = "weights"
 
 
@@ -32,16 +31,16 @@ def encoder_sizes(lookahead: int) -> tuple[int, ...]:
     return (patch_side(lookahead) ** 3 * CHANNELS, 256, 256, 256, CODE_SIZE)
 
 
-def network(lookahead: int) -> dict[str, Any]:
+def network(lookahead: int, kind: NetworkKind = PAPER) -> dict[str, Any]:
     """Conventions of the numbers, beyond their shapes: a file states them, and one that states others is refused."""
     side = patch_side(lookahead)
-    return {
+    return ({} if kind is PAPER else {"kind": kind.name}) | {
         "look_ahead": lookahead,
         "patch": f"{side} cells a side; order z, y, x, channel; channels occupancy, luminance, normal x, y, z",
         "corners": "order x, y, z, x fastest; trilinear",
-        "decoder_inputs": "code, direction, up, pixel-voxel ratio, 25 harmonics; axes of the octree",
+        "decoder_inputs": kind.inputs,
         "modulation": "code dimensions 0 to 8 times harmonics 0 to 8, in place",
-        "output": "-1 + 3 sigmoid; coverage, luminance",
+        "output": kind.output,
     }
 
 
@@ -55,7 +54,7 @@ class Weights:
 
     encoder: sizes `encoder_sizes(lookahead)`; input order z, y, x, channel of a patch, 8x8x8x5 for two levels
     (methods 7.9).
-    decoder: sizes `DECODER_SIZES`; input order code, direction, up, pixel-voxel ratio, harmonics.
+    decoder: sizes and order of inputs of its kind (`kinds.py`).
     metadata: how the weights were trained, plain JSON values; not part of the hash.
     """
 
@@ -68,6 +67,12 @@ class Weights:
         """Levels that the network looks ahead, 1 to 3: patches of so many cells are what its first layer takes."""
         size = self.encoder[0][0].shape[1]
         return next(lookahead for lookahead in LOOKAHEADS if encoder_sizes(lookahead)[0] == size)
+
+    @property
+    def kind(self) -> NetworkKind:
+        """Kind of network, by the sizes of its decoder."""
+        sizes = (self.decoder[0][0].shape[1], *(len(bias) for _, bias in self.decoder))
+        return next(kind for kind in KINDS.values() if kind.decoder == sizes)
 
     @cached_property
     def hash(self) -> str:
@@ -90,6 +95,7 @@ class Weights:
         arrays: dict[str, np.ndarray],
         metadata: dict[str, Any] | None = None,
         lookahead: int = DEFAULT_LOOKAHEAD,
+        kind: NetworkKind = PAPER,
     ) -> Weights:
         """Inverse of `arrays`; raises KeyError for a missing one and ValueError for a wrong shape or value."""
 
@@ -102,13 +108,16 @@ class Weights:
                 for index in range(len(sizes) - 1)
             )
 
-        return cls(layers("encoder", encoder_sizes(lookahead)), layers("decoder", DECODER_SIZES), dict(metadata or {}))
+        return cls(layers("encoder", encoder_sizes(lookahead)), layers("decoder", kind.decoder), dict(metadata or {}))
 
     @classmethod
-    def random(cls, seed: int = 0, bias: float = 0.0, lookahead: int = DEFAULT_LOOKAHEAD) -> Weights:
+    def random(
+        cls, seed: int = 0, bias: float = 0.0, lookahead: int = DEFAULT_LOOKAHEAD, kind: NetworkKind = PAPER
+    ) -> Weights:
         """Untrained weights: He initialisation (methods 7.21), biases normal with deviation `bias`.
 
-        Raises SettingError for a look-ahead that is not 1, 2 or 3.
+        An encoder that sees shape alone has zeros where it would see luminance. Raises SettingError for a look-ahead
+        that is not 1, 2 or 3.
         """
         LOOKAHEAD.check(lookahead)
         random = np.random.default_rng(seed)
@@ -124,12 +133,17 @@ class Weights:
                 for index in range(len(sizes) - 1)
             )
 
-        return cls(layers(encoder_sizes(lookahead)), layers(DECODER_SIZES), {"random_seed": seed})
+        encoder, decoder = layers(encoder_sizes(lookahead)), layers(kind.decoder)
+        if kind.mixes:
+            encoder[0][0][:, LUMINANCE::CHANNELS] = 0
+        return cls(encoder, decoder, {"random_seed": seed})
 
 
 def save_weights(weights: Weights, path: str | Path) -> None:
     """Write weights to a file; raises PatchNetError if that fails."""
-    write_arrays(path, weights.arrays(), {**weights.metadata, "network": network(weights.lookahead)}, KIND)
+    write_arrays(
+        path, weights.arrays(), {**weights.metadata, "network": network(weights.lookahead, weights.kind)}, KIND
+    )
 
 
 def load_weights(path: str | Path | None = None) -> Weights:
@@ -138,7 +152,8 @@ def load_weights(path: str | Path | None = None) -> Weights:
     arrays, metadata = read_arrays(path, KIND, WeightsFileError)
     stated = {"look_ahead": DEFAULT_LOOKAHEAD, **metadata.pop("network", {})}
     lookahead = _known_lookahead(stated["look_ahead"], path)
-    here = network(lookahead)
+    kind = _known_kind(stated.get("kind", PAPER.name), path)
+    here = network(lookahead, kind)
     if stated != here:
         other = next(name for name in {**here, **stated} if stated.get(name) != here.get(name))
         raise WeightsFileError(
@@ -146,7 +161,7 @@ def load_weights(path: str | Path | None = None) -> Weights:
             f"{here.get(other)!r}"
         )
     try:
-        return Weights.from_arrays(arrays, metadata, lookahead)
+        return Weights.from_arrays(arrays, metadata, lookahead, kind)
     except KeyError as cause:
         raise WeightsFileError(f"{path} belongs to another network: it lacks '{cause.args[0]}'") from cause
     except ValueError as cause:
@@ -161,6 +176,15 @@ def _known_lookahead(stated: Any, path: Path) -> int:
             f"{path} belongs to another network: its 'look_ahead' is {stated!r} where this one has one of {known}"
         )
     return stated
+
+
+def _known_kind(stated: Any, path: Path) -> NetworkKind:
+    """Kind that a file states; raises WeightsFileError for one that is not known."""
+    if not isinstance(stated, str) or stated not in KINDS:
+        raise WeightsFileError(
+            f"{path} belongs to another network: its 'kind' is {stated!r} where this one has one of {', '.join(KINDS)}"
+        )
+    return KINDS[stated]
 
 
 def default_weights_path() -> Path:

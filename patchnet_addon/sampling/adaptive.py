@@ -18,6 +18,7 @@ from ..runtime.worker import run_in_worker
 from ..tracing.camera import Camera
 from ..tracing.part import camera_part
 from .pixel_buffers import PixelBuffers
+from .predicted import PREVIEW
 from .refine import priority, refined_count, refinement_order
 from .registry import STRATEGIES
 from .sample_counts import runs_of_equal_counts, samples_in_order
@@ -61,10 +62,15 @@ class AdaptivePicture:
         strategy: Strategy,
         coded: CodedOctree | None = None,
         importance: Importance | None = None,
+        unrefined: str = PREVIEW,
     ) -> None:
-        """Prepare a picture; importance makes the weights that multiply scores of a traced view, None for 1."""
+        """Prepare a picture; importance makes the weights that multiply scores of a traced view, None for 1.
+
+        unrefined: what pixels with one ray show, see `PixelBuffers`.
+        """
         self.octree, self.camera, self.strategy, self.coded = octree, camera, strategy, coded
         self._importance = importance
+        self.unrefined = unrefined
         self.colors = np.zeros((camera.pixel_count, 3), np.float32)
         self.alpha = np.zeros(camera.pixel_count, np.float32)
         self.samples = np.zeros(camera.pixel_count, np.int32)
@@ -80,7 +86,8 @@ class AdaptivePicture:
     def trace(self, pace: Pace | None = None) -> Steps[None]:
         """Trace one ray per pixel, band of rows by band of rows, then find importance and score of all pixels.
 
-        Raises SettingError if the strategy needs codes and there are none, and what finding importance raises.
+        Raises SettingError if the strategy, or what unrefined pixels show, needs codes and there are none, and what
+        finding importance raises.
         """
         pace, camera, bands = pace or Pace(), self.camera, []
         wanted = [self.strategy] if self.coded is None else [self.strategy, STRATEGIES["patchnet"]]  # for coverage
@@ -89,7 +96,9 @@ class AdaptivePicture:
             yield Progress(row, camera.height_px, "Tracing the preview")
             rows = min(max(1, pace.band_pixels // camera.width_px), camera.height_px - row)
             part = camera_part(camera, 0, row, camera.width_px, rows)
-            band = yield from trace_view(self.octree, part, wanted, coded=self.coded, reference=False)
+            band = yield from trace_view(
+                self.octree, part, wanted, coded=self.coded, reference=False, unrefined=self.unrefined
+            )
             bands.append(band)
             self._show(row * camera.width_px, band)
             row += rows
@@ -131,9 +140,9 @@ class AdaptivePicture:
 
     def _show(self, start: int, band: PixelBuffers) -> None:
         rows = slice(start, start + len(band.preview))
-        seen = band.preview_color
-        self.colors[rows] = band.preview[:, None] if seen is None else seen
-        self.alpha[rows] = band.hit
+        seen = band.shown_color
+        self.colors[rows] = band.shown[:, None] if seen is None else seen
+        self.alpha[rows] = band.shown_alpha
         self.samples[rows] = 1
 
     def _take(self, pixels: np.ndarray, side: int) -> None:
@@ -180,6 +189,9 @@ def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
         fine_4=_joined([band.fine_4 for band in bands]),
         child_mask=_joined([band.child_mask for band in bands]),
         cube_side_world=bands[0].cube_side_world,
+        behind_color=_joined([band.behind_color for band in bands]),
+        behind_hit=_joined([band.behind_hit for band in bands]),
+        unrefined=bands[0].unrefined,
     )
 
 

@@ -12,9 +12,9 @@ from .refine import refined_count, refinement_order
 
 
 def squared_error(buffers: PixelBuffers) -> np.ndarray:
-    """(P,) float64: (L1 - L32)^2; the view needs its reference."""
+    """(P,) float64: (L1 - L32)^2, or of what unrefined pixels show instead of L1; the view needs its reference."""
     assert buffers.reference is not None
-    return (buffers.preview.astype(np.float64) - buffers.reference) ** 2
+    return (buffers.shown.astype(np.float64) - buffers.reference) ** 2
 
 
 def mse_at(buffers: PixelBuffers, score: np.ndarray, budgets: Sequence[float]) -> np.ndarray:

@@ -9,7 +9,7 @@ from .strategy import REFERENCE, Strategy
 
 def _score(buffers: PixelBuffers) -> np.ndarray:
     assert buffers.reference is not None  # `needs` says so
-    return np.abs(buffers.preview - buffers.reference)
+    return np.abs(buffers.shown - buffers.reference)
 
 
 STRATEGY = Strategy(

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .pixel_buffers import PixelBuffers
+from .predicted import expected_luminance
+from .remaining import remaining_error
 from .strategy import BEHIND, PREDICTION, Strategy
 
 if TYPE_CHECKING:
@@ -15,13 +17,18 @@ if TYPE_CHECKING:
 
 
 def expected_error(buffers: PixelBuffers, patch: Prediction) -> np.ndarray:
-    """s = |L_V - (sigma L_N + (1 - sigma) L_B)|, (P,) float32; 0 where the ray met nothing (methods 7.24)."""
+    """s = |L_V - (sigma L_N + (1 - sigma) L_B)|, (P,) float32; 0 where the ray met nothing (methods 7.24).
+
+    Where the predicted picture is shown, it stands in the place of L_V.
+    """
     assert buffers.behind is not None  # `needs` says so
-    seen = patch.coverage * patch.luminance + (1.0 - patch.coverage) * buffers.behind
-    return np.where(buffers.hit, np.abs(buffers.preview - seen), np.float32(0.0))
+    seen = expected_luminance(patch, buffers.behind)
+    return np.where(buffers.hit, np.abs(buffers.shown - seen), np.float32(0.0))
 
 
 def _score(buffers: PixelBuffers) -> np.ndarray:
+    if buffers.shows_predicted:  # it has no difference to itself
+        return remaining_error(buffers)
     assert buffers.prediction is not None  # `needs` says so
     return expected_error(buffers, buffers.prediction)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .active import active_pixels
+from .predicted import PREDICTED, PREVIEW, expected_colors, expected_luminance
 
 if TYPE_CHECKING:
     from ..codes.predict import Prediction
@@ -29,6 +30,8 @@ class PixelBuffers:
     reference: (P,) float32, L32, 32x32 samples (methods 7.5).
     preview_color, reference_color: (P, 3) float32, linear, of those luminances, for display; None without colour.
     Everything that is scored and measured is luminance.
+    behind_color: (P, 3) float32, linear, of `behind`. behind_hit: (P,) bool, something is met there.
+    unrefined: what pixels show that are not refined, PREVIEW or PREDICTED; errors and scores are of that picture.
     exact_1: as `exact`, of the patch one level ahead, which is the voxel's children and its neighbours' (methods 3.8).
     normal: (P, 3) float32, mean normal of the hit voxel, made unit length; 0 for a miss, and where normals cancel.
     child_mask: (P,) uint8, children of the hit voxel, bit x + 2y + 4z; 0 for a leaf and for a miss.
@@ -50,6 +53,9 @@ class PixelBuffers:
     normal: np.ndarray | None = None
     child_mask: np.ndarray | None = None
     cube_side_world: float | None = None
+    behind_color: np.ndarray | None = None
+    behind_hit: np.ndarray | None = None
+    unrefined: str = PREVIEW
 
     @property
     def height(self) -> int:
@@ -70,6 +76,47 @@ class PixelBuffers:
     def preview(self) -> np.ndarray:
         """(P,) float32, L1: luminance of the first voxel, or the background (methods 7.5)."""
         return self.hits.luminance
+
+    @cached_property
+    def predicted(self) -> np.ndarray | None:
+        """(P,) float32: luminance that the network expects, see `expected_luminance`; None without what it needs."""
+        if self.prediction is None or self.behind is None:
+            return None
+        return expected_luminance(self.prediction, self.behind)
+
+    @cached_property
+    def predicted_color(self) -> np.ndarray | None:
+        """(P, 3) float32: linear colours of `predicted`; None without colour."""
+        if self.prediction is None or self.preview_color is None or self.behind_color is None:
+            return None
+        return expected_colors(self.prediction, self.preview, self.preview_color, self.behind_color)
+
+    @property
+    def shows_predicted(self) -> bool:
+        """Whether pixels that are not refined show what the network expects."""
+        return self.unrefined == PREDICTED
+
+    @property
+    def shown(self) -> np.ndarray:
+        """(P,) float32: luminance of the picture without refinement."""
+        if not self.shows_predicted:
+            return self.preview
+        assert self.predicted is not None  # who asks for it traces what it needs
+        return self.predicted
+
+    @property
+    def shown_color(self) -> np.ndarray | None:
+        """(P, 3) float32: linear colours of `shown`; None without colour."""
+        return self.predicted_color if self.shows_predicted else self.preview_color
+
+    @property
+    def shown_alpha(self) -> np.ndarray:
+        """(P,) float32: share of each pixel of `shown` in which something is met."""
+        if not self.shows_predicted:
+            return self.hit.astype(np.float32)
+        assert self.prediction is not None and self.behind_hit is not None
+        coverage = self.prediction.coverage
+        return np.where(self.hit, coverage + (1.0 - coverage) * self.behind_hit, np.float32(0.0))
 
     @cached_property
     def active(self) -> np.ndarray:

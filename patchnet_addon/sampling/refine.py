@@ -80,15 +80,15 @@ def refine(buffers: PixelBuffers, score: np.ndarray, budget: float) -> np.ndarra
 
 
 def refined_picture(buffers: PixelBuffers, mask: np.ndarray) -> np.ndarray:
-    """(P,) float32: the reference where `mask` (P,) is set, the preview elsewhere; the view needs its reference."""
+    """(P,) float32: the reference where `mask` (P,) is set, what is `shown` elsewhere; the view needs its reference."""
     assert buffers.reference is not None
-    return np.where(mask, buffers.reference, buffers.preview)
+    return np.where(mask, buffers.reference, buffers.shown)
 
 
 def refined_colors(buffers: PixelBuffers, mask: np.ndarray) -> np.ndarray:
     """(P, 3) float32: as `refined_picture`, in colour; the view needs its colours and its reference."""
-    assert buffers.preview_color is not None and buffers.reference_color is not None
-    return np.where(mask[:, None], buffers.reference_color, buffers.preview_color)
+    assert buffers.shown_color is not None and buffers.reference_color is not None
+    return np.where(mask[:, None], buffers.reference_color, buffers.shown_color)
 
 
 def urgency(buffers: PixelBuffers, score: np.ndarray, budget: float) -> np.ndarray:

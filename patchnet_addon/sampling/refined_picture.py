@@ -38,7 +38,7 @@ class RefinedPicture:
 def refined_by_share(ranking: Ranking) -> RefinedPicture:
     """Take the reference for the share of the pixels that the ranking's budget refines."""
     buffers, mask = ranking.buffers, ranking.mask
-    colored = buffers.preview_color is not None and buffers.reference_color is not None
+    colored = buffers.shown_color is not None and buffers.reference_color is not None
     return RefinedPicture(
         luminance=refined_picture(buffers, mask),
         colors=refined_colors(buffers, mask) if colored else None,
@@ -57,8 +57,8 @@ def refined_by_samples(
 
     buffers, order = ranking.buffers, ranking.order
     samples = ranking.samples(mean)
-    luminance = buffers.preview.copy()
-    colors = None if buffers.preview_color is None else buffers.preview_color.copy()
+    luminance = buffers.shown.copy()
+    colors = None if buffers.shown_color is None else buffers.shown_color.copy()
 
     def take(pixels: np.ndarray, side: int) -> None:
         means = supersample_pixels(octree, camera, pixels, side)

@@ -10,12 +10,37 @@ import numpy as np
 
 from .errors import mse_at, psnr
 from .pixel_buffers import PixelBuffers
+from .predicted import PREDICTED
 from .ranking import Ranking
 
 
-def refined_mse(report: dict[str, Any], strategy: str) -> float:
-    """Error that refinement by the chosen strategy left in a view: of its samples per pixel, if it has them."""
-    return float(report["spp"]["mse"] if "spp" in report else report["mse"][strategy])
+def shown_errors(report: dict[str, Any], strategy: str) -> tuple[float, float]:
+    """Errors in a view's report of the picture that was asked for: unrefined, and refined by the chosen strategy.
+
+    The second is that of its samples per pixel, if it has them.
+    """
+    errors = shown_figures(report)
+    return errors["mse_unrefined"], float(report["spp"]["mse"] if "spp" in report else errors["mse"][strategy])
+
+
+def shown_figures(report: dict[str, Any]) -> dict[str, Any]:
+    """Part of a view's report with `mse_unrefined` and `mse` of the picture that unrefined pixels show."""
+    figures: dict[str, Any] = report["predicted"] if report.get("unrefined") == PREDICTED else report
+    return figures
+
+
+def predicted_report(predicted: PixelBuffers, rankings: Iterable[Ranking]) -> dict[str, Any]:
+    """Errors of a view that shows the predicted picture, as `view_report` has those of the preview (methods 3.12b)."""
+    unrefined = _unrefined_mse(predicted)
+    return {
+        "mse_unrefined": unrefined,
+        "psnr_unrefined_db": psnr(unrefined) if unrefined > 0 else None,
+        "mse": {ranking.strategy.name: ranking.mse[1] for ranking in rankings},
+    }
+
+
+def _unrefined_mse(buffers: PixelBuffers) -> float:
+    return float(mse_at(buffers, np.zeros(len(buffers.preview)), [0.0])[0])
 
 
 def view_report(buffers: PixelBuffers, camera_name: str, budget: float, rankings: Iterable[Ranking]) -> dict[str, Any]:
@@ -23,7 +48,7 @@ def view_report(buffers: PixelBuffers, camera_name: str, budget: float, rankings
 
     mse values are over active pixels; psnr_db belongs to the unrefined picture.
     """
-    unrefined = float(mse_at(buffers, np.zeros(len(buffers.preview)), [0.0])[0])
+    unrefined = _unrefined_mse(buffers)
     return {
         "camera": camera_name,
         "size": [buffers.width, buffers.height],

@@ -17,22 +17,40 @@ from .refine import refinable
 
 SIDES = (1, 2, 4, 8, 16, 32)  # samples per pixel side
 COUNTS = np.array(SIDES, np.int32) ** 2
-# Measured on octrees: the squared error of each count over that of one sample, and the part of it that grows with
-# priority; the rest is alike in all pixels. Errors are those against the last count, the reference.
-_ERROR = np.array([1.0, 0.33, 0.055, 0.004, 0.0005, 0.0])
-_BY_PRIORITY = np.array([0.75, 0.5, 0.25, 0.125, 0.0625, 0.0])
-_COST = np.diff(COUNTS).astype(np.int64)  # samples of each upgrade
-# Worth of one of these samples is _BASE + _SLOPE * priority, in units of the mean priority. Both fall from upgrade to
-# upgrade, so that no pixel wants one without those before.
-_BASE = -np.diff(_ERROR * (1.0 - _BY_PRIORITY)) / _COST
-_SLOPE = -np.diff(_ERROR * _BY_PRIORITY) / _COST
+
+
+class _Upgrades:
+    """Upgrades from one count of samples to the next, of a picture whose pixels have one sample at first.
+
+    counts: samples before the first upgrade and after each. cost: samples of each. Worth of one of these samples is
+    base + slope * priority, in units of the mean priority. Both fall from upgrade to upgrade, so that no pixel wants
+    one without those before.
+    """
+
+    def __init__(self, counts: np.ndarray, error: list[float], by_priority: list[float]) -> None:
+        """Upgrades by the squared error of each count over that of the first, and the part of it that priority tells.
+
+        The rest is alike in all pixels. Errors are those against the last count, the reference.
+        """
+        left, told = np.array(error), np.array(by_priority)
+        self.counts = counts
+        self.cost = np.diff(counts).astype(np.int64)
+        self.base = -np.diff(left * (1.0 - told)) / self.cost
+        self.slope = -np.diff(left * told) / self.cost
+
+
+# Measured on octrees. Four samples are no better than what the network expects, so a predicted pixel gets 16 or none.
+_OF_PREVIEW = _Upgrades(COUNTS, [1.0, 0.33, 0.055, 0.004, 0.0005, 0.0], [0.75, 0.5, 0.25, 0.125, 0.0625, 0.0])
+_OF_PREDICTED = _Upgrades(np.delete(COUNTS, 1), [1.0, 0.2, 0.015, 0.002, 0.0], [0.75, 0.5, 0.25, 0.125, 0.0])
 _LITTLE = np.finfo(np.float64).tiny  # below every priority that a score gives
 _LARGEST = 1e100  # of priorities, so that their sum is finite
 _ROUNDED = 1.0 + 1e-12  # gives back what rounding took from a mean that is a total over a count
 
 
-def sample_counts(priorities: np.ndarray, mean: float) -> np.ndarray:
+def sample_counts(priorities: np.ndarray, mean: float, *, predicted: bool = False) -> np.ndarray:
     """(A,) int32: samples of A pixels whose `priorities` (A,) fall, for at most `mean` samples per pixel on average.
+
+    predicted: pixels of one sample show what the network expects.
 
     No pixel has fewer samples than one after it; pixels whose priority is not above 0 have one. What is left of the
     budget pays for no further upgrade. Raises SettingError for a mean outside 1 to 1024.
@@ -42,8 +60,9 @@ def sample_counts(priorities: np.ndarray, mean: float) -> np.ndarray:
     urgent = np.minimum(priorities[: np.count_nonzero(priorities > 0)].astype(np.float64), _LARGEST)
     if len(urgent):
         spare = int(mean * len(priorities) * _ROUNDED) - len(priorities)
-        for level, length in enumerate(_upgraded(urgent / urgent.mean(), spare), start=1):
-            counts[:length] = COUNTS[level]
+        upgrades = _OF_PREDICTED if predicted else _OF_PREVIEW
+        for level, length in enumerate(_upgraded(urgent / urgent.mean(), spare, upgrades), start=1):
+            counts[:length] = upgrades.counts[level]
     return counts
 
 
@@ -56,7 +75,7 @@ def samples_in_order(buffers: PixelBuffers, priorities: np.ndarray, order: np.nd
     """
     ranked, matter = priorities[order].astype(np.float64), refinable(buffers)
     ranked[:matter], ranked[matter:] = np.maximum(ranked[:matter], _LITTLE), 0.0
-    return sample_counts(ranked, mean)
+    return sample_counts(ranked, mean, predicted=buffers.shows_predicted)
 
 
 def runs_of_equal_counts(counts: np.ndarray) -> Iterator[tuple[int, slice]]:
@@ -70,8 +89,8 @@ def runs_of_equal_counts(counts: np.ndarray) -> Iterator[tuple[int, slice]]:
             yield side, slice(int(first), int(last))
 
 
-def _upgraded(relative: np.ndarray, spare: int) -> np.ndarray:
-    """(5,) int64: how many of the first pixels take each upgrade, those of most worth within `spare` samples.
+def _upgraded(relative: np.ndarray, spare: int, upgrades: _Upgrades) -> np.ndarray:
+    """(U,) int64: how many of the first pixels take each upgrade, those of most worth within `spare` samples.
 
     relative: (E,) priorities over their mean, which fall. The best choice for a budget is all upgrades of more worth
     than a Lagrange multiplier: the smallest one that the budget pays for.
@@ -80,32 +99,33 @@ def _upgraded(relative: np.ndarray, spare: int) -> np.ndarray:
 
     def above(bits: int) -> np.ndarray:
         multiplier = np.int64(bits).view(np.float64)
-        lowest = (multiplier - _BASE) / _SLOPE
+        lowest = (multiplier - upgrades.base) / upgrades.slope
         return np.searchsorted(rising, -lowest, "right")
 
     # Bits of positive doubles are in the order of their values, so halving them finds the very number.
-    low, high = 0, int((_BASE[0] + 2.0 * _SLOPE[0] * relative[0]).view(np.int64))  # everything, and nothing
+    greatest = upgrades.base[0] + 2.0 * upgrades.slope[0] * relative[0]
+    low, high = 0, int(greatest.view(np.int64))  # everything, and nothing
     while low < high:
         middle = (low + high) // 2
-        if above(middle) @ _COST <= spare:
+        if above(middle) @ upgrades.cost <= spare:
             high = middle
         else:
             low = middle + 1
     taken = above(high)
-    return _rest_spent(taken, relative, spare - int(taken @ _COST))
+    return _rest_spent(taken, relative, spare - int(taken @ upgrades.cost), upgrades)
 
 
-def _rest_spent(taken: np.ndarray, relative: np.ndarray, spare: int) -> np.ndarray:
+def _rest_spent(taken: np.ndarray, relative: np.ndarray, spare: int, upgrades: _Upgrades) -> np.ndarray:
     """Spend what is left on upgrades that it still pays for, those of most worth first, until none is left."""
     taken = taken.copy()
     while True:
         most = np.concatenate([[len(relative)], taken[:-1]])  # a pixel takes an upgrade after the one before
-        possible = np.flatnonzero((taken < most) & (spare >= _COST))
+        possible = np.flatnonzero((taken < most) & (spare >= upgrades.cost))
         if not len(possible):
             return taken
-        worth = _BASE[possible] + _SLOPE[possible] * relative[taken[possible]]
+        worth = upgrades.base[possible] + upgrades.slope[possible] * relative[taken[possible]]
         level = possible[np.argmax(worth)]
         alike = np.searchsorted(-relative, -relative[taken[level]], "right")  # pixels of one priority at once
-        count = min(int(min(alike, most[level])) - int(taken[level]), spare // int(_COST[level]))
+        count = min(int(min(alike, most[level])) - int(taken[level]), spare // int(upgrades.cost[level]))
         taken[level] += count
-        spare -= count * int(_COST[level])
+        spare -= count * int(upgrades.cost[level])

@@ -9,7 +9,7 @@ from .windows import windows
 
 
 def _score(buffers: PixelBuffers) -> np.ndarray:
-    values, inside = windows(buffers.picture(buffers.preview.astype(np.float64)))
+    values, inside = windows(buffers.picture(buffers.shown.astype(np.float64)))
     count = inside.sum(axis=-1)  # 9, fewer at the picture's borders
     mean = values.sum(axis=-1) / count
     deviation = np.where(inside, values - mean[..., None], 0.0)

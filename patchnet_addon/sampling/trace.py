@@ -15,11 +15,12 @@ from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera
 from .pixel_buffers import PixelBuffers
+from .predicted import PREDICTED, PREVIEW, check_unrefined
 from .strategy import BEHIND, CHILD_MASK, EXACT, EXACT_1, FINE, FINE_4, NORMAL, PREDICTION, REFERENCE, Strategy
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
-    from ..tracing.render import Hits
+    from ..tracing.render import Hits, PatchHits
 
 
 def trace_view(
@@ -31,23 +32,29 @@ def trace_view(
     reference: bool = True,
     lookahead: int | None = None,
     device: str = CPU,
+    unrefined: str = PREVIEW,
 ) -> Steps[PixelBuffers]:
     """Picture at 1 sample per pixel, what `strategies` need of the rest, and the 32x32 reference if wanted.
 
     Pictures are in colour too if the octree is. lookahead: levels that the exact oracle and rays behind the patch look
     ahead, 1 to 3; None: those of the weights of `coded`, or two without codes. device: what decodes, see `predict`.
-    Raises SettingError if a strategy needs codes and `coded` is None, if their weights look another number of levels
-    ahead, or for a device that is not there.
+    unrefined: what pixels show that are not refined, see `PixelBuffers`; what the predicted picture needs is traced.
+    Raises SettingError if a strategy, or the predicted picture, needs codes and `coded` is None, if their weights look
+    another number of levels ahead, or for a device that is not there.
     """
     from ..codes.exact import exact_prediction
     from ..codes.predict import predict
-    from ..tracing.render import hit_colors
+    from ..tracing.render import hit_colors, node_colors
     from ..tracing.supersample import supersample
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
+    if check_unrefined(unrefined) == PREDICTED:
+        needs |= {PREDICTION, BEHIND, FINE}
     lookahead = _lookahead(needs, coded, lookahead)
     yield Progress(0, 1, "Tracing the preview")
-    hits, fine, behind = _center_rays(octree, camera, needs, lookahead)
+    patch = _center_rays(octree, camera, needs, lookahead)
+    hits, behind_node = patch.hits, patch.behind_node
+    colored = octree.chroma is not None
     fine_4 = (yield from supersample(octree, camera, 2, finer=2**lookahead)) if FINE_4 in needs else None
     prediction = predict(coded, hits, device) if PREDICTION in needs and coded is not None else None
     exact = (yield from exact_prediction(octree, hits, lookahead)) if EXACT in needs else None
@@ -57,25 +64,28 @@ def trace_view(
         sampled, colors = yield from _reference(octree, camera)
     return PixelBuffers(
         hits,
-        behind=behind,
+        behind=patch.behind,
         prediction=prediction,
         exact=exact,
         reference=sampled,
-        preview_color=hit_colors(octree, hits) if octree.chroma is not None else None,
+        preview_color=hit_colors(octree, hits) if colored else None,
         reference_color=colors,
-        fine=fine,
+        fine=patch.fine,
         fine_4=fine_4,
         exact_1=exact_1,
         normal=hit_normals(octree, hits) if NORMAL in needs else None,
         child_mask=hit_child_masks(octree, hits) if CHILD_MASK in needs else None,
         cube_side_world=octree.grid.side_world,
+        behind_color=node_colors(octree, behind_node) if colored and behind_node is not None else None,
+        behind_hit=None if behind_node is None else behind_node >= 0,
+        unrefined=unrefined,
     )
 
 
 def _lookahead(needs: frozenset[str], coded: CodedOctree | None, lookahead: int | None) -> int:
     """Levels to look ahead; raises SettingError where the codes do not do what is needed, see `trace_view`."""
     if PREDICTION in needs and coded is None:
-        raise SettingError("This strategy needs the octree's patch codes: precompute them first")
+        raise SettingError("Strategy or predicted picture needs the octree's patch codes: precompute them first")
     if lookahead is None:
         return DEFAULT_LOOKAHEAD if coded is None else coded.weights.lookahead
     if PREDICTION in needs and coded is not None and coded.weights.lookahead != lookahead:
@@ -86,16 +96,13 @@ def _lookahead(needs: frozenset[str], coded: CodedOctree | None, lookahead: int 
     return lookahead
 
 
-def _center_rays(
-    octree: Octree, camera: Camera, needs: frozenset[str], lookahead: int
-) -> tuple[Hits, np.ndarray | None, np.ndarray | None]:
-    """Hits of the pixels' own rays, and luminance (P,) of the finer voxel and behind the patch where it is needed."""
-    from ..tracing.render import first_hits, patch_hits
+def _center_rays(octree: Octree, camera: Camera, needs: frozenset[str], lookahead: int) -> PatchHits:
+    """Hits of the pixels' own rays, and what is met of the finer voxel and behind the patch where it is needed."""
+    from ..tracing.render import PatchHits, first_hits, patch_hits
 
     if not needs & {BEHIND, FINE}:
-        return first_hits(octree, camera), None, None
-    patch = patch_hits(octree, camera, lookahead=lookahead, behind=BEHIND in needs)
-    return patch.hits, patch.fine, patch.behind
+        return PatchHits(first_hits(octree, camera))
+    return patch_hits(octree, camera, lookahead=lookahead, behind=BEHIND in needs)
 
 
 def _reference(octree: Octree, camera: Camera) -> Steps[tuple[np.ndarray, np.ndarray | None]]:

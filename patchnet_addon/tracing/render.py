@@ -98,13 +98,14 @@ class PatchHits:
     """Hits of the centre ray of each pixel, and what the same ray meets with a finer footprint.
 
     hits: of the pixel's own footprint. fine: (P,) float32, luminance of the first voxel that fits the finer footprint.
-    behind: (P,) float32, L_B, luminance of the first such voxel behind the patch (methods 3.12), None if not asked for.
-    Both are the background where nothing is met.
+    behind: (P,) float32, L_B, luminance of the first such voxel behind the patch (methods 3.12), and behind_node: (P,)
+    int64, that voxel, -1 for none. Luminances are the background where nothing is met; None is not asked for.
     """
 
     hits: Hits
-    fine: np.ndarray
-    behind: np.ndarray | None
+    fine: np.ndarray | None = None
+    behind: np.ndarray | None = None
+    behind_node: np.ndarray | None = None
 
 
 def first_hits(octree: Octree, camera: Camera, background: float = 0.0) -> Hits:
@@ -132,6 +133,7 @@ def patch_hits(
         _hits(octree, camera, traced, background),
         _seen(octree, traced.fine, background),
         _seen(octree, traced.behind, background) if behind else None,
+        traced.behind if behind else None,
     )
 
 
@@ -187,8 +189,14 @@ def _seen(octree: Octree, nodes: np.ndarray, background: float) -> np.ndarray:
 
 def hit_colors(octree: Octree, hits: Hits, background: float = 0.0) -> np.ndarray:
     """Linear colours (P, 3) float32 of what the rays met, with the luminance of `hits`; gray without colour."""
-    colors = np.full((len(hits.node), 3), background, np.float32)
-    colors[hits.hit] = octree.color_float(hits.node[hits.hit])
+    return node_colors(octree, hits.node, background)
+
+
+def node_colors(octree: Octree, nodes: np.ndarray, background: float = 0.0) -> np.ndarray:
+    """Linear colours (P, 3) float32 of nodes (P,), the background where there is none (-1); gray without colour."""
+    colors = np.full((len(nodes), 3), background, np.float32)
+    met = nodes >= 0
+    colors[met] = octree.color_float(nodes[met])
     return colors
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from patchnet import commands
 from patchnet.operators.cycles.halves import render_halves
+from patchnet.operators.cycles.plane_cut import cut_for_camera
 from patchnet.operators.cycles.two_lights import two_lights
 from patchnet.operators.scene.files import open_scene
 from patchnet.operators.scene.read import read_scene
@@ -50,7 +51,7 @@ def boxes() -> str:
 
 @pytest.fixture
 def scenes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Scene]:
-    """Two scenes of one file, in the light of Cycles and in that of Two Lights, cut open, in the catalogue."""
+    """Scenes of one file: in Cycles' light, in Two Lights and cut open, in Cycles' light and cut open; catalogued."""
     (tmp_path / FILE).write_text(boxes())
     (tmp_path / "bars.mtl").write_text("newmtl grey\nKd 0.4 0.4 0.4\nnewmtl light\nKd 0.7 0.6 0.5\nd 1.0\n")
     monkeypatch.setenv(FOLDER, str(tmp_path))
@@ -58,6 +59,7 @@ def scenes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Scene]:
     found = {
         "bars": Scene("bars", "Bars", light=CYCLES, **common),
         "bars-cut": Scene("bars-cut", "Bars, cut", light=TWO_LIGHTS, bisect=("x", 0.75), **common),
+        "bars-open": Scene("bars-open", "Bars, cut", light=CYCLES, bisect=("x", 0.75), **common | {"samples": 64}),
     }
     for name, scene in found.items():
         monkeypatch.setitem(SCENES, name, scene)
@@ -76,7 +78,7 @@ def view(size: int = 48) -> Camera:
 
 def test_curves_against_cycles(scenes: dict[str, Scene], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib")
-    out = tmp_path / "out"
+    out, scenes = tmp_path / "out", {name: scenes[name] for name in ("bars", "bars-cut")}
     given = [word for scene in scenes.values() for word in ("--octree", f"{scene.name}={octree_file(scene, tmp_path)}")]
     assert commands.main(["evaluate-cycles", "--scenes", ",".join(scenes), *given, *WORDS, "--out", str(out)]) == 0
     assert "2 scenes" in capsys.readouterr().out
@@ -100,7 +102,7 @@ def test_curves_against_cycles(scenes: dict[str, Scene], tmp_path: Path, capsys:
     assert figures == {f"{name}-cycles{end}" for name in scenes for end in (".png", ".svg", "-views.png")}
 
 
-@pytest.mark.parametrize("name", ["bars", "bars-cut"])
+@pytest.mark.parametrize("name", ["bars", "bars-cut", "bars-open"])
 def test_light_is_that_of_the_octree_and_the_scene_stays(name: str, scenes: dict[str, Scene], tmp_path: Path) -> None:
     scene = scenes[name]
     octree = load_octree(octree_file(scene, tmp_path))
@@ -113,7 +115,7 @@ def test_light_is_that_of_the_octree_and_the_scene_stays(name: str, scenes: dict
     mine = drain(supersample(octree, view(), 8)).reshape(cycles.shape)
     assert np.clip(cycles, 0, 1).mean() == pytest.approx(mine.mean(), rel=0.05)
     right = cycles[:, 38:]  # of what is left of the cut
-    assert (right.max() == 0) == (name == "bars-cut")
+    assert (right.max() == 0) == (scene.bisect is not None)
 
 
 def test_two_lights_are_what_methods_say(empty_scene: None) -> None:
@@ -127,6 +129,35 @@ def test_two_lights_are_what_methods_say(empty_scene: None) -> None:
         halves = drain(render_halves(bpy.context, camera, 512))
     expected = 0.5 * 0.5 * DIRECTION[2] / np.linalg.norm(DIRECTION)
     assert np.mean([half.luminance for half in halves]) == pytest.approx(expected, rel=0.02)
+
+
+def test_what_the_camera_sees_through_still_throws_its_shadow(empty_scene: None) -> None:
+    """A floor beside a wall that hides a low sun, seen from above, cut open between both."""
+    bpy.ops.mesh.primitive_plane_add(size=2.0)
+    floor = bpy.context.object
+    bpy.ops.mesh.primitive_cube_add(size=2.0, location=(2.1, 0.0, 2.0), scale=(0.1, 2.0, 2.0))
+    wall = bpy.context.object
+    for thing in (floor, wall):
+        thing.data.materials.append(simple("BsdfPrincipled", thing.name))
+    bpy.ops.object.light_add(type="SUN", rotation=(0.0, 1.0, 0.0))
+    names = read_scene(bpy.context.evaluated_depsgraph_get()).material_names
+    above = Camera.look_at(np.array([1.5, -0.1, 9.0]), np.array([1.5, 0.0, 0.0]), size_px=(32, 8), fov=0.5)
+
+    def brightness() -> tuple[float, float]:
+        half, _ = drain(render_halves(bpy.context, above, 16))
+        return float(half.luminance[:, :14].mean()), float(half.luminance[:, 16:].mean())
+
+    shadow, top = brightness()
+    before = scene_snapshot()
+    with cut_for_camera(bpy.context.scene, names, (0, 1.5)):
+        open_shadow, open_top = brightness()
+    assert_unchanged(before)
+    assert top > 0 and open_top == 0 and open_shadow == pytest.approx(shadow, abs=0.01)
+    wall.hide_render = True
+    lit, _ = brightness()
+    assert lit > 10 * max(shadow, open_shadow)
+    with pytest.raises(SceneError, match="no material"), cut_for_camera(bpy.context.scene, [""], (0, 1.5)):
+        pass
 
 
 def test_shaders_that_two_lights_do_not_know_are_refused(empty_scene: None) -> None:

@@ -26,7 +26,10 @@ from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapsh
 
 pytestmark = pytest.mark.usefixtures("scene")
 
-FILES = {"preview.png", "heatmap.png", "overlay.png", "priority.exr", "refined.png", "reference.png", "error.png"}
+FILES = {
+    "preview.png", "predicted.png", "heatmap.png", "overlay.png", "priority.exr", "refined.png", "reference.png",
+    "error.png",
+}  # fmt: skip
 
 
 def pixels(image: bpy.types.Image) -> np.ndarray:

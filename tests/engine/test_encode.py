@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Codes of whole octrees against encoding corner by corner, their file, and what pixels read from them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from patchnet.patchnet_addon.codes.file import load_codes, save_codes
 from patchnet.patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
 from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
+from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import CodesFileError, SettingError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
@@ -146,6 +149,23 @@ def test_codes_file(coded, octree, weights, tmp_path):
         write_arrays(path, arrays, metadata | {"codes_version": version}, "codes")
         with pytest.raises(CodesFileError, match=f"{age} PatchNet .codes version {version}, .*precompute the codes"):
             load_codes(path, octree, weights)
+
+
+def test_codes_file_of_a_mixture(octree, tmp_path):
+    """It holds what is mixed around corners, and is refused without; a change of light alone changes no code."""
+    mixture, path = Weights.random(2, kind=MIXTURE), tmp_path / "mixture.safetensors"
+    coded = drain(encode_octree(octree, mixture))
+    save_codes(coded, path)
+    np.testing.assert_array_equal(load_codes(path, octree, mixture).corner_luminance, coded.corner_luminance)
+    arrays, metadata = read_arrays(path, "codes")
+    around = arrays.pop("corner_luminance")
+    for wrong in (arrays, arrays | {"corner_luminance": around[1:]}):
+        write_arrays(path, wrong, metadata, "codes")
+        with pytest.raises(CodesFileError, match="damaged"):
+            load_codes(path, octree, mixture)
+    darker = drain(encode_octree(replace(octree, luminance=octree.luminance // 2), mixture))
+    np.testing.assert_array_equal(darker.codes, coded.codes)
+    np.testing.assert_allclose(darker.corner_luminance, coded.corner_luminance / 2, atol=1)
 
 
 def test_a_kept_octree_stays_when_its_codes_cannot_be_read(coded, octree, weights, tmp_path):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The network with torch, without torch, and written naively in float64 from the definitions: one result."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,8 @@ from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.decode import decode
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
 from patchnet.patchnet_addon.network.harmonics import real_harmonics
+from patchnet.patchnet_addon.network.kinds import MIXTURE
+from patchnet.patchnet_addon.network.mixture_decode import MixtureInputs, decode_mixture
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, network, save_weights
 from patchnet.patchnet_addon.runtime.errors import WeightsFileError
 from patchnet.patchnet_addon.runtime.files import write_arrays
@@ -69,6 +73,55 @@ def test_decoder_with_torch(weights, pixels):
     assert np.abs(outputs[:, 1] - luminance).max() <= TOLERANCE
 
 
+@pytest.fixture(scope="module")
+def mixture():
+    return Weights.random(seed=6, bias=0.1, kind=MIXTURE)
+
+
+@pytest.fixture(scope="module")
+def mixed_pixels(pixels):
+    """Inputs of a mixture for the same rays; some children do not exist."""
+    codes, direction, up, ratio = pixels
+    random = np.random.default_rng(3)
+    covered = random.uniform(0.25, 1, (COUNT, 8)) * (random.random((COUNT, 8)) < 0.6)
+    others = random.normal(size=(COUNT, 8, 10)), random.random((COUNT, 3)), covered, random.random((COUNT, 17))
+    corner_codes, entry, covered, luminances = (array.astype(np.float32) for array in others)
+    return MixtureInputs(codes, corner_codes, entry, direction, up, ratio, covered, luminances)
+
+
+def test_mixture_follows_the_definition(mixture, mixed_pixels):
+    part = mixed_pixels.part(slice(0, 300))
+    harmonics = real_harmonics(part.direction.astype(np.float64))
+    rows = []
+    for row in range(300):
+        code = [part.codes[row, k] * harmonics[row, k] for k in range(9)] + [part.codes[row, 9]]
+        ray = [*part.direction[row], *part.up[row], part.ratio[row], *harmonics[row]]
+        place = [*part.corner_codes[row].ravel(), *(2 * part.entry[row] - 1), *part.covered[row]]
+        rows.append(np.array([*code, *ray, *place], np.float64))
+    outputs = naive_layers(mixture.decoder, rows)
+    shares = np.exp(outputs[:, 1:])
+    shares[:, :8][part.covered == 0] = 0
+    wanted = (shares * part.luminances).sum(axis=1) / shares.sum(axis=1)
+    coverage, luminance = decode_mixture(mixture, part)
+    np.testing.assert_allclose(luminance, wanted, atol=TOLERANCE)
+    np.testing.assert_allclose(coverage, np.clip(-1 + 3 / (1 + np.exp(-outputs[:, 0])), 0, 1), atol=TOLERANCE)
+    brighter = replace(part, luminances=0.5 * part.luminances + np.float32(0.25))
+    np.testing.assert_allclose(decode_mixture(mixture, brighter)[1], 0.5 * luminance + 0.25, atol=1e-6)
+
+
+def test_mixture_with_torch(mixture, mixed_pixels):
+    torch = pytest.importorskip("torch")
+    from patchnet.patchnet_addon.network.torch_model import MixturePlace, PatchNet
+
+    given = {name: torch.from_numpy(array) for name, array in vars(mixed_pixels).items()}
+    place = MixturePlace(*(given.pop(name) for name in ("corner_codes", "entry", "covered", "luminances")))
+    with torch.no_grad():
+        outputs = PatchNet.from_weights(mixture).decode_mixture(place=place, **given).numpy()
+    coverage, luminance = decode_mixture(mixture, mixed_pixels)
+    np.testing.assert_allclose(outputs[:, 0].clip(0, 1), coverage, atol=TOLERANCE)
+    np.testing.assert_allclose(outputs[:, 1], luminance, atol=TOLERANCE)
+
+
 def test_decoder_takes_nothing(weights):
     nothing = np.zeros((0, 3), np.float32)
     coverage, luminance = decode(weights, np.zeros((0, 10), np.float32), nothing, nothing, np.zeros(0, np.float32))
@@ -114,6 +167,19 @@ def test_unusable_weights(weights, tmp_path, change, sentence):
     change(arrays)
     write_arrays(path, arrays, {"network": network(2)}, "weights")
     with pytest.raises(WeightsFileError, match=rf"bad\.safetensors.*{sentence}"):
+        load_weights(path)
+
+
+def test_file_says_the_kind_of_network(mixture, tmp_path):
+    path = tmp_path / "mixture.safetensors"
+    save_weights(mixture, path)
+    loaded = load_weights(path)
+    assert loaded.kind is MIXTURE and loaded.hash == mixture.hash
+    write_arrays(path, mixture.arrays(), {"network": network(2, MIXTURE) | {"kind": "oracle"}}, "weights")
+    with pytest.raises(WeightsFileError, match="its 'kind' is 'oracle' where this one has one of paper, mixture"):
+        load_weights(path)
+    write_arrays(path, mixture.arrays(), {"network": network(2)}, "weights")
+    with pytest.raises(WeightsFileError, match="shape"):
         load_weights(path)
 
 

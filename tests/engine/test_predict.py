@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Predictions of pixels by the compiled decoder against NumPy's, which is held to the definition elsewhere."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 from patchnet.patchnet_addon.codes.corner_codes import MEAN_SIZE, CornerCodes, write_mean_code
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.predict import interpolate_codes_reference, predict, predict_reference
-from patchnet.patchnet_addon.network.compiled_decode import TILE
+from patchnet.patchnet_addon.network.compiled_layers import TILE
+from patchnet.patchnet_addon.network.kinds import KINDS, PAPER
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -19,9 +21,14 @@ from patchnet.tests.engine.octree_samples import random_octree
 TOLERANCE = 1e-5  # the order of additions differs, and the reference interpolates in float64
 
 
-@pytest.fixture(scope="module", params=["random", "shipped"])
+@pytest.fixture(scope="module", params=["random", "shipped", "mixture", "mixture-1", "mixture-3"])
 def coded(request):
-    weights = Weights.random(seed=9, bias=0.1) if request.param == "random" else load_weights()
+    name, _, lookahead = request.param.partition("-")
+    if name == "shipped":
+        weights = load_weights()
+    else:
+        kind = KINDS.get(name, PAPER)
+        weights = Weights.random(seed=9, bias=0.1, lookahead=int(lookahead or 2), kind=kind)
     return drain(encode_octree(random_octree(seed=8, depth=5, count=500, adaptive=True), weights))
 
 
@@ -96,7 +103,7 @@ def test_arrays_of_other_types_and_orders(coded):
 
 def test_far_values_saturate(coded):
     """Without an overflow, in half floats of all sizes."""
-    far = type(coded)(coded.octree, coded.weights, np.full_like(coded.codes, 60000), coded.corner_rows, coded.nodes)
+    far = replace(coded, codes=np.full_like(coded.codes, 60000))
     prediction = predict(far, sample_hits(coded, 500, seeing=True))
     assert np.isin(prediction.coverage, (0, 1)).mean() > 0.9
     assert np.isfinite(prediction.coverage).all() and np.isfinite(prediction.luminance).all()

@@ -16,6 +16,7 @@ from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.errors import pooled_mse
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from patchnet.patchnet_addon.sampling.predicted import PREDICTED
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 
@@ -104,6 +105,17 @@ def test_shipped_weights_beat_guesses(views: list[PixelBuffers]) -> None:
     exact, own = pixels["exact luminance"][seen], pixels["own luminance"][seen]
     assert found["luminance"] < 0.76 * mean_error(own, exact)  # 0.660
     assert found["luminance"] < 0.32 * mean_error(np.median(exact), exact)  # 0.276
+
+
+def test_predicted_pictures_are_nearer_than_previews(views: list[PixelBuffers]) -> None:
+    """Without refinement, and with 30 % refined by the priority of each."""
+    behind = STRATEGIES["patchnet-behind"]
+    shown = [replace(view, unrefined=PREDICTED) for view in views]
+    before, after = (
+        pooled_mse(frames, [behind.scores(view) for view in frames], [0.0, 0.3]) for frames in (views, shown)
+    )
+    assert after[0] < 0.5 * before[0]
+    assert after[1] < before[1]
 
 
 def test_exact_oracle_is_the_limit(views: list[PixelBuffers]) -> None:

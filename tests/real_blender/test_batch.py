@@ -12,7 +12,10 @@ import pytest
 from patchnet.tests.real_blender.executable import ROOT, Blender
 
 QUICK = ("--depth", "5", "--light", "two-lights", "--cameras", "Camera", "--size", "16", "16")
-PICTURES = {"preview.png", "heatmap.png", "overlay.png", "priority.exr", "refined.png", "reference.png", "error.png"}
+PICTURES = {
+    "preview.png", "predicted.png", "heatmap.png", "overlay.png", "priority.exr", "refined.png", "reference.png",
+    "error.png",
+}  # fmt: skip
 UNFREED = "Not freed memory blocks"  # what Blender says at its exit
 
 

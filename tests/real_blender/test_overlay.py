@@ -35,7 +35,8 @@ def test_pixel_under_the_mouse(seen: dict) -> None:
     (lines,) = seen["inspected"]
     assert lines[0] == "Pixel 14, 17"
     words = [line.split()[0] for line in lines]
-    assert words == ["Pixel", "Priority", "Coverage", "Preview", "Refined", "Reference", "Level", "Samples"]
+    numbers = ["Priority", "Coverage", "Preview", "Predicted", "Refined", "Reference", "Level", "Samples"]
+    assert words == ["Pixel", *numbers]
     assert seen["inspection ended"]
 
 

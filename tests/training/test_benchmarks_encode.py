@@ -10,7 +10,8 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
-from patchnet.patchnet_addon.network.weights import CODE_SIZE, Weights
+from patchnet.patchnet_addon.network.kinds import CODE_SIZE
+from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.training.benchmarks.encoding import record_chunks

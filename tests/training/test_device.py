@@ -67,7 +67,7 @@ def test_batches_that_are_gathered_on_a_device(lookahead: int, device: str) -> N
         found = there.batch(rows, augmentation)
         for field in fields(TensorBatch):
             mine, theirs = getattr(wanted, field.name), getattr(found, field.name)
-            if field.name == "slice_start":
+            if field.name in ("slice_start", "nearby"):  # numbers on the host; none without a mixture
                 assert mine == theirs
                 continue
             torch.testing.assert_close(theirs.cpu(), mine, atol=2e-7, rtol=0)

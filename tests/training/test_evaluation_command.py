@@ -64,6 +64,20 @@ def test_costs_of_all_but_those_that_know_the_reference(results):
     assert values["uniform"]["4"]["mse"] < values["uniform"]["1"]["mse"]
 
 
+def test_predicted_picture_beside_uniform_ones(done, results):
+    values = results["scenes"]["shells"]
+    (picture,) = values["predicted"].values()
+    assert values["predicted"].keys() == {"predicted"} and picture["rays_per_pixel"] == 2
+    curve = picture["mse_refined"]
+    assert picture["mse"] == curve[0] > 0 and curve[100] == pytest.approx(0, abs=1e-12) and len(curve) == 101
+    assert curve == sorted(curve, reverse=True) and picture["ms_per_frame"] > 0
+    assert f"{1e4 * picture['mse']:.1f} in {picture['ms_per_frame']:.1f} ms" in (done[1] / "tables.md").read_text()
+    assert "predicted: what the network expects" in (done[1] / "report.html").read_text()
+    rows = [row for row in csv.DictReader((done[1] / "results.csv").open()) if row["group"] == "picture"]
+    assert [row["strategy"] for row in rows] == [*(f"uniform-{side}" for side in (1, 2, 3, 4)), "predicted"]
+    assert float(rows[-1]["mse"]) == picture["mse"] and float(rows[-1]["ms_per_frame"]) == picture["ms_per_frame"]
+
+
 def test_picture_metrics_rise_with_the_budget(results):
     ssim = results["scenes"]["shells"]["quality"]["metrics"]["ssim linear"]["optimal"]
     assert ssim == sorted(ssim) and ssim[-1] > ssim[0]
@@ -79,6 +93,7 @@ def test_claims_are_decided(results):
 def test_table_figures_and_report(done):
     out = done[1]
     rows = list(csv.DictReader((out / "results.csv").read_text(encoding="utf-8").splitlines()))
+    rows = [row for row in rows if row["group"] != "picture"]
     assert len(rows) == 101 * len(EVALUATED) and {row["group"] for row in rows} >= {"network", "rays", "oracle"}
     half = next(row for row in rows if row["strategy"] == "fine-ray" and row["budget"] == "0.5")
     assert float(half["psnr_db"]) == pytest.approx(-10 * np.log10(float(half["mse"])))

@@ -7,7 +7,7 @@ import pytest
 
 from patchnet.training.evaluation.costs import Costs, read_costs, write_costs
 
-COSTS = Costs({"patchnet": 2.5}, {1: 0.5, 4: 8.0}, 0.01)
+COSTS = Costs({"patchnet": 2.5}, {1: 0.5, 4: 8.0}, {"predicted": 0.7}, 0.01)
 
 
 def test_costs_are_kept(tmp_path):

@@ -84,6 +84,15 @@ def test_the_same_weights_give_the_same_errors_and_others_do_not(results, scene)
     assert errors["pn-slats"] != errors["patchnet"] and errors["pn-slats"] != errors["pn-without-shells"]
 
 
+def test_every_network_has_a_predicted_picture(out, results):
+    pictures = results["scenes"]["shells"]["predicted"]
+    assert tuple(pictures) == ("predicted", *(f"predicted-{name}" for name in NETWORKS))
+    assert pictures["predicted-shells"]["mse_refined"] == pictures["predicted"]["mse_refined"], "the same weights"
+    assert pictures["predicted-slats"]["mse"] != pictures["predicted"]["mse"]
+    assert all(picture["ms_per_frame"] > 0 for picture in pictures.values())
+    assert "| shells | `predicted-slats` |" in (out / "tables.md").read_text(encoding="utf-8")
+
+
 def test_codes_are_kept_once_for_each_network(out, folder):
     hashes = {load_weights(folder / name).hash[:16] for name in ("shipped", "random-1", "random-2")}
     found = {path.name for path in (out / "scenes" / "shells").glob("codes-*")}
@@ -101,7 +110,7 @@ def test_a_network_scores_and_costs_what_it_decodes_itself(folder, tmp_path):
     camera = Camera.look_at(np.array([4.8, -3.6, 2.7]), np.zeros(3), size_px=(33, 21))
     shared = drain(trace_view(codes.coded.octree, camera, [BEHIND], coded=codes.coded, reference=False))
     alone = drain(trace_view(mine.octree, camera, [BEHIND], coded=mine, reference=False))
-    scores = frames._scores(strategies | {BEHIND.name: BEHIND}, shared, codes)
+    scores = frames._scores(strategies | {BEHIND.name: BEHIND}, frames._views(shared, codes), codes)
     np.testing.assert_array_equal(scores["pn-slats-behind"], BEHIND.scores(alone))
     np.testing.assert_array_equal(scores[BEHIND.name], BEHIND.scores(shared))
     assert scores["pn-slats-behind"].max() > 0 and (scores["pn-slats-behind"] != scores[BEHIND.name]).any()

@@ -18,7 +18,8 @@ import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.predict import Prediction, predict, predict_reference
-from ...patchnet_addon.network.weights import DECODER_SIZES, Weights
+from ...patchnet_addon.network.kinds import PAPER
+from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.threads import limit_threads
@@ -28,7 +29,7 @@ from .encoding import has_torch
 from .peak_rate import measure_peak
 from .timing import Comparison, take_turns
 
-OPERATIONS = 2 * sum(a * b for a, b in pairwise(DECODER_SIZES))
+OPERATIONS = 2 * sum(a * b for a, b in pairwise(PAPER.decoder))
 """Multiplications and additions of a pixel's layers."""
 _CHUNKS = (512, 1024, 2048, 4096, 8192, 16384)
 _FOV = math.radians(40)
@@ -171,7 +172,7 @@ def _by_pixel(layers: list[Any], chunk: int) -> Callable[[], Any]:
     """Layers over inputs (chunk, 42)."""
     import torch
 
-    inputs = torch.randn(chunk, DECODER_SIZES[0])
+    inputs = torch.randn(chunk, PAPER.decoder[0])
 
     def apply() -> Any:
         values = inputs
@@ -186,7 +187,7 @@ def _by_feature(layers: list[Any], chunk: int) -> Callable[[], Any]:
     """Layers over inputs (42, chunk)."""
     import torch
 
-    inputs = torch.randn(DECODER_SIZES[0], chunk)
+    inputs = torch.randn(PAPER.decoder[0], chunk)
 
     def apply() -> Any:
         values = inputs

@@ -22,9 +22,10 @@ from ...patchnet_addon.codes.encode import encode_octree, make_encoder
 from ...patchnet_addon.codes.predict import predict, predict_on
 from ...patchnet_addon.network.compiled_encode import CompiledEncoder
 from ...patchnet_addon.network.devices import CPU, device_title, found_device
+from ...patchnet_addon.network.kinds import CODE_SIZE, PAPER
 from ...patchnet_addon.network.torch_decode import TorchDecoder
 from ...patchnet_addon.network.torch_encode import TorchEncoder
-from ...patchnet_addon.network.weights import CODE_SIZE, Weights
+from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
@@ -35,13 +36,15 @@ from ..dataset import Dataset
 from ..learner import Learner
 from ..provenance import describe_machine, describe_versions
 from ..samples import SampleSettings, draw_samples
-from ..settings import BF16, FP32, IMPROVED, TF32
+from ..settings import ABSOLUTE, BF16, FP32, IMPROVED, TF32
 from ..trainer import encoder_type
 from .decoding import views_around
 from .timing import Comparison, take_turns
 
 Run = Callable[[], Any]
 BATCHES = {2048: 100, 8192: 40}  # samples a step, and steps a run on a GPU
+# The paper's network, whose batches a GPU gathers by itself.
+_SETTINGS = replace(IMPROVED, network=PAPER.name, loss=ABSOLUTE, precision=FP32)
 _CPU_STEPS = 5  # a run, however large
 
 
@@ -187,7 +190,7 @@ def _samples(
     measured: list[dict[str, Any]] = []
     differences: dict[str, float] = {}
     for batch, steps in BATCHES.items():
-        settings = replace(IMPROVED, batch=batch, precision=FP32)
+        settings = replace(_SETTINGS, batch=batch)
         local = Training(corpus, settings, CPU, threads)
         steps = steps if device != CPU else _CPU_STEPS
         others = {"fp32": Training(corpus, settings, device, threads, DEVICE, steps)}
@@ -214,7 +217,7 @@ def _samples(
 
 def _by_threads(corpus: Corpus, threads: int) -> list[dict[str, Any]]:
     """Rates of the CPU with all threads beside fewer of them."""
-    settings = replace(IMPROVED, precision=FP32)
+    settings = _SETTINGS
     counts = [count for count in (1, 2, 4, 8, 16, 32, 64) if count < threads]
     trainings = {count: Training(corpus, settings, CPU, count) for count in (*counts, threads)}
     for training in trainings.values():

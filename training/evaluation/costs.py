@@ -21,6 +21,7 @@ from ...patchnet_addon.runtime.file_kinds import COSTS
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.replace import replaced_file
 from ...patchnet_addon.runtime.threads import limit_threads
+from ...patchnet_addon.sampling.predicted import PREDICTED
 from ...patchnet_addon.sampling.refine import refinement_order
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
 from ...patchnet_addon.sampling.trace import trace_view
@@ -28,6 +29,7 @@ from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.pixels import supersample_pixels
 from ...patchnet_addon.tracing.supersample import supersample
 from ..benchmarks.timing import take_turns
+from .predicted import predicted_names
 from .scene_codes import SceneCodes
 
 REFERENCE_SIDE = 32
@@ -43,12 +45,13 @@ renders: 0.3 million paths a second."""
 class Costs:
     """Costs on one thread, medians over frames of processor milliseconds.
 
-    ms_per_frame: by strategy. uniform_ms: of a picture of side x side rays in each pixel, by side.
-    reference_ms_per_pixel: of 32x32 rays in a pixel that is refined.
+    ms_per_frame: by strategy. uniform_ms: of a picture of side x side rays in each pixel, by side. predicted_ms: of
+    predicted pictures by name. reference_ms_per_pixel: of 32x32 rays in a pixel that is refined.
     """
 
     ms_per_frame: dict[str, float]
     uniform_ms: dict[int, float]
+    predicted_ms: dict[str, float]
     reference_ms_per_pixel: float
 
     def as_json(self) -> dict[str, Any]:
@@ -59,7 +62,7 @@ class Costs:
     def of_json(cls, values: Mapping[str, Any]) -> Costs:
         """Costs of `as_json`."""
         uniform = {int(side): ms for side, ms in values["uniform_ms"].items()}
-        return cls(values["ms_per_frame"], uniform, values["reference_ms_per_pixel"])
+        return cls(values["ms_per_frame"], uniform, dict(values["predicted_ms"]), values["reference_ms_per_pixel"])
 
 
 def measure_costs(
@@ -74,12 +77,15 @@ def measure_costs(
     priced = {name: strategy for name, strategy in strategies.items() if REFERENCE not in strategy.needs}
     frames: dict[str, list[float]] = {name: [] for name in priced}
     uniform: dict[int, list[float]] = {side: [] for side in sides}
+    pictures = dict(zip(predicted_names(list(codes.networks)), [coded, *codes.networks.values()], strict=True))
+    predicted: dict[str, list[float]] = {name: [] for name in pictures}
     refined = []
     with limit_threads(1):
         for camera in cameras:
             pixels = _spread_pixels(camera)
             runs = {name: _frame(codes.of(strategy), camera, strategy) for name, strategy in priced.items()}
             runs |= {f"uniform {side}": _uniform(coded, camera, side) for side in sides}
+            runs |= {f"picture {name}": _predicted(by, camera) for name, by in pictures.items()}
             runs["reference"] = _reference(coded, camera, pixels)
             for run in runs.values():
                 run()  # compiles
@@ -88,10 +94,13 @@ def measure_costs(
                 frames[name].append(1e3 * seconds[name])
             for side in sides:
                 uniform[side].append(1e3 * seconds[f"uniform {side}"])
+            for name in pictures:
+                predicted[name].append(1e3 * seconds[f"picture {name}"])
             refined.append(1e3 * seconds["reference"] / len(pixels))
     return Costs(
         {name: median(times) for name, times in frames.items()},
         {side: median(times) for side, times in uniform.items()},
+        {name: median(times) for name, times in predicted.items()},
         median(refined),
     )
 
@@ -124,6 +133,14 @@ def _frame(coded: CodedOctree, camera: Camera, strategy: Strategy):  # type: ign
     def run() -> None:
         buffers = drain(trace_view(coded.octree, camera, [strategy], coded=coded, reference=False))
         refinement_order(buffers, strategy.scores(buffers))
+
+    return run
+
+
+def _predicted(coded: CodedOctree, camera: Camera):  # type: ignore[no-untyped-def]
+    def run() -> None:
+        buffers = drain(trace_view(coded.octree, camera, [], coded=coded, reference=False, unrefined=PREDICTED))
+        assert buffers.predicted is not None  # which computes it
 
     return run
 

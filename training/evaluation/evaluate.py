@@ -24,6 +24,7 @@ from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.threads import usable_cores
 from ...patchnet_addon.sampling.references.registry import EVALUATED
 from ...patchnet_addon.sampling.strategy import Strategy
+from ...patchnet_addon.sampling.uniform import SIDES
 from ...patchnet_addon.tracing.camera import Camera
 from .costs import Costs, measure_costs, read_costs, write_costs
 from .frames import BlockResult, FrameBlock, evaluate_block, load_block
@@ -35,7 +36,6 @@ from .scene_codes import SceneCodes, SceneFiles, load_scene, make_codes
 from .strategies import strategies_in_use
 from .tracks import camera_track
 
-SIDES = (1, 2, 3, 4)  # of uniform pictures
 _BLOCK = 8  # frames
 _COST_FRAMES, _COST_REPEATS = 5, 3
 _LABEL = "Evaluating"

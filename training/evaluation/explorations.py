@@ -25,6 +25,7 @@ _MIN_SHARE = 0.96  # of a shot's hits with look-ahead
 _ON_THE_WAY = (0.25, 0.5, 0.75)  # of a leg, where its look-ahead is estimated
 _TRIED_LEGS = 24
 _TRIED_SHOTS = 24
+_SPEEDS = (1.0, 0.5, 0.25)  # tried until a flight is smooth: who looks straight down turns fast
 _EVERY = 8  # frames of a shot, of which look-ahead is measured
 
 
@@ -49,14 +50,29 @@ class Explorations:
 
         Raises SceneError if there is no room for any.
         """
+        starts = sorted(self._poses, key=self._seen.gain, reverse=True)[:_TRIED_SHOTS]
+        for speed in _SPEEDS:
+            best = self._best(starts, frames, f"Exploration {number}", speed)
+            if best is not None:
+                break
+        if best is None:
+            raise SceneError("No flight through the octree's free space was found: choose another seed or more depth")
+        cameras, walk = best
+        for pose in walk:
+            self._seen.add(pose)
+        return cameras
+
+    def _best(self, starts: list[Pose], frames: int, name: str, speed: float) -> tuple[list[Camera], list[Pose]] | None:
+        """Flight from one of the poses, and its walk: the first one that lasts and has the look-ahead that is wanted,
+        else that with most. None if none is smooth.
+        """
         best: tuple[bool, float, list[Camera], list[Pose]] | None = None
-        starts = sorted(self._poses, key=self._seen.gain, reverse=True)
-        for start in starts[:_TRIED_SHOTS]:
+        for start in starts:
             walk = self._walk(start, frames)
             lasts = self._times(walk)[-1] >= frames - 1
             if best is not None and best[0] > lasts:
                 continue
-            cameras = self._flight(walk, frames, f"Exploration {number}")
+            cameras = self._flight(walk, frames, name, speed)
             if not self._is_smooth(cameras):
                 continue
             share = self._look_ahead.share(cameras[::_EVERY])
@@ -64,12 +80,7 @@ class Explorations:
                 best = lasts, share, cameras, walk
             if lasts and share >= _MIN_SHARE:
                 break
-        if best is None:
-            raise SceneError("No flight through the octree's free space was found: choose another seed or more depth")
-        *_, cameras, walk = best
-        for pose in walk:
-            self._seen.add(pose)
-        return cameras
+        return None if best is None else best[2:]
 
     def _walk(self, start: Pose, frames: int) -> list[Pose]:
         """Poses one after the other that take at least `frames` frames, fewer if there is no way on."""
@@ -116,11 +127,14 @@ class Explorations:
         distance = float(np.linalg.norm(pose.position_world - here.position_world)) / self._side
         return max(distance / _STEP, _angle(here, pose) / _TURN)
 
-    def _flight(self, walk: list[Pose], frames: int, name: str) -> list[Camera]:
-        """Cameras on the spline through the walk's poses; a walk that is too short is flown more slowly."""
+    def _flight(self, walk: list[Pose], frames: int, name: str, speed: float) -> list[Camera]:
+        """Cameras on the spline through the walk's poses; a walk that is too short is flown more slowly.
+
+        speed: times the usual one, at most 1; a slower flight ends before the walk does.
+        """
         times = self._times(walk)
         points = np.array([[*pose.position_world, *pose.target_world] for pose in walk])  # (K, 6)
-        path = catmull_rom(times, points, np.linspace(0.0, min(times[-1], frames - 1.0), frames))
+        path = catmull_rom(times, points, np.linspace(0.0, speed * min(times[-1], frames - 1.0), frames))
         return [self._lens.camera(row[:3], row[3:], name) for row in path]
 
     def _is_smooth(self, cameras: list[Camera]) -> bool:

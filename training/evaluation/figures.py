@@ -120,6 +120,11 @@ def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> l
         [picture["ms_per_frame"] for picture in uniform], [picture["mse"] * 1e4 for picture in uniform],
         "k^", ms=6, label="1, 2x2, 3x3, 4x4 rays in each pixel",
     )  # fmt: skip
+    predicted = values["predicted"].values()
+    left.plot(
+        [picture["ms_per_frame"] for picture in predicted], [picture["mse"] * 1e4 for picture in predicted],
+        "k*", ms=9, label="predicted pictures, unrefined",
+    )  # fmt: skip
     figure.legend(*left.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=6)
     left.set_ylabel("mean squared error (1e-4)")
     return save_panels(figure, folder, name)

@@ -16,13 +16,14 @@ from ...patchnet_addon.runtime.errors import FileFormatError
 from ...patchnet_addon.runtime.files import read_arrays, write_arrays
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
-from ...patchnet_addon.sampling.errors import squared_error
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
+from ...patchnet_addon.sampling.uniform import uniform_error
 from ...patchnet_addon.tracing.camera import Camera
-from ...patchnet_addon.tracing.supersample import supersample
 from .curves import TrackErrors, frame_errors, frame_orders
+from .predicted import predicted_left
 from .quality import lpips_weights, quality_of
 from .scene_codes import SceneCodes, SceneFiles, load_scene
 from .strategies import strategies_in_use
@@ -56,7 +57,8 @@ class BlockResult:
 
     active, left, variance: as in `TrackErrors`. hits, ahead: (F,) int64, pixels whose ray met a voxel, and those of
     them with look-ahead. uniform: (F, U) float64, squared error of pictures with side x side rays in each pixel, summed
-    over active pixels. quality: (F, Q, B, M) float64, see `quality_of`.
+    over active pixels. predicted: (F, N, 101) float64, N predicted pictures, see `predicted_left`.
+    quality: (F, Q, B, M) float64, see `quality_of`.
     """
 
     active: np.ndarray
@@ -65,6 +67,7 @@ class BlockResult:
     hits: np.ndarray
     ahead: np.ndarray
     uniform: np.ndarray
+    predicted: np.ndarray
     quality: np.ndarray
 
     @classmethod
@@ -88,15 +91,21 @@ def evaluate_block(block: FrameBlock) -> None:
     rows = []
     with limit_threads(1):
         for number, camera in enumerate(block.cameras):
-            buffers = drain(trace_view(coded.octree, camera, list(strategies.values()), coded=coded))
-            orders = frame_orders(buffers, _scores(strategies, buffers, codes))
+            wanted = list(strategies.values())
+            traced = drain(trace_view(coded.octree, camera, wanted, coded=coded, unrefined=PREDICTED))
+            buffers = replace(traced, unrefined=PREVIEW)  # as the paper has it
+            views = _views(buffers, codes)
+            orders = frame_orders(buffers, _scores(strategies, views, codes))
             errors = frame_errors(buffers, orders)
             # FLIP takes twice as long as all the rest of a frame: the first of a block stands for it.
             quality = quality_of(buffers, orders, lpips_weights(block.lpips), flips=number == 0)
             prediction = buffers.prediction
             ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
-            uniform = [_uniform_error(coded, camera, buffers, side) for side in block.sides]
-            rows.append((errors.active, errors.left, errors.variance, int(buffers.hit.sum()), ahead, uniform, quality))
+            uniform = [drain(uniform_error(coded.octree, camera, buffers, side)) for side in block.sides]
+            pictures = uniform, predicted_left(views.values())
+            rows.append(
+                (errors.active, errors.left, errors.variance, int(buffers.hit.sum()), ahead, *pictures, quality)
+            )
     names = BlockResult.__dataclass_fields__
     arrays = {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
     block.path.parent.mkdir(parents=True, exist_ok=True)
@@ -114,21 +123,18 @@ def load_block(block: FrameBlock) -> BlockResult | None:
     return BlockResult(**arrays) if metadata.get("key") == block.key else None
 
 
-def _scores(strategies: Mapping[str, Strategy], buffers: PixelBuffers, codes: SceneCodes) -> dict[str, np.ndarray]:
-    """Scores (P,) by strategy; each further network decodes once, at the same hits."""
-    views = {codes.coded: buffers} | {
+def _views(buffers: PixelBuffers, codes: SceneCodes) -> dict[CodedOctree, PixelBuffers]:
+    """View by the codes that its prediction is decoded from; each further network decodes once, at the same hits."""
+    return {codes.coded: buffers} | {
         coded: replace(buffers, prediction=predict(coded, buffers.hits)) for coded in codes.networks.values()
     }
+
+
+def _scores(
+    strategies: Mapping[str, Strategy], views: Mapping[CodedOctree, PixelBuffers], codes: SceneCodes
+) -> dict[str, np.ndarray]:
+    """Scores (P,) by strategy."""
     return {name: strategy.scores(views[codes.of(strategy)]) for name, strategy in strategies.items()}
-
-
-def _uniform_error(coded: CodedOctree, camera: Camera, buffers: PixelBuffers, side: int) -> float:
-    """Squared error of a picture of side x side rays in each pixel, summed over active pixels."""
-    if side == 1:
-        return float(squared_error(buffers)[buffers.active].sum())
-    assert buffers.reference is not None
-    picture = drain(supersample(coded.octree, camera, side)).astype(np.float64)
-    return float(((picture - buffers.reference) ** 2)[buffers.active].sum())
 
 
 @lru_cache(maxsize=1)

@@ -44,8 +44,10 @@ def markdown_of(results: Mapping[str, Any]) -> str:
         _intervals(claims["half"]),
         "Lowest of the paper's references: from which budget on (interval), at which share of budgets from 13 % on.",
         _lowest(claims["lowest"]),
-        "Rays in each pixel: error times 10,000, and milliseconds.",
-        _uniform(scenes),
+        "Rays in each pixel, and what the network predicts: error times 10,000, and milliseconds.",
+        _pictures(scenes),
+        f"Predicted pictures refined by their own priority: error over that of `{VARIANCE}` from the preview.",
+        _predicted(scenes),
         f"Picture metrics at {BUDGET:.0%}, means over scenes.",
         _quality([values["quality"] for values in scenes.values()]),
     ]
@@ -138,17 +140,31 @@ def _from(values: Mapping[str, Any]) -> str:
     return f"{values['value']:.0%} ({values['low']:.0%} to {high}); {share}"
 
 
-def _uniform(scenes: Mapping[str, Any]) -> str:
-    sides = list(next(iter(scenes.values()))["uniform"])
+def _pictures(scenes: Mapping[str, Any]) -> str:
+    first = next(iter(scenes.values()))
+    names = [*(f"{side} x {side}" for side in first["uniform"]), *(f"`{name}`" for name in first["predicted"])]
     rows = (
         [scene]
         + [
-            f"{1e4 * values['uniform'][side]['mse']:.1f} in {values['uniform'][side]['ms_per_frame']:.1f} ms"
-            for side in sides
+            f"{1e4 * picture['mse']:.1f} in {picture['ms_per_frame']:.1f} ms"
+            for picture in (*values["uniform"].values(), *values["predicted"].values())
         ]
         for scene, values in scenes.items()
     )
-    return _table(["scene", *(f"{side} x {side}" for side in sides)], rows)
+    return _table(["scene", *names], rows)
+
+
+def _predicted(scenes: Mapping[str, Any]) -> str:
+    rows = []
+    for scene, values in scenes.items():
+        variance = values["mse"][VARIANCE]
+        for name, picture in values["predicted"].items():
+            ratios = [
+                f"{picture['mse_refined'][at] / variance[at]:.2f}" if variance[at] else ""
+                for at in (round(100 * budget) for budget in (0.0, *BUDGETS_SHOWN))
+            ]
+            rows.append([scene, f"`{name}`", *ratios])
+    return _table(["scene", "picture", *(f"{budget:.0%}" for budget in (0.0, *BUDGETS_SHOWN))], rows)
 
 
 def _quality(found: Sequence[Mapping[str, Any]]) -> str:

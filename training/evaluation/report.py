@@ -76,11 +76,21 @@ def _errors(values: Mapping[str, Any]) -> str:
         [f"{side} x {side} rays in each pixel", f"{item['ms_per_frame']:.1f}", f"{1e4 * item['mse']:.2f}"]
         for side, item in values["uniform"].items()
     ]
+    predicted = [
+        [
+            f"{name}: what the network expects",
+            f"{item['ms_per_frame']:.1f}",
+            *(f"{1e4 * item['mse_refined'][round(100 * share)]:.2f}" for share in (0.0, *SHOWN)),
+        ]
+        for name, item in values["predicted"].items()
+    ]
+    refined = (f"{share:.0%} refined" for share in SHOWN)
     return (
         "<p>Mean squared error in 1e-4 after refining a share of the active pixels:</p>"
         + _table(head, rows)
-        + "<p>Pictures with as many rays in every pixel:</p>"
-        + _table(["picture", "ms a frame", "mean squared error in 1e-4"], uniform)
+        + "<p>Pictures with as many rays in every pixel, and what the network predicts; the latter also refined by its "
+        "own priority:</p>"
+        + _table(["picture", "ms a frame", "mean squared error in 1e-4", *refined], [*uniform, *predicted])
     )
 
 

@@ -10,16 +10,18 @@ from typing import Any
 import numpy as np
 
 from ...patchnet_addon.octree.file import octree_hash
+from ...patchnet_addon.sampling.uniform import SIDES
 from .bootstrap import Bootstrap, finite, number_with_interval
 from .checks import check_track
 from .claims import claims_of
 from .curves import BUDGETS, OPTIMAL, TrackErrors, excess_area, mean_frame_mse, pooled_mse
-from .evaluate import SIDES, SceneResult
+from .evaluate import SceneResult
 from .generalisation import generalisation_of
 from .patch_networks import PatchNetwork
 from .quality import QUALITY_BUDGETS, QUALITY_NAMES, QUALITY_STRATEGIES
 
 POOLED = "all scenes"
+PREDICTED_RAYS = 2  # a pixel: its own, and the one that goes on behind the patch
 SHOWN = (0.05, 0.1, 0.13, 0.2, 0.3, 0.5, 0.7)  # budgets of tables
 
 
@@ -83,6 +85,15 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
                 "ms_per_frame": costs.uniform_ms[side],
             }
             for index, side in enumerate(SIDES)
+        },
+        "predicted": {
+            name: {
+                "rays_per_pixel": PREDICTED_RAYS,
+                "mse": float(frames.predicted[:, index, 0].sum() / active),
+                "mse_refined": (frames.predicted[:, index].sum(axis=0) / active).tolist(),
+                "ms_per_frame": milliseconds,
+            }
+            for index, (name, milliseconds) in enumerate(costs.predicted_ms.items())
         },
     }
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ...session import results
+from ...session.scene_result import Comparison
 from .tab import SubPanel, draw_stale, split
 
 
@@ -29,11 +30,15 @@ class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
         layout.label(text=f"Mean squared error, budget {found.budget:.0%}")
         table = layout.box().column(align=True)
         _row(table, "Strategy", "Error", "Left")
-        _row(table, "Unrefined", f"{found.unrefined:.2e}", "100%")
+        for title, error in found.pictures:
+            _row(table, f"{title}, unrefined", f"{error:.2e}", _share(error, found))
         for row in found.rows:
-            left = f"{row.error / found.unrefined:.0%}" if found.unrefined else "-"
             marked = "> " if row.name == context.scene.patchnet.strategy else ""
-            _row(table, f"{marked}{row.title}", f"{row.error:.2e}", left)
+            _row(table, f"{marked}{row.title}", f"{row.error:.2e}", _share(row.error, found))
+
+
+def _share(error: float, found: Comparison) -> str:
+    return f"{error / found.unrefined:.0%}" if found.unrefined else "-"
 
 
 def _row(layout: bpy.types.UILayout, name: str, error: str, share: str) -> None:

@@ -2,6 +2,7 @@
 """San Miguel without most of its plants, in the light of sun and sky."""
 
 from ..scene import CYCLES, TRAIN, Scene
+from .san_miguel import ROOF, SURROUNDINGS
 
 # Names of nodes begin with the plant's name in the model.
 _PLANTS = (
@@ -16,7 +17,8 @@ SCENE = Scene(
     title="San Miguel, bare",
     file="san_miguel.glb",
     light=CYCLES,
-    without=(*_PLANTS, "sun_light", "fill_light"),  # the lamps as in the whole scene
+    without=(*_PLANTS, *SURROUNDINGS),
+    bisect=ROOF,
     source="San Miguel by Guillermo M. Leal Llaguno",
     licence="CC BY 3.0",
     role=TRAIN,

@@ -12,5 +12,6 @@ settings.texel_voxels = 4.0
 settings.color = False
 settings.size = (96, 0)
 settings.strategy = "patchnet-behind"
+settings.unrefined = "preview"
 settings.budget = 0.3
 settings.spp = 0.0

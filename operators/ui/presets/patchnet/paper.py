@@ -12,5 +12,6 @@ settings.texel_voxels = 2.0
 settings.color = False
 settings.size = (130, 130)
 settings.strategy = "patchnet"
+settings.unrefined = "preview"
 settings.budget = 0.3
 settings.spp = 0.0

@@ -13,5 +13,6 @@ settings.texel_voxels = 2.0
 settings.color = False
 settings.size = (192, 0)
 settings.strategy = "patchnet-behind"
+settings.unrefined = "preview"
 settings.budget = 0.3
 settings.spp = 0.0

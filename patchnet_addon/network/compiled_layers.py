@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Layers of the compiled decoders: a tile of pixels goes through them with its values in the nearest caches.
+
+Features are rows of a tile and pixels its columns, so that a vector holds the same feature of many pixels. The sums of
+six outputs stay in registers while the inputs pass by. A pixel has the same bits in whatever company it is decoded;
+only a processor that cannot multiply and add in one rounding has others.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..runtime.kernels import device
+from ..runtime.vectors import larger, store
+from .decode import OUTPUT_LOW, OUTPUT_RANGE
+from .kinds import CODE_SIZE
+from .lane_harmonics import store_harmonics
+from .lanes import LANES, WIDE_LANES, add_product, load, load_wide, spread_wide
+from .weights import MODULATED, Weights
+
+TILE = 64  # pixels: with 48 features before and after a layer 24 KiB, and a whole number of vectors everywhere
+OUTPUTS = 6  # of a layer at once: 24 registers of sums where there are 32, 12 where there are 16
+
+DIRECTION, UP, RATIO = CODE_SIZE, CODE_SIZE + 3, CODE_SIZE + 6  # rows of inputs; the code stands in the first ones
+FIRST_HARMONIC = RATIO + 1
+assert TILE % WIDE_LANES == 0
+
+_LOG2_E = np.float32(1.4426950408889634)
+_LN2_HIGH, _LN2_LOW = np.float32(0.693359375), np.float32(-2.12194440e-4)
+_LOW, _RANGE = np.float32(OUTPUT_LOW), np.float32(OUTPUT_RANGE)
+
+
+class DecoderLayers(NamedTuple):
+    """Decoder as kernels read it, flat, all float32.
+
+    hidden: of each layer with ReLU, of each six outputs, for each input its six weights.
+    last: for each input the weights of all outputs.
+    bias: of all layers.
+    floor: (1,) zero, in memory, from where it is spread over a vector.
+    """
+
+    hidden: np.ndarray
+    last: np.ndarray
+    bias: np.ndarray
+    floor: np.ndarray
+
+    @classmethod
+    def pack(cls, weights: Weights) -> DecoderLayers:
+        """Layers of the decoder."""
+        hidden = [matrix.reshape(-1, OUTPUTS, matrix.shape[1]).swapaxes(1, 2) for matrix, _ in weights.decoder[:-1]]
+        return cls(
+            np.concatenate([blocks.ravel() for blocks in hidden]),
+            weights.decoder[-1][0].T.ravel(),
+            np.concatenate([bias for _, bias in weights.decoder]),
+            np.zeros(1, np.float32),
+        )
+
+
+@device
+def empty_values(rows):
+    """Values of a tile, (rows * TILE,) float32 zeros at a multiple of 64 bytes: a vector lies in one cache line."""
+    values = np.zeros(rows * TILE + 16, np.float32)
+    start = -(values.ctypes.data // 4) % 16
+    return values[start : start + rows * TILE]
+
+
+@device
+def fill_harmonics(inputs):
+    """Write the harmonics of the directions, and multiply the first of them into the codes (methods 7.13)."""
+    for pixel in range(0, TILE, LANES):
+        at = DIRECTION * TILE + pixel
+        x, y, z = load(inputs, at), load(inputs, at + TILE), load(inputs, at + 2 * TILE)
+        store_harmonics(inputs, FIRST_HARMONIC * TILE + pixel, TILE, x, y, z)
+        for k in range(MODULATED):
+            at = k * TILE + pixel
+            store(inputs, at, load(inputs, at) * load(inputs, FIRST_HARMONIC * TILE + at))
+
+
+@device
+def apply_layer(inputs, depth, results, hidden, weights, bias, floor):
+    """Layer with ReLU from `depth` rows of inputs to `hidden` rows of results, a multiple of `OUTPUTS`."""
+    low = spread_wide(floor, 0)
+    for output in range(0, hidden, OUTPUTS):
+        for pixel in range(0, TILE, WIDE_LANES):
+            sum0, sum1, sum2 = spread_wide(bias, output), spread_wide(bias, output + 1), spread_wide(bias, output + 2)
+            sum3, sum4, sum5 = (
+                spread_wide(bias, output + 3),
+                spread_wide(bias, output + 4),
+                spread_wide(bias, output + 5),
+            )
+            weight = output * depth
+            for row in range(depth):
+                values = load_wide(inputs, row * TILE + pixel)
+                sum0 = add_product(sum0, values, spread_wide(weights, weight))
+                sum1 = add_product(sum1, values, spread_wide(weights, weight + 1))
+                sum2 = add_product(sum2, values, spread_wide(weights, weight + 2))
+                sum3 = add_product(sum3, values, spread_wide(weights, weight + 3))
+                sum4 = add_product(sum4, values, spread_wide(weights, weight + 4))
+                sum5 = add_product(sum5, values, spread_wide(weights, weight + 5))
+                weight += OUTPUTS
+            at = output * TILE + pixel
+            store(results, at, larger(low, sum0))
+            store(results, at + TILE, larger(low, sum1))
+            store(results, at + 2 * TILE, larger(low, sum2))
+            store(results, at + 3 * TILE, larger(low, sum3))
+            store(results, at + 4 * TILE, larger(low, sum4))
+            store(results, at + 5 * TILE, larger(low, sum5))
+
+
+@device
+def write_exponential(values, bits, index, power):
+    """Write e^power, |power| <= 80, into values[index]: 2^n e^r with |r| <= ln 2 / 2, the polynomial of Cephes' expf.
+
+    bits: the same values as integers. In plain loops, of which the compiler makes vectors.
+    """
+    whole = np.floor(power * _LOG2_E + np.float32(0.5))
+    r = power - whole * _LN2_HIGH - whole * _LN2_LOW
+    terms = np.float32(1.9875691500e-4) * r + np.float32(1.3981999507e-3)
+    terms = terms * r + np.float32(8.3334519073e-3)
+    terms = terms * r + np.float32(4.1665795894e-2)
+    terms = terms * r + np.float32(1.6666665459e-1)
+    terms = terms * r + np.float32(5.0000001201e-1)
+    terms = terms * r * r + r + np.float32(1)
+    bits[index] = (np.int32(whole) + np.int32(127)) << np.int32(23)
+    values[index] = terms * values[index]
+
+
+@device
+def write_sigmoid(values, bits, index):
+    """Write clip(-1 + 3 / (1 + e^-x)) over x."""
+    one = np.float32(1)
+    write_exponential(values, bits, index, min(max(-values[index], np.float32(-80)), np.float32(80)))
+    output = _LOW + _RANGE / (one + values[index])
+    values[index] = min(max(output, np.float32(0)), one)

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What unrefined pixels show, preview or predicted: in jobs, operators, panels, commands, renders, viewports."""
+
+import json
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet import commands
+from patchnet.operators.pipeline.views import View, view
+from patchnet.operators.render_engine import panels as engine_panels
+from patchnet.operators.render_engine.passes import combined
+from patchnet.operators.render_engine.viewport_preview import ViewportPreview
+from patchnet.operators.scene.cameras import choose_cameras, tracing_camera
+from patchnet.operators.session import results
+from patchnet.operators.session.seen import comparison_of
+from patchnet.operators.session.shown_view import view_to_show
+from patchnet.operators.settings.groups import ViewSettings
+from patchnet.operators.ui.panels.compare import PATCHNET_PT_compare
+from patchnet.operators.ui.panels.preview import PATCHNET_PT_preview
+from patchnet.operators.ui.panels.tab import stale_text
+from patchnet.operators.ui.properties import scene_settings
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
+from patchnet.patchnet_addon.sampling.ranking import rank
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.tests.blender.drawn import drawn
+from patchnet.tests.blender.engine_scene import WORLD, build_for_engine, rendered
+from patchnet.tests.blender.job_scene import QUICK, SMALL
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+SIZE = (48, 32)
+BEHIND = STRATEGIES["patchnet-behind"]
+
+
+def seen(scene: bpy.types.Scene, *, color: bool = False, **wanted: object) -> View:
+    """A view of the small scene."""
+    scene.patchnet.color = color
+    bpy.ops.patchnet.voxelize(depth=6)
+    bpy.ops.patchnet.precompute_codes()
+    camera = tracing_camera(scene.camera, scene, SIZE)
+    steps = view(results.codes_of(scene), camera, ViewSettings(size=SIZE, **wanted), "VISIBLE", compare=True)
+    return drain(steps)
+
+
+@pytest.mark.parametrize("color", [False, True])
+def test_a_job_refines_what_it_shows(scene: bpy.types.Scene, color: bool) -> None:
+    plain, found = seen(scene, color=color), seen(scene, color=color, unrefined="predicted")
+    buffers, mask = found.buffers, found.ranking.mask
+    np.testing.assert_array_equal(found.refined.luminance, np.where(mask, buffers.reference, buffers.predicted))
+    if color:
+        wanted = np.where(mask[:, None], buffers.reference_color, buffers.predicted_color)
+        np.testing.assert_array_equal(found.refined.colors, wanted)
+    for name in ("preview", "predicted", "reference"):
+        np.testing.assert_array_equal(found.pictures[name], plain.pictures[name])
+    for name in ("priority", "order", "overlay", "refined", "error"):
+        assert not np.array_equal(found.pictures[name], plain.pictures[name]), name
+
+
+def test_figures_of_the_preview_stay_beside_the_others(scene: bpy.types.Scene) -> None:
+    plain, found = seen(scene), seen(scene, unrefined="predicted")
+    report, predicted = found.report, found.report["predicted"]
+    assert report == plain.report | {"unrefined": "predicted"}
+    error = (found.buffers.predicted.astype(float) - found.buffers.reference)[found.buffers.active] ** 2
+    assert predicted["mse_unrefined"] == pytest.approx(error.mean()) and predicted["mse"].keys() == report["mse"].keys()
+    assert found.errors == (predicted["mse_unrefined"], predicted["mse"]["patchnet-behind"])
+    assert plain.errors == (report["mse_unrefined"], report["mse"]["patchnet-behind"])
+    assert report["uniform"]["1"] == pytest.approx(report["mse_unrefined"]) and set(report["uniform"]) == set("1234")
+    table = comparison_of(found)
+    assert table.unrefined == predicted["mse_unrefined"] and {row.error for row in table.rows} == set(
+        predicted["mse"].values()
+    )
+
+
+def test_samples_are_spent_on_what_is_shown(scene: bpy.types.Scene) -> None:
+    found = seen(scene, unrefined="predicted", spp=5.0)
+    samples, single = found.refined.samples, found.refined.samples == 1
+    assert set(samples.tolist()) <= {1, 16, 64, 256, 1024} and samples[found.buffers.active].mean() <= 5.0
+    np.testing.assert_array_equal(found.refined.luminance[single], found.buffers.predicted[single])
+    assert found.errors == (found.report["predicted"]["mse_unrefined"], found.report["spp"]["mse"])
+
+
+def test_overlay_has_the_predicted_picture_and_its_error(scene: bpy.types.Scene) -> None:
+    found = seen(scene)
+    shown = view_to_show(found, ViewSettings(size=SIZE), 0.0)
+    np.testing.assert_allclose(shown.picture("PREDICTED", 1.0, "viridis"), found.pictures["predicted"], atol=0.51 / 255)
+    error, _ = shown.mapped("PREDICTED_ERROR", 1.0)
+    np.testing.assert_allclose(error.ravel(), np.abs(found.buffers.predicted - found.buffers.reference), atol=1e-6)
+    column, row = np.argwhere(found.buffers.picture(found.buffers.hit))[0][::-1]
+    value = found.buffers.picture(found.buffers.predicted)[row, column]
+    assert f"Predicted luminance {value:.4f}" in shown.describe_pixel(int(column), int(row), 1.0)
+
+
+def test_operators_and_panels_have_the_setting(scene: bpy.types.Scene) -> None:
+    assert bpy.ops.patchnet.run_all(light="two-lights", unrefined="predicted", **SMALL) == {"FINISHED"}
+    assert bpy.data.images["PatchNet Eye predicted"].size[0] == SMALL["size"][0]
+    assert bpy.data.images["PatchNet Eye predicted luminance"].is_float
+    assert scene.patchnet.unrefined == "preview" == scene_settings(scene).view.unrefined
+    for chosen in ("preview", "predicted"):
+        scene.patchnet.unrefined = chosen
+        assert bpy.ops.patchnet.render_preview(size=SMALL["size"]) == {"FINISHED"}
+        result = results.result_of(scene)
+        assert not stale_text(result, scene, "view")
+    scene.patchnet.unrefined = "preview"
+    assert stale_text(result, scene, "view") == "'Unrefined' changed: render again"
+    for panel in (PATCHNET_PT_preview, engine_panels.PATCHNET_PT_render_refinement):
+        assert "unrefined" in drawn(panel)
+    assert bpy.ops.patchnet.compare(size=SMALL["size"]) == {"FINISHED"}
+    labels = drawn(PATCHNET_PT_compare)
+    assert "Preview, unrefined" in labels and "Predicted, unrefined" in labels
+
+
+def test_command(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["run", str(scene_file), "--weights", str(weights), *QUICK]
+    frames = {}
+    for name in ("preview", "predicted"):
+        out = tmp_path / name
+        assert commands.main([*words, "--out", str(out), "--unrefined", name]) == 0
+        report = json.loads((out / "report.json").read_text())
+        assert "Eye/predicted.png" in report["files"] and (out / "Eye" / "predicted.png").is_file()
+        (frames[name],) = report["frames"]
+        printed = capsys.readouterr().out
+        shown = frames[name] if name == "preview" else frames[name]["predicted"]
+        assert f"error {shown['mse_unrefined']:.2e}, after refining 30%" in printed
+        assert f"predicted {frames[name]['predicted']['mse_unrefined']:.2e}, 2 x 2 rays" in printed
+    assert frames["predicted"] == frames["preview"] | {"unrefined": "predicted"}
+    pictures = {name: (tmp_path / name / "Eye" / "refined.png").read_bytes() for name in frames}
+    assert pictures["preview"] != pictures["predicted"]
+    with pytest.raises(SystemExit, match="2"):
+        commands.main([*words, "--out", str(tmp_path / "bad"), "--unrefined", "both"])
+    assert "--unrefined" in capsys.readouterr().err and not (tmp_path / "bad").exists()
+
+
+def test_it_stands_beside_regions_by_cycles(
+    scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    words = ["run", str(scene_file), "--weights", str(weights), "--depth", "5", "--size", "24", "16", "--samples", "1"]
+    cycles = ["--cycles-budget", "0.3", "--cycles-samples", "2", "--cycles-tile", "8", "--cycles-compare"]
+    assert commands.main([*words, *cycles, "--unrefined", "predicted", "--out", str(out)]) == 0
+    (frame,) = json.loads((out / "report.json").read_text())["frames"]
+    found = frame["cycles"]
+    assert found["unrefined"] == "predicted" and found["mse"]["predicted"] != found["mse"]["preview"]
+    assert f"  {'predicted':<24} {found['mse']['predicted']:.2e}" in capsys.readouterr().out
+    shown, beside = (image_of(out / "Eye" / f"{name}.png") for name in ("predicted", "cycles"))
+    outside = image_of(out / "Eye" / "regions.png") == 0
+    assert 0 < outside.mean() < 1
+    np.testing.assert_array_equal(shown[outside], beside[outside])
+
+
+def image_of(path: Path) -> np.ndarray:
+    """Values of a picture's file."""
+    image = bpy.data.images.load(str(path))
+    values = np.empty(image.size[0] * image.size[1] * image.channels, np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(-1, image.channels)[:, :3]
+
+
+def test_frames_have_it_too(scene_file: Path, tmp_path: Path, weights: Path) -> None:
+    out = tmp_path / "out"
+    words = ["run", str(scene_file), "--weights", str(weights), *QUICK, "--frames", "1", "--out", str(out)]
+    assert commands.main([*words, "--unrefined", "predicted"]) == 0
+    (frame,) = json.loads((out / "report.json").read_text())["frames"]
+    (own,) = json.loads((out / "frame-0001" / "report.json").read_text())["frames"]
+    (summary,) = frame["views"]
+    assert summary["unrefined"] == "predicted" and summary["mse_unrefined"] == own["mse_unrefined"]
+    assert summary["predicted"] == {
+        "mse_unrefined": own["predicted"]["mse_unrefined"], "mse": own["predicted"]["mse"]["patchnet-behind"],
+    }  # fmt: skip
+    first = (out / "frame-0001" / "Eye" / "refined.png").read_bytes()
+    assert commands.main(words) == 0, "another setting, so the frame is made again"
+    assert (out / "frame-0001" / "Eye" / "refined.png").read_bytes() != first
+
+
+@pytest.mark.parametrize("transparent", [False, True])
+def test_render_shows_it(weights: Path, tmp_path: Path, transparent: bool) -> None:
+    scene = build_for_engine(weights, tmp_path)
+    scene.patchnet.unrefined, scene.render.film_transparent = "predicted", transparent
+    found = rendered(scene)
+    result = results.result_of(scene)
+    assert result is not None and result.coded is not None
+    camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
+    buffers = drain(trace_view(result.octree, camera, [BEHIND], coded=result.coded, unrefined="predicted"))
+    ranking = rank(BEHIND, buffers, scene.patchnet.budget)
+    np.testing.assert_allclose(found["Priority"][..., 0], buffers.picture(ranking.priority), atol=1e-6)
+    left = ~ranking.mask
+    pixels = found["Combined"].reshape(-1, 4)[left]
+    alpha, light = buffers.shown_alpha[left], buffers.predicted[left] / result.octree.exposure
+    world = np.zeros(3) if transparent else np.array(WORLD) * 0.5
+    np.testing.assert_allclose(pixels[:, :3], light[:, None] + (1 - alpha)[:, None] * world, atol=1e-5)
+    np.testing.assert_allclose(pixels[:, 3], alpha if transparent else 1.0, atol=1e-6)
+    assert ((alpha > 0) & (alpha < 1)).any(), "edges are soft before anything is refined"
+
+
+def test_slices_of_a_viewport_end_with_the_picture_of_a_render(scene: bpy.types.Scene) -> None:
+    found = seen(scene)
+    coded = results.codes_of(scene)
+
+    def picture() -> AdaptivePicture:
+        return AdaptivePicture(coded.octree, found.camera, BEHIND, coded, unrefined="predicted")
+
+    world = np.array(WORLD, np.float32)
+    preview, whole = ViewportPreview(picture(), 0.4, world), picture()
+    while not preview.done:
+        preview.work(0.0)
+    drain(whole.trace())
+    drain(whole.refine(0.4))
+    np.testing.assert_array_equal(preview.picture.samples, whole.samples)
+    np.testing.assert_array_equal(preview.pixels().reshape(-1, 4), combined(whole, world))
+
+
+def test_a_name_that_there_is_not() -> None:
+    with pytest.raises(SettingError, match="choose one of preview, predicted"):
+        ViewSettings(unrefined="guessed")

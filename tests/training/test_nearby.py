@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Luminance mixtures in training: what they are given, under every symmetry, and that they are what is used."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from patchnet.patchnet_addon.codes.encode import encode_octree
+from patchnet.patchnet_addon.codes.predict import predict, predict_on
+from patchnet.patchnet_addon.network.kinds import MIXTURE
+from patchnet.patchnet_addon.network.weights import Weights, load_weights, save_weights
+from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.training.test_batches import DEPTH, moved_octree
+from patchnet.training.batches import Augmentation
+from patchnet.training.corpus import corpus_of
+from patchnet.training.dataset import Dataset
+from patchnet.training.forest import concatenate
+from patchnet.training.nearby import gather_nearby
+from patchnet.training.procedural import spheres_and_slats
+from patchnet.training.samples import SampleSettings, draw_samples
+from patchnet.training.settings import TrainSettings
+from patchnet.training.sliced_net import SlicedNet
+from patchnet.training.symmetry import cube_symmetries
+from patchnet.training.tensor_batch import TensorBatch
+from patchnet.training.trainer import RunOptions, train
+
+
+@pytest.fixture(scope="module")
+def octree() -> Octree:
+    return spheres_and_slats(DEPTH, seed=4)
+
+
+@pytest.fixture(scope="module")
+def dataset(octree: Octree) -> Dataset:
+    settings = SampleSettings(views=4, min_level=3, held_out=0.05, seed=2)
+    return Dataset("scene", octree, drain(draw_samples(octree, 400, settings)), {})
+
+
+@pytest.mark.parametrize("symmetry", [0, 7, 18, 29, 41, 47])
+def test_nearby_turns_with_the_scene(octree: Octree, dataset: Dataset, symmetry: int) -> None:
+    voxel = dataset.samples.voxel[:40].astype(np.int64)
+    gain, offset = (0.5, 0.25) if symmetry % 2 else (1.0, 0.0)
+    linear = np.tile(np.array([[gain, offset]], np.float32), (len(voxel), 1))
+    none, turned = np.zeros(len(voxel), np.int32), np.full(len(voxel), symmetry, np.int32)
+    plain = moved_octree(octree, 0, 1.0, 0.0)  # means of inner voxels as those of the turned scene
+    found = gather_nearby(concatenate([plain]), none, voxel, turned, linear)
+    side = 1 << voxel[:, :1]
+    cells = (voxel[:, 1:] + 0.5 - side / 2) @ cube_symmetries().matrix(symmetry).T + side / 2 - 0.5
+    moved = np.concatenate([voxel[:, :1], np.rint(cells).astype(np.int64)], axis=1)
+    scene = moved_octree(octree, symmetry, gain, offset)
+    wanted = gather_nearby(concatenate([scene]), none, moved, none, np.tile(np.array([[1, 0]], np.float32), (40, 1)))
+    np.testing.assert_array_equal(found.covered, wanted.covered)
+    there = wanted.covered > 0
+    np.testing.assert_allclose(found.shown[there], wanted.shown[there], atol=1e-4)
+    np.testing.assert_allclose(found.own, wanted.own, atol=1e-4)
+    near = wanted.around > 0
+    np.testing.assert_allclose(found.around[near], wanted.around[near], atol=1e-4)
+
+
+def test_what_is_trained_is_what_predicts(octree: Octree, dataset: Dataset) -> None:
+    """Training's network, the compiled decoder and torch's give the same for the same voxels and rays."""
+    weights = Weights.random(seed=5, bias=0.1, kind=MIXTURE)
+    corpus, _ = corpus_of([dataset], nearby=True)
+    rows = np.arange(60)
+    batch = corpus.batch(rows, Augmentation.none(len(rows)))
+    with torch.no_grad():
+        trained = SlicedNet(weights)(TensorBatch.of(batch, torch.device("cpu")), torch.float32).numpy().reshape(-1, 2)
+    level, cells = corpus.voxel[rows, 0].astype(int), corpus.voxel[rows, 1:].astype(int)
+    node = np.array([octree.find(here, cell[None])[0] for here, cell in zip(level, cells, strict=True)])
+    views = batch.ratio.shape[1]
+    hits = SimpleNamespace(
+        node=node.repeat(views),
+        luminance=octree.luminance_float(node).repeat(views),
+        **{name: getattr(batch, name).reshape(-1, 3) for name in ("direction", "up")},
+        entry_voxel=batch.entry.reshape(-1, 3),
+        ratio=batch.ratio.ravel(),
+    )
+    coded = drain(encode_octree(octree, weights))
+    for prediction in (predict(coded, hits), predict_on("cpu", coded, hits)):  # type: ignore[arg-type]
+        assert prediction.look_ahead.all()
+        np.testing.assert_allclose(prediction.coverage, trained[:, 0].clip(0, 1), atol=2e-3)  # codes are half floats
+        np.testing.assert_allclose(prediction.luminance, trained[:, 1], atol=2e-3)
+
+
+def test_mixture_learns_shape_alone(dataset: Dataset, tmp_path: Path) -> None:
+    """A short run lowers both errors, leaves the encoder blind to luminance, and its file says what it is."""
+    settings = TrainSettings(
+        passes=60 * 256, batch=256, precision="fp32", learning_rate=2e-3, network="mixture", loss="squared"
+    )
+    options = RunOptions(tmp_path / "run", log_steps=20)
+    weights = drain(train([dataset], settings, options))
+    assert not weights.encoder[0][0][:, 1::5].any() and weights.kind is MIXTURE
+    save_weights(weights, tmp_path / "mixture.safetensors")
+    assert load_weights(tmp_path / "mixture.safetensors").hash == weights.hash
+    log = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    first, *_, last = (entry for entry in log if "coverage" in entry)
+    assert last["coverage"] < 0.8 * first["coverage"] and last["luminance"] < first["luminance"]
