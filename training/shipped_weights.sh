@@ -1,38 +1,56 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# How the shipped weights were made: octrees of the scenes in PATCHNET_SCENES, samples of them, one training run.
+# How the shipped weights were made: octrees of the scenes in PATCHNET_SCENES and of rooms and gardens composed of the
+# furniture libraries for training (docs/furnished-scenes.md), samples of them, one training run.
 #
-#   PATCHNET_SCENES=/path/to/scenes training/shipped_weights.sh WORK-FOLDER
+#   PATCHNET_SCENES=/path/to/scenes training/shipped_weights.sh LIBRARIES-FOLDER WORK-FOLDER
 #
-# The demo scene takes no part. Octrees that exist are kept and the training resumes, so the script can be run again.
+# Of the sources for testing (LDraw, the sports car, Reallusion, the scenes that this project builds itself) none takes
+# part. What exists is kept and the training resumes, so the script can be run again.
 set -euo pipefail
 scenes=${PATCHNET_SCENES:?set PATCHNET_SCENES to the folder of the scenes}
-work=${1:?give a folder to work in}
+libraries=${1:?give the folder of the furniture libraries}
+work=${2:?give a folder to work in}
 patchnet=${PATCHNET:-patchnet}
-mkdir -p "$work/octrees"
+mkdir -p "$work/octrees" "$work/scenes"
+
+furnish() { # NAME KIND SEED LIBRARIES...
+    local out=$work/scenes/$1.glb kind=$2 seed=$3
+    shift 3
+    [ -e "$out" ] || "$patchnet" furnish "${@/#/$libraries/}" --kind "$kind" --seed "$seed" --out "$out"
+}
 
 octree() { # NAME SCENE OPTIONS...
-    local out=$work/octrees/$1.safetensors scene=$scenes/$2
+    local out=$work/octrees/$1.safetensors scene=$2
     shift 2
     [ -e "$out" ] || "$patchnet" octree "$scene" --out "$out" "$@"
 }
 
-octree sponza-cycles sponza_crytek.glb --depth 9 --light cycles --samples 16 --texel-voxels 1
-octree sponza-turned sponza_crytek.glb --depth 10 --light two-lights --rotate 1
-octree shuttle ldraw_space_shuttle.glb --depth 9 --light two-lights
-octree shuttle-turned ldraw_space_shuttle.glb --depth 10 --light two-lights --rotate 2
-octree station ldraw_iss.glb --depth 9 --light two-lights
-octree station-turned ldraw_iss.glb --depth 9 --light two-lights --rotate 1
-octree car sports_car.glb --depth 9 --light two-lights
-octree car-turned sports_car.glb --depth 9 --light two-lights --rotate 1
-octree clinic bim_clinic.glb --depth 10 --light two-lights
-octree clinic-turned bim_clinic.glb --depth 9 --light two-lights --rotate 1
-octree ducts bim_clinic.glb --depth 10 --light two-lights --without architectural,structural
-octree ducts-turned bim_clinic.glb --depth 10 --light two-lights --without architectural,structural --rotate 1
-octree san-miguel san_miguel.glb --depth 10 --light two-lights
-octree san-miguel-turned san_miguel.glb --depth 10 --light two-lights --rotate 1
+blendswap=(BlendSwap-CC-0.sh3f BlendSwap-CC-BY.sh3f)
+furnish room-1 interior 1 Scopia.sh3f
+furnish room-2 interior 2 "${blendswap[@]}"
+furnish room-3 interior 3 Scopia.sh3f
+furnish room-4 interior 4 "${blendswap[@]}"
+furnish garden-5 garden 5 Scopia.sh3f
+furnish garden-6 garden 6 "${blendswap[@]}"
+
+octree room-1 "$work/scenes/room-1.glb" --depth 10 --light cycles --without ceiling
+octree room-2 "$work/scenes/room-2.glb" --depth 10 --light cycles --without ceiling
+octree room-3 "$work/scenes/room-3.glb" --depth 9 --light cycles --without ceiling
+octree room-4-turned "$work/scenes/room-4.glb" --depth 10 --light two-lights --rotate 4
+octree garden-5 "$work/scenes/garden-5.glb" --depth 10 --light cycles
+octree garden-6 "$work/scenes/garden-6.glb" --depth 9 --light cycles
+octree garden-6-turned "$work/scenes/garden-6.glb" --depth 10 --light two-lights --rotate 6
+octree sponza "$scenes/sponza_crytek.glb" --depth 9 --light cycles --samples 16 --texel-voxels 1
+octree sponza-turned "$scenes/sponza_crytek.glb" --depth 10 --light two-lights --rotate 1
+octree clinic "$scenes/bim_clinic.glb" --depth 9 --light cycles
+octree clinic-turned "$scenes/bim_clinic.glb" --depth 10 --light two-lights --rotate 1
+octree ducts "$scenes/bim_clinic.glb" --depth 10 --light two-lights --without architectural,structural
+octree ducts-turned "$scenes/bim_clinic.glb" --depth 9 --light cycles --without architectural,structural --rotate 1
+octree san-miguel "$scenes/san_miguel.glb" --depth 10 --light cycles \
+    --without sun_light,fill_light,baked:negro,baked:banqueta,calle --bisect z 0.76
+octree san-miguel-turned "$scenes/san_miguel.glb" --depth 10 --light two-lights --rotate 1
 
 [ -d "$work/samples" ] || "$patchnet" dataset "$work"/octrees/*.safetensors --samples 16000000 --out "$work/samples"
 resume=$([ -e "$work/run/checkpoint.pt" ] && echo --resume || true)
-"$patchnet" train "$work/samples" --preset improved --network paper --loss absolute --passes 128000000 \
-    --out "$work/run" $resume
+"$patchnet" train "$work/samples" --preset improved --passes 128000000 --out "$work/run" $resume

@@ -10,6 +10,7 @@ import numpy as np
 from ..network.compiled_layers import DIRECTION, RATIO, TILE, UP
 from ..network.kinds import CODE_SIZE
 from ..runtime.kernels import device
+from .coded_nodes import coded_row
 from .corner_codes import MEAN_SIZE, write_mean_code
 
 
@@ -21,6 +22,25 @@ class PixelRays(NamedTuple):
     direction: np.ndarray
     up: np.ndarray
     ratio: np.ndarray
+
+
+@device
+def gather_look_ahead(nodes, corner_codes, pixel, end, pixels, rows, look_ahead):  # type: ignore[no-untyped-def]
+    """Gather pixels from `pixel` on whose nodes have codes, as many as a tile has room for, and their rows.
+
+    pixels, rows: (TILE,) int64, written. look_ahead: (P,) bool, set for them. Returns how many there are, and the pixel
+    to go on with.
+    """
+    bits, before = corner_codes.bits, corner_codes.before
+    count = 0
+    while pixel < end and count < TILE:
+        row = coded_row(bits, before, nodes[pixel])
+        if row >= 0:
+            look_ahead[pixel] = True
+            pixels[count], rows[count] = pixel, row
+            count += 1
+        pixel += 1
+    return count, pixel
 
 
 @device

@@ -16,12 +16,11 @@ from ..network.devices import CPU, enough_memory, found_device
 from ..network.mixture_decode import decode_mixture
 from ..runtime.kernels import kernel
 from ..runtime.threads import run_parts
-from .coded_nodes import coded_row
 from .coded_octree import CodedOctree
 from .corner_codes import CornerCodes
 from .mixture_inputs import NearbyLuminance, mixture_inputs_reference, nearby_of
 from .patches import OCTANTS
-from .pixel_tiles import PixelRays, fill_codes, fill_rays
+from .pixel_tiles import PixelRays, fill_codes, fill_rays, gather_look_ahead
 from .predict_mixture import predict_mixture
 
 if TYPE_CHECKING:
@@ -130,20 +129,14 @@ def _predict(first, last, rays, corner_codes, layers, coverage, luminance, look_
     """
     tile = empty_tile(), empty_tile()
     pixels, rows = np.empty(TILE, np.int64), np.empty(TILE, np.int64)
-    nodes, bits, before = rays.node, corner_codes.bits, corner_codes.before
-    count = 0
-    end = min(last * TILE, len(coverage))
-    for pixel in range(first * TILE, end):
-        row = coded_row(bits, before, nodes[pixel])
-        if row >= 0:
-            look_ahead[pixel] = True
-            pixels[count], rows[count] = pixel, row
-            count += 1
-        if count == TILE or (pixel == end - 1 and count > 0):
-            fill_codes(corner_codes, rows[:count], rays.entry, pixels, tile[0])
-            fill_rays(rays, pixels[:count], tile[0])
-            outputs = decode_tile(tile[0], tile[1], layers)
-            for place in range(count):
-                coverage[pixels[place]] = outputs[place]
-                luminance[pixels[place]] = outputs[TILE + place]
-            count = 0
+    pixel, end = first * TILE, min(last * TILE, len(coverage))
+    while pixel < end:
+        count, pixel = gather_look_ahead(rays.node, corner_codes, pixel, end, pixels, rows, look_ahead)
+        if count == 0:
+            break
+        fill_codes(corner_codes, rows[:count], rays.entry, pixels, tile[0])
+        fill_rays(rays, pixels[:count], tile[0])
+        outputs = decode_tile(tile[0], tile[1], layers)
+        for place in range(count):
+            coverage[pixels[place]] = outputs[place]
+            luminance[pixels[place]] = outputs[TILE + place]

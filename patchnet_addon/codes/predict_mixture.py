@@ -18,10 +18,9 @@ from ..network.kinds import CODE_SIZE, CORNERS
 from ..network.lanes import HALF_SCALE, load_halves
 from ..runtime.kernels import device, kernel
 from ..runtime.vectors import store
-from .coded_nodes import coded_row
 from .corner_rows import corner_row
 from .mixture_inputs import write_nearby
-from .pixel_tiles import fill_codes, fill_rays
+from .pixel_tiles import fill_codes, fill_rays, gather_look_ahead
 
 _SCALE = np.float32(HALF_SCALE)
 
@@ -34,25 +33,19 @@ def predict_mixture(first, last, rays, corner_codes, nearby, layers, coverage, l
     """
     tile, luminances = (empty_mixture_tile(), empty_mixture_tile()), empty_luminances()
     pixels, rows = np.empty(TILE, np.int64), np.empty(TILE, np.int64)
-    nodes, bits, before = rays.node, corner_codes.bits, corner_codes.before
-    count = 0
-    end = min(last * TILE, len(coverage))
-    for pixel in range(first * TILE, end):
-        row = coded_row(bits, before, nodes[pixel])
-        if row >= 0:
-            look_ahead[pixel] = True
-            pixels[count], rows[count] = pixel, row
-            count += 1
-        if count == TILE or (pixel == end - 1 and count > 0):
-            fill_codes(corner_codes, rows[:count], rays.entry, pixels, tile[0])
-            fill_rays(rays, pixels[:count], tile[0])
-            _fill_corners(corner_codes, rows[:count], tile[0])
-            _fill_place(rays, nearby, pixels, rows[:count], tile[0], luminances)
-            decode_mixture_tile(tile[0], tile[1], luminances, layers)
-            for place in range(count):
-                coverage[pixels[place]] = tile[0][place]
-                luminance[pixels[place]] = tile[0][TILE + place]
-            count = 0
+    pixel, end = first * TILE, min(last * TILE, len(coverage))
+    while pixel < end:
+        count, pixel = gather_look_ahead(rays.node, corner_codes, pixel, end, pixels, rows, look_ahead)
+        if count == 0:
+            break
+        fill_codes(corner_codes, rows[:count], rays.entry, pixels, tile[0])
+        fill_rays(rays, pixels[:count], tile[0])
+        _fill_corners(corner_codes, rows[:count], tile[0])
+        _fill_place(rays, nearby, pixels, rows[:count], tile[0], luminances)
+        decode_mixture_tile(tile[0], tile[1], luminances, layers)
+        for place in range(count):
+            coverage[pixels[place]] = tile[0][place]
+            luminance[pixels[place]] = tile[0][TILE + place]
 
 
 @device
