@@ -128,25 +128,30 @@ def gather_batch(
         moved,
     )
     start, pair_block, pair_corner = _list_pairs(moved, PAIR_POSITION)
-    moved_views = _move_views(views, augmentation.symmetry, symmetries, linear)
-    found = gather_nearby(forest, tree, voxel, augmentation.symmetry, linear) if nearby else None
+    stored = _stored_views(views)
+    moved_views = _move_views(stored, augmentation.symmetry, symmetries, linear)
+    found = gather_nearby(forest, tree, voxel, stored[:4], linear) if nearby else None
     return Batch(blocks, start, pair_block, pair_corner, *moved_views, nearby=found)
 
 
-def _move_views(
-    views: np.ndarray, symmetry: np.ndarray, symmetries: Symmetries, linear: np.ndarray
-) -> tuple[np.ndarray, ...]:
-    """Entry, direction, up, ratio, coverage, luminance of stored views (V, R, 12) after the augmentation."""
+def _stored_views(views: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Entry, direction, up (V, R, 3), ratio, coverage, luminance (V, R), float32, of stored views (V, R, 12)."""
     unit = views.astype(np.float32) / np.float32(UNIT)
     signed = views[..., 3:9].view(np.int16).astype(np.float32) / np.float32(SIGNED)
-    axis = np.broadcast_to(symmetries.axis[symmetry][:, None], (*views.shape[:2], 3))
-    sign = symmetries.sign[symmetry][:, None]
-    entry = sign * np.take_along_axis(unit[..., :3] - np.float32(0.5), axis, 2) + np.float32(0.5)
-    direction = sign * np.take_along_axis(signed[..., :3], axis, 2)
-    up = sign * np.take_along_axis(signed[..., 3:], axis, 2)
     coverage = views[..., 10].astype(np.float32) / np.float32(COVERAGE_SCALE)
-    luminance = unit[..., 11] * linear[:, None, 0] + linear[:, None, 1]
-    return entry, direction, up, unit[..., 9], coverage, luminance
+    return unit[..., :3], signed[..., :3], signed[..., 3:], unit[..., 9], coverage, unit[..., 11]
+
+
+def _move_views(
+    stored: tuple[np.ndarray, ...], symmetry: np.ndarray, symmetries: Symmetries, linear: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """Entry, direction, up, ratio, coverage, luminance of stored views after the augmentation."""
+    entry, direction, up, ratio, coverage, luminance = stored
+    axis = np.broadcast_to(symmetries.axis[symmetry][:, None], entry.shape)
+    sign = symmetries.sign[symmetry][:, None]
+    moved = sign * np.take_along_axis(entry - np.float32(0.5), axis, 2) + np.float32(0.5)
+    direction, up = (sign * np.take_along_axis(vector, axis, 2) for vector in (direction, up))
+    return moved, direction, up, ratio, coverage, luminance * linear[:, None, 0] + linear[:, None, 1]
 
 
 @kernel

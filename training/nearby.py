@@ -1,86 +1,86 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Luminances near training voxels, which a luminance mixture mixes, after each voxel's augmentation (methods 11.1)."""
+"""Cells in and around training voxels, as the views of a luminance mixture see them (methods 11.2).
+
+They are given in the frame of each ray, which is the same however voxel and ray are turned: no augmentation changes it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
-from ..patchnet_addon.codes.axis_luminance import AXES, axis_coverage_table, write_axis_luminance
-from ..patchnet_addon.codes.brick import child_at, covering_node
-from ..patchnet_addon.codes.corner_luminance import luminance_around
-from ..patchnet_addon.network.kinds import CHILDREN, CORNERS
+from ..patchnet_addon.codes.brick import covering_node
+from ..patchnet_addon.codes.corner_cells import cell_luminance_table, write_cells_around
+from ..patchnet_addon.codes.footprint import clear_tile, empty_footprint_tile, measure_tile
+from ..patchnet_addon.codes.mixture_inputs import fill_fine, fill_outer, nearby_order, set_ray, write_columns
+from ..patchnet_addon.codes.pixel_tiles import PixelRays
+from ..patchnet_addon.codes.ray_frame import CELLS
+from ..patchnet_addon.network.compiled_layers import TILE
+from ..patchnet_addon.network.kinds import CORNERS, COVERING, MIXED, VIEW
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE
 from ..patchnet_addon.runtime.kernels import kernel
 from .forest import Forest
-from .symmetry import cube_symmetries
-
-_OCTANTS = 1  # look-ahead whose blocks are the eight octants
 
 
 @dataclass(frozen=True, eq=False)
 class Nearby:
-    """Luminances near V voxels, float32.
+    """Cells near V voxels in R views each, float32, see `MixtureInputs`.
 
-    covered, shown: (V, 8, 6) coverage and luminance of each child along the axes (`codes/axis_luminance.py`). own:
-    (V,) of the voxel. around: (V, 8) around its corners.
+    view: (V, R, 9). covered: (V, R, 64). luminances: (V, R, 65).
     """
 
+    view: np.ndarray
     covered: np.ndarray
-    shown: np.ndarray
-    own: np.ndarray
-    around: np.ndarray
+    luminances: np.ndarray
 
 
 def gather_nearby(
-    forest: Forest, tree: np.ndarray, voxel: np.ndarray, symmetry: np.ndarray, linear: np.ndarray
+    forest: Forest, tree: np.ndarray, voxel: np.ndarray, rays: tuple[np.ndarray, ...], linear: np.ndarray
 ) -> Nearby:
-    """Luminances near voxels (V, 4) of octrees `tree` (V,), turned by `symmetry` (V,).
+    """Cells near voxels (V, 4) of octrees `tree` (V,), as R rays see them, none of them turned.
 
-    linear: (V, 2) gain and offset of luminance.
+    rays: entry, direction, up (V, R, 3) and ratio (V, R). linear: (V, 2) gain and offset of luminance.
     """
-    count = len(tree)
-    covered, shown = np.zeros((count, CHILDREN, AXES), np.float32), np.zeros((count, CHILDREN, AXES), np.float32)
-    own, around = np.empty(count, np.float32), np.empty((count, CORNERS), np.float32)
-    table = axis_coverage_table()
+    voxels, views = rays[3].shape
+    count = voxels * views
+    entry, direction, up = (np.ascontiguousarray(array, np.float32).reshape(-1, 3) for array in rays[:3])
+    flat = PixelRays(np.repeat(np.arange(voxels), views), entry, direction, up, np.float32(rays[3]).ravel())
+    view, covered = np.empty((count, VIEW), np.float32), np.empty((count, COVERING), np.float32)
+    luminances = np.empty((count, MIXED), np.float32)
+    tables = cell_luminance_table(), nearby_order()
     where = forest.root[tree], voxel.astype(np.int64)
-    _gather(forest.nodes, forest.luminance, *where, table, covered, shown, own, around)
-    gain, offset = linear[:, 0] / np.float32(LUMINANCE_SCALE), linear[:, 1]
-    octant, side = (table[symmetry] for table in _sources())  # (V, 8), (V, 6)
-    rows = np.arange(count)[:, None]
-    turned = rows[..., None], octant[:, :, None], side[:, None, :]
-    return Nearby(
-        covered[turned],
-        gain[:, None, None] * shown[turned] + offset[:, None, None],
-        gain * own + offset,
-        gain[:, None] * around[rows, octant] + offset[:, None],
-    )
-
-
-@cache
-def _sources() -> tuple[np.ndarray, np.ndarray]:
-    """Octant (48, 8) and direction along an axis (48, 6) that come to each place by the symmetries of the cube."""
-    symmetries = cube_symmetries(_OCTANTS)
-    down = np.arange(2)  # 0: travels up the axis
-    turned = np.where(symmetries.sign[..., None] > 0, down, 1 - down)  # (48, 3, 2)
-    return np.argsort(symmetries.cell, axis=1), (2 * symmetries.axis[..., None] + turned).reshape(-1, AXES)
+    _gather(forest.nodes, forest.luminance, *where, flat, tables, (view, covered, luminances))
+    luminances *= np.repeat(linear[:, 0], views)[:, None]
+    luminances += np.repeat(linear[:, 1], views)[:, None]
+    return Nearby(*(array.reshape(voxels, views, -1) for array in (view, covered, luminances)))
 
 
 @kernel
-def _gather(nodes, luminance, root, voxel, table, covered, shown, own, around):
-    six = np.empty(AXES, np.uint16)
-    for v in range(len(root)):
-        level, x, y, z = voxel[v, 0], voxel[v, 1], voxel[v, 2], voxel[v, 3]
-        node = covering_node(nodes, root[v], level, x, y, z)
-        own[v] = luminance[node]
-        for octant in range(CHILDREN):
-            column, line, plane = octant & 1, (octant >> 1) & 1, octant >> 2
-            around[v, octant] = luminance_around(nodes, luminance, root[v], level, x + column, y + line, z + plane)
-            child = child_at(nodes, node, octant)
-            if child >= 0:
-                write_axis_luminance(nodes, luminance, child, six)
-                for side in range(AXES):
-                    covered[v, octant, side] = table[nodes.child_mask[child], side]
-                    shown[v, octant, side] = six[side]
+def _gather(nodes, luminance, root, voxel, rays, tables, found):
+    view, covered, luminances = found
+    tile, views = empty_footprint_tile(), np.empty(VIEW * TILE, np.float32)
+    shares, lights = np.empty(COVERING * TILE, np.float32), np.empty(COVERING * TILE, np.float32)
+    cells = np.empty(CELLS, np.uint8)
+    words = cells.view(np.uint64)
+    last = np.int64(-1)
+    for start in range(0, len(rays.ratio), TILE):
+        count = min(TILE, len(rays.ratio) - start)
+        clear_tile(tile)
+        for place in range(count):
+            index = start + place
+            here = rays.node[index]  # the voxel's number
+            node = covering_node(nodes, root[here], voxel[here, 0], voxel[here, 1], voxel[here, 2], voxel[here, 3])
+            if here != last:
+                write_cells_around(nodes, luminance, root[here], voxel[here], cells)
+                last = here
+            ray = rays.entry[index], rays.direction[index], rays.up[index], rays.ratio[index]
+            order = tables[1], set_ray(ray, tile, views, place)
+            fill_fine(nodes, luminance, node, order, tile.fine, place)
+            for corner in range(CORNERS):
+                fill_outer(words[corner], corner, tables[0], order, tile.outer, place)
+            luminances[index, COVERING] = np.float32(luminance[node]) * np.float32(1.0 / LUMINANCE_SCALE)
+        measure_tile(tile, shares, lights)
+        write_columns(views, count, view[start:])
+        write_columns(shares, count, covered[start:])
+        write_columns(lights, count, luminances[start:])

@@ -53,8 +53,8 @@ class SlicedNet(nn.Module):
         if batch.nearby is None:
             return self.net.decode(codes, *rays).view(voxels, views, 2)
         corner_codes = eight[:, None].expand(-1, views, -1, -1).flatten(0, 1)  # (V R, 8, 10)
-        covered, luminances = (part.flatten(0, 1) for part in batch.nearby.along(batch.direction))
-        place = MixturePlace(corner_codes, batch.entry.flatten(0, 1), covered, luminances)
+        near = batch.nearby.view, batch.nearby.covered, batch.nearby.luminances
+        place = MixturePlace(corner_codes, *(part.flatten(0, 1) for part in near))
         return self.net.decode_mixture(codes, place, *rays).view(voxels, views, 2)
 
     def _seen(self, blocks: Tensor) -> Tensor:

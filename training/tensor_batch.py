@@ -14,22 +14,11 @@ from .batches import Batch
 
 @dataclass(frozen=True, eq=False)
 class TensorNearby:
-    """Luminances near V voxels, see `Nearby`."""
+    """Cells near V voxels in R views, see `Nearby`."""
 
+    view: Tensor
     covered: Tensor
-    shown: Tensor
-    own: Tensor
-    around: Tensor
-
-    def along(self, direction: Tensor) -> tuple[Tensor, Tensor]:
-        """Coverage (V, R, 8) of children, and luminances (V, R, 17) to mix, for directions (V, R, 3)."""
-        up, down = direction.clamp(min=0).square(), direction.clamp(max=0).square()
-        squares = torch.stack([up, down], dim=-1).flatten(2)  # (V, R, 6), see `seen_along`
-        covered = torch.einsum("vrk,vck->vrc", squares, self.covered)
-        shown = torch.einsum("vrk,vck->vrc", squares, self.covered * self.shown) / covered.clamp(min=1e-12)
-        views = direction.shape[1]
-        rest = torch.cat([self.own[:, None], self.around], dim=1)[:, None].expand(-1, views, -1)
-        return covered, torch.cat([shown, rest], dim=-1)
+    luminances: Tensor
 
 
 @dataclass(frozen=True, eq=False)

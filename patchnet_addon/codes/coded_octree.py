@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +12,6 @@ from ..network.weights import Weights
 from ..octree.octree import Octree
 
 if TYPE_CHECKING:  # it brings numba
-    from .axis_luminance import AxisLuminance
     from .coded_nodes import CodedNodes
 
 
@@ -25,7 +23,7 @@ class CodedOctree:
     codes: (C, 10) float16, level by level, within a level in the order z, y, x of the corners.
     corner_rows: (K, 3) uint32, where the codes of each coded voxel's corners stand, as `corner_rows.py` says.
     nodes: which nodes are coded, and so which line of `corner_rows` is whose.
-    corner_luminance: (C,) uint16, luminance around the corners, for weights that mix luminances; None for others.
+    corner_cells: (C, 8) uint8, the finer cells around the corners, for weights that mix luminances; None for others.
     """
 
     octree: Octree
@@ -33,14 +31,7 @@ class CodedOctree:
     codes: np.ndarray
     corner_rows: np.ndarray
     nodes: CodedNodes
-    corner_luminance: np.ndarray | None = None
-
-    @cached_property
-    def axis_luminance(self) -> AxisLuminance:
-        """What voxels show along the axes, for weights that mix luminances; made when it is first asked for."""
-        from .axis_luminance import AxisLuminance
-
-        return AxisLuminance.of(self.octree)
+    corner_cells: np.ndarray | None = None
 
     @property
     def coded_count(self) -> int:
@@ -72,5 +63,5 @@ class CodedOctree:
     @property
     def nbytes(self) -> int:
         """Bytes of the codes and of what finds them."""
-        corners = 0 if self.corner_luminance is None else self.corner_luminance.nbytes
+        corners = 0 if self.corner_cells is None else self.corner_cells.nbytes
         return self.codes.nbytes + corners + self.index_nbytes

@@ -10,7 +10,7 @@ import numpy as np
 from ..network.compiled_encode import CompiledEncoder
 from ..network.devices import AUTO, CPU, enough_memory, found_device, has_torch, read_device
 from ..network.encode import Encoder, NumpyEncoder
-from ..network.kinds import CODE_SIZE
+from ..network.kinds import CODE_SIZE, CORNERS
 from ..network.weights import Weights
 from ..octree.octree import Octree
 from ..runtime.errors import SettingError
@@ -19,7 +19,7 @@ from ..runtime.widths import NODE_ADVICE, UINT32_COUNT, check_count
 from .brick import check_nodes
 from .coded_nodes import coded_nodes
 from .coded_octree import CodedOctree
-from .corner_luminance import corner_luminance
+from .corner_cells import corner_cells
 from .corner_rows import COLUMNS
 from .corners import corner_ranges, find_corners, write_corner_rows
 from .encode_corners import encode_corners
@@ -62,7 +62,7 @@ def encode_octree(
         yield Progress(len(counts), len(ranges), "Finding corners")
     check_count(sum(counts), UINT32_COUNT, "corners of voxels", NODE_ADVICE)
     codes = np.empty((sum(counts), CODE_SIZE), np.float16)
-    around = np.empty(len(codes), np.uint16) if weights.kind.mixes else None
+    around = np.empty((len(codes), CORNERS), np.uint8) if weights.kind.mixes else None
     with enough_memory("the octree"):
         on_device = _corners_on_device(encoder, octree, weights.lookahead)
     done = 0
@@ -77,7 +77,7 @@ def encode_octree(
                     found = _encode(encoder, octree, where.level, part, weights.lookahead)
             codes[done : done + len(found)] = np.clip(found, -_HALF_MAX, _HALF_MAX)
             if around is not None:
-                around[done : done + len(found)] = corner_luminance(octree, where.level, part)
+                around[done : done + len(found)] = corner_cells(octree, where.level, part)
             done += len(found)
             yield Progress(done, len(codes), _LABEL)
     return CodedOctree(octree, weights, codes, table, coded, around)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..network.kinds import CODE_SIZE
+from ..network.kinds import CODE_SIZE, CORNERS
 from ..network.weights import Weights
 from ..octree.file import octree_hash
 from ..octree.octree import Octree
@@ -29,8 +29,8 @@ def save_codes(coded: CodedOctree, path: str | Path) -> None:
         "depth": coded.octree.depth,
     }
     arrays = {"codes": coded.codes, "corner_rows": coded.corner_rows}
-    if coded.corner_luminance is not None:
-        arrays["corner_luminance"] = coded.corner_luminance
+    if coded.corner_cells is not None:
+        arrays["corner_cells"] = coded.corner_cells
     write_arrays(path, arrays, metadata, KIND)
 
 
@@ -55,7 +55,7 @@ def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctre
             "precompute the codes again, or choose the weights that made them"
         )
     nodes = coded_nodes(octree, weights.lookahead)
-    codes, rows, around = (arrays.get(name) for name in ("codes", "corner_rows", "corner_luminance"))
+    codes, rows, around = (arrays.get(name) for name in ("codes", "corner_rows", "corner_cells"))
     if (
         codes is None
         or rows is None
@@ -63,7 +63,7 @@ def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctre
         or (rows.dtype, rows.shape) != (np.uint32, (nodes.total, COLUMNS))
         or last_row(rows) >= len(codes)
         or (around is not None) != weights.kind.mixes
-        or (around is not None and (around.dtype, around.shape) != (np.uint16, codes.shape[:1]))
+        or (around is not None and (around.dtype, around.shape) != (np.uint8, (len(codes), CORNERS)))
     ):
         raise CodesFileError(f"{path} is damaged: its codes do not fit its octree; precompute the codes again")
     return CodedOctree(octree, weights, codes, rows, nodes, around)

@@ -1,109 +1,218 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Inputs of the luminance mixture's decoder, gathered from octree and codes (methods 11.1)."""
+"""Inputs of the luminance mixture's decoder, gathered from octree and codes (methods 11.2)."""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..network.kinds import CHILDREN, CODE_SIZE, CORNERS, MIXED
+from ..network.compiled_layers import TILE
+from ..network.kinds import CHILDREN, CODE_SIZE, CORNERS, COVERING, MIXED, SIDE_BY_SIDE, VIEW
 from ..network.mixture_decode import MixtureInputs
 from ..octree.nodes import Nodes
-from ..octree.octree import LUMINANCE_SCALE, POPCOUNT
-from ..runtime.kernels import device, kernel
+from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..runtime.bits import lowest_one
+from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.threads import run_parts
-from .axis_luminance import AxisLuminance, child_along, seen_along
 from .coded_octree import CodedOctree
+from .corner_cells import cell_luminance_table
 from .corner_rows import corner_row
+from .footprint import (
+    ABSENT,
+    OUTER_CELLS,
+    OUTER_PLACE,
+    clear_tile,
+    empty_footprint_tile,
+    footprint_reference,
+    measure_tile,
+    set_frame,
+)
 from .patches import OCTANTS
+from .pixel_tiles import PixelRays
+from .ray_frame import CELLS, SIDE, cell_order, ray_frame, ray_frames
 
 if TYPE_CHECKING:
     from ..tracing.render import Hits
 
+# Cell (8, 8) of a 4x4x4 block by octant of the whole and octant in that, or by corner and cell around the corner.
+_CELL_OF = (2 * OCTANTS[:, None] + OCTANTS) @ np.array([1, SIDE, SIDE**2])
 
-class NearbyLuminance(NamedTuple):
-    """Luminances that are mixed, and what finds them: those of the octree, along the axes, and around corners."""
+
+class NearbyCells(NamedTuple):
+    """Cells that are mixed, and what finds them.
+
+    cells: (C,) uint64, the eight bytes around each corner. rows: of corners, see `corner_rows.py`. table: luminance of
+    a byte. order: of cells in each ray frame, see `nearby_order`.
+    """
 
     nodes: Nodes
     luminance: np.ndarray
-    axis: AxisLuminance
-    corner: np.ndarray
+    cells: np.ndarray
     rows: np.ndarray
+    table: np.ndarray
+    order: np.ndarray
 
     @classmethod
-    def of(cls, coded: CodedOctree) -> NearbyLuminance:
-        """Luminances of an octree with codes of a mixture."""
-        assert coded.corner_luminance is not None
+    def of(cls, coded: CodedOctree) -> NearbyCells:
+        """Cells of an octree with codes of a mixture."""
+        assert coded.corner_cells is not None
         octree = coded.octree
-        return cls(octree.nodes, octree.luminance, coded.axis_luminance, coded.corner_luminance, coded.corner_rows)
+        tables = cell_luminance_table(), nearby_order()
+        cells = np.ascontiguousarray(coded.corner_cells).view(np.uint64).ravel()
+        return cls(octree.nodes, octree.luminance, cells, coded.corner_rows, *tables)
 
 
-@device
-def write_nearby(nearby, node, row, direction, covered, luminances, start, step):  # type: ignore[no-untyped-def]
-    """Write the coverage of a voxel's eight children along a direction, and the 17 luminances that are mixed.
+@cache
+def nearby_order() -> np.ndarray:
+    """Number (48, 64) int64 in each ray frame of the 4x4x4 cells by octant: 8 octant of the whole + octant in that.
 
-    row: of its corners. Number k is written at start + k * step of `covered` and `luminances`, which are flat.
+    That is as children and their children stand in an octree, and cells around the corners of a voxel.
     """
-    scale = np.float32(1.0 / LUMINANCE_SCALE)
-    mask, child = np.int64(nearby.nodes.child_mask[node]), np.int64(nearby.nodes.first_child[node])
-    for octant in range(CHILDREN):
-        share, light = np.float32(0), np.float32(0)
-        if (mask >> octant) & 1:
-            share, light = child_along(nearby.nodes, nearby.luminance, nearby.axis, child, direction)
-            child += 1
-        covered[start + octant * step] = share
-        luminances[start + octant * step] = light
-    luminances[start + CHILDREN * step] = np.float32(nearby.luminance[node]) * scale
+    return np.ascontiguousarray(cell_order()[:, _CELL_OF.ravel()])
+
+
+@lean_device
+def place_pixel(nearby, node, row, ray, tile, view, place):  # type: ignore[no-untyped-def]
+    """Write what a pixel shows of a voxel and around it into column `place` of a `FootprintTile`.
+
+    row: of the voxel's corners. ray: entry, direction, up (3,) and ratio. view: see `set_frame`.
+    """
+    order = nearby.order, set_ray(ray, tile, view, place)
+    fill_fine(nearby.nodes, nearby.luminance, node, order, tile.fine, place)
+    cells, rows, table, outer = nearby.cells, nearby.rows, nearby.table, tile.outer  # once: each access counts holders
     for corner in range(CORNERS):
-        light = np.float32(nearby.corner[corner_row(nearby.rows, row, corner)]) * scale
-        luminances[start + (CHILDREN + 1 + corner) * step] = light
+        fill_outer(cells[corner_row(rows, row, corner)], corner, table, order, outer, place)
 
 
-def nearby_of(coded: CodedOctree, nodes: np.ndarray, rows: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Coverage (N, 8) of children and luminances (N, 17), float32, for coded nodes (N,) and directions (N, 3).
+@lean_device
+def fill_outer(word, corner, table, order, outer, place):  # type: ignore[no-untyped-def]
+    """Write the luminances of the cells around a corner into column `place` of rows `outer`, which are ABSENT.
 
-    rows: (N,) of the nodes in `corner_rows`.
+    word: uint64, the bytes of the cells. order: `nearby_order`, and the number of the ray's frame. The one that lies in
+    the voxel itself is left out.
     """
-    covered, luminances = np.empty((len(nodes), CHILDREN), np.float32), np.empty((len(nodes), MIXED), np.float32)
-    along = np.ascontiguousarray(direction, np.float32)
+    orders, frame = order
+    low = np.uint64(0x7F7F7F7F7F7F7F7F)
+    left = ((((word & low) + low) | word) & ~low) >> np.uint64(7)  # a bit for each byte that is not 0
+    left &= ~(np.uint64(1) << np.uint64(8 * (CORNERS - 1 - corner)))
+    while left != 0:
+        bit = lowest_one(left)
+        left &= left - np.uint64(1)
+        row = OUTER_PLACE[orders[frame, CORNERS * corner + (bit >> 3)]]
+        outer[row * TILE + place] = table[np.int64((word >> np.uint64(bit)) & np.uint64(255))]
+
+
+@lean_device
+def set_ray(ray, tile, view, place):  # type: ignore[no-untyped-def]
+    """Write a ray into column `place` of a tile; returns the number of its frame."""
+    entry, direction, up, ratio = ray
+    number, first, second, third = ray_frame(direction[0], direction[1], direction[2])
+    set_frame(tile.frame, (first, second, third), entry, direction, up, ratio, view, place)
+    return number
+
+
+@lean_device
+def fill_fine(nodes, luminance, node, order, fine, place):  # type: ignore[no-untyped-def]
+    """Write the luminances of a node's grandchildren into column `place` of rows `fine`, which are ABSENT.
+
+    A leaf fills all its cell. order: as in `fill_outer`.
+    """
+    orders, frame = order
+    scale = np.float32(1.0 / LUMINANCE_SCALE)
+    mask, child = np.int64(nodes.child_mask[node]), np.int64(nodes.first_child[node])
+    while mask != 0:
+        octant = lowest_one(mask)
+        mask &= mask - 1
+        inner, cell, step = np.int64(nodes.child_mask[child]), np.int64(nodes.first_child[child]), 1
+        if inner == 0:
+            inner, cell, step = np.int64(255), child, 0
+        while inner != 0:
+            part = lowest_one(inner)
+            inner &= inner - 1
+            fine[orders[frame, CHILDREN * octant + part] * TILE + place] = np.float32(luminance[cell]) * scale
+            cell += step
+        child += 1
+
+
+def nearby_of(coded: CodedOctree, nodes: np.ndarray, rows: np.ndarray, rays: PixelRays) -> tuple[np.ndarray, ...]:
+    """View (N, 9), coverage (N, 64) and luminances (N, 65), float32, see `MixtureInputs`, for coded nodes (N,).
+
+    rows: (N,) of the nodes in `corner_rows`. rays: of the same pixels.
+    """
+    count = len(nodes)
+    view, covered = np.empty((count, VIEW), np.float32), np.empty((count, COVERING), np.float32)
+    luminances = np.empty((count, MIXED), np.float32)
     whole = np.ascontiguousarray(nodes, np.int64), np.ascontiguousarray(rows, np.int64)
-    run_parts(_write_all, len(nodes), NearbyLuminance.of(coded), *whole, along, covered, luminances)
-    return covered, luminances
+    run_parts(_write_all, -(-count // TILE), NearbyCells.of(coded), *whole, rays, view, covered, luminances)
+    return view, covered, luminances
 
 
 @kernel
-def _write_all(first, last, nearby, nodes, rows, direction, covered, luminances):  # type: ignore[no-untyped-def]
-    for index in range(first, last):
-        write_nearby(nearby, nodes[index], rows[index], direction[index], covered[index], luminances[index], 0, 1)
+def _write_all(first, last, nearby, nodes, rows, rays, view, covered, luminances):  # type: ignore[no-untyped-def]
+    tile, views = empty_footprint_tile(), np.empty(VIEW * TILE, np.float32)
+    shares, lights = np.empty(COVERING * TILE, np.float32), np.empty(COVERING * TILE, np.float32)
+    for start in range(first * TILE, min(last * TILE, len(nodes)), TILE):
+        count = min(TILE, len(nodes) - start)
+        clear_tile(tile)
+        for place in range(count):
+            pixel = start + place
+            ray = rays.entry[pixel], rays.direction[pixel], rays.up[pixel], rays.ratio[pixel]
+            place_pixel(nearby, nodes[pixel], rows[pixel], ray, tile, views, place)
+            luminances[pixel, COVERING] = np.float32(nearby.luminance[nodes[pixel]]) * np.float32(1.0 / LUMINANCE_SCALE)
+        measure_tile(tile, shares, lights)
+        write_columns(views, count, view[start:])
+        write_columns(shares, count, covered[start:])
+        write_columns(lights, count, luminances[start:])
+
+
+@device
+def write_columns(rows, count, result):  # type: ignore[no-untyped-def]
+    """Write the first `count` columns of a tile's rows as lines of `result`."""
+    for place in range(count):
+        for row in range(len(rows) // TILE):
+            result[place, row] = rows[row * TILE + place]
 
 
 def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits) -> MixtureInputs:
     """Inputs for some pixels (M,) of hits with look-ahead, in NumPy."""
     octree, node = coded.octree, hits.node[pixels]
     corners = coded.corners_of(coded.rows_of(node))  # (M, 8)
-    assert coded.corner_luminance is not None
+    assert coded.corner_cells is not None
     corner_codes = coded.codes[corners].astype(np.float32)
-    entry, direction = (array[pixels].astype(np.float32) for array in (hits.entry_voxel, hits.direction))
+    entry, direction, up = (array[pixels].astype(np.float32) for array in (hits.entry_voxel, hits.direction, hits.up))
+    ratio = hits.ratio[pixels].astype(np.float32)
     shares = np.where(OCTANTS == 1, entry[:, None], 1 - entry[:, None]).prod(axis=-1)  # (M, 8)
-    mask = octree.child_mask[node].astype(np.int64)
-    there = mask[:, None] >> np.arange(8) & 1 == 1
-    place = POPCOUNT[mask[:, None] & ((1 << np.arange(8)) - 1)]
-    child = np.where(there, octree.first_child[node].astype(np.int64)[:, None] + place, 0)  # (M, 8)
-    axis, inner = coded.axis_luminance, child < len(coded.axis_luminance.luminance)
-    coverage = np.where(inner[..., None], axis.coverage[octree.child_mask[child]], 1) * there[..., None]
-    of_leaf = np.repeat(octree.luminance[child][..., None], axis.luminance.shape[1], axis=2)
-    shown = np.where(inner[..., None], axis.luminance[np.where(inner, child, 0)], of_leaf) / LUMINANCE_SCALE
-    covered, light = seen_along(coverage.astype(np.float32), shown.astype(np.float32), direction)
-    own = octree.luminance_float(node)[:, None]
-    around = coded.corner_luminance[corners] / LUMINANCE_SCALE
+    fine, around = np.empty((len(node), CELLS), np.float32), np.empty((len(node), CELLS), np.float32)
+    fine[:, _CELL_OF] = _grandchildren(octree, node)
+    around[:, _CELL_OF] = cell_luminance_table()[coded.corner_cells[corners]]
+    order = cell_order()[ray_frames(direction)[0]]  # (M, 64)
+    seen_fine, seen_around = np.empty_like(fine), np.empty_like(around)
+    np.put_along_axis(seen_fine, order, fine, 1)
+    np.put_along_axis(seen_around, order, around, 1)
+    view, covered, light = footprint_reference(seen_fine, seen_around[:, OUTER_CELLS], entry, direction, up, ratio)
     return MixtureInputs(
         codes=np.einsum("mo,moc->mc", shares, corner_codes).reshape(-1, CODE_SIZE),
-        corner_codes=corner_codes,
-        entry=entry,
+        corner_codes=corner_codes[:, :, :SIDE_BY_SIDE],
         direction=direction,
-        up=hits.up[pixels].astype(np.float32),
-        ratio=hits.ratio[pixels].astype(np.float32),
+        up=up,
+        ratio=ratio,
+        view=view,
         covered=covered,
-        luminances=np.concatenate([light, own, around], axis=1).astype(np.float32),
+        luminances=np.concatenate([light, octree.luminance_float(node)[:, None]], axis=1).astype(np.float32),
     )
+
+
+def _grandchildren(octree: Octree, node: np.ndarray) -> np.ndarray:
+    """Luminances (M, 8, 8) of the children's children of nodes (M,), -1 for none; a leaf is all of its children."""
+    child = _children(octree, node)
+    inner = np.where((octree.child_mask[child] == 0)[..., None], child[..., None], _children(octree, child))
+    inner = np.where((child >= 0)[..., None], inner, -1)
+    return np.where(inner >= 0, octree.luminance_float(np.maximum(inner, 0)), ABSENT)
+
+
+def _children(octree: Octree, node: np.ndarray) -> np.ndarray:
+    """Children (..., 8) int64 of nodes (...,), -1 for none."""
+    mask = octree.child_mask[node].astype(np.int64)[..., None] >> np.arange(8) & 1
+    return np.where(mask == 1, octree.first_child[node].astype(np.int64)[..., None] + np.cumsum(mask, -1) - 1, -1)

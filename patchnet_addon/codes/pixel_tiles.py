@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from ..network.kinds import CODE_SIZE
 from ..runtime.kernels import device
 from .coded_nodes import coded_row
 from .corner_codes import MEAN_SIZE, write_mean_code
+
+if TYPE_CHECKING:
+    from ..tracing.render import Hits
 
 
 class PixelRays(NamedTuple):
@@ -22,6 +25,18 @@ class PixelRays(NamedTuple):
     direction: np.ndarray
     up: np.ndarray
     ratio: np.ndarray
+
+    @classmethod
+    def of(cls, hits: Hits) -> PixelRays:
+        """Rays of all pixels of a view, as kernels take them."""
+        floats = (hits.entry_voxel, hits.direction, hits.up, hits.ratio)
+        return cls(
+            np.ascontiguousarray(hits.node, np.int64), *(np.ascontiguousarray(array, np.float32) for array in floats)
+        )
+
+    def part(self, pixels: np.ndarray) -> PixelRays:
+        """Rays of some of the pixels."""
+        return PixelRays(*(array[pixels] for array in self))
 
 
 @device

@@ -18,7 +18,7 @@ from ..runtime.kernels import kernel
 from ..runtime.threads import run_parts
 from .coded_octree import CodedOctree
 from .corner_codes import CornerCodes
-from .mixture_inputs import NearbyLuminance, mixture_inputs_reference, nearby_of
+from .mixture_inputs import NearbyCells, mixture_inputs_reference, nearby_of
 from .patches import OCTANTS
 from .pixel_tiles import PixelRays, fill_codes, fill_rays, gather_look_ahead
 from .predict_mixture import predict_mixture
@@ -50,10 +50,7 @@ def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
     """
     if (device := found_device(device)) != CPU:
         return predict_on(device, coded, hits)
-    entry, direction, up, ratio = (
-        np.ascontiguousarray(array, np.float32) for array in (hits.entry_voxel, hits.direction, hits.up, hits.ratio)
-    )
-    rays = PixelRays(np.ascontiguousarray(hits.node, np.int64), entry, direction, up, ratio)
+    rays = PixelRays.of(hits)
     pixels = len(rays.node)
     prediction = Prediction(
         np.ones(pixels, np.float32), np.array(hits.luminance, np.float32), np.zeros(pixels, np.bool_)
@@ -61,7 +58,7 @@ def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
     results = prediction.coverage, prediction.luminance, prediction.look_ahead
     parts = -(-pixels // TILE)
     if coded.weights.kind.mixes:
-        nearby, layers = NearbyLuminance.of(coded), pack_mixture(coded.weights)
+        nearby, layers = NearbyCells.of(coded), pack_mixture(coded.weights)
         run_parts(predict_mixture, parts, rays, CornerCodes.of(coded), nearby, layers, *results)
     else:
         run_parts(_predict, parts, rays, CornerCodes.of(coded), DecoderLayers.pack(coded.weights), *results)
@@ -98,7 +95,7 @@ def predict_on(device: str, coded: CodedOctree, hits: Hits) -> Prediction:
         decode_there = TorchDecoder(coded.weights, coded.codes, device)
         nearby = None
         if coded.weights.kind.mixes:
-            nearby = nearby_of(coded, hits.node[pixels], rows[pixels], hits.direction[pixels])
+            nearby = nearby_of(coded, hits.node[pixels], rows[pixels], PixelRays.of(hits).part(pixels))
         coverage[pixels], luminance[pixels] = decode_there(
             coded.corners_of(rows[pixels]),
             hits.entry_voxel[pixels],

@@ -6,20 +6,16 @@ from __future__ import annotations
 import numpy as np
 
 from ..network.compiled_layers import TILE
-from ..network.compiled_mixture import (
-    CORNER_CODES,
-    COVERED,
-    ENTRY,
-    decode_mixture_tile,
-    empty_luminances,
-    empty_mixture_tile,
-)
-from ..network.kinds import CODE_SIZE, CORNERS
+from ..network.compiled_mixture import decode_mixture_tile, empty_luminances, empty_mixture_tile
+from ..network.kinds import CODE_SIZE, CORNERS, COVERING, RAY_INPUTS, SIDE_BY_SIDE
 from ..network.lanes import HALF_SCALE, load_halves
-from ..runtime.kernels import device, kernel
+from ..network.mixture_decode import COVERED, VIEWS
+from ..octree.octree import LUMINANCE_SCALE
+from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.vectors import store
 from .corner_rows import corner_row
-from .mixture_inputs import write_nearby
+from .footprint import clear_tile, empty_footprint_tile, measure_tile
+from .mixture_inputs import place_pixel
 from .pixel_tiles import fill_codes, fill_rays, gather_look_ahead
 
 _SCALE = np.float32(HALF_SCALE)
@@ -29,9 +25,13 @@ _SCALE = np.float32(HALF_SCALE)
 def predict_mixture(first, last, rays, corner_codes, nearby, layers, coverage, luminance, look_ahead):  # type: ignore[no-untyped-def]
     """Write coverage and luminance of the pixels with look-ahead in runs of TILE pixels, and which these are.
 
-    rays: `PixelRays`. corner_codes: `CornerCodes`. nearby: `NearbyLuminance`. layers: of `pack_mixture`.
+    rays: `PixelRays`. corner_codes: `CornerCodes`. nearby: `NearbyCells`. layers: of `pack_mixture`.
     """
-    tile, luminances = (empty_mixture_tile(), empty_mixture_tile()), empty_luminances()
+    tile, luminances, footprint = (
+        (empty_mixture_tile(), empty_mixture_tile()),
+        empty_luminances(),
+        empty_footprint_tile(),
+    )
     pixels, rows = np.empty(TILE, np.int64), np.empty(TILE, np.int64)
     pixel, end = first * TILE, min(last * TILE, len(coverage))
     while pixel < end:
@@ -41,7 +41,7 @@ def predict_mixture(first, last, rays, corner_codes, nearby, layers, coverage, l
         fill_codes(corner_codes, rows[:count], rays.entry, pixels, tile[0])
         fill_rays(rays, pixels[:count], tile[0])
         _fill_corners(corner_codes, rows[:count], tile[0])
-        _fill_place(rays, nearby, pixels, rows[:count], tile[0], luminances)
+        _fill_place(rays, nearby, pixels, rows[:count], footprint, tile[0], luminances)
         decode_mixture_tile(tile[0], tile[1], luminances, layers)
         for place in range(count):
             coverage[pixels[place]] = tile[0][place]
@@ -50,23 +50,27 @@ def predict_mixture(first, last, rays, corner_codes, nearby, layers, coverage, l
 
 @device
 def _fill_corners(corner_codes, rows, inputs):  # type: ignore[no-untyped-def]
-    """Write the eight corner codes of pixels side by side; rows: of the nodes they hit."""
+    """Write the first numbers of the eight corner codes of pixels side by side; rows: of the nodes they hit."""
+    halves, table = corner_codes.halves, corner_codes.rows
     code = np.empty(16, np.float32)
     for place in range(len(rows)):
         for corner in range(CORNERS):
-            first = corner_row(corner_codes.rows, rows[place], corner) * CODE_SIZE
-            store(code, 0, load_halves(corner_codes.halves, first, first + CODE_SIZE - 8))
-            at = (CORNER_CODES + CODE_SIZE * corner) * TILE + place
-            for k in range(CODE_SIZE):
-                inputs[at + k * TILE] = code[k if k < 8 else k + 16 - CODE_SIZE] * _SCALE
+            first = corner_row(table, rows[place], corner) * CODE_SIZE
+            store(code, 0, load_halves(halves, first, first + CODE_SIZE - 8))
+            at = (RAY_INPUTS + SIDE_BY_SIDE * corner) * TILE + place
+            for k in range(SIDE_BY_SIDE):
+                inputs[at + k * TILE] = code[k] * _SCALE
 
 
-@device
-def _fill_place(rays, nearby, pixels, rows, inputs, luminances):  # type: ignore[no-untyped-def]
-    """Write entry points, coverage of the children, and what is mixed."""
+@lean_device
+def _fill_place(rays, nearby, pixels, rows, footprint, inputs, luminances):  # type: ignore[no-untyped-def]
+    """Write how pixels look at their voxels, what cells cover of them, and the luminances that are mixed."""
+    scale = np.float32(1.0 / LUMINANCE_SCALE)
+    clear_tile(footprint)
     for place in range(len(rows)):
         pixel = pixels[place]
-        for axis in range(3):
-            inputs[(ENTRY + axis) * TILE + place] = np.float32(2) * rays.entry[pixel, axis] - np.float32(1)
-        covered = inputs[COVERED * TILE :]
-        write_nearby(nearby, rays.node[pixel], rows[place], rays.direction[pixel], covered, luminances, place, TILE)
+        node = rays.node[pixel]
+        ray = rays.entry[pixel], rays.direction[pixel], rays.up[pixel], rays.ratio[pixel]
+        place_pixel(nearby, node, rows[place], ray, footprint, inputs[VIEWS * TILE :], place)
+        luminances[COVERING * TILE + place] = np.float32(nearby.luminance[node]) * scale
+    measure_tile(footprint, inputs[COVERED * TILE :], luminances)

@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..runtime.kernels import device
 from ..runtime.vectors import store
-from .compiled_layers import OUTPUTS, TILE, apply_layer, empty_values, fill_harmonics, write_sigmoid
+from .compiled_layers import OUTPUTS, TILE, apply_layer, clipped_sigmoid, empty_values, fill_harmonics
 from .kinds import PAPER
 from .lanes import WIDE_LANES, add_product, load_wide, spread_wide
 
@@ -54,6 +52,5 @@ def _apply_last(inputs, results, weights, bias):
             luminance = add_product(luminance, values, spread_wide(weights, 2 * row + 1))
         store(results, pixel, coverage)
         store(results, TILE + pixel, luminance)
-    bits = results.view(np.int32)
     for index in range(2 * TILE):
-        write_sigmoid(results, bits, index)
+        results[index] = clipped_sigmoid(results[index])

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..runtime.bits import float_of_bits
 from ..runtime.kernels import device
 from ..runtime.vectors import larger, store
 from .decode import OUTPUT_LOW, OUTPUT_RANGE
@@ -110,10 +111,10 @@ def apply_layer(inputs, depth, results, hidden, weights, bias, floor):
 
 
 @device
-def write_exponential(values, bits, index, power):
-    """Write e^power, |power| <= 80, into values[index]: 2^n e^r with |r| <= ln 2 / 2, the polynomial of Cephes' expf.
+def exponential(power):
+    """e^power, |power| <= 80: 2^n e^r with |r| <= ln 2 / 2, the polynomial of Cephes' expf.
 
-    bits: the same values as integers. In plain loops, of which the compiler makes vectors.
+    Of such arithmetic alone the compiler makes vectors, in plain loops.
     """
     whole = np.floor(power * _LOG2_E + np.float32(0.5))
     r = power - whole * _LN2_HIGH - whole * _LN2_LOW
@@ -123,14 +124,12 @@ def write_exponential(values, bits, index, power):
     terms = terms * r + np.float32(1.6666665459e-1)
     terms = terms * r + np.float32(5.0000001201e-1)
     terms = terms * r * r + r + np.float32(1)
-    bits[index] = (np.int32(whole) + np.int32(127)) << np.int32(23)
-    values[index] = terms * values[index]
+    return terms * float_of_bits(np.int32((np.int32(whole) + np.int32(127)) << np.int32(23)))
 
 
 @device
-def write_sigmoid(values, bits, index):
-    """Write clip(-1 + 3 / (1 + e^-x)) over x."""
+def clipped_sigmoid(value):
+    """Output of a network, clip(-1 + 3 / (1 + e^-x)), of the last layer's value x (methods 7.15)."""
     one = np.float32(1)
-    write_exponential(values, bits, index, min(max(-values[index], np.float32(-80)), np.float32(80)))
-    output = _LOW + _RANGE / (one + values[index])
-    values[index] = min(max(output, np.float32(0)), one)
+    output = _LOW + _RANGE / (one + exponential(min(max(-value, np.float32(-80)), np.float32(80))))
+    return min(max(output, np.float32(0)), one)

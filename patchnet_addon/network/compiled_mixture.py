@@ -11,25 +11,21 @@ from .compiled_layers import (
     TILE,
     DecoderLayers,
     apply_layer,
+    clipped_sigmoid,
     empty_values,
+    exponential,
     fill_harmonics,
-    write_exponential,
-    write_sigmoid,
 )
-from .kinds import CHILDREN, CODE_SIZE, CORNERS, MIXED, MIXTURE
-from .mixture_decode import ABSENT, RAY_INPUTS
+from .kinds import COVERING, MIXED, MIXTURE
+from .mixture_decode import COVERED
 from .weights import Weights
-
-CORNER_CODES = RAY_INPUTS  # rows of inputs: 80 numbers of the corner codes,
-ENTRY = CORNER_CODES + CORNERS * CODE_SIZE  # the entry point,
-COVERED = ENTRY + 3  # and the coverage of the children
 
 _INPUTS, _HIDDEN = MIXTURE.decoder[:2]
 _LAYERS = len(MIXTURE.decoder) - 2  # with ReLU
 _OUTPUTS = MIXTURE.decoder[-1]
 assert MIXTURE.decoder[1:] == (*[_HIDDEN] * _LAYERS, 1 + MIXED)
 assert _HIDDEN % OUTPUTS == 0 and _OUTPUTS % OUTPUTS == 0
-assert _LAYERS % 2 == 1 and _HIDDEN <= COVERED  # so that `decode_mixture_tile` still finds the coverage
+assert _LAYERS % 2 == 1 and _OUTPUTS <= COVERED  # so that `decode_mixture_tile` still finds the coverage
 
 
 def pack_mixture(weights: Weights) -> DecoderLayers:
@@ -42,13 +38,13 @@ def pack_mixture(weights: Weights) -> DecoderLayers:
 
 @device
 def empty_mixture_tile():
-    """Inputs of a tile, (133 * TILE,) float32 zeros, see `empty_values`."""
+    """Inputs of a tile, (147 * TILE,) float32 zeros, see `empty_values`."""
     return empty_values(_INPUTS)
 
 
 @device
 def empty_luminances():
-    """Luminances of a tile, (17 * TILE,) float32 zeros, see `empty_values`."""
+    """Luminances of a tile, (65 * TILE,) float32 zeros, see `empty_values`."""
     return empty_values(MIXED)
 
 
@@ -56,8 +52,8 @@ def empty_luminances():
 def decode_mixture_tile(inputs, others, luminances, layers):
     """Decode a tile of pixels: the first two rows of `inputs` are coverage and luminance afterwards.
 
-    inputs: (133 * TILE,) float32, rows as `kinds.py` says, but for the harmonics. others: as large. luminances:
-    (17 * TILE,) rows of what is mixed; they are not kept. layers: of `pack_mixture`.
+    inputs: (147 * TILE,) float32, rows as `kinds.py` says, but for the harmonics. others: as large. luminances:
+    (65 * TILE,) rows of what is mixed. layers: of `pack_mixture`.
     """
     hidden, last, bias, floor = layers
     fill_harmonics(inputs)
@@ -69,32 +65,32 @@ def decode_mixture_tile(inputs, others, luminances, layers):
         depth = _HIDDEN
         values, results = results, values
     apply_layer(values, depth, results, _OUTPUTS, last, bias[_LAYERS * _HIDDEN :], floor[1:])
-    bits = inputs.view(np.int32)
     for pixel in range(TILE):
-        write_sigmoid(inputs, bits, pixel)
-    _mix(inputs, bits, luminances)
+        inputs[pixel] = clipped_sigmoid(inputs[pixel])
+    _mix(inputs, luminances)
 
 
 @device
-def _mix(values, bits, luminances):
-    """Write the mean of the luminances, by the softmax of rows 1 to 17, into row 1."""
-    largest, total = np.empty(TILE, np.float32), np.zeros(TILE, np.float32)
+def _mix(values, luminances):
+    """Write the mean of the luminances, by the shares of `mixture_shares` from rows 1 to 65, into row 1."""
+    largest, total, light = np.empty(TILE, np.float32), np.empty(TILE, np.float32), np.empty(TILE, np.float32)
+    own = (1 + COVERING) * TILE
     for pixel in range(TILE):
-        largest[pixel] = values[(1 + CHILDREN) * TILE + pixel]
-    for row in range(MIXED):
+        largest[pixel] = values[own + pixel]
+    for row in range(COVERING):
         for pixel in range(TILE):
-            at = (1 + row) * TILE + pixel
-            if row < CHILDREN and values[(COVERED + row) * TILE + pixel] == 0:
-                values[at] = ABSENT
-            largest[pixel] = max(largest[pixel], values[at])
-    for row in range(MIXED):
-        for pixel in range(TILE):
-            at = (1 + row) * TILE + pixel
-            write_exponential(values, bits, at, max(values[at] - largest[pixel], np.float32(-80)))
-            total[pixel] += values[at]
-            luminances[row * TILE + pixel] *= values[at]
+            logit = values[(1 + row) * TILE + pixel]
+            there = values[(COVERED + row) * TILE + pixel] > 0
+            largest[pixel] = max(largest[pixel], logit) if there else largest[pixel]
     for pixel in range(TILE):
-        mean = luminances[pixel]
-        for row in range(1, MIXED):
-            mean += luminances[row * TILE + pixel]
-        values[TILE + pixel] = mean / total[pixel]
+        share = exponential(max(values[own + pixel] - largest[pixel], np.float32(-80)))
+        total[pixel] = share
+        light[pixel] = share * luminances[COVERING * TILE + pixel]
+    for row in range(COVERING):
+        for pixel in range(TILE):
+            behind = min(max(values[(1 + row) * TILE + pixel] - largest[pixel], np.float32(-80)), np.float32(0))
+            share = exponential(behind) * values[(COVERED + row) * TILE + pixel]
+            total[pixel] += share
+            light[pixel] += share * luminances[row * TILE + pixel]
+    for pixel in range(TILE):
+        values[TILE + pixel] = light[pixel] / total[pixel]

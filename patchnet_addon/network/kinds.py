@@ -3,10 +3,11 @@
 
 The paper's decoder takes the interpolated code and the ray, and says coverage and luminance (methods 7.13 to 7.15).
 
-The luminance mixture (methods 11.1) sees shape alone: its encoder's luminance columns are zero. Its decoder also takes
-the eight corner codes side by side, the entry point, and how much of the ray each of the voxel's children covers; it
-says coverage, and shares of luminances that the octree has at hand: those of the eight children as they are seen along
-the ray, the voxel's own, and those around its eight corners. So its luminance follows every change of light exactly.
+The luminance mixture (methods 11.1) sees shape alone: its encoder's luminance columns are zero. Its decoder is also
+told how it looks at the voxel, in the ray's own frame, part of the eight corner codes side by side, and how much of the
+pixel each cell around would cover alone. It says coverage, and shares of luminances that the octree has at hand: those
+of the voxel's eight children, of the 56 cells of their size around it, and the voxel's own. So its luminance follows
+every change of light exactly.
 """
 
 from __future__ import annotations
@@ -16,9 +17,13 @@ from dataclasses import dataclass
 CODE_SIZE = 10
 HARMONICS = 25
 CHILDREN, CORNERS = 8, 8
-MIXED = CHILDREN + 1 + CORNERS  # luminances, in this order: of the children, of the voxel, around its corners
+OUTER = 4**3 - CHILDREN  # cells of the children's size around a voxel, to half its side
+COVERING = CHILDREN + OUTER
+MIXED = COVERING + 1  # luminances, in this order: of the children, of the outer cells, of the voxel
+SIDE_BY_SIDE = 4  # first numbers of each corner code that the mixture's decoder sees apart
 
-_RAY = CODE_SIZE + 3 + 3 + 1 + HARMONICS  # inputs of both kinds, methods 7.15
+RAY_INPUTS = CODE_SIZE + 3 + 3 + 1 + HARMONICS  # inputs of both kinds, methods 7.15
+VIEW = 9  # direction, entry point and up in the ray's frame
 
 
 @dataclass(frozen=True)
@@ -38,17 +43,17 @@ class NetworkKind:
 
 PAPER = NetworkKind(
     name="paper",
-    decoder=(_RAY, 48, 48, 48, 2),
+    decoder=(RAY_INPUTS, 48, 48, 48, 2),
     inputs="code, direction, up, pixel-voxel ratio, 25 harmonics; axes of the octree",
     output="-1 + 3 sigmoid; coverage, luminance",
     mixes=False,
 )
 MIXTURE = NetworkKind(
     name="mixture",
-    decoder=(_RAY + CORNERS * CODE_SIZE + 3 + CHILDREN, 60, 60, 60, 1 + MIXED),
-    inputs="code, direction, up, pixel-voxel ratio, 25 harmonics, corner codes x fastest, entry -1 to 1, coverage of "
-    "the children along the ray; axes of the octree",
-    output="-1 + 3 sigmoid, coverage; softmax, shares of luminance of children, voxel, corners",
+    decoder=(RAY_INPUTS + CORNERS * SIDE_BY_SIDE + VIEW + COVERING, 48, 48, 48, 1 + MIXED),
+    inputs="code, direction, up, pixel-voxel ratio, 25 harmonics, four numbers of each corner code, x fastest; axes of "
+    "the octree; direction, entry -1 to 1, up, coverage of children and of cells around; axes of the ray's frame",
+    output="-1 + 3 sigmoid, coverage; softmax times coverage, shares of luminance of children, cells around, voxel",
     mixes=True,
 )
 KINDS = {kind.name: kind for kind in (PAPER, MIXTURE)}

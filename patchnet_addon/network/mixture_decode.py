@@ -8,29 +8,29 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from .decode import BLOCK, fill_ray_inputs, run_decoder, sigmoid_output
-from .kinds import CHILDREN, CODE_SIZE, CORNERS, MIXTURE
+from .kinds import CORNERS, COVERING, MIXTURE, RAY_INPUTS, SIDE_BY_SIDE, VIEW
 from .weights import Weights
 
-RAY_INPUTS = MIXTURE.decoder[0] - CHILDREN - 3 - CORNERS * CODE_SIZE  # those of the paper's decoder, which come first
-ABSENT = np.float32(-1e4)  # the logit of a child that does not exist
+VIEWS = RAY_INPUTS + CORNERS * SIDE_BY_SIDE  # rows of inputs: the view in the ray's frame,
+COVERED = VIEWS + VIEW  # and what children and outer cells cover
 
 
 @dataclass(frozen=True, eq=False)
 class MixtureInputs:
     """What the decoder is given of N pixels, all float32.
 
-    codes: (N, 10) interpolated codes. corner_codes: (N, 8, 10) those of the hit voxel's corners, x fastest. entry:
-    (N, 3) point in the voxel, [0, 1]^3. direction, up: (N, 3) unit vectors in octree axes. ratio: (N,) pixel-voxel
-    ratio. covered: (N, 8) coverage of the voxel's children along the ray, 0 for those that do not exist. luminances:
-    (N, 17) of the children as seen along the ray, of the voxel, around its corners.
+    codes: (N, 10) interpolated codes. corner_codes: (N, 8, 4) first numbers of those of the hit voxel's corners, x
+    fastest. direction, up: (N, 3) unit vectors in octree axes. ratio: (N,) pixel-voxel ratio. view: (N, 9) direction,
+    entry point from -1 to 1, and up in the ray frame. covered: (N, 64) share of the pixel that each child and each
+    outer cell would cover alone, 0 for those that do not exist. luminances: (N, 65) theirs, and the voxel's own.
     """
 
     codes: np.ndarray
     corner_codes: np.ndarray
-    entry: np.ndarray
     direction: np.ndarray
     up: np.ndarray
     ratio: np.ndarray
+    view: np.ndarray
     covered: np.ndarray
     luminances: np.ndarray
 
@@ -52,13 +52,22 @@ def decode_mixture(weights: Weights, inputs: MixtureInputs) -> tuple[np.ndarray,
 def _decode_block(weights: Weights, given: MixtureInputs) -> tuple[np.ndarray, np.ndarray]:
     values = np.empty((MIXTURE.decoder[0], len(given.ratio)), np.float32)
     fill_ray_inputs(values, given.codes, given.direction, given.up, given.ratio)
-    corners_end = RAY_INPUTS + CORNERS * CODE_SIZE
-    values[RAY_INPUTS:corners_end] = given.corner_codes.reshape(-1, CORNERS * CODE_SIZE).T
-    values[corners_end : corners_end + 3] = 2 * given.entry.T - 1
-    values[corners_end + 3 :] = given.covered.T
+    values[RAY_INPUTS:VIEWS] = given.corner_codes.reshape(-1, CORNERS * SIDE_BY_SIDE).T
+    values[VIEWS:COVERED] = given.view.T
+    values[COVERED:] = given.covered.T
     outputs = run_decoder(weights, values)
-    logits = outputs[1:].T.copy()  # (n, 17)
-    logits[:, :CHILDREN][given.covered == 0] = ABSENT
-    shares = np.exp(logits - logits.max(axis=1, keepdims=True))
-    luminance = (shares * given.luminances).sum(axis=1) / shares.sum(axis=1)
+    shares = mixture_shares(outputs[1:].T, given.covered)
+    luminance = (shares * given.luminances).sum(axis=1)
     return np.clip(sigmoid_output(outputs[0]), 0, 1), luminance
+
+
+def mixture_shares(logits: np.ndarray, covered: np.ndarray) -> np.ndarray:
+    """Shares (N, 65) of luminances, which are 1 together: e^logit (N, 65) times what is covered (N, 64).
+
+    The voxel's own luminance stands last, and counts as if it covered the pixel.
+    """
+    weights = np.concatenate([covered, np.ones((len(covered), 1), np.float32)], axis=1)
+    assert weights.shape[1] == COVERING + 1
+    largest = np.where(weights > 0, logits, -np.inf).max(axis=1, keepdims=True)
+    shares = weights * np.exp(np.minimum(logits - largest, 0))
+    return np.asarray(shares / shares.sum(axis=1, keepdims=True), np.float32)

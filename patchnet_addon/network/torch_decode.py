@@ -43,7 +43,7 @@ class TorchDecoder:
 
         corners: (N, 8) rows of `codes` of the hit voxel's corners, x fastest. entry: (N, 3) point in the voxel,
         [0, 1]^3. direction, up: (N, 3) unit vectors in octree axes (methods 7.14). ratio: (N,) pixel-voxel ratio.
-        nearby: of a luminance mixture: coverage (N, 8) of children and luminances (N, 17), see `MixtureInputs`.
+        nearby: of a luminance mixture: view (N, 9), coverage (N, 64) and luminances (N, 65), see `MixtureInputs`.
         """
         outputs = np.empty((2, len(corners)), np.float32)
         for start in range(0, len(corners), BATCH):
@@ -70,7 +70,7 @@ class TorchDecoder:
             eight = self._codes[corners].float()
             codes = interpolate(eight, entry)  # (N, 10)
             if nearby is not None:
-                place = MixturePlace(eight, entry, *nearby)
+                place = MixturePlace(eight, *nearby)
                 return self._model.decode_mixture(codes, place, direction, up, ratio).clamp_(0, 1)
             return self._model.decode(codes, direction, up, ratio).clamp_(0, 1)
 

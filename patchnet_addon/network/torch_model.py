@@ -13,8 +13,7 @@ from torch import Tensor, nn
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from .decode import OUTPUT_LOW, OUTPUT_RANGE
 from .harmonics import harmonic_terms
-from .kinds import CHILDREN, PAPER, NetworkKind
-from .mixture_decode import ABSENT
+from .kinds import PAPER, SIDE_BY_SIDE, NetworkKind
 from .weights import MODULATED, Weights, encoder_sizes
 
 
@@ -22,11 +21,12 @@ from .weights import MODULATED, Weights, encoder_sizes
 class MixturePlace:
     """Inputs of a luminance mixture that tell the place, see `MixtureInputs`.
 
-    corner_codes: (N, 8, 10). entry: (N, 3). covered: (N, 8). luminances: (N, 17).
+    corner_codes: (N, 8, 10), of which the first four numbers are used. view: (N, 9). covered: (N, 64). luminances:
+    (N, 65).
     """
 
     corner_codes: Tensor
-    entry: Tensor
+    view: Tensor
     covered: Tensor
     luminances: Tensor
 
@@ -72,12 +72,12 @@ class PatchNet(nn.Module):
     ) -> Tensor:
         """Coverage in [-1, 2] and luminance (N, 2), see `decode`, of a luminance mixture (methods 11.1)."""
         rays = _ray_inputs(codes, direction, up, ratio)
-        inputs = torch.cat([rays, place.corner_codes.flatten(1), 2 * place.entry - 1, place.covered], dim=-1)
-        outputs = _run_layers(self.decoder, inputs)
-        logits = outputs[:, 1:]
-        exists = place.covered > 0
-        children = logits[:, :CHILDREN].masked_fill(~exists, float(ABSENT))
-        shares = torch.softmax(torch.cat([children, logits[:, CHILDREN:]], dim=-1), dim=-1)
+        corners = place.corner_codes[:, :, :SIDE_BY_SIDE].flatten(1)
+        outputs = _run_layers(self.decoder, torch.cat([rays, corners, place.view, place.covered], dim=-1))
+        covered = torch.cat([place.covered, torch.ones_like(place.covered[:, :1])], dim=-1)
+        logits = outputs[:, 1:].masked_fill(covered <= 0, -torch.inf)
+        shares = covered * torch.exp(logits - logits.amax(dim=-1, keepdim=True))
+        shares = shares / shares.sum(dim=-1, keepdim=True)
         coverage = OUTPUT_LOW + OUTPUT_RANGE * torch.sigmoid(outputs[:, 0])
         return torch.stack([coverage, (shares * place.luminances).sum(-1)], dim=-1)
 

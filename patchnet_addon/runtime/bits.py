@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bits of a word in kernels, one instruction each; a word is an int64 or a uint64."""
+"""Bits of a word in kernels, one instruction each; a word is an int64 or a uint64, or the int32 of a float's bits."""
 
 from __future__ import annotations
 
@@ -30,3 +30,13 @@ def lowest_one(_typing: Any, word: Any) -> Any:
         return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 0))
 
     return (types.int64(word), build) if word in _WORDS else None
+
+
+@intrinsic
+def float_of_bits(_typing: Any, word: Any) -> Any:
+    """Number, float32, whose bits are those of an int32: float_of_bits(word)."""
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], ir.FloatType())
+
+    return (types.float32(word), build) if word == types.int32 else None

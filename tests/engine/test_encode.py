@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes import encode
+from patchnet.patchnet_addon.codes.corner_cells import cell_luminance_table
 from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.file import load_codes, save_codes
 from patchnet.patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
@@ -156,16 +157,18 @@ def test_codes_file_of_a_mixture(octree, tmp_path):
     mixture, path = Weights.random(2, kind=MIXTURE), tmp_path / "mixture.safetensors"
     coded = drain(encode_octree(octree, mixture))
     save_codes(coded, path)
-    np.testing.assert_array_equal(load_codes(path, octree, mixture).corner_luminance, coded.corner_luminance)
+    np.testing.assert_array_equal(load_codes(path, octree, mixture).corner_cells, coded.corner_cells)
     arrays, metadata = read_arrays(path, "codes")
-    around = arrays.pop("corner_luminance")
-    for wrong in (arrays, arrays | {"corner_luminance": around[1:]}):
+    around = arrays.pop("corner_cells")
+    for wrong in (arrays, arrays | {"corner_cells": around[1:]}):
         write_arrays(path, wrong, metadata, "codes")
         with pytest.raises(CodesFileError, match="damaged"):
             load_codes(path, octree, mixture)
     darker = drain(encode_octree(replace(octree, luminance=octree.luminance // 2), mixture))
     np.testing.assert_array_equal(darker.codes, coded.codes)
-    np.testing.assert_allclose(darker.corner_luminance, coded.corner_luminance / 2, atol=1)
+    table = cell_luminance_table()
+    darker_cells, there = table[darker.corner_cells], coded.corner_cells > 0
+    np.testing.assert_allclose(darker_cells[there], table[coded.corner_cells][there] / 2, atol=0.008)
 
 
 def test_a_kept_octree_stays_when_its_codes_cannot_be_read(coded, octree, weights, tmp_path):

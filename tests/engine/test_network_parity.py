@@ -80,13 +80,13 @@ def mixture():
 
 @pytest.fixture(scope="module")
 def mixed_pixels(pixels):
-    """Inputs of a mixture for the same rays; some children do not exist."""
+    """Inputs of a mixture for the same rays; some cells do not exist."""
     codes, direction, up, ratio = pixels
     random = np.random.default_rng(3)
-    covered = random.uniform(0.25, 1, (COUNT, 8)) * (random.random((COUNT, 8)) < 0.6)
-    others = random.normal(size=(COUNT, 8, 10)), random.random((COUNT, 3)), covered, random.random((COUNT, 17))
-    corner_codes, entry, covered, luminances = (array.astype(np.float32) for array in others)
-    return MixtureInputs(codes, corner_codes, entry, direction, up, ratio, covered, luminances)
+    covered = random.uniform(0.01, 1, (COUNT, 64)) * (random.random((COUNT, 64)) < 0.6)
+    others = random.normal(size=(COUNT, 8, 4)), random.random((COUNT, 9)), covered, random.random((COUNT, 65))
+    corner_codes, view, covered, luminances = (array.astype(np.float32) for array in others)
+    return MixtureInputs(codes, corner_codes, direction, up, ratio, view, covered, luminances)
 
 
 def test_mixture_follows_the_definition(mixture, mixed_pixels):
@@ -96,11 +96,11 @@ def test_mixture_follows_the_definition(mixture, mixed_pixels):
     for row in range(300):
         code = [part.codes[row, k] * harmonics[row, k] for k in range(9)] + [part.codes[row, 9]]
         ray = [*part.direction[row], *part.up[row], part.ratio[row], *harmonics[row]]
-        place = [*part.corner_codes[row].ravel(), *(2 * part.entry[row] - 1), *part.covered[row]]
+        place = [*part.corner_codes[row].ravel(), *part.view[row], *part.covered[row]]
         rows.append(np.array([*code, *ray, *place], np.float64))
     outputs = naive_layers(mixture.decoder, rows)
     shares = np.exp(outputs[:, 1:])
-    shares[:, :8][part.covered == 0] = 0
+    shares[:, :64] *= part.covered
     wanted = (shares * part.luminances).sum(axis=1) / shares.sum(axis=1)
     coverage, luminance = decode_mixture(mixture, part)
     np.testing.assert_allclose(luminance, wanted, atol=TOLERANCE)
@@ -114,7 +114,7 @@ def test_mixture_with_torch(mixture, mixed_pixels):
     from patchnet.patchnet_addon.network.torch_model import MixturePlace, PatchNet
 
     given = {name: torch.from_numpy(array) for name, array in vars(mixed_pixels).items()}
-    place = MixturePlace(*(given.pop(name) for name in ("corner_codes", "entry", "covered", "luminances")))
+    place = MixturePlace(*(given.pop(name) for name in ("corner_codes", "view", "covered", "luminances")))
     with torch.no_grad():
         outputs = PatchNet.from_weights(mixture).decode_mixture(place=place, **given).numpy()
     coverage, luminance = decode_mixture(mixture, mixed_pixels)

@@ -46,20 +46,26 @@ def test_nearby_turns_with_the_scene(octree: Octree, dataset: Dataset, symmetry:
     voxel = dataset.samples.voxel[:40].astype(np.int64)
     gain, offset = (0.5, 0.25) if symmetry % 2 else (1.0, 0.0)
     linear = np.tile(np.array([[gain, offset]], np.float32), (len(voxel), 1))
-    none, turned = np.zeros(len(voxel), np.int32), np.full(len(voxel), symmetry, np.int32)
+    none = np.zeros(len(voxel), np.int32)
     plain = moved_octree(octree, 0, 1.0, 0.0)  # means of inner voxels as those of the turned scene
-    found = gather_nearby(concatenate([plain]), none, voxel, turned, linear)
-    side = 1 << voxel[:, :1]
-    cells = (voxel[:, 1:] + 0.5 - side / 2) @ cube_symmetries().matrix(symmetry).T + side / 2 - 0.5
+    random = np.random.default_rng(symmetry)
+    entry, direction = random.random((40, 3, 3)), random.normal(size=(40, 3, 3))
+    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+    up = np.cross(direction, random.normal(size=(40, 3, 3)))
+    up /= np.linalg.norm(up, axis=-1, keepdims=True)
+    ratio = random.uniform(0.5, 1, (40, 3))
+    found = gather_nearby(concatenate([plain]), none, voxel, (entry, direction, up, ratio), linear)
+    side, matrix = 1 << voxel[:, :1], cube_symmetries().matrix(symmetry)
+    cells = (voxel[:, 1:] + 0.5 - side / 2) @ matrix.T + side / 2 - 0.5
     moved = np.concatenate([voxel[:, :1], np.rint(cells).astype(np.int64)], axis=1)
     scene = moved_octree(octree, symmetry, gain, offset)
-    wanted = gather_nearby(concatenate([scene]), none, moved, none, np.tile(np.array([[1, 0]], np.float32), (40, 1)))
-    np.testing.assert_array_equal(found.covered, wanted.covered)
-    there = wanted.covered > 0
-    np.testing.assert_allclose(found.shown[there], wanted.shown[there], atol=1e-4)
-    np.testing.assert_allclose(found.own, wanted.own, atol=1e-4)
-    near = wanted.around > 0
-    np.testing.assert_allclose(found.around[near], wanted.around[near], atol=1e-4)
+    rays = (entry - 0.5) @ matrix.T + 0.5, direction @ matrix.T, up @ matrix.T, ratio
+    wanted = gather_nearby(concatenate([scene]), none, moved, rays, np.tile(np.array([[1, 0]], np.float32), (40, 1)))
+    np.testing.assert_allclose(found.view, wanted.view, atol=1e-6)
+    np.testing.assert_allclose(found.covered, wanted.covered, atol=1e-5)
+    there = np.concatenate([wanted.covered > 1e-4, np.ones((40, 3, 1), bool)], axis=-1)
+    assert 0.02 < there.mean() < 0.5
+    np.testing.assert_allclose(found.luminances[there], wanted.luminances[there], atol=0.006)  # cells are bytes
 
 
 def test_what_is_trained_is_what_predicts(octree: Octree, dataset: Dataset) -> None:
