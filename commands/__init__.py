@@ -28,6 +28,7 @@ NAMES: tuple[str, ...] = (
     "furnish",
     "dataset",
     "train",
+    "validate",
     "train-maps",
     "evaluate",
     "figures",

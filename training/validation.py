@@ -30,8 +30,7 @@ def validate(
     """
     result = {}
     for name, corpus in sets.items():
-        parts = [_errors(model, corpus, start) for start in range(0, min(limit, len(corpus.tree)), _CHUNK)]
-        coverage, luminance, guess, target, own = (np.concatenate([part[k] for part in parts]) for k in range(5))
+        coverage, luminance, guess, target, own = predicted_views(model, corpus, limit)
         seen = coverage > 0
         result[name] = {
             "coverage": _mean(np.abs(guess - coverage)),
@@ -43,9 +42,15 @@ def validate(
     return result
 
 
-def _errors(model: SlicedNet, corpus: Corpus, start: int) -> tuple[np.ndarray, ...]:
-    """True coverage and luminance, predicted coverage and luminance, the voxels' own luminance, each flat."""
-    rows = np.arange(start, min(start + _CHUNK, len(corpus.tree)))
+def predicted_views(model: SlicedNet, corpus: Corpus, limit: int) -> tuple[np.ndarray, ...]:
+    """True coverage and luminance, predicted ones, and the voxels' own luminance, each (N,), of the first voxels."""
+    count = min(limit, len(corpus.tree))
+    parts = [_predicted(model, corpus, start, min(start + _CHUNK, count)) for start in range(0, count, _CHUNK)]
+    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
+
+
+def _predicted(model: SlicedNet, corpus: Corpus, first: int, last: int) -> tuple[np.ndarray, ...]:
+    rows = np.arange(first, last)
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
     device = model.slices.device
     with torch.no_grad(), float32_products(device):

@@ -43,12 +43,16 @@ def validation_sets(
             raise SettingError(
                 f"{dataset.name} looks {dataset.lookahead} levels ahead, training {lookahead}: draw it with the same"
             )
-        samples = dataset.samples
-        tree = np.zeros(len(samples.voxel), np.int32)
-        corpus = Corpus(concatenate([dataset.octree]), tree, samples.voxel, samples.views, lookahead, nearby)
-        sets[dataset.name] = ValidationSet(corpus, why_not_held_out(dataset, training))
+        sets[dataset.name] = ValidationSet(all_of(dataset, nearby=nearby), why_not_held_out(dataset, training))
     reasons = {dataset.name: why_not_held_out(dataset, training) for dataset in training}
     return sets | {name: ValidationSet(corpus, reasons[name]) for name, corpus in parts.items()}
+
+
+def all_of(dataset: Dataset, *, nearby: bool = False) -> Corpus:
+    """All samples of a data set, held out or not; nearby: as `Corpus` says."""
+    samples = dataset.samples
+    tree = np.zeros(len(samples.voxel), np.int32)
+    return Corpus(concatenate([dataset.octree]), tree, samples.voxel, samples.views, dataset.lookahead, nearby)
 
 
 def check_names(datasets: Sequence[Dataset]) -> None:

@@ -130,4 +130,5 @@ EVALUATION_REPORT = FileKind(
     _begins(b"<!doctype html><html lang='en'><head><title>PatchNet: evaluation"),
 )
 COSTS = FileKind("costs of an evaluation", (".json",), _begins(b'{"key": '))
+ERRORS = FileKind("errors of weights", (".json",), _begins(b'{\n "errors": {'))
 FIGURE_VALUES = FileKind("values of a figure of PatchNet", (".json",), _begins(b'{\n "figure": '))

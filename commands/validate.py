@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet validate`: errors of weights on samples of scenes, beside luminance as the voxel shows it.
+
+    patchnet dataset unseen/*.safetensors --samples 200000 --out unseen-samples
+    patchnet validate unseen-samples --weights new.safetensors --out errors.json
+
+Weights that are not named are those that are shipped. The scenes should have no part in training, in any pose.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from ..patchnet_addon.runtime import bounds
+from .shared.arguments import add_number, add_out
+from .shared.training_run import require_torch
+
+_VOXELS = 4096
+
+
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Arguments of `patchnet validate`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "validate",
+        help="errors of weights on samples of scenes",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET", help="sample files, or folders of them")
+    parser.add_argument("--weights", nargs="+", type=Path, default=[], metavar="FILE", help="weights files")
+    add_number(
+        parser, "--voxels", bounds.DATASET_SAMPLES, default=_VOXELS, help=f"voxels of each file at most ({_VOXELS:,})"
+    )
+    add_out(parser, "JSON file for all errors, by level and pixel-voxel ratio too")
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print a line of errors for each of the weights and files; returns 0; raises PatchNetError."""
+    from ..patchnet_addon.network.weights import load_weights
+    from ..patchnet_addon.runtime.file_kinds import ERRORS
+    from ..patchnet_addon.runtime.outputs import check_outputs
+    from ..patchnet_addon.runtime.replace import replaced_file
+    from ..training.dataset import load_dataset, sample_files
+    from .shared.lines import make_parent, say_result
+
+    require_torch()
+    from ..training.weights_errors import weights_errors
+
+    files = sample_files(args.datasets)
+    if args.out:
+        check_outputs({args.out: ERRORS}, [*files, *args.weights])
+        make_parent(args.out)
+    found: dict[str, Any] = {}
+    for path in args.weights or [None]:
+        weights = load_weights(path)
+        name = str(path) if path else "shipped"
+        found[name] = {"weights_hash": weights.hash, "scenes": {}}
+        print(f"{name} ({weights.hash})")
+        for file in files:
+            dataset = load_dataset(file)
+            errors = weights_errors(weights, dataset, args.voxels)
+            found[name]["scenes"][dataset.name] = errors
+            print(f"  {dataset.name:<24} {_line(errors['all'])}")
+    if args.out:
+        with replaced_file(args.out, ERRORS) as target:
+            target.write(json.dumps({"errors": found}, indent=1).encode())
+    say_result(f"{len(files)} files, {len(found)} weights", file=args.out)
+    return 0
+
+
+def _line(errors: dict[str, float]) -> str:
+    of_luminance = (
+        f"{errors['luminance_ratio']:.2f} of the voxel's own, squared {errors['luminance_squared_ratio']:.2f}"
+    )
+    return f"coverage {errors['coverage']:.4f}, luminance {errors['luminance']:.4f}: {of_luminance}"

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Errors of weights on samples: what the command prints and writes is what the decoder errs by."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from patchnet.commands import main
+from patchnet.patchnet_addon.network.kinds import MIXTURE, PAPER
+from patchnet.patchnet_addon.network.weights import Weights, save_weights
+from patchnet.patchnet_addon.octree.file import save_octree
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.training.batches import Augmentation
+from patchnet.training.dataset import load_dataset, save_samples
+from patchnet.training.procedural import spheres_and_slats
+from patchnet.training.samples import SampleSettings, draw_samples
+from patchnet.training.validation_sets import all_of
+from patchnet.training.weights_errors import weights_errors
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("errors")
+    octree, settings = spheres_and_slats(6, seed=4), SampleSettings(views=4, min_level=3, held_out=0.3, seed=2)
+    save_octree(octree, folder / "slats.safetensors")
+    samples = drain(draw_samples(octree, 600, settings))
+    save_samples(samples, folder / "slats.safetensors", octree, settings, folder / "slats.samples.safetensors")
+    return folder / "slats.samples.safetensors"
+
+
+@pytest.mark.parametrize("kind", [PAPER, MIXTURE])
+def test_errors_are_means_over_the_views(file: Path, kind) -> None:
+    dataset = load_dataset(file)
+    found = weights_errors(Weights.random(3, kind=kind), dataset, 100)
+    assert found["all"]["views"] == 400 == sum(part["views"] for part in found["level"].values())
+    mean = sum(part["views"] * part["coverage"] for part in found["level"].values()) / 400
+    assert found["all"]["coverage"] == pytest.approx(mean, abs=1e-5)
+    batch = all_of(dataset).batch(np.arange(100), Augmentation.none(100))
+    node = [dataset.octree.find(int(one[0]), one[None, 1:].astype(int))[0] for one in dataset.samples.voxel[:100]]
+    own = dataset.octree.luminance_float(np.array(node))[:, None]
+    wanted = np.abs(own - batch.luminance)[batch.coverage > 0].mean()
+    assert found["all"]["voxel_luminance"] == pytest.approx(wanted, abs=1e-5)
+    ratio = found["all"]["luminance"] / found["all"]["voxel_luminance"]
+    assert found["all"]["luminance_ratio"] == pytest.approx(ratio, rel=1e-3)
+
+
+def test_command_compares_weights(file: Path, tmp_path: Path, capsys) -> None:
+    save_weights(Weights.random(5, kind=MIXTURE), tmp_path / "new.safetensors")
+    out = tmp_path / "made" / "errors.json"
+    words = ["validate", str(file), "--weights", str(tmp_path / "new.safetensors"), "--voxels", "50", "--out", str(out)]
+    assert main(words) == 0
+    (found,) = json.loads(out.read_text())["errors"].values()
+    assert found["scenes"]["slats"]["all"]["views"] == 200
+    assert "slats" in capsys.readouterr().out
+    assert main(words) == 0  # its own file is replaced, something else is not
+    out.write_text("notes")
+    assert main(words) == 2 and out.read_text() == "notes"
+
+
+def test_another_look_ahead_is_refused(file: Path) -> None:
+    with pytest.raises(SettingError, match="slats looks 2 levels ahead, the weights 3: draw the samples"):
+        weights_errors(Weights.random(lookahead=3), load_dataset(file), 10)
