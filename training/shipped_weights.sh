@@ -51,6 +51,16 @@ octree san-miguel "$scenes/san_miguel.glb" --depth 10 --light cycles \
     --without sun_light,fill_light,baked:negro,baked:banqueta,calle --bisect z 0.76
 octree san-miguel-turned "$scenes/san_miguel.glb" --depth 10 --light two-lights --rotate 1
 
+# Scenes to validate on, which are not learned from.
+unseen=(courtyard furnished-room furnished-garden shuttle station sports-car)
+"$patchnet" evaluate --scenes "$(IFS=,; echo "${unseen[*]}")" --prepare --out "$work/unseen"
+for scene in "${unseen[@]}"; do
+    cp -n "$work/unseen/octrees/$scene"-????????????????.safetensors "$work/unseen/$scene.safetensors"
+done
+
 [ -d "$work/samples" ] || "$patchnet" dataset "$work"/octrees/*.safetensors --samples 16000000 --out "$work/samples"
+[ -d "$work/unseen-samples" ] ||
+    "$patchnet" dataset "$work"/unseen/*.safetensors --samples 240000 --seed 1 --out "$work/unseen-samples"
 resume=$([ -e "$work/run/checkpoint.pt" ] && echo --resume || true)
-"$patchnet" train "$work/samples" --preset improved --passes 128000000 --out "$work/run" $resume
+"$patchnet" train "$work/samples" --validate "$work/unseen-samples" --preset improved --passes 96000000 \
+    --out "$work/run" $resume

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sports car with smooth surfaces."""
 
-from ..scene import TRAIN, TWO_LIGHTS, Scene
+from ..scene import TEST, TWO_LIGHTS, Scene
 
 SCENE = Scene(
     name="sports-car",
@@ -10,5 +10,5 @@ SCENE = Scene(
     light=TWO_LIGHTS,
     source="Sports car by Yasutoshi Mori",
     licence="CC BY 4.0",
-    role=TRAIN,
+    role=TEST,
 )

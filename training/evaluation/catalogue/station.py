@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Space station of trusses and panels."""
 
-from ..scene import TRAIN, TWO_LIGHTS, Scene
+from ..scene import TEST, TWO_LIGHTS, Scene
 
 SCENE = Scene(
     name="station",
@@ -10,5 +10,5 @@ SCENE = Scene(
     light=TWO_LIGHTS,
     source="Parts of the LDraw.org parts library",
     licence="CC BY 2.0",
-    role=TRAIN,
+    role=TEST,
 )
