@@ -79,6 +79,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     )
     add_number(parser, "--seed", bounds.SEED, help="random seed")
     add_run_arguments(parser)
+    parser.add_argument("--tensorboard", action="store_true", help="write curves for TensorBoard, too")
     return parser
 
 
@@ -96,6 +97,7 @@ def run(args: argparse.Namespace) -> int:
     from ..training.dataset import load_dataset
     from ..training.held_out import why_not_held_out
     from ..training.model_card import write_card
+    from ..training.processes import Processes
     from ..training.provenance import describe_command, describe_machine, describe_versions
     from ..training.trainer import RunOptions, train
     from .shared.progress_bars import ProgressBars
@@ -109,15 +111,20 @@ def run(args: argparse.Namespace) -> int:
     settings = settings_of(args, sum(dataset.samples.views[..., 0].size for dataset in datasets))
     options = RunOptions(args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after)
     options.device, options.threads, options.validation = device, args.threads, validation
+    options.tensorboard = args.tensorboard
     options.notes = {
         "command": describe_command(sys.argv),
         "settings": asdict(settings),
         "versions": describe_versions(),
         "machine": describe_machine(device),
     }
+    processes = Processes.joined()
     with ProgressBars() as bars:
-        weights = drain(train(datasets, settings, options), bars.show)
+        weights = drain(train(datasets, settings, options), bars.show if processes.is_first else None)
+    processes.leave()
     path = args.out / WEIGHTS
+    if not processes.is_first:  # the first one writes
+        return 0
     save_weights(weights, path)
     write_card(args.out, datasets, settings, weights.metadata, weights.hash, validation)
     say_result(f"{path}: {weights.metadata['sample_passes']:,} sample passes", file=path)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
 
@@ -18,13 +19,15 @@ from torch import Tensor
 
 from .batches import Augmentation
 from .corpus import Corpus
-from .learner import Learner, mean_errors
+from .learner import Learner
+from .processes import Processes
 from .settings import TrainSettings
 from .tensor_batch import TensorBatch
 from .torch_corpus import TorchCorpus, corpus_fits
 
 _PART_VOXELS = 16  # smaller parts of a step cost more than they are worth
 _MOST_AHEAD = 16  # batches that wait for a GPU
+ALONE = Processes()
 HOST, DEVICE = "host", "device"  # where a GPU's batches are gathered
 
 
@@ -34,23 +37,25 @@ class Crew(Protocol):
     title: str
 
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
-        """Gradients of the parts of a step, which add up, and its errors (2,) of coverage and luminance."""
+        """Gradients of the parts of a step, which add up, and the sums (3,) of its errors for `mean_errors`."""
 
     def close(self) -> None:
         """End the threads."""
 
 
-def crew_for(learner: Learner, corpus: Corpus, voxels: int, threads: int, gather: str = "") -> Crew:
-    """Crew for the learner's device, with `voxels` a step.
+def crew_for(
+    learner: Learner, corpus: Corpus, voxels: int, threads: int, gather: str = "", processes: Processes = ALONE
+) -> Crew:
+    """Crew for the learner's device, with `voxels` a step, of which it computes the share of its process.
 
     gather: HOST or DEVICE, where a GPU's batches are gathered; by default on the GPU if its memory holds the data. The
     luminances that a mixture needs are gathered on the host always.
     """
     if learner.device.type == "cpu":
-        return ThreadCrew(learner, corpus, voxels, threads)
+        return ThreadCrew(learner, StepPlan(corpus, learner.settings, voxels, processes), threads)
     if not corpus.nearby and (gather == DEVICE or (not gather and corpus_fits(corpus, learner.device))):
-        return GpuCrew(learner, corpus, voxels)
-    return FedGpuCrew(learner, corpus, voxels, threads)
+        return GpuCrew(learner, StepPlan(corpus, learner.settings, voxels, processes))
+    return FedGpuCrew(learner, StepPlan(corpus, learner.settings, voxels, processes), threads)
 
 
 class ThreadCrew:
@@ -60,27 +65,27 @@ class ThreadCrew:
     many parts as threads, so that rounding alone depends on their number; threads beyond that work inside products.
     """
 
-    def __init__(self, learner: Learner, corpus: Corpus, voxels: int, threads: int) -> None:
-        self._learner, self._corpus, self._voxels = learner, corpus, voxels
-        self._parts = max(1, min(threads, voxels // _PART_VOXELS))
+    def __init__(self, learner: Learner, plan: StepPlan, threads: int) -> None:
+        self._learner, self._plan = learner, plan
+        self._parts = max(1, min(threads, plan.own_voxels // _PART_VOXELS))
         inside = max(1, threads // self._parts)
         self._pool = ThreadPoolExecutor(self._parts, initializer=torch.set_num_threads, initargs=(inside,))
         self.title = f"{threads} CPU threads"
 
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
-        """Gradients of the parts of a step, and its errors, see `Crew`."""
-        rows, augmentation = plan_of_step(self._corpus, self._learner.settings, self._voxels, step)
+        """Gradients of the parts of a step, and sums of its errors, see `Crew`."""
+        rows, augmentation = self._plan.of_step(step)
         cuts = np.linspace(0, len(rows), self._parts + 1).round().astype(int).tolist()
         jobs = [
             self._pool.submit(self._part, rows[first:last], augmentation.part(first, last), dtype)
             for first, last in itertools.pairwise(cuts)
         ]
         gradients, sums = zip(*(job.result() for job in jobs), strict=True)
-        return list(gradients), mean_errors(torch.stack(sums).sum(0))
+        return list(gradients), torch.stack(sums).sum(0)
 
     def _part(self, rows: np.ndarray, augmentation: Augmentation, dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
-        batch = TensorBatch.of(self._corpus.batch(rows, augmentation), self._learner.device)
-        return self._learner.gradients(batch, dtype, len(rows) / self._voxels)
+        batch = TensorBatch.of(self._plan.corpus.batch(rows, augmentation), self._learner.device)
+        return self._learner.gradients(batch, dtype, len(rows) / self._plan.voxels)
 
     def close(self) -> None:
         """End the threads."""
@@ -90,16 +95,16 @@ class ThreadCrew:
 class GpuCrew:
     """GPU that holds the data and gathers its batches itself."""
 
-    def __init__(self, learner: Learner, corpus: Corpus, voxels: int) -> None:
-        self._learner, self._corpus, self._voxels = learner, corpus, voxels
-        self._data = TorchCorpus(corpus, learner.device)
+    def __init__(self, learner: Learner, plan: StepPlan) -> None:
+        self._learner, self._plan = learner, plan
+        self._data = TorchCorpus(plan.corpus, learner.device)
         self.title = f"{learner.device}, data on it"
 
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
-        """Gradients of a step as one part, and its errors, see `Crew`."""
-        batch = self._data.batch(*plan_of_step(self._corpus, self._learner.settings, self._voxels, step))
-        gradients, sums = self._learner.gradients(batch, dtype)
-        return [gradients], mean_errors(sums)
+        """Gradients of a step as one part, and sums of its errors, see `Crew`."""
+        batch = self._data.batch(*self._plan.of_step(step))
+        gradients, sums = self._learner.gradients(batch, dtype, self._plan.share)
+        return [gradients], sums
 
     def close(self) -> None:
         """Give the data's memory back."""
@@ -109,31 +114,57 @@ class GpuCrew:
 class FedGpuCrew:
     """GPU whose batches are gathered by threads, some steps ahead, and copied from pinned memory."""
 
-    def __init__(self, learner: Learner, corpus: Corpus, voxels: int, threads: int) -> None:
-        self._learner, self._corpus, self._voxels = learner, corpus, voxels
+    def __init__(self, learner: Learner, plan: StepPlan, threads: int) -> None:
+        self._learner, self._plan = learner, plan
         self._pool = ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,))
         self._ahead: deque[tuple[int, Future[TensorBatch]]] = deque()
         self._most = min(threads + 1, _MOST_AHEAD)
         self.title = f"{learner.device}, fed by {threads} CPU threads"
 
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
-        """Gradients of a step as one part, and its errors, see `Crew`; steps are asked for in their order."""
+        """Gradients of a step as one part, and sums of its errors, see `Crew`; steps are asked for in their order."""
         following = self._ahead[-1][0] + 1 if self._ahead else step
         for number in range(following, step + self._most):
             self._ahead.append((number, self._pool.submit(self._gathered, number)))
         number, batch = self._ahead.popleft()
         assert number == step
-        gradients, sums = self._learner.gradients(batch.result(), dtype)
-        return [gradients], mean_errors(sums)
+        gradients, sums = self._learner.gradients(batch.result(), dtype, self._plan.share)
+        return [gradients], sums
 
     def _gathered(self, step: int) -> TensorBatch:
-        plan = plan_of_step(self._corpus, self._learner.settings, self._voxels, step)
-        return TensorBatch.of(self._corpus.batch(*plan), self._learner.device)
+        batch = self._plan.corpus.batch(*self._plan.of_step(step))
+        return TensorBatch.of(batch, self._learner.device)
 
     def close(self) -> None:
         """End the threads."""
         self._pool.shutdown(cancel_futures=True)
         self._ahead.clear()
+
+
+@dataclass(frozen=True, eq=False)
+class StepPlan:
+    """Plan of what each step of a run learns from: `voxels` a step, of which this process takes its share."""
+
+    corpus: Corpus
+    settings: TrainSettings
+    voxels: int
+    processes: Processes
+
+    @property
+    def own_voxels(self) -> int:
+        """Voxels of a step that are this process's."""
+        return len(range(self.voxels)[self.processes.part(self.voxels)])
+
+    @property
+    def share(self) -> float:
+        """Share of a step that is this process's."""
+        return self.own_voxels / self.voxels
+
+    def of_step(self, step: int) -> tuple[np.ndarray, Augmentation]:
+        """Voxels of this process's share of a step, and how they are augmented."""
+        rows, augmentation = plan_of_step(self.corpus, self.settings, self.voxels, step)
+        own = self.processes.part(len(rows))
+        return rows[own], augmentation.part(own.start, own.stop)
 
 
 def plan_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> tuple[np.ndarray, Augmentation]:

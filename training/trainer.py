@@ -7,11 +7,10 @@ had not been.
 
 from __future__ import annotations
 
-import json
 import os
 import pickle
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -28,13 +27,15 @@ from ..patchnet_addon.runtime.threads import usable_cores
 from .corpus import corpus_of
 from .crews import crew_for
 from .dataset import Dataset
-from .learner import Learner
+from .learner import Learner, mean_errors
+from .processes import Processes
 from .provenance import describe_data
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
+from .run_log import Log
 from .schedule import learning_rate
 from .settings import ABSOLUTE, AUTO, BF16, TrainSettings
 from .validation import validate
-from .validation_sets import validation_sets
+from .validation_sets import ValidationSet, validation_sets
 
 
 @dataclass
@@ -44,6 +45,7 @@ class RunOptions:
     device: cpu, cuda, cuda:N, or auto (`patchnet_addon/network/devices.py`). threads: of the CPU, which learn or gather
     for a GPU; None for one a core. gather: see `crew_for`. validation: data sets that are not learned
     from, whose samples are all for validation. notes: entries of the weights' metadata beside data, code and extent.
+    tensorboard: whether curves are written for it, too.
     """
 
     out: Path
@@ -57,18 +59,21 @@ class RunOptions:
     threads: int | None = None
     gather: str = ""
     validation: Sequence[Dataset] = ()
+    tensorboard: bool = False
 
 
 def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOptions) -> Steps[Weights]:
     """Train on `datasets` and return the weights, the moving mean if there is one.
 
     Keeps `checkpoint.pt`, `patchnet.safetensors` and `log.jsonl` in `options.out` up to date. A run that is resumed on
-    the same device with as many threads goes on exactly, else within rounding. Raises PatchNetError if the data or the
+    the same device with as many threads goes on exactly, else within rounding. Of processes that train together
+    (`processes.py`) the first one writes. Raises PatchNetError if the data or the
     device cannot be used.
     """
     device = found_device(options.device)
     threads = usable_cores() if options.threads is None else options.threads
     THREADS.check(threads)
+    processes = Processes.joined()
     corpus, held_out = corpus_of(datasets, nearby=KINDS[settings.network].mixes)
     sets = validation_sets(held_out, datasets, options.validation, corpus.lookahead, nearby=corpus.nearby)
     notes = describe_data(datasets, options.validation) | options.notes
@@ -79,40 +84,69 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
         learner = Learner(settings, corpus.lookahead, device)
     check_run(options.out, resume=options.resume)
     options.out.mkdir(parents=True, exist_ok=True)
-    run = asdict(settings) | {"data": list(notes["octrees"].values())}
-    run["lookahead"] = corpus.lookahead
+    run = asdict(settings) | {"data": list(notes["octrees"].values()), "lookahead": corpus.lookahead}
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
-    log = Log(options.out / LOG, learner.steps)
     with enough_memory("training"):
-        crew = crew_for(learner, corpus, voxels, threads, options.gather)
+        crew = crew_for(learner, corpus, voxels, threads, options.gather, processes)
     end = min(total, options.stop_after or total)
-    before, saved = time.monotonic() - learner.seconds, time.monotonic()
+    keeper = _Keeper(learner, options, run, notes, sets, per_step, end) if processes.is_first else None
+    before = time.monotonic() - learner.seconds
     try:
         while learner.steps < end:
             rate = learning_rate(learner.steps, total, settings)
             dtype = encoder_type(settings, learner.steps / total, device)
             with enough_memory("batches of this size (--batch)"):
-                gradients, losses = crew.gradients(learner.steps, dtype)
+                gradients, sums = processes.sums(*crew.gradients(learner.steps, dtype))
                 learner.step(gradients, rate)
-            log.add(losses)
             learner.seconds = time.monotonic() - before
-            passes = learner.steps * per_step
-            if learner.steps % options.log_steps == 0 or learner.steps == end:
-                log.write_means(learner.steps, passes, rate, learner.seconds)
-            if learner.steps % options.validate_steps == 0 or learner.steps == end:
-                errors = validate(learner.mean, {name: each.corpus for name, each in sets.items()})
-                why = {name: each.not_held_out for name, each in sets.items() if each.not_held_out}
-                log.write({"step": learner.steps, "passes": passes, "validation": errors, "not_held_out": why})
-            if time.monotonic() - saved > 60 * options.checkpoint_minutes:
-                save_checkpoint(options.out, learner, run, notes | _extent(learner, per_step))
-                saved = time.monotonic()
+            if keeper is not None:
+                keeper.keep_step(sums, rate)
             yield Progress(learner.steps, end, "Training")
     finally:
         crew.close()
-        if learner.steps:
-            save_checkpoint(options.out, learner, run, notes | _extent(learner, per_step))
+        if learner.steps and keeper is not None:
+            keeper.save()
     return learner.mean.to_weights(notes | _extent(learner, per_step))
+
+
+class _Keeper:
+    """What is kept of a run while it goes on: its log, validations, checkpoints."""
+
+    def __init__(
+        self,
+        learner: Learner,
+        options: RunOptions,
+        run: dict[str, Any],
+        notes: dict[str, Any],
+        sets: Mapping[str, ValidationSet],
+        per_step: int,
+        end: int,
+    ) -> None:
+        self._learner, self._options, self._run, self._notes, self._sets = learner, options, run, notes, sets
+        self._per_step, self._end = per_step, end
+        self._log = Log(options.out / LOG, learner.steps, board=options.tensorboard)
+        self._saved = time.monotonic()
+
+    def keep_step(self, sums: torch.Tensor, rate: float) -> None:
+        """Log a step's errors, from their sums (3,); validate and save where it is time."""
+        learner, options = self._learner, self._options
+        self._log.add(mean_errors(sums))
+        passes, ends = learner.steps * self._per_step, learner.steps == self._end
+        if learner.steps % options.log_steps == 0 or ends:
+            self._log.write_means(learner.steps, passes, rate, learner.seconds)
+        if learner.steps % options.validate_steps == 0 or ends:
+            errors = validate(learner.mean, {name: each.corpus for name, each in self._sets.items()})
+            why = {name: each.not_held_out for name, each in self._sets.items() if each.not_held_out}
+            self._log.write({"step": learner.steps, "passes": passes, "validation": errors, "not_held_out": why})
+        if time.monotonic() - self._saved > 60 * options.checkpoint_minutes:
+            self.save()
+
+    def save(self) -> None:
+        """Write the checkpoint, and the weights that the run would end with now."""
+        notes = self._notes | _extent(self._learner, self._per_step)
+        save_checkpoint(self._options.out, self._learner, self._run, notes)
+        self._saved = time.monotonic()
 
 
 def _extent(learner: Learner, per_step: int) -> dict[str, Any]:
@@ -166,31 +200,3 @@ def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None
         raise FileFormatError(f"{path} is damaged ({type(cause).__name__}): start the run anew") from cause
     if changed:
         raise SettingError(f"{path} was written with other values of {', '.join(changed)}: resume with the same ones")
-
-
-class Log:
-    """Curves as JSON lines."""
-
-    def __init__(self, path: Path, steps: int) -> None:
-        """Continue the log of a run that has done `steps`; what an interrupted run wrote after them is dropped."""
-        lines = path.read_text().splitlines() if steps and path.is_file() else []
-        kept = [line for line in lines if json.loads(line)["step"] <= steps]
-        path.write_text("".join(line + "\n" for line in kept))
-        self._path = path
-        self._losses: list[torch.Tensor] = []
-
-    def add(self, losses: torch.Tensor) -> None:
-        """Remember the errors (2,) of one step; they are not looked at before, so that no step waits for a GPU."""
-        self._losses.append(losses)
-
-    def write_means(self, step: int, passes: int, rate: float, seconds: float) -> None:
-        """Write the mean errors since the last time."""
-        coverage, luminance = torch.stack(self._losses).double().mean(0).tolist()
-        self._losses.clear()
-        errors = {"coverage": round(coverage, 6), "luminance": round(luminance, 6)}
-        self.write({"step": step, "passes": passes, "seconds": round(seconds, 1), "rate": rate} | errors)
-
-    def write(self, entry: dict[str, Any]) -> None:
-        """Append one line."""
-        with self._path.open("a") as file:
-            file.write(json.dumps(entry) + "\n")

@@ -22,7 +22,7 @@ from patchnet.training.settings import TrainSettings
 
 torch = pytest.importorskip("torch")
 from patchnet.training.benchmarks import device as device_bench  # noqa: E402  needs torch
-from patchnet.training.crews import FedGpuCrew, GpuCrew, ThreadCrew, crew_for, plan_of_step  # noqa: E402
+from patchnet.training.crews import ALONE, FedGpuCrew, GpuCrew, StepPlan, ThreadCrew, crew_for, plan_of_step  # noqa: E402
 from patchnet.training.learner import Learner  # noqa: E402  needs torch
 from patchnet.training.tensor_batch import TensorBatch  # noqa: E402  needs torch
 from patchnet.training.torch_corpus import TorchCorpus  # noqa: E402  needs torch
@@ -85,9 +85,10 @@ def test_batches_that_are_gathered_on_a_device(lookahead: int, device: str) -> N
 )
 def test_all_crews_take_the_same_steps(datasets: list[Dataset], kind: type, threads: int, device: str) -> None:
     corpus, _ = corpus_of(datasets)
-    one = ThreadCrew(Learner(SETTINGS), corpus, VOXELS, 1)
+    plan = StepPlan(corpus, SETTINGS, VOXELS, ALONE)
+    one = ThreadCrew(Learner(SETTINGS), plan, 1)
     arguments = (threads,) if threads else ()
-    other = kind(Learner(SETTINGS, device=device), corpus, VOXELS, *arguments)
+    other = kind(Learner(SETTINGS, device=device), plan, *arguments)
     try:
         for step in range(3):
             (wanted,), errors = one.gradients(step, torch.float32)

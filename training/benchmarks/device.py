@@ -33,7 +33,7 @@ from ...patchnet_addon.runtime.threads import usable_cores
 from ..corpus import Corpus, corpus_of
 from ..crews import DEVICE, HOST, Crew, crew_for
 from ..dataset import Dataset
-from ..learner import Learner
+from ..learner import Learner, mean_errors
 from ..provenance import describe_machine, describe_versions
 from ..samples import SampleSettings, draw_samples
 from ..settings import ABSOLUTE, BF16, FP32, IMPROVED, TF32
@@ -257,9 +257,9 @@ class Training:
         crew = self._kept or crew_for(self._learner, self._corpus, self._voxels, self._threads, self._gather)
         first = None
         for _ in range(self._steps):
-            gradients, errors = crew.gradients(self._learner.steps, self._type)
+            gradients, sums = crew.gradients(self._learner.steps, self._type)
             self._learner.step(gradients, 1e-4)
-            first = errors if first is None else first
+            first = mean_errors(sums) if first is None else first
         assert first is not None
         _finished(self._learner.device, None)
         if self._gather == HOST:  # it gathers ahead, and would do so outside the time

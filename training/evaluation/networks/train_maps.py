@@ -20,7 +20,8 @@ from ....patchnet_addon.runtime import bounds
 from ....patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ...run_files import CHECKPOINT, LOG
-from ...trainer import Log, load_checkpoint, write_checkpoint
+from ...run_log import Log
+from ...trainer import load_checkpoint, write_checkpoint
 from .crops import batch_of_crops
 from .map_file import save_map
 from .map_network import MapBatch, MapNetwork

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Processes that train together, as torchrun starts them: the same steps as one process takes."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.network.weights import load_weights
+from patchnet.patchnet_addon.octree.file import save_octree
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.training.dataset import save_samples
+from patchnet.training.procedural import spheres_and_slats
+from patchnet.training.samples import SampleSettings, draw_samples
+
+pytest.importorskip("torch")
+from patchnet.training.processes import Processes
+
+STEPS, BATCH = 12, 128
+
+
+@pytest.fixture(scope="module")
+def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("samples")
+    octree, settings = spheres_and_slats(6, seed=4), SampleSettings(views=4, min_level=3, seed=2)
+    save_octree(octree, folder / "slats.safetensors")
+    drawn = drain(draw_samples(octree, 2000, settings))
+    save_samples(drawn, folder / "slats.safetensors", octree, settings, folder / "slats.samples.safetensors")
+    return folder / "slats.samples.safetensors"
+
+
+def train(samples: Path, out: Path, *launcher: str) -> list[dict]:
+    """Lines of the log of a run that `launcher` starts."""
+    words = ["train", samples, "--out", out, "--preset", "quick", "--passes", STEPS * BATCH, "--batch", BATCH]
+    words += ["--precision", "fp32", "--threads", "1"]
+    command = [sys.executable, *launcher, "-m", "patchnet", *map(str, words)]
+    done = subprocess.run(command, env=os.environ | {"OMP_NUM_THREADS": "1"}, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]
+
+
+def test_two_processes_take_the_steps_of_one(samples: Path, tmp_path: Path) -> None:
+    launcher = ("-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2")
+    alone, together = train(samples, tmp_path / "alone"), train(samples, tmp_path / "together", *launcher)
+    assert len(alone) == len(together)
+    for one, other in zip(alone, together, strict=True):
+        if "coverage" in one:
+            assert other["coverage"] == pytest.approx(one["coverage"], rel=1e-3)
+    weights = [load_weights(tmp_path / name / "patchnet.safetensors") for name in ("alone", "together")]
+    for one, other in zip(*(found.arrays().values() for found in weights), strict=True):
+        np.testing.assert_allclose(other, one, atol=2e-4)  # Adam divides by small numbers
+
+
+def test_shares_are_all_and_none_twice() -> None:
+    parts = [range(10)[Processes(rank, 3).part(10)] for rank in range(3)]
+    assert [one for part in parts for one in part] == list(range(10))
+
+
+def test_what_torchrun_does_not_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WORLD_SIZE", "many")
+    with pytest.raises(SettingError, match="start the processes with torchrun"):
+        Processes.joined()
