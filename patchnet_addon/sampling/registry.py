@@ -11,20 +11,22 @@ from . import (
     random,
     ss_variance,
 )
+from .plus import strategies
 from .strategy import Strategy
 
-DEFAULT = "patchnet-behind"
+DEFAULT = "patchnet-plus"
 
 STRATEGIES: dict[str, Strategy] = {
-    module.STRATEGY.name: module.STRATEGY
-    for module in (
-        patchnet_behind,
-        patchnet,
-        ss_variance,
-        random,
-        patchnet_behind_exact,
-        patchnet_exact,
-        optimal,
+    strategy.name: strategy
+    for strategy in (
+        *strategies.STRATEGIES,
+        patchnet_behind.STRATEGY,
+        patchnet.STRATEGY,
+        ss_variance.STRATEGY,
+        random.STRATEGY,
+        patchnet_behind_exact.STRATEGY,
+        patchnet_exact.STRATEGY,
+        optimal.STRATEGY,
     )
 }
 

@@ -34,8 +34,8 @@ class _Network(NamedTuple):
     """Form and its layers as the kernel reads them.
 
     table: (F, 3) int64 and shares: (F,) float32, see `Form`. base, depth, per_pixel, normal: indices of planes.
-    hidden: weights of both layers with ReLU, of each six outputs, for each input its six weights; last: of the output;
-    bias: of all layers; floor: (1,) zero, in memory, from where it is spread over a vector. All float32, flat.
+    hidden: weights of both layers with ReLU, of each six outputs, for each input its six weights; last: of the outputs,
+    one after the other; skip: of the features in the second output; bias: of all layers; floor: (1,) zero, in memory, from where it is spread over a vector. All float32, flat.
     """
 
     table: np.ndarray
@@ -46,6 +46,7 @@ class _Network(NamedTuple):
     normal: int
     hidden: np.ndarray
     last: np.ndarray
+    skip: np.ndarray
     bias: np.ndarray
     floor: np.ndarray
 
@@ -67,7 +68,7 @@ def estimate(buffers: PixelBuffers, estimators: Estimators, form: Form) -> np.nd
 
 @cache
 def _packed(estimators: Estimators, form: Form) -> _Network:
-    layers = estimators.layers[form.name]
+    layers, skip = estimators.networks[form.name]
     hidden = [matrix.reshape(-1, OUTPUTS, matrix.shape[1]).swapaxes(1, 2) for matrix, _ in layers[:-1]]
     place = {plane: index for index, plane in enumerate(form.planes)}
     return _Network(
@@ -78,7 +79,8 @@ def _packed(estimators: Estimators, form: Form) -> _Network:
         place[Plane.PER_PIXEL],
         place[Plane.NORMAL_X],
         np.concatenate([blocks.ravel() for blocks in hidden]),
-        layers[-1][0].ravel().copy(),
+        layers[-1][0].ravel(),
+        skip,
         np.concatenate([bias for _, bias in layers]),
         np.zeros(1, np.float32),
     )
@@ -101,10 +103,10 @@ def _estimate(first, last, planes, shape, active, network, scores):  # type: ign
             apply_layer(
                 tile, HIDDEN, others, HIDDEN, network.hidden[depth * HIDDEN :], network.bias[HIDDEN:], network.floor
             )
-            _apply_last(others, network.last, network.bias[2 * HIDDEN :], tile)
+            _apply_last(others, features, network, tile)
             for place in range(count):
                 if active[row, column + place]:
-                    scores[row, column + place] = math.sqrt(scale[place]) * tile[place]
+                    scores[row, column + place] = math.sqrt(scale[place] * tile[place])
 
 
 @device
@@ -165,14 +167,20 @@ def _divide(table, features, scale):  # type: ignore[no-untyped-def]
 
 
 @device
-def _apply_last(inputs, weights, bias, results):  # type: ignore[no-untyped-def]
-    """Last layer: e^(output / 2) in the first row of the results."""
+def _apply_last(inputs, features, network, results):  # type: ignore[no-untyped-def]
+    """Last layer: e^variance + mean^2 in the first row of the results, the mean in the second."""
+    last, skip, bias = network.last, network.skip, network.bias
     for pixel in range(0, TILE, WIDE_LANES):
-        total = spread_wide(bias, 0)
+        variance, mean = spread_wide(bias, 2 * HIDDEN), spread_wide(bias, 2 * HIDDEN + 1)
         for row in range(HIDDEN):
-            total = add_product(total, load_wide(inputs, row * TILE + pixel), spread_wide(weights, row))
-        store(results, pixel, total)
+            values = load_wide(inputs, row * TILE + pixel)
+            variance = add_product(variance, values, spread_wide(last, row))
+            mean = add_product(mean, values, spread_wide(last, HIDDEN + row))
+        for row in range(len(skip)):
+            mean = add_product(mean, load_wide(features, row * TILE + pixel), spread_wide(skip, row))
+        store(results, pixel, variance)
+        store(results, TILE + pixel, mean)
     bits = results.view(np.int32)
     for index in range(TILE):
-        output = min(max(results[index], _LOW), _HIGH)
-        write_exponential(results, bits, index, np.float32(0.5) * output)
+        write_exponential(results, bits, index, min(max(results[index], _LOW), _HIGH))
+        results[index] += results[TILE + index] * results[TILE + index]

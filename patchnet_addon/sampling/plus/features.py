@@ -10,7 +10,7 @@ from .forms import CENTRE, FLOOR, Form, Kind, Plane
 from .planes import view_planes
 from .weights import Estimators
 
-LOWEST, HIGHEST = -12.0, 8.0  # of the network's output, a logarithm
+LOWEST, HIGHEST = -12.0, 8.0  # of the variance's logarithm
 
 
 def windows_of(planes: np.ndarray) -> np.ndarray:
@@ -46,9 +46,10 @@ def features_of(windows: np.ndarray, form: Form) -> tuple[np.ndarray, np.ndarray
 def estimate_reference(buffers: PixelBuffers, estimators: Estimators, form: Form) -> np.ndarray:
     """Expected error sqrt(E[e^2]) of every pixel, (P,) float32; reference of `estimate`, which leaves out some."""
     values, scale = features_of(windows_of(view_planes(buffers, form.planes)), form)
-    *hidden, (matrix, bias) = estimators.layers[form.name]
+    (*hidden, (matrix, bias)), skip = estimators.networks[form.name]
+    direct = skip @ values
     for weight, offset in hidden:
         values = np.maximum(weight @ values + offset[:, None], 0)
-    output = np.clip((matrix @ values + bias[:, None])[0], LOWEST, HIGHEST)
-    result: np.ndarray = np.sqrt(scale) * np.exp(output / 2)
+    variance, mean = matrix @ values + bias[:, None]
+    result: np.ndarray = np.sqrt(scale * ((mean + direct) ** 2 + np.exp(np.clip(variance, LOWEST, HIGHEST))))
     return result

@@ -83,8 +83,8 @@ class Feature:
 class Form:
     """Form of the estimator.
 
-    name: of its network in files. network: whether it sees what PatchNet says. rays: further rays that it sees, 0, 1
-    (finer and behind, one walk) or 4 (finer, 2x2). shown: picture whose error it estimates, PREVIEW or PREDICTED.
+    name: of its network in files. network: whether it sees what PatchNet says. rays: further finer rays that it
+    sees, 0, 1 or 4 (2x2). shown: picture whose error it estimates, PREVIEW or PREDICTED.
     """
 
     name: str
@@ -145,9 +145,9 @@ def _luminances(form: Form) -> Iterator[Feature]:
         yield from _all_of(Plane.PATCH)
     if form.rays == 1 or predicted:
         yield from _all_of(Plane.FINE)
+    if predicted:
         yield from _all_of(Plane.BEHIND, (CENTRE,))
-        if form.network:
-            yield from _all_of(Plane.PREDICTED, AROUND if predicted else WINDOW)
+        yield from _all_of(Plane.PREDICTED, AROUND)
     if form.rays == 4:
         yield from _differences(*((Plane(Plane.RAY_0 + ray), CENTRE) for ray in range(4)))
         yield from _differences(*((Plane(Plane.RAY_0 + ray), place) for ray, place in NEXT_RAYS))
@@ -166,7 +166,7 @@ def _geometry(form: Form) -> Iterator[Feature]:
         yield Feature(Kind.VALUE, Plane.LOOK_AHEAD, CENTRE)
         for place in WINDOW:
             yield Feature(Kind.VALUE, Plane.COVERAGE, place)
-    if form.rays == 1 or form.shown == PREDICTED:
+    if form.shown == PREDICTED:
         yield Feature(Kind.VALUE, Plane.BEHIND_HIT, CENTRE)
 
 

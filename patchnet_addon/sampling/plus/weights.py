@@ -6,8 +6,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,18 +24,29 @@ Layer = tuple[np.ndarray, np.ndarray]
 
 
 def layer_sizes(form: Form) -> tuple[int, ...]:
-    """Values between the layers of a form's network, its features first."""
-    return (len(form.features), HIDDEN, HIDDEN, 1)
+    """Values between the layers of a form's network, its features first, its two outputs last."""
+    return (len(form.features), HIDDEN, HIDDEN, 2)
+
+
+class Network(NamedTuple):
+    """Network of a form: linear layers with ReLU between them, of sizes `layer_sizes`.
+
+    Outputs: logarithm of the variance, and mean of the error, both over the scale. skip: (F,) float32, linear terms of
+    the features in the mean.
+    """
+
+    layers: tuple[Layer, ...]
+    skip: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class Estimators:
-    """Networks of all forms: linear layers with ReLU between them, of sizes `layer_sizes`.
+    """Networks of all forms by name.
 
-    layers: by the form's name. metadata: how they were trained, plain JSON values; not part of the hash.
+    metadata: how they were trained, plain JSON values; not part of the hash.
     """
 
-    layers: Mapping[str, tuple[Layer, ...]]
+    networks: Mapping[str, Network]
     metadata: dict[str, Any] = field(default_factory=dict)
 
     @cached_property
@@ -43,35 +55,35 @@ class Estimators:
         return content_hash(self.arrays())
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """All arrays by name: plus-0.0.weight, plus-0.0.bias, ..."""
-        return {
-            f"{form}.{index}.{name}": array
-            for form, layers in self.layers.items()
-            for index, layer in enumerate(layers)
-            for name, array in zip(("weight", "bias"), layer, strict=True)
-        }
+        """All arrays by name: plus-0.0.weight, plus-0.0.bias, ..., plus-0.skip, ..."""
+        found = {}
+        for form, network in self.networks.items():
+            for index, (matrix, bias) in enumerate(network.layers):
+                found |= {f"{form}.{index}.weight": matrix, f"{form}.{index}.bias": bias}
+            found[f"{form}.skip"] = network.skip
+        return found
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray], metadata: dict[str, Any] | None = None) -> Estimators:
         """Inverse of `arrays`; raises KeyError for a missing one and ValueError for a wrong shape or value."""
-        layers = {name: _layers(arrays, form) for name, form in FORMS.items()}
-        return cls(layers, dict(metadata or {}))
+        return cls({name: _network(arrays, form) for name, form in FORMS.items()}, dict(metadata or {}))
 
     @classmethod
     def random(cls, seed: int = 0) -> Estimators:
         """Untrained weights, for tests."""
         random = np.random.default_rng(seed)
 
-        def layers(sizes: tuple[int, ...]) -> tuple[Layer, ...]:
-            return tuple(
-                (
-                    (random.standard_normal((after, before)) * before**-0.5).astype(np.float32),
-                    (random.standard_normal(after) * 0.1).astype(np.float32),
-                )
-                for before, after in zip(sizes, sizes[1:], strict=False)
-            )
+        def normal(*shape: int, deviation: float) -> np.ndarray:
+            return (random.standard_normal(shape) * deviation).astype(np.float32)
 
-        return cls({name: layers(layer_sizes(form)) for name, form in FORMS.items()}, {"random_seed": seed})
+        def network(form: Form) -> Network:
+            layers = tuple(
+                (normal(after, before, deviation=before**-0.5), normal(after, deviation=0.1))
+                for before, after in pairwise(layer_sizes(form))
+            )
+            return Network(layers, normal(len(form.features), deviation=0.1))
+
+        return cls({name: network(form) for name, form in FORMS.items()}, {"random_seed": seed})
 
 
 def save_estimators(estimators: Estimators, path: str | Path) -> None:
@@ -109,15 +121,16 @@ def shipped_path() -> Path:
     return Path(__file__).parent / "weights" / "plus.safetensors"
 
 
-def _layers(arrays: Mapping[str, np.ndarray], form: Form) -> tuple[Layer, ...]:
+def _network(arrays: Mapping[str, np.ndarray], form: Form) -> Network:
     sizes = layer_sizes(form)
-    return tuple(
+    layers = tuple(
         (
             _checked(arrays, f"{form.name}.{index}.weight", (sizes[index + 1], sizes[index])),
             _checked(arrays, f"{form.name}.{index}.bias", (sizes[index + 1],)),
         )
         for index in range(len(sizes) - 1)
     )
+    return Network(layers, _checked(arrays, f"{form.name}.skip", (sizes[0],)))
 
 
 def _checked(arrays: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
