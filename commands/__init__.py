@@ -29,6 +29,7 @@ NAMES: tuple[str, ...] = (
     "dataset",
     "train",
     "train-maps",
+    "train-plus",
     "evaluate",
     "figures",
     "evaluate-cycles",

@@ -16,7 +16,19 @@ from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera
 from .pixel_buffers import PixelBuffers
 from .predicted import PREDICTED, PREVIEW, check_unrefined
-from .strategy import BEHIND, CHILD_MASK, EXACT, EXACT_1, FINE, FINE_4, FINE_RAYS, NORMAL, PREDICTION, REFERENCE, Strategy
+from .strategy import (
+    BEHIND,
+    CHILD_MASK,
+    EXACT,
+    EXACT_1,
+    FINE,
+    FINE_4,
+    FINE_RAYS,
+    NORMAL,
+    PREDICTION,
+    REFERENCE,
+    Strategy,
+)
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree

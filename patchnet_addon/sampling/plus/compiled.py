@@ -20,7 +20,7 @@ from ...runtime.threads import run_parts
 from ...runtime.vectors import store
 from ..pixel_buffers import PixelBuffers
 from .features import HIGHEST, LOWEST
-from .forms import CENTRE, FLOOR, Form, Kind, Plane
+from .forms import FLOOR, Form, Kind, Plane
 from .planes import view_planes
 from .weights import HIDDEN, Estimators
 
@@ -34,8 +34,9 @@ class _Network(NamedTuple):
     """Form and its layers as the kernel reads them.
 
     table: (F, 3) int64 and shares: (F,) float32, see `Form`. base, depth, per_pixel, normal: indices of planes.
-    hidden: weights of both layers with ReLU, of each six outputs, for each input its six weights; last: of the outputs,
-    one after the other; skip: of the features in the second output; bias: of all layers; floor: (1,) zero, in memory, from where it is spread over a vector. All float32, flat.
+    hidden: weights of both layers with ReLU, of each six outputs, for each input its six weights. last: of the outputs,
+    one after the other. skip: of the features in the second output. bias: of all layers. floor: (1,) zero, in memory,
+    from where it is spread over a vector. All float32, flat.
     """
 
     table: np.ndarray

@@ -6,9 +6,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..pixel_buffers import PixelBuffers
-from ..strategy import CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PREDICTION, Strategy
+from ..strategy import BEHIND, CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PREDICTION, Strategy
 from .forms import FORMS, Form
 
+_GEOMETRY = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE})
+NEEDS = _GEOMETRY | {PREDICTION, BEHIND, FINE, FINE_RAYS}  # of all forms
 _RAYS = {0: frozenset[str](), 1: frozenset({FINE}), 4: frozenset({FINE_RAYS})}
 
 
@@ -29,7 +31,7 @@ def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str
         name=name,
         title=title,
         description=description,
-        needs=frozenset({NORMAL, CHILD_MASK, CUBE_SIDE}) | _RAYS[form.rays] | ({PREDICTION} if form.network else set()),
+        needs=_GEOMETRY | _RAYS[form.rays] | ({PREDICTION} if form.network else set()),
         score=score,
         quantity="expected luminance error",
         maximum=0.5,
