@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from ...patchnet_addon.sampling.plus.features import HIGHEST, LOWEST, features_of
-from ...patchnet_addon.sampling.plus.forms import Form
+from ...patchnet_addon.sampling.plus.forms import Form, Plane
 from ...patchnet_addon.sampling.plus.weights import Network, layer_sizes
 
 _MOVING = 0.002  # of the present weights in the moving mean, at each step
@@ -23,9 +23,9 @@ class FormLearner:
     """
 
     def __init__(self, form: Form, windows: np.ndarray, unit: float, rate: float, seed: int) -> None:
-        """Make a network for a form; windows: (C, 9, N) of some pixels, to scale the features by."""
+        """Make a network for a form; windows: (C, 9, N) of all planes of some pixels, to scale the features by."""
         self.form, self.unit, self.losses = form, max(unit, 1e-12), list[float]()
-        features, _ = features_of(windows[list(form.planes)], form)
+        features, _ = features_of(windows, form, tuple(Plane))
         self.mean, self.deviation = features.mean(axis=1), features.std(axis=1) + np.float32(1e-3)
         count, hidden, _, outputs = layer_sizes(form)
         with torch.random.fork_rng(devices=[]):
@@ -44,7 +44,7 @@ class FormLearner:
 
     def step(self, windows: np.ndarray, errors: np.ndarray, rate: float) -> None:
         """Take one step with pixels' windows (C, 9, B) and squared errors (B,), at a learning rate."""
-        features, scale = features_of(windows[list(self.form.planes)], self.form)
+        features, scale = features_of(windows, self.form, tuple(Plane))
         inputs = ((features - self.mean[:, None]) / self.deviation[:, None]).T
         expected = torch.from_numpy(scale) * self._outputs(torch.from_numpy(np.ascontiguousarray(inputs)))
         # Deviance of Poisson's distribution but for a constant: its minimum is the mean, whatever the distribution is.
@@ -80,8 +80,3 @@ class FormLearner:
             values = torch.relu(layer(values))
         variance, mean = self.layers[-1](values).unbind(1)
         return (mean + inputs @ self.skip) ** 2 + torch.exp(variance.clamp(LOWEST, HIGHEST))
-
-
-def poisson_loss(expected: np.ndarray, errors: np.ndarray, unit: float) -> float:
-    """Loss of expected squared errors (N,) for squared errors (N,), as the learner has it."""
-    return float((expected - errors * np.log(expected)).mean() / unit)

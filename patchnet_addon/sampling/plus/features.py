@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..pixel_buffers import PixelBuffers
-from .forms import CENTRE, FLOOR, Form, Kind, Plane
+from .forms import CENTRE, FLOOR, NORMALS, Form, Kind, Plane
 from .planes import view_planes
 from .weights import Estimators
 
@@ -21,25 +23,35 @@ def windows_of(planes: np.ndarray) -> np.ndarray:
     return np.stack(parts, axis=1).reshape(count, 9, -1)
 
 
-def features_of(windows: np.ndarray, form: Form) -> tuple[np.ndarray, np.ndarray]:
-    """Features (F, N) float32 of windows (C, 9, N) of the form's planes, and the squared scale (N,) float32.
+def features_of(
+    windows: np.ndarray, form: Form, planes: Sequence[Plane] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Features (F, N) float32 of windows (C, 9, N) of `planes`, and the squared scale (N,) float32.
 
     The scale is the mean size of the differences of luminance that a pixel knows; they are divided by it, so that the
-    same pattern looks the same at any contrast.
+    same pattern looks the same at any contrast. planes: those of the form unless they are given.
     """
-    index = {plane: number for number, plane in enumerate(form.planes)}
-    kind, plane, place = form.table.T
-    values = windows[plane, place]  # (F, N)
-    here = windows[:, CENTRE]
-    differences, slopes, angles = (kind == one for one in (Kind.DIFFERENCE, Kind.SLOPE, Kind.ANGLE))
-    values[differences] -= here[index[form.base]]
-    scale = np.float32(FLOOR) + form.shares[differences] @ values[differences] ** 2
-    values[differences] /= np.sqrt(scale)
-    slope = (values[slopes] - here[index[Plane.DEPTH]]) * here[index[Plane.PER_PIXEL]]
-    values[slopes] = slope / (1 + np.abs(slope))
-    normal = index[Plane.NORMAL_X]
-    values[angles] = sum(windows[normal + axis, place[angles]] * here[normal + axis] for axis in range(3))
-    values[kind == Kind.SCALE] = np.log(scale)
+    planes = form.planes if planes is None else planes
+    there = {plane: windows[number] for number, plane in enumerate(planes)}
+    here = {plane: window[CENTRE] for plane, window in there.items()}
+    values = np.empty((len(form.features), windows.shape[2]), np.float32)
+    scale = np.full(windows.shape[2], FLOOR, np.float32)
+    for row, feature in zip(values, form.features, strict=True):
+        value = there[feature.plane][feature.place]
+        if feature.kind == Kind.DIFFERENCE:
+            np.subtract(value, here[form.base], out=row)
+            scale += np.float32(feature.share) * row**2
+        elif feature.kind == Kind.SLOPE:
+            slope = (value - here[Plane.DEPTH]) * here[Plane.PER_PIXEL]
+            np.divide(slope, 1 + np.abs(slope), out=row)
+        elif feature.kind == Kind.ANGLE:
+            row[:] = sum(there[normal][feature.place] * here[normal] for normal in NORMALS)
+        else:
+            row[:] = value
+    differences = [feature.kind == Kind.DIFFERENCE for feature in form.features]
+    first, last = differences.index(True), len(differences) - differences[::-1].index(True)
+    values[first:last] /= np.sqrt(scale)
+    np.log(scale, out=values[-1])
     return values, scale
 
 

@@ -51,7 +51,8 @@ class Plane(IntEnum):
     RAY_3 = 20
 
 
-_ALWAYS = (Plane.DEPTH, Plane.PER_PIXEL, Plane.NORMAL_X, Plane.NORMAL_Y, Plane.NORMAL_Z)  # of slopes and angles
+NORMALS = (Plane.NORMAL_X, Plane.NORMAL_Y, Plane.NORMAL_Z)
+_ALWAYS = (Plane.DEPTH, Plane.PER_PIXEL, *NORMALS)  # of slopes and angles
 
 
 class Kind(IntEnum):
@@ -99,7 +100,7 @@ class Form:
 
     @cached_property
     def features(self) -> tuple[Feature, ...]:
-        """Features in the order of the network's inputs; the logarithm of the scale is the last one."""
+        """Features in the order of the network's inputs: differences in one run, the logarithm of the scale last."""
         scale = Feature(Kind.SCALE, self.base, CENTRE)
         return (*_luminances(self), *_geometry(self), scale)
 
