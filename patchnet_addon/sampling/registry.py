@@ -8,10 +8,10 @@ from . import (
     patchnet_behind,
     patchnet_behind_exact,
     patchnet_exact,
+    patchnet_plus,
     random,
     ss_variance,
 )
-from .plus import strategies
 from .strategy import Strategy
 
 DEFAULT = "patchnet-plus"
@@ -19,7 +19,7 @@ DEFAULT = "patchnet-plus"
 STRATEGIES: dict[str, Strategy] = {
     strategy.name: strategy
     for strategy in (
-        *strategies.STRATEGIES,
+        *patchnet_plus.STRATEGIES,
         patchnet_behind.STRATEGY,
         patchnet.STRATEGY,
         ss_variance.STRATEGY,

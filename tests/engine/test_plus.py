@@ -14,12 +14,10 @@ from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileErro
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
+from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error
 from patchnet.patchnet_addon.sampling.plus import compiled
-from patchnet.patchnet_addon.sampling.plus.compiled import estimate
 from patchnet.patchnet_addon.sampling.plus.features import estimate_reference, features_of, windows_of
 from patchnet.patchnet_addon.sampling.plus.forms import CENTRE, FAR, FORMS, Kind, Plane
-from patchnet.patchnet_addon.sampling.plus.planes import view_planes
-from patchnet.patchnet_addon.sampling.plus.strategies import NEEDS
 from patchnet.patchnet_addon.sampling.plus.weights import (
     KIND,
     Estimators,
@@ -27,6 +25,7 @@ from patchnet.patchnet_addon.sampling.plus.weights import (
     save_estimators,
     shipped_estimators,
 )
+from patchnet.patchnet_addon.sampling.plus_planes import view_planes
 from patchnet.patchnet_addon.sampling.predicted import PREDICTED
 from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
@@ -59,6 +58,10 @@ def view(coded, size_px=(75, 40), needs=ALL, **settings):
     return drain(trace_view(coded.octree, camera, [needs], coded=coded, reference=False, **settings))
 
 
+def reference(buffers, estimators, form):
+    return estimate_reference(view_planes(buffers, form.planes), estimators, form)
+
+
 @pytest.fixture(scope="module")
 def buffers(coded):
     return view(coded)
@@ -78,7 +81,7 @@ def test_fine_rays_have_the_mean_of_a_finer_picture(coded):
 def test_kernel_is_the_reference(name, size_px, coded, estimators):
     """Sums of the layers are rounded otherwise, each to about 1e-7."""
     seen = view(coded, size_px)
-    found, expected = estimate(seen, estimators, FORMS[name]), estimate_reference(seen, estimators, FORMS[name])
+    found, expected = estimated_error(seen, estimators, FORMS[name]), reference(seen, estimators, FORMS[name])
     np.testing.assert_allclose(found[seen.active], expected[seen.active], rtol=1e-5, atol=1e-7)
     assert (found[~seen.active] == 0).all() and found.dtype == np.float32
 
@@ -86,27 +89,27 @@ def test_kernel_is_the_reference(name, size_px, coded, estimators):
 @pytest.mark.parametrize("kind", [ORTHOGRAPHIC])
 def test_orthographic_views(kind, coded, estimators):
     seen = view(coded, (40, 40), kind=kind)
-    found = estimate(seen, estimators, FORMS["plus-4"])
+    found = estimated_error(seen, estimators, FORMS["plus-4"])
     assert np.isfinite(found).all() and (found[seen.active] > 0).all()
 
 
 def test_bands_and_whole_pictures_are_the_same(buffers, estimators, monkeypatch):
-    whole = estimate(buffers, estimators, FORMS["plus-1"])
+    whole = estimated_error(buffers, estimators, FORMS["plus-1"])
     monkeypatch.setattr(compiled, "_BAND_ROWS", 7)
-    np.testing.assert_array_equal(estimate(buffers, estimators, FORMS["plus-1"]), whole)
+    np.testing.assert_array_equal(estimated_error(buffers, estimators, FORMS["plus-1"]), whole)
 
 
 def test_nothing_is_met(coded, estimators):
     away = Camera.look_at(EYE, 2 * EYE, size_px=(20, 10))
     seen = drain(trace_view(coded.octree, away, [ALL], coded=coded, reference=False))
     assert not seen.hit.any()
-    assert (estimate(seen, estimators, FORMS["plus-4"]) == 0).all()
-    assert np.isfinite(estimate_reference(seen, estimators, FORMS["plus-4"])).all()
+    assert (estimated_error(seen, estimators, FORMS["plus-4"]) == 0).all()
+    assert np.isfinite(reference(seen, estimators, FORMS["plus-4"])).all()
 
 
 def test_pixels_beside_the_surface_have_an_error(buffers, estimators):
     beside = buffers.active & ~buffers.hit
-    assert beside.any() and (estimate(buffers, estimators, FORMS["plus-0"])[beside] > 0).all()
+    assert beside.any() and (estimated_error(buffers, estimators, FORMS["plus-0"])[beside] > 0).all()
 
 
 def test_planes_and_their_border(buffers):
@@ -152,7 +155,7 @@ def test_forms_see_what_they_pay_for():
     for name, form in FORMS.items():
         seen = {feature.plane for feature in form.features}
         assert bool(seen & {Plane.COVERAGE, Plane.PATCH, Plane.LOOK_AHEAD, Plane.PREDICTED}) == form.network
-        assert (Plane.FINE in seen) == (form.rays == 1 or form.shown == PREDICTED)
+        assert (Plane.FINE in seen) == (form.rays == 1 or form.shown == Plane.PREDICTED)
         assert (Plane.RAY_0 in seen) == (form.rays == 4)
         assert name == form.name and form.features[-1].kind == Kind.SCALE
 
@@ -200,7 +203,7 @@ def test_strategies_score_what_they_say(coded):
     for name, form in zip(PLUS, ("plus-4", "plus-1", "plus-0", "plain-4", "plain-1", "plain-0"), strict=True):
         strategy = EVALUATED[name]
         seen = view(coded, (30, 20), strategy)  # with its own needs and nothing else
-        np.testing.assert_array_equal(strategy.scores(seen), estimate(seen, shipped_estimators(), FORMS[form]))
+        np.testing.assert_array_equal(strategy.scores(seen), estimated_error(seen, shipped_estimators(), FORMS[form]))
         assert strategy.extra_rays == FORMS[form].rays
     with pytest.raises(SettingError, match="needs the view's child_mask, normal"):
         EVALUATED["plain-plus-0"].scores(replace(seen, child_mask=None, normal=None))
@@ -210,7 +213,7 @@ def test_predicted_picture_has_estimates_of_its_own(coded):
     for name, form in (("patchnet-plus", "predicted-4"), ("patchnet-plus-1", "predicted-1")):
         seen = view(coded, (30, 20), STRATEGIES[name], unrefined=PREDICTED)
         found = STRATEGIES[name].scores(seen)
-        np.testing.assert_array_equal(found, estimate(seen, shipped_estimators(), FORMS[form]))
+        np.testing.assert_array_equal(found, estimated_error(seen, shipped_estimators(), FORMS[form]))
 
 
 def test_adaptive_pictures_join_what_estimators_see(coded):

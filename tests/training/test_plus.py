@@ -14,16 +14,16 @@ from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS
 from patchnet.patchnet_addon.sampling.plus.features import features_of
 from patchnet.patchnet_addon.sampling.plus.forms import FORMS, Plane
-from patchnet.patchnet_addon.sampling.plus.strategies import NEEDS
 from patchnet.patchnet_addon.sampling.plus.weights import load_estimators
 from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.plus import frames
 from patchnet.training.plus.pixel_table import SYMMETRIES, PixelTable, symmetries
-from patchnet.training.benchmarks.shells import octree_of_shells
 
 torch = pytest.importorskip("torch")
 

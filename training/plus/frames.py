@@ -19,8 +19,8 @@ from ...patchnet_addon.runtime.errors import FileFormatError
 from ...patchnet_addon.runtime.files import read_arrays, write_arrays
 from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.runtime.source_hash import source_hash
+from ...patchnet_addon.sampling.patchnet_plus import NEEDS
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from ...patchnet_addon.sampling.plus.strategies import NEEDS
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera

@@ -12,8 +12,7 @@ import numpy as np
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.plus.features import windows_of
 from ...patchnet_addon.sampling.plus.forms import Plane
-from ...patchnet_addon.sampling.plus.planes import view_planes
-from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
+from ...patchnet_addon.sampling.plus_planes import view_planes
 
 SYMMETRIES = 8  # of a square
 _RAYS = slice(Plane.RAY_0, Plane.RAY_3 + 1)
@@ -23,12 +22,12 @@ _RAYS = slice(Plane.RAY_0, Plane.RAY_3 + 1)
 class PixelTable:
     """Table of N pixels.
 
-    windows: (N, C, 9) float32 of all planes, in the order of `Plane`. errors: by the picture that is shown, (N,)
-    float32, its squared error.
+    windows: (N, C, 9) float32 of all planes, in the order of `Plane`. errors: by the plane of the picture that is
+    shown, (N,) float32, its squared error.
     """
 
     windows: np.ndarray
-    errors: dict[str, np.ndarray]
+    errors: dict[Plane, np.ndarray]
 
     @classmethod
     def of(cls, views: Iterable[PixelBuffers], pixels: int, seed: int) -> PixelTable:
@@ -40,7 +39,7 @@ class PixelTable:
     def joined(cls, parts: list[PixelTable]) -> PixelTable:
         """Join tables."""
         windows = np.concatenate([np.empty((0, len(Plane), 9), np.float32), *(part.windows for part in parts)])
-        shown = (PREVIEW, PREDICTED)
+        shown = (Plane.LUMINANCE, Plane.PREDICTED)
         none = np.empty(0, np.float32)
         return cls(windows, {name: np.concatenate([none, *(part.errors[name] for part in parts)]) for name in shown})
 
@@ -71,6 +70,6 @@ def _pixels_of(view: PixelBuffers, pixels: int, random: np.random.Generator) -> 
     active = np.flatnonzero(view.active)
     chosen = np.sort(random.choice(active, min(pixels, len(active)), replace=False))
     windows = windows_of(view_planes(view, tuple(Plane)))[:, :, chosen]
-    shown = {PREVIEW: view.preview, PREDICTED: view.predicted}
+    shown = {Plane.LUMINANCE: view.preview, Plane.PREDICTED: view.predicted}
     errors = {name: (picture[chosen] - view.reference[chosen]) ** 2 for name, picture in shown.items()}
     return PixelTable(np.ascontiguousarray(windows.transpose(2, 0, 1)), errors)

@@ -8,6 +8,7 @@ Runs without an active pixel are skipped.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -18,10 +19,8 @@ from ...network.lanes import WIDE_LANES, add_product, load_wide, spread_wide
 from ...runtime.kernels import device, kernel
 from ...runtime.threads import run_parts
 from ...runtime.vectors import store
-from ..pixel_buffers import PixelBuffers
 from .features import HIGHEST, LOWEST
 from .forms import FLOOR, Form, Kind, Plane
-from .planes import view_planes
 from .weights import HIDDEN, Estimators
 
 _BAND_ROWS = 256  # whose planes are made at once
@@ -52,19 +51,24 @@ class _Network(NamedTuple):
     floor: np.ndarray
 
 
-def estimate(buffers: PixelBuffers, estimators: Estimators, form: Form) -> np.ndarray:
-    """Expected error sqrt(E[e^2]), (P,) float32, of the picture `form.shown` in each active pixel; 0 elsewhere."""
+def estimate(
+    planes_of: Callable[[int, int], np.ndarray], active: np.ndarray, estimators: Estimators, form: Form
+) -> np.ndarray:
+    """Expected error sqrt(E[e^2]), (H, W) float32, of the picture `form.shown` in each active pixel; 0 elsewhere.
+
+    planes_of: the form's planes (C, n + 2, W + 2) float32 of n rows from a first one to before a last one, with their
+    border of one pixel. active: (H, W) bool.
+    """
     network = _packed(estimators, form)
-    active = buffers.picture(buffers.active)
     scores = np.zeros(active.shape, np.float32)
-    for first in range(0, buffers.height, _BAND_ROWS):
-        last = min(first + _BAND_ROWS, buffers.height)
-        planes = view_planes(buffers, form.planes, first, last)
+    for first in range(0, len(active), _BAND_ROWS):
+        last = min(first + _BAND_ROWS, len(active))
+        planes = planes_of(first, last)
         # A run that reaches beyond its row reads the next one, and what stands behind the last plane.
         flat = np.concatenate([planes.ravel(), np.zeros(TILE, np.float32)])
         shape = planes.shape[1], planes.shape[2]
         run_parts(_estimate, last - first, flat, shape, active[first:last], network, scores[first:last])
-    return scores.ravel()
+    return scores
 
 
 @cache
@@ -75,7 +79,7 @@ def _packed(estimators: Estimators, form: Form) -> _Network:
     return _Network(
         form.table,
         form.shares,
-        place[form.base],
+        place[form.shown],
         place[Plane.DEPTH],
         place[Plane.PER_PIXEL],
         place[Plane.NORMAL_X],

@@ -7,9 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..pixel_buffers import PixelBuffers
 from .forms import CENTRE, FLOOR, NORMALS, Form, Kind, Plane
-from .planes import view_planes
 from .weights import Estimators
 
 LOWEST, HIGHEST = -12.0, 8.0  # of the variance's logarithm
@@ -39,7 +37,7 @@ def features_of(
     for row, feature in zip(values, form.features, strict=True):
         value = there[feature.plane][feature.place]
         if feature.kind == Kind.DIFFERENCE:
-            np.subtract(value, here[form.base], out=row)
+            np.subtract(value, here[form.shown], out=row)
             scale += np.float32(feature.share) * row**2
         elif feature.kind == Kind.SLOPE:
             slope = (value - here[Plane.DEPTH]) * here[Plane.PER_PIXEL]
@@ -55,9 +53,12 @@ def features_of(
     return values, scale
 
 
-def estimate_reference(buffers: PixelBuffers, estimators: Estimators, form: Form) -> np.ndarray:
-    """Expected error sqrt(E[e^2]) of every pixel, (P,) float32; reference of `estimate`, which leaves out some."""
-    values, scale = features_of(windows_of(view_planes(buffers, form.planes)), form)
+def estimate_reference(planes: np.ndarray, estimators: Estimators, form: Form) -> np.ndarray:
+    """Expected error sqrt(E[e^2]) of every pixel, (H * W,) float32; reference of `estimate`, which leaves out some.
+
+    planes: (C, H + 2, W + 2), those of the form with their border.
+    """
+    values, scale = features_of(windows_of(planes), form)
     (*hidden, (matrix, bias)), skip = estimators.networks[form.name]
     direct = skip @ values
     for weight, offset in hidden:

@@ -14,8 +14,6 @@ from functools import cached_property
 
 import numpy as np
 
-from ..predicted import PREDICTED, PREVIEW
-
 CENTRE = 4
 WINDOW = tuple(range(9))  # places of the 3x3 window, row by row, the lowest first
 AROUND = tuple(place for place in WINDOW if place != CENTRE)
@@ -85,29 +83,25 @@ class Form:
     """Form of the estimator.
 
     name: of its network in files. network: whether it sees what PatchNet says. rays: further finer rays that it
-    sees, 0, 1 or 4 (2x2). shown: picture whose error it estimates, PREVIEW or PREDICTED.
+    sees, 0, 1 or 4 (2x2). shown: plane of the picture
+    whose error it estimates, LUMINANCE or PREDICTED; differences of luminance are those to its pixel.
     """
 
     name: str
     network: bool
     rays: int
-    shown: str = PREVIEW
-
-    @property
-    def base(self) -> Plane:
-        """Plane of the picture that is shown: differences of luminance are those to its pixel."""
-        return Plane.PREDICTED if self.shown == PREDICTED else Plane.LUMINANCE
+    shown: Plane = Plane.LUMINANCE
 
     @cached_property
     def features(self) -> tuple[Feature, ...]:
         """Features in the order of the network's inputs: differences in one run, the logarithm of the scale last."""
-        scale = Feature(Kind.SCALE, self.base, CENTRE)
+        scale = Feature(Kind.SCALE, self.shown, CENTRE)
         return (*_luminances(self), *_geometry(self), scale)
 
     @cached_property
     def planes(self) -> tuple[Plane, ...]:
         """Planes that the features are made of, in rising order."""
-        found = {feature.plane for feature in self.features} | {self.base, *_ALWAYS}
+        found = {feature.plane for feature in self.features} | {self.shown, *_ALWAYS}
         return tuple(sorted(found))
 
     @cached_property
@@ -139,8 +133,8 @@ def _all_of(plane: Plane, places: tuple[int, ...] = WINDOW) -> Iterator[Feature]
 
 
 def _luminances(form: Form) -> Iterator[Feature]:
-    predicted = form.shown == PREDICTED
-    yield Feature(Kind.VALUE, form.base, CENTRE)
+    predicted = form.shown == Plane.PREDICTED
+    yield Feature(Kind.VALUE, form.shown, CENTRE)
     yield from _all_of(Plane.LUMINANCE, WINDOW if predicted else AROUND)
     if form.network:
         yield from _all_of(Plane.PATCH)
@@ -167,13 +161,13 @@ def _geometry(form: Form) -> Iterator[Feature]:
         yield Feature(Kind.VALUE, Plane.LOOK_AHEAD, CENTRE)
         for place in WINDOW:
             yield Feature(Kind.VALUE, Plane.COVERAGE, place)
-    if form.shown == PREDICTED:
+    if form.shown == Plane.PREDICTED:
         yield Feature(Kind.VALUE, Plane.BEHIND_HIT, CENTRE)
 
 
 _ALL = (
     *(Form(f"plus-{rays}", True, rays) for rays in (0, 1, 4)),
     *(Form(f"plain-{rays}", False, rays) for rays in (0, 1, 4)),
-    *(Form(f"predicted-{rays}", True, rays, PREDICTED) for rays in (1, 4)),
+    *(Form(f"predicted-{rays}", True, rays, Plane.PREDICTED) for rays in (1, 4)),
 )
 FORMS: dict[str, Form] = {form.name: form for form in _ALL}

@@ -3,15 +3,34 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from ..pixel_buffers import PixelBuffers
-from ..strategy import BEHIND, CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PREDICTION, Strategy
-from .forms import FORMS, Form
+from .pixel_buffers import PixelBuffers
+from .plus.forms import FORMS, Form
+from .strategy import BEHIND, CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PREDICTION, Strategy
+
+if TYPE_CHECKING:
+    from .plus.weights import Estimators
 
 _GEOMETRY = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE})
 NEEDS = _GEOMETRY | {PREDICTION, BEHIND, FINE, FINE_RAYS}  # of all forms
 _RAYS = {0: frozenset[str](), 1: frozenset({FINE}), 4: frozenset({FINE_RAYS})}
+
+
+def estimated_error(buffers: PixelBuffers, estimators: Estimators, form: Form) -> np.ndarray:
+    """Expected error (P,) float32 of the picture `form.shown` in each active pixel of a view; 0 elsewhere.
+
+    The view must have what the form's planes are made of.
+    """
+    from .plus.compiled import estimate  # compiled code, which registration must not load
+    from .plus_planes import view_planes
+
+    def planes_of(first: int, last: int) -> np.ndarray:
+        return view_planes(buffers, form.planes, first, last)
+
+    return estimate(planes_of, buffers.picture(buffers.active), estimators, form).ravel()
 
 
 def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str, description: str) -> Strategy:
@@ -21,11 +40,10 @@ def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str
     """
 
     def score(buffers: PixelBuffers) -> np.ndarray:
-        from .compiled import estimate  # compiled code, which registration must not load
-        from .weights import shipped_estimators
+        from .plus.weights import shipped_estimators
 
         chosen = predicted if predicted is not None and buffers.shows_predicted else form
-        return estimate(buffers, shipped_estimators(), chosen)
+        return estimated_error(buffers, shipped_estimators(), chosen)
 
     return Strategy(
         name=name,

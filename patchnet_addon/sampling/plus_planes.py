@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...octree.octree import POPCOUNT
-from ..pixel_buffers import PixelBuffers
-from .forms import FAR, SLOPE, Plane
+from ..octree.octree import POPCOUNT
+from .pixel_buffers import PixelBuffers
+from .plus.forms import FAR, SLOPE, Plane
 
 
 def view_planes(buffers: PixelBuffers, planes: Sequence[Plane], first: int = 0, last: int | None = None) -> np.ndarray:
