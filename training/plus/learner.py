@@ -30,14 +30,12 @@ class FormLearner:
         count, hidden, _, outputs = layer_sizes(form)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.layers = nn.ModuleList(
-                [nn.Linear(count, hidden), nn.Linear(hidden, hidden), nn.Linear(hidden, outputs)]
-            )
+            self.layers = [nn.Linear(count, hidden), nn.Linear(hidden, hidden), nn.Linear(hidden, outputs)]
         self.skip = nn.Parameter(torch.zeros(count))
         with torch.no_grad():
             self.layers[-1].weight.zero_()
             self.layers[-1].bias.copy_(torch.tensor([0.0, _FIRST_MEAN]))
-        self.parameters = [*self.layers.parameters(), self.skip]
+        self.parameters = [*(value for layer in self.layers for value in layer.parameters()), self.skip]
         self.moving = [parameter.detach().clone() for parameter in self.parameters]
         self.optimizer = torch.optim.Adam(self.parameters, rate)
         self.steps = 0

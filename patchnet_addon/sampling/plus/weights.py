@@ -56,7 +56,7 @@ class Estimators:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All arrays by name: plus-0.0.weight, plus-0.0.bias, ..., plus-0.skip, ..."""
-        found = {}
+        found: dict[str, np.ndarray] = {}
         for form, network in self.networks.items():
             for index, (matrix, bias) in enumerate(network.layers):
                 found |= {f"{form}.{index}.weight": matrix, f"{form}.{index}.bias": bias}
