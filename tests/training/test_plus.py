@@ -3,7 +3,6 @@
 
 import json
 from dataclasses import replace
-from math import log
 
 import numpy as np
 import pytest
@@ -121,10 +120,8 @@ def test_loss_falls_below_that_of_a_constant(table, tmp_path):
     settings = PlusSettings(steps=150, batch=256)
     drain(train_plus(table, settings, PlusOptions(tmp_path, tmp_path, log_steps=50)))
     last = json.loads((tmp_path / "log.jsonl").read_text().splitlines()[-1])
-    for name, form in FORMS.items():
-        mean = float(table.errors[form.shown].mean())
-        constant = 1 - log(mean)  # of the mean error as estimate of every pixel
-        assert last["loss"][name] < constant - 0.05
+    for name in FORMS:
+        assert last["loss"][name] < 0.98  # 1 is that of the mean error as estimate of every pixel
 
 
 def test_nothing_to_learn_from(table, tmp_path):

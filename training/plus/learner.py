@@ -12,6 +12,7 @@ from ...patchnet_addon.sampling.plus.forms import Form, Plane
 from ...patchnet_addon.sampling.plus.weights import Network, layer_sizes
 
 _MOVING = 0.002  # of the present weights in the moving mean, at each step
+_POWER = 1.25  # 1 is Poisson's distribution, 2 the gamma distribution: more counts the small errors more
 _FIRST_MEAN = 0.3  # of the error over the scale, before anything is learnt
 
 
@@ -45,8 +46,10 @@ class FormLearner:
         features, scale = features_of(windows, self.form, tuple(Plane))
         inputs = ((features - self.mean[:, None]) / self.deviation[:, None]).T
         expected = torch.from_numpy(scale) * self._outputs(torch.from_numpy(np.ascontiguousarray(inputs)))
-        # Deviance of Poisson's distribution but for a constant: its minimum is the mean, whatever the distribution is.
-        loss = (expected - torch.from_numpy(errors) * torch.log(expected)).mean() / self.unit
+        # Deviance of Tweedie's distribution but for constants: its minimum is the mean, whatever the distribution is.
+        # A mean that is the same for all pixels has 1.
+        ratio, true = expected / self.unit, torch.from_numpy(errors / np.float32(self.unit))
+        loss = ((_POWER - 1) * ratio ** (2 - _POWER) + (2 - _POWER) * true * ratio ** (1 - _POWER)).mean()
         for group in self.optimizer.param_groups:
             group["lr"] = rate
         self.optimizer.zero_grad()

@@ -65,6 +65,7 @@ class Kind(IntEnum):
 
 SLOPE = 4.0  # pixel sides of depth that are half of the largest slope
 FAR = 1.0e6  # cube sides: depth of a miss
+BESIDE_RAYS = 0.1  # weight of the network's luminance in the squared scale where rays tell more
 FLOOR = 1.0e-5  # of the squared scale: differences below 0.003 are noise
 
 
@@ -118,18 +119,20 @@ class Form:
     @property
     def description(self) -> str:
         """Features in words, which a file of weights states."""
-        parts = [f"{feature.kind.name} {feature.plane.name} {feature.place}" for feature in self.features]
+        parts = [
+            f"{feature.kind.name} {feature.plane.name} {feature.place} {feature.share:.4g}" for feature in self.features
+        ]
         return f"slope {SLOPE:g}, floor {FLOOR:g}: " + ", ".join(parts).lower()
 
 
-def _differences(*where: tuple[Plane, int]) -> Iterator[Feature]:
+def _differences(*where: tuple[Plane, int], weight: float = 1.0) -> Iterator[Feature]:
     """Differences of luminance that belong together: the mean of their squares is a part of the squared scale."""
     for plane, place in where:
-        yield Feature(Kind.DIFFERENCE, plane, place, 1.0 / len(where))
+        yield Feature(Kind.DIFFERENCE, plane, place, weight / len(where))
 
 
-def _all_of(plane: Plane, places: tuple[int, ...] = WINDOW) -> Iterator[Feature]:
-    return _differences(*((plane, place) for place in places))
+def _all_of(plane: Plane, places: tuple[int, ...] = WINDOW, weight: float = 1.0) -> Iterator[Feature]:
+    return _differences(*((plane, place) for place in places), weight=weight)
 
 
 def _luminances(form: Form) -> Iterator[Feature]:
@@ -137,7 +140,7 @@ def _luminances(form: Form) -> Iterator[Feature]:
     yield Feature(Kind.VALUE, form.shown, CENTRE)
     yield from _all_of(Plane.LUMINANCE, WINDOW if predicted else AROUND)
     if form.network:
-        yield from _all_of(Plane.PATCH)
+        yield from _all_of(Plane.PATCH, weight=BESIDE_RAYS if form.rays else 1.0)
     if form.rays == 1 or predicted:
         yield from _all_of(Plane.FINE)
     if predicted:
