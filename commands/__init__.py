@@ -30,6 +30,7 @@ NAMES: tuple[str, ...] = (
     "train",
     "validate",
     "train-maps",
+    "train-plus",
     "evaluate",
     "figures",
     "evaluate-cycles",

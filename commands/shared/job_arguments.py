@@ -54,7 +54,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
         help="pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution (192 192)",
     )  # fmt: skip
     add_settings(parser, "color", "both_sides", "budget", "spp")
-    parser.add_argument("--strategy", default="patchnet-behind", help="what is refined first (patchnet-behind)")
+    parser.add_argument("--strategy", default="patchnet-plus", help="what is refined first (patchnet-plus)")
     add_settings(parser, "unrefined")
     parser.add_argument(
         "--mask", type=Path, metavar="IMAGE",

@@ -114,6 +114,7 @@ HELD_OUT = Bounds("Held-out share", 0, 0.99, advice="give a share of each scene"
 EPOCHS = Bounds("Epochs", 1e-9, 1e6)
 PASSES = Bounds("Sample passes", 1, 10**15, True)
 BATCH = Bounds("Batch", 1, 2**24, True)
+FRAME_PIXELS = Bounds("Pixels of a frame", 1, 10**9, True)
 CROP = Bounds("Side of crops in pixels", 1, 4096, True)
 LEARNING_RATE = Bounds("Learning rate", 1e-9, 10)
 LUMINANCE_WEIGHT = Bounds("Luminance weight", 0, 1e6)

@@ -187,6 +187,7 @@ def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
         normal=_joined([band.normal for band in bands]),
         fine=_joined([band.fine for band in bands]),
         fine_4=_joined([band.fine_4 for band in bands]),
+        fine_rays=_joined([band.fine_rays for band in bands]),
         child_mask=_joined([band.child_mask for band in bands]),
         cube_side_world=bands[0].cube_side_world,
         behind_color=_joined([band.behind_color for band in bands]),

@@ -8,23 +8,25 @@ from . import (
     patchnet_behind,
     patchnet_behind_exact,
     patchnet_exact,
+    patchnet_plus,
     random,
     ss_variance,
 )
 from .strategy import Strategy
 
-DEFAULT = "patchnet-behind"
+DEFAULT = "patchnet-plus"
 
 STRATEGIES: dict[str, Strategy] = {
-    module.STRATEGY.name: module.STRATEGY
-    for module in (
-        patchnet_behind,
-        patchnet,
-        ss_variance,
-        random,
-        patchnet_behind_exact,
-        patchnet_exact,
-        optimal,
+    strategy.name: strategy
+    for strategy in (
+        *patchnet_plus.STRATEGIES,
+        patchnet_behind.STRATEGY,
+        patchnet.STRATEGY,
+        ss_variance.STRATEGY,
+        random.STRATEGY,
+        patchnet_behind_exact.STRATEGY,
+        patchnet_exact.STRATEGY,
+        optimal.STRATEGY,
     )
 }
 

@@ -16,7 +16,19 @@ from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera
 from .pixel_buffers import PixelBuffers
 from .predicted import PREDICTED, PREVIEW, check_unrefined
-from .strategy import BEHIND, CHILD_MASK, EXACT, EXACT_1, FINE, FINE_4, NORMAL, PREDICTION, REFERENCE, Strategy
+from .strategy import (
+    BEHIND,
+    CHILD_MASK,
+    EXACT,
+    EXACT_1,
+    FINE,
+    FINE_4,
+    FINE_RAYS,
+    NORMAL,
+    PREDICTION,
+    REFERENCE,
+    Strategy,
+)
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
@@ -44,8 +56,7 @@ def trace_view(
     """
     from ..codes.exact import exact_prediction
     from ..codes.predict import predict
-    from ..tracing.render import hit_colors, node_colors
-    from ..tracing.supersample import supersample
+    from ..tracing.render import fine_rays, hit_colors, node_colors
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
     if check_unrefined(unrefined) == PREDICTED:
@@ -55,7 +66,7 @@ def trace_view(
     patch = _center_rays(octree, camera, needs, lookahead)
     hits, behind_node = patch.hits, patch.behind_node
     colored = octree.chroma is not None
-    fine_4 = (yield from supersample(octree, camera, 2, finer=2**lookahead)) if FINE_4 in needs else None
+    rays = fine_rays(octree, camera, lookahead=lookahead) if needs & {FINE_4, FINE_RAYS} else None
     prediction = predict(coded, hits, device) if PREDICTION in needs and coded is not None else None
     exact = (yield from exact_prediction(octree, hits, lookahead)) if EXACT in needs else None
     exact_1 = (yield from exact_prediction(octree, hits, 1)) if EXACT_1 in needs else None
@@ -71,7 +82,8 @@ def trace_view(
         preview_color=hit_colors(octree, hits) if colored else None,
         reference_color=colors,
         fine=patch.fine,
-        fine_4=fine_4,
+        fine_4=None if rays is None else rays.mean(axis=1),
+        fine_rays=rays,
         exact_1=exact_1,
         normal=hit_normals(octree, hits) if NORMAL in needs else None,
         child_mask=hit_child_masks(octree, hits) if CHILD_MASK in needs else None,

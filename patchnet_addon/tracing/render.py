@@ -137,6 +137,21 @@ def patch_hits(
     )
 
 
+def fine_rays(
+    octree: Octree, camera: Camera, background: float = 0.0, *, lookahead: int = DEFAULT_LOOKAHEAD
+) -> np.ndarray:
+    """Luminances (P, 4) float32 of 2x2 rays in each pixel with the footprint pixel / 2^lookahead.
+
+    The lower two come first, of each two the left one. They are the pixels of a picture of twice the resolution.
+    """
+    height, width = camera.height_px, camera.width_px
+    double = camera.with_size(2 * width, 2 * height)
+    unit = camera_in_unit_cube(double, octree.grid).finer(2.0 ** (lookahead - 1))
+    traced, _ = trace_pixels(octree, double, Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth))
+    quarters = _seen(octree, traced.node, background).reshape(height, 2, width, 2)
+    return quarters.transpose(0, 2, 1, 3).reshape(height * width, 4)
+
+
 def visits_per_ray(octree: Octree, camera: Camera) -> float:
     """Nodes that tiles and packets visit in `first_hits`, over the number of rays; the same on every machine."""
     return float(trace_pixels(octree, camera)[1].sum() / camera.pixel_count)

@@ -26,7 +26,7 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
 from patchnet.patchnet_addon.sampling.ranking import rank
-from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.engine_scene import WORLD, build_for_engine, rendered
@@ -35,7 +35,7 @@ from patchnet.tests.blender.job_scene import QUICK, SMALL
 pytestmark = pytest.mark.usefixtures("registered")
 
 SIZE = (48, 32)
-BEHIND = STRATEGIES["patchnet-behind"]
+CHOSEN = STRATEGIES[DEFAULT]
 
 
 def seen(scene: bpy.types.Scene, *, color: bool = False, **wanted: object) -> View:
@@ -68,8 +68,8 @@ def test_figures_of_the_preview_stay_beside_the_others(scene: bpy.types.Scene) -
     assert report == plain.report | {"unrefined": "predicted"}
     error = (found.buffers.predicted.astype(float) - found.buffers.reference)[found.buffers.active] ** 2
     assert predicted["mse_unrefined"] == pytest.approx(error.mean()) and predicted["mse"].keys() == report["mse"].keys()
-    assert found.errors == (predicted["mse_unrefined"], predicted["mse"]["patchnet-behind"])
-    assert plain.errors == (report["mse_unrefined"], report["mse"]["patchnet-behind"])
+    assert found.errors == (predicted["mse_unrefined"], predicted["mse"][DEFAULT])
+    assert plain.errors == (report["mse_unrefined"], report["mse"][DEFAULT])
     assert report["uniform"]["1"] == pytest.approx(report["mse_unrefined"]) and set(report["uniform"]) == set("1234")
     table = comparison_of(found)
     assert table.unrefined == predicted["mse_unrefined"] and {row.error for row in table.rows} == set(
@@ -170,7 +170,7 @@ def test_frames_have_it_too(scene_file: Path, tmp_path: Path, weights: Path) -> 
     (summary,) = frame["views"]
     assert summary["unrefined"] == "predicted" and summary["mse_unrefined"] == own["mse_unrefined"]
     assert summary["predicted"] == {
-        "mse_unrefined": own["predicted"]["mse_unrefined"], "mse": own["predicted"]["mse"]["patchnet-behind"],
+        "mse_unrefined": own["predicted"]["mse_unrefined"], "mse": own["predicted"]["mse"][DEFAULT],
     }  # fmt: skip
     first = (out / "frame-0001" / "Eye" / "refined.png").read_bytes()
     assert commands.main(words) == 0, "another setting, so the frame is made again"
@@ -185,8 +185,8 @@ def test_render_shows_it(weights: Path, tmp_path: Path, transparent: bool) -> No
     result = results.result_of(scene)
     assert result is not None and result.coded is not None
     camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
-    buffers = drain(trace_view(result.octree, camera, [BEHIND], coded=result.coded, unrefined="predicted"))
-    ranking = rank(BEHIND, buffers, scene.patchnet.budget)
+    buffers = drain(trace_view(result.octree, camera, [CHOSEN], coded=result.coded, unrefined="predicted"))
+    ranking = rank(CHOSEN, buffers, scene.patchnet.budget)
     np.testing.assert_allclose(found["Priority"][..., 0], buffers.picture(ranking.priority), atol=1e-6)
     left = ~ranking.mask
     pixels = found["Combined"].reshape(-1, 4)[left]
@@ -202,7 +202,7 @@ def test_slices_of_a_viewport_end_with_the_picture_of_a_render(scene: bpy.types.
     coded = results.codes_of(scene)
 
     def picture() -> AdaptivePicture:
-        return AdaptivePicture(coded.octree, found.camera, BEHIND, coded, unrefined="predicted")
+        return AdaptivePicture(coded.octree, found.camera, CHOSEN, coded, unrefined="predicted")
 
     world = np.array(WORLD, np.float32)
     preview, whole = ViewportPreview(picture(), 0.4, world), picture()

@@ -26,7 +26,7 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
 from patchnet.patchnet_addon.sampling.ranking import rank
-from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
 from patchnet.tests.blender.drawn import drawn
@@ -69,7 +69,7 @@ def test_a_job_traces_the_samples_that_it_says(scene: bpy.types.Scene, color: bo
     assert report["mse"] == pytest.approx(error.mean()) and report["mse"] < found.report["mse_unrefined"]
     other = seen(scene, ViewSettings(size=SIZE), color=color)
     assert "spp" not in other.report and other.report["mse"] == found.report["mse"], "strategies compare by their share"
-    assert other.errors[1] == other.report["mse"]["patchnet-behind"]
+    assert other.errors[1] == other.report["mse"][DEFAULT]
     for name in ("preview", "priority", "reference"):
         np.testing.assert_array_equal(other.pictures[name], found.pictures[name])
     for name in ("order", "refined", "error"):

@@ -131,7 +131,7 @@ def test_scores_pixel_by_pixel(name, size):
 
 
 def test_each_screen_space_contrast_has_a_plain_reference():
-    own = {"ss-variance-hits", "entropy-geometry"}
+    own = {"ss-variance-hits", "entropy-geometry", "plain-plus-0"}
     assert {name for name in NEW if evaluated(name).group == "screen-space"} - own == set(PLAIN)
 
 
@@ -261,9 +261,9 @@ def test_registry():
     assert list(EVALUATED)[: len(STRATEGIES)] == list(STRATEGIES)
     files = [path for path in Path(references.__file__).parent.glob("*.py") if "\nSTRATEGIES = " in path.read_text()]
     imported = {value.score.__module__.rpartition(".")[2] for value in map(evaluated, NEW)}
-    assert imported <= {path.stem for path in files} and len(files) == 8
+    assert imported - {"patchnet_plus"} <= {path.stem for path in files} and len(files) == 9
     assert all(name == value.name and value.maximum > 0 for name, value in EVALUATED.items())
-    assert len({value.title for value in EVALUATED.values()}) == len(EVALUATED) == len(STRATEGIES) + 21
+    assert len({value.title for value in EVALUATED.values()}) == len(EVALUATED) == len(STRATEGIES) + 24
     with pytest.raises(SettingError, match="ws-lut-coverage"):
         evaluated("best")
     with pytest.raises(SettingError, match="no strategy"):
@@ -274,9 +274,13 @@ def test_groups_and_rays():
     groups = {name: value.group for name, value in EVALUATED.items()}
     oracles = {"patchnet-exact", "patchnet-behind-exact", "optimal", "ws-lut-luminance"}
     assert {name for name, group in groups.items() if group == "oracle"} == oracles
-    assert {name for name, group in groups.items() if group == "network"} == {"patchnet", "patchnet-behind", "fusion"}
+    plus = {"patchnet-plus": 4, "patchnet-plus-1": 1, "patchnet-plus-0": 0}
+    network = {"patchnet", "patchnet-behind", "fusion", *plus}
+    assert {name for name, group in groups.items() if group == "network"} == network
     assert {name for name, group in groups.items() if group == "world-space"} == {"ws-lut", "ws-lut-coverage"}
     rays = {"fine-ray": 1, "fine-ray-variance": 1, "fine-rays-4": 4, "fine-rays-4-variance": 4}
+    rays |= {"plain-plus-4": 4, "plain-plus-1": 1}
+    assert groups["plain-plus-0"] == "screen-space"
     assert {name for name, group in groups.items() if group == "rays"} == set(rays)
     extra = {name: value.extra_rays for name, value in EVALUATED.items() if value.extra_rays}
-    assert extra == rays | {"patchnet-behind": 1, "fusion": 1}
+    assert extra == rays | {"patchnet-behind": 1, "fusion": 1, "patchnet-plus": 4, "patchnet-plus-1": 1}

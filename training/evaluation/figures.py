@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _LIGHT = "0.75"
 Style = tuple[str, str]  # color and line
 _STYLES: dict[str, Style] = {
+    "patchnet-plus": ("black", "-"), "patchnet-plus-1": ("black", "-"), "patchnet-plus-0": ("black", "-"),
+    "plain-plus-4": ("black", "--"), "plain-plus-1": ("black", "--"), "plain-plus-0": ("black", "--"),
     "patchnet": ("#56b4e9", "-"), "patchnet-behind": (BLUE, "-"), "fusion": (PURPLE, "-"), "ss-variance": (ORANGE, "-"),
     "ws-lut": (GREEN, "-"), "fine-ray": ("#8c510a", "-"), "fine-ray-variance": ("#8c510a", "--"),
     "fine-rays-4": ("#cc79a7", "-"), "fine-rays-4-variance": ("#cc79a7", "--"), "patchnet-behind-exact": (BLUE, ":"),

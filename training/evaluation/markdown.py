@@ -14,7 +14,10 @@ from .results import POOLED
 TITLE = "# Tables of an evaluation"
 BUDGET = 0.3
 BUDGETS_SHOWN = (0.1, 0.13, 0.2, 0.3, 0.5, 0.7)
-_RATIOS = ("patchnet", "patchnet-behind", "fusion", "fine-ray", "fine-ray-variance", "fine-rays-4")
+_RATIOS = (
+    "patchnet-plus-0", "plain-plus-0", "patchnet", "patchnet-plus-1", "plain-plus-1", "patchnet-behind", "fusion",
+    "fine-ray", "fine-ray-variance", "patchnet-plus", "plain-plus-4", "fine-rays-4", "fine-rays-4-variance",
+)  # fmt: skip
 
 
 def markdown_of(results: Mapping[str, Any]) -> str:

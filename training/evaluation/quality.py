@@ -15,8 +15,8 @@ from .lpips import LpipsWeights
 from .picture_metrics import LINEAR, SRGB, PictureMetrics, composed_pictures, picture_metrics
 
 QUALITY_STRATEGIES = (
-    "patchnet", "patchnet-behind", "fusion", "ss-variance", "ss-variance-hits", "fine-ray", "fine-rays-4", "random",
-    "optimal",
+    "patchnet-plus", "patchnet-plus-1", "patchnet-plus-0", "patchnet", "patchnet-behind", "fusion", "ss-variance",
+    "ss-variance-hits", "fine-ray", "fine-rays-4", "random", "optimal",
 )  # fmt: skip
 QUALITY_BUDGETS = (0.0, 0.1, 0.3, 0.5)
 QUALITY_NAMES = tuple(

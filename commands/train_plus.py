@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet train-plus`: train the estimator of pixel errors that the strategies patchnet-plus rank by.
+
+Frames of camera tracks of the octrees are rendered, references once: give several runs the same --references-folder.
+All forms, and the same without the network, are trained at once, within minutes:
+
+    patchnet train-plus OCTREE... --weights run/patchnet.safetensors --out plus
+
+The octrees should be those that PatchNet's weights were trained on, or others, but none that is evaluated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.progress import drain
+from .shared.arguments import add_number, add_out
+from .shared.lines import say_result
+from .shared.track_arguments import add_track
+from .shared.training_run import require_torch
+
+
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Arguments of `patchnet train-plus`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "train-plus",
+        help="train the estimator of pixel errors",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files to learn from")
+    parser.add_argument("--weights", type=Path, help="weights of PatchNet (the shipped ones)")
+    add_out(parser, "folder for weights and log", required=True)
+    parser.add_argument(
+        "--references-folder", type=Path, metavar="FOLDER", help="where references are kept (references in --out)"
+    )
+    add_number(parser, "--steps", bounds.STOP_AFTER, default=6000, help="steps of training (6000)")
+    add_number(parser, "--batch", bounds.BATCH, default=2048, help="pixels per step (2048)")
+    add_number(parser, "--pixels", bounds.FRAME_PIXELS, default=1000, help="pixels to learn from in a frame (1000)")
+    add_number(parser, "--rate", bounds.LEARNING_RATE, default=3e-3, help="learning rate (0.003)")
+    add_number(parser, "--every", bounds.TRACK_FRAMES, default=40, help="learn from each such frame of a track (40)")
+    add_number(parser, "--rays", bounds.RAYS, default=16, help="rays per pixel side of references (16)")
+    add_track(parser, "tracks, pixels and weights")
+    add_number(parser, "--threads", bounds.THREADS, default=1, help="threads that train (1)")
+    return parser
+
+
+def run(args: argparse.Namespace) -> int:
+    """Render what is missing, train, and say where the weights are; returns 0; raises PatchNetError."""
+    from ..training.plus.run_files import REFERENCES, check_plus_run
+
+    check_plus_run(args.out, [*args.octrees, *([args.weights] if args.weights else [])])
+    require_torch()
+    import torch
+
+    from ..patchnet_addon.network.weights import load_weights
+    from ..patchnet_addon.octree.file import load_octree, octree_hash
+    from ..training.plus.frames import TrackSettings
+    from ..training.plus.train import PlusOptions, PlusSettings, pixels_of, train_plus
+    from ..training.provenance import describe_command, describe_commit, describe_machine, describe_versions
+    from .shared.progress_bars import ProgressBars
+
+    torch.set_num_threads(args.threads)
+    weights = load_weights(args.weights)
+    settings = PlusSettings(args.steps, args.batch, args.pixels, args.rate, args.seed)
+    tracks = TrackSettings(args.frames, args.every, tuple(args.size), args.seed, args.rays)
+    notes = {
+        "command": describe_command(sys.argv), "versions": describe_versions(), "machine": describe_machine(),
+        "commit": describe_commit(), "patchnet": weights.hash,
+        "octrees": {path.name: octree_hash(load_octree(path)) for path in args.octrees},
+    }  # fmt: skip
+    options = PlusOptions(args.out, args.references_folder or args.out / REFERENCES, notes=notes)
+    with ProgressBars() as bars:
+        table = drain(pixels_of(args.octrees, weights, tracks, settings, options.references), bars.show)
+        path = drain(train_plus(table, settings, options), bars.show)
+    say_result(f"{path}: learnt from {len(table):,} pixels", file=path, pixels=len(table))
+    return 0

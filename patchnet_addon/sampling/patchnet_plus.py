@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Strategies of the error estimator, which users choose by what they cost (methods 12)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .pixel_buffers import PixelBuffers
+from .plus.forms import FORMS, Form
+from .strategy import BEHIND, CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PREDICTION, Strategy
+
+if TYPE_CHECKING:
+    from .plus.weights import Estimators
+
+_GEOMETRY = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE})
+NEEDS = _GEOMETRY | {PREDICTION, BEHIND, FINE, FINE_RAYS}  # of all forms
+_RAYS = {0: frozenset[str](), 1: frozenset({FINE}), 4: frozenset({FINE_RAYS})}
+
+
+def estimated_error(buffers: PixelBuffers, estimators: Estimators, form: Form) -> np.ndarray:
+    """Expected error (P,) float32 of the picture `form.shown` in each active pixel of a view; 0 elsewhere.
+
+    The view must have what the form's planes are made of.
+    """
+    from .plus.compiled import estimate  # compiled code, which registration must not load
+    from .plus_planes import view_planes
+
+    def planes_of(first: int, last: int) -> np.ndarray:
+        return view_planes(buffers, form.planes, first, last)
+
+    return estimate(planes_of, buffers.picture(buffers.active), estimators, form).ravel()
+
+
+def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str, description: str) -> Strategy:
+    """Strategy that ranks by the expected error of the picture that is shown.
+
+    form: estimates errors of the preview. predicted: those of the predicted picture; None: of the preview always.
+    """
+
+    def score(buffers: PixelBuffers) -> np.ndarray:
+        from .plus.weights import shipped_estimators
+
+        chosen = predicted if predicted is not None and buffers.shows_predicted else form
+        return estimated_error(buffers, shipped_estimators(), chosen)
+
+    return Strategy(
+        name=name,
+        title=title,
+        description=description,
+        needs=_GEOMETRY | _RAYS[form.rays] | ({PREDICTION} if form.network else set()),
+        score=score,
+        quantity="expected luminance error",
+        maximum=0.5,
+        group="network" if form.network else "rays" if form.rays else "screen-space",
+        extra_rays=form.rays,
+    )
+
+
+# For the predicted picture, the finer ray and what lies behind are traced anyway.
+STRATEGIES = (
+    estimator_strategy(
+        FORMS["plus-4"],
+        FORMS["predicted-4"],
+        "patchnet-plus",
+        "PatchNet Plus, four rays",
+        "The luminance error to be expected of all that is known of a pixel, with four finer rays in it",
+    ),
+    estimator_strategy(
+        FORMS["plus-1"],
+        FORMS["predicted-1"],
+        "patchnet-plus-1",
+        "PatchNet Plus, one ray",
+        "The luminance error to be expected of all that is known of a pixel, with one finer ray in it",
+    ),
+    estimator_strategy(
+        FORMS["plus-0"],
+        FORMS["predicted-1"],
+        "patchnet-plus-0",
+        "PatchNet Plus, no ray",
+        "The luminance error to be expected of all that is known of a pixel, without a further ray",
+    ),
+)

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Weights of the error estimators as plain arrays, all forms in one file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...runtime.errors import WeightsFileError
+from ...runtime.files import content_hash, read_arrays, write_arrays
+from .forms import FORMS, Form
+
+KIND = "error-estimators"
+HIDDEN = 36  # a multiple of the outputs that the compiled layers sum at once
+
+Layer = tuple[np.ndarray, np.ndarray]
+"""Matrix (out, in) and bias (out,), float32."""
+
+
+def layer_sizes(form: Form) -> tuple[int, ...]:
+    """Values between the layers of a form's network, its features first, its two outputs last."""
+    return (len(form.features), HIDDEN, HIDDEN, 2)
+
+
+class Network(NamedTuple):
+    """Network of a form: linear layers with ReLU between them, of sizes `layer_sizes`.
+
+    Outputs: logarithm of the variance, and mean of the error, both over the scale. skip: (F,) float32, linear terms of
+    the features in the mean.
+    """
+
+    layers: tuple[Layer, ...]
+    skip: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Estimators:
+    """Networks of all forms by name.
+
+    metadata: how they were trained, plain JSON values; not part of the hash.
+    """
+
+    networks: Mapping[str, Network]
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def hash(self) -> str:
+        """Hash of all values: results name the weights they were made with."""
+        return content_hash(self.arrays())
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All arrays by name: plus-0.0.weight, plus-0.0.bias, ..., plus-0.skip, ..."""
+        found: dict[str, np.ndarray] = {}
+        for form, network in self.networks.items():
+            for index, (matrix, bias) in enumerate(network.layers):
+                found |= {f"{form}.{index}.weight": matrix, f"{form}.{index}.bias": bias}
+            found[f"{form}.skip"] = network.skip
+        return found
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray], metadata: dict[str, Any] | None = None) -> Estimators:
+        """Inverse of `arrays`; raises KeyError for a missing one and ValueError for a wrong shape or value."""
+        return cls({name: _network(arrays, form) for name, form in FORMS.items()}, dict(metadata or {}))
+
+    @classmethod
+    def random(cls, seed: int = 0) -> Estimators:
+        """Untrained weights, for tests."""
+        random = np.random.default_rng(seed)
+
+        def normal(*shape: int, deviation: float) -> np.ndarray:
+            return (random.standard_normal(shape) * deviation).astype(np.float32)
+
+        def network(form: Form) -> Network:
+            layers = tuple(
+                (normal(after, before, deviation=before**-0.5), normal(after, deviation=0.1))
+                for before, after in pairwise(layer_sizes(form))
+            )
+            return Network(layers, normal(len(form.features), deviation=0.1))
+
+        return cls({name: network(form) for name, form in FORMS.items()}, {"random_seed": seed})
+
+
+def save_estimators(estimators: Estimators, path: str | Path) -> None:
+    """Write estimators to a file; raises OutputError if that fails."""
+    features = {name: form.description for name, form in FORMS.items()}
+    write_arrays(path, estimators.arrays(), estimators.metadata | {"features": features}, KIND)
+
+
+def load_estimators(path: str | Path) -> Estimators:
+    """Read estimators from a file; raises WeightsFileError."""
+    arrays, metadata = read_arrays(path, KIND, WeightsFileError)
+    stated = metadata.pop("features", {})
+    for name, form in FORMS.items():
+        if stated.get(name) != form.description:
+            raise WeightsFileError(
+                f"{path} was trained on other features of {name!r} than this version has: train it anew with "
+                "patchnet train-plus"
+            )
+    try:
+        return Estimators.from_arrays(arrays, metadata)
+    except KeyError as cause:
+        raise WeightsFileError(f"{path} holds other estimators: it lacks '{cause.args[0]}'") from cause
+    except ValueError as cause:
+        raise WeightsFileError(f"{path} cannot be used: {cause}") from cause
+
+
+@cache
+def shipped_estimators() -> Estimators:
+    """Estimators that are shipped, read once."""
+    return load_estimators(shipped_path())
+
+
+def shipped_path() -> Path:
+    """File of the estimators that are shipped."""
+    return Path(__file__).parent / "weights" / "plus.safetensors"
+
+
+def _network(arrays: Mapping[str, np.ndarray], form: Form) -> Network:
+    sizes = layer_sizes(form)
+    layers = tuple(
+        (
+            _checked(arrays, f"{form.name}.{index}.weight", (sizes[index + 1], sizes[index])),
+            _checked(arrays, f"{form.name}.{index}.bias", (sizes[index + 1],)),
+        )
+        for index in range(len(sizes) - 1)
+    )
+    return Network(layers, _checked(arrays, f"{form.name}.skip", (sizes[0],)))
+
+
+def _checked(arrays: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    array = arrays[name]
+    if array.shape != shape or array.dtype != np.float32:
+        raise ValueError(
+            f"'{name}' is {array.dtype} of shape {array.shape} where this version has float32 of shape {shape}"
+        )
+    if not np.isfinite(array).all():
+        raise ValueError(f"'{name}' holds values that are not finite")
+    return np.array(array, order="C")

@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Estimator of pixel errors: kernel against reference, planes, features, files and strategies."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.codes.encode import encode_octree
+from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError
+from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
+from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error
+from patchnet.patchnet_addon.sampling.plus import compiled
+from patchnet.patchnet_addon.sampling.plus.features import estimate_reference, features_of, windows_of
+from patchnet.patchnet_addon.sampling.plus.forms import CENTRE, FAR, FORMS, Kind, Plane
+from patchnet.patchnet_addon.sampling.plus.weights import (
+    KIND,
+    Estimators,
+    load_estimators,
+    save_estimators,
+    shipped_estimators,
+)
+from patchnet.patchnet_addon.sampling.plus_planes import view_planes
+from patchnet.patchnet_addon.sampling.predicted import PREDICTED
+from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
+from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
+from patchnet.patchnet_addon.sampling.strategy import Strategy
+from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from patchnet.patchnet_addon.tracing.render import fine_rays
+from patchnet.patchnet_addon.tracing.supersample import supersample
+from patchnet.tests.engine.octree_samples import random_octree
+
+ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)
+PLUS = ("patchnet-plus", "patchnet-plus-1", "patchnet-plus-0", "plain-plus-4", "plain-plus-1", "plain-plus-0")
+EYE = np.array([2.1, 1.4, 1.2])
+
+
+@pytest.fixture(scope="module")
+def coded():
+    return drain(encode_octree(random_octree(depth=7, count=400), Weights.random(seed=3)))
+
+
+@pytest.fixture(scope="module")
+def estimators():
+    return Estimators.random(seed=5)
+
+
+def view(coded, size_px=(75, 40), needs=ALL, **settings):
+    camera = Camera.look_at(EYE, np.full(3, 0.5), size_px=size_px)
+    if "kind" in settings:
+        camera = replace(camera, kind=settings.pop("kind"), half_x=0.8, half_y=0.8)
+    return drain(trace_view(coded.octree, camera, [needs], coded=coded, reference=False, **settings))
+
+
+def reference(buffers, estimators, form):
+    return estimate_reference(view_planes(buffers, form.planes), estimators, form)
+
+
+@pytest.fixture(scope="module")
+def buffers(coded):
+    return view(coded)
+
+
+def test_fine_rays_have_the_mean_of_a_finer_picture(coded):
+    camera = Camera.look_at(EYE, np.full(3, 0.5), size_px=(31, 18))
+    for lookahead in (1, 2, 3):
+        rays = fine_rays(coded.octree, camera, lookahead=lookahead)
+        expected = drain(supersample(coded.octree, camera, 2, finer=2**lookahead))
+        np.testing.assert_allclose(rays.mean(axis=1), expected, atol=2e-7)  # sums are rounded otherwise
+    assert (rays != rays[:, :1]).any()
+
+
+@pytest.mark.parametrize("name", FORMS)
+@pytest.mark.parametrize("size_px", [(1, 1), (3, 2), (63, 5), (64, 4), (65, 3), (130, 20)])
+def test_kernel_is_the_reference(name, size_px, coded, estimators):
+    """Sums of the layers are rounded otherwise, each to about 1e-7."""
+    seen = view(coded, size_px)
+    found, expected = estimated_error(seen, estimators, FORMS[name]), reference(seen, estimators, FORMS[name])
+    np.testing.assert_allclose(found[seen.active], expected[seen.active], rtol=1e-5, atol=1e-7)
+    assert (found[~seen.active] == 0).all() and found.dtype == np.float32
+
+
+@pytest.mark.parametrize("kind", [ORTHOGRAPHIC])
+def test_orthographic_views(kind, coded, estimators):
+    seen = view(coded, (40, 40), kind=kind)
+    found = estimated_error(seen, estimators, FORMS["plus-4"])
+    assert np.isfinite(found).all() and (found[seen.active] > 0).all()
+
+
+def test_bands_and_whole_pictures_are_the_same(buffers, estimators, monkeypatch):
+    whole = estimated_error(buffers, estimators, FORMS["plus-1"])
+    monkeypatch.setattr(compiled, "_BAND_ROWS", 7)
+    np.testing.assert_array_equal(estimated_error(buffers, estimators, FORMS["plus-1"]), whole)
+
+
+def test_nothing_is_met(coded, estimators):
+    away = Camera.look_at(EYE, 2 * EYE, size_px=(20, 10))
+    seen = drain(trace_view(coded.octree, away, [ALL], coded=coded, reference=False))
+    assert not seen.hit.any()
+    assert (estimated_error(seen, estimators, FORMS["plus-4"]) == 0).all()
+    assert np.isfinite(reference(seen, estimators, FORMS["plus-4"])).all()
+
+
+def test_pixels_beside_the_surface_have_an_error(buffers, estimators):
+    beside = buffers.active & ~buffers.hit
+    assert beside.any() and (estimated_error(buffers, estimators, FORMS["plus-0"])[beside] > 0).all()
+
+
+def test_planes_and_their_border(buffers):
+    planes = view_planes(buffers, tuple(Plane))
+    assert planes.shape == (len(Plane), buffers.height + 2, buffers.width + 2)
+    luminance = planes[Plane.LUMINANCE]
+    np.testing.assert_array_equal(luminance, np.pad(buffers.picture(buffers.preview), 1, mode="edge"))
+    inside = planes[:, 1:-1, 1:-1].reshape(len(Plane), -1)
+    np.testing.assert_array_equal(inside[Plane.RAY_2], buffers.fine_rays[:, 2])
+    np.testing.assert_array_equal(inside[Plane.DEPTH] == FAR, ~buffers.hit)
+    np.testing.assert_array_equal(view_planes(buffers, tuple(Plane), 9, 17), planes[:, 9:19])
+    children = np.array([int(mask).bit_count() / 8 for mask in buffers.child_mask])
+    np.testing.assert_array_equal(inside[Plane.CHILDREN], children)
+
+
+def test_features_by_hand(buffers):
+    form = FORMS["plus-4"]
+    windows = windows_of(view_planes(buffers, form.planes))
+    values, scale = features_of(windows, form)
+    assert values.shape == (len(form.features), buffers.width * buffers.height)
+    pixel = int(np.flatnonzero(buffers.hit)[len(buffers.hit[buffers.hit]) // 2])
+    plane = {one: windows[number, :, pixel].astype(np.float64) for number, one in enumerate(form.planes)}
+    squares = 1e-5
+    for feature in form.features:
+        if feature.kind == Kind.DIFFERENCE:
+            squares += feature.share * (plane[feature.plane][feature.place] - plane[Plane.LUMINANCE][CENTRE]) ** 2
+    assert scale[pixel] == pytest.approx(squares, rel=1e-5)
+    for row, feature in enumerate(form.features):
+        there, here = plane[feature.plane][feature.place], plane[feature.plane][CENTRE]
+        slope = (there - here) * plane[Plane.PER_PIXEL][CENTRE]
+        normals = [plane[Plane(Plane.NORMAL_X + axis)] for axis in range(3)]
+        expected = {
+            Kind.VALUE: there,
+            Kind.DIFFERENCE: (there - plane[Plane.LUMINANCE][CENTRE]) / squares**0.5,
+            Kind.SLOPE: slope / (1 + abs(slope)),
+            Kind.ANGLE: sum(normal[feature.place] * normal[CENTRE] for normal in normals),
+            Kind.SCALE: np.log(squares),
+        }[feature.kind]
+        assert values[row, pixel] == pytest.approx(expected, rel=1e-3, abs=1e-4)
+
+
+def test_forms_see_what_they_pay_for():
+    for name, form in FORMS.items():
+        seen = {feature.plane for feature in form.features}
+        assert bool(seen & {Plane.COVERAGE, Plane.PATCH, Plane.LOOK_AHEAD, Plane.PREDICTED}) == form.network
+        assert (Plane.FINE in seen) == (form.rays == 1 or form.shown == Plane.PREDICTED)
+        assert (Plane.RAY_0 in seen) == (form.rays == 4)
+        assert name == form.name and form.features[-1].kind == Kind.SCALE
+
+
+def test_file_is_read_as_it_was_written(estimators, tmp_path):
+    path = tmp_path / "plus.safetensors"
+    save_estimators(replace(estimators, metadata={"seed": 5}), path)
+    read = load_estimators(path)
+    assert read.hash == estimators.hash and read.metadata == {"seed": 5}
+
+
+def test_shipped_estimators_are_of_these_features():
+    assert shipped_estimators().networks.keys() == FORMS.keys()
+    assert {"command", "octrees", "patchnet", "seed", "steps"} <= shipped_estimators().metadata.keys()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda arrays, notes: arrays.pop("plus-1.skip"), "lacks 'plus-1.skip'"),
+        (lambda arrays, notes: arrays.update({"plus-1.skip": np.zeros(3, np.float32)}), r"float32 of shape \(3,\)"),
+        (lambda arrays, notes: arrays["plain-0.0.bias"].fill(np.nan), "not finite"),
+        (lambda arrays, notes: notes["features"].update({"plus-4": "other"}), "other features of 'plus-4'.*train-plus"),
+        (lambda arrays, notes: notes.clear(), "other features"),
+    ],
+)
+def test_other_files_are_refused(change, message, estimators, tmp_path):
+    path = tmp_path / "plus.safetensors"
+    save_estimators(estimators, path)
+    arrays, notes = read_arrays(path, KIND)
+    arrays = {name: np.array(array) for name, array in arrays.items()}
+    change(arrays, notes)
+    write_arrays(path, arrays, notes, KIND)
+    with pytest.raises(WeightsFileError, match=message):
+        load_estimators(path)
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(WeightsFileError, match="does not exist"):
+        load_estimators(tmp_path / "plus.safetensors")
+
+
+def test_strategies_score_what_they_say(coded):
+    assert PLUS[0] == DEFAULT and list(STRATEGIES)[:3] == list(PLUS[:3])
+    for name, form in zip(PLUS, ("plus-4", "plus-1", "plus-0", "plain-4", "plain-1", "plain-0"), strict=True):
+        strategy = EVALUATED[name]
+        seen = view(coded, (30, 20), strategy)  # with its own needs and nothing else
+        np.testing.assert_array_equal(strategy.scores(seen), estimated_error(seen, shipped_estimators(), FORMS[form]))
+        assert strategy.extra_rays == FORMS[form].rays
+    with pytest.raises(SettingError, match="needs the view's child_mask, normal"):
+        EVALUATED["plain-plus-0"].scores(replace(seen, child_mask=None, normal=None))
+
+
+def test_predicted_picture_has_estimates_of_its_own(coded):
+    for name, form in (("patchnet-plus", "predicted-4"), ("patchnet-plus-1", "predicted-1")):
+        seen = view(coded, (30, 20), STRATEGIES[name], unrefined=PREDICTED)
+        found = STRATEGIES[name].scores(seen)
+        np.testing.assert_array_equal(found, estimated_error(seen, shipped_estimators(), FORMS[form]))
+
+
+def test_adaptive_pictures_join_what_estimators_see(coded):
+    camera = Camera.look_at(EYE, np.full(3, 0.5), size_px=(40, 30))
+    picture = AdaptivePicture(coded.octree, camera, STRATEGIES["patchnet-plus"], coded)
+    drain(picture.trace(Pace(band_pixels=200)))
+    whole = drain(trace_view(coded.octree, camera, [STRATEGIES["patchnet-plus"]], coded=coded, reference=False))
+    np.testing.assert_allclose(picture.score, STRATEGIES["patchnet-plus"].scores(whole), rtol=1e-3, atol=1e-5)
+
+
+def test_registry_loads_no_compiler():
+    code = "import sys, patchnet.patchnet_addon.sampling.references.registry; assert 'numba' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training of the error estimator: table of pixels, learner, command."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patchnet.commands import main
+from patchnet.patchnet_addon.codes.encode import encode_octree
+from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.octree.file import save_octree
+from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS
+from patchnet.patchnet_addon.sampling.plus.features import features_of
+from patchnet.patchnet_addon.sampling.plus.forms import FORMS, Plane
+from patchnet.patchnet_addon.sampling.plus.weights import load_estimators
+from patchnet.patchnet_addon.sampling.strategy import Strategy
+from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.plus import frames
+from patchnet.training.plus.pixel_table import SYMMETRIES, PixelTable, symmetries
+
+torch = pytest.importorskip("torch")
+
+from patchnet.training.plus.learner import FormLearner  # noqa: E402
+from patchnet.training.plus.train import PlusOptions, PlusSettings, train_plus  # noqa: E402
+
+ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)
+WORDS = ["--frames", "8", "--every", "1", "--size", "48", "40", "--rays", "4", "--batch", "256", "--pixels", "200"]
+
+
+@pytest.fixture(scope="module")
+def octree_path(tmp_path_factory):
+    path = tmp_path_factory.mktemp("octree") / "shells.safetensors"
+    save_octree(octree_of_shells(20_000), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def table():
+    octree = octree_of_shells(20_000)
+    coded = drain(encode_octree(octree, Weights.random(seed=1)))
+    views = []
+    for turn in range(3):
+        eye = np.array([1.6 * np.cos(turn), 1.6 * np.sin(turn), 0.9])
+        camera = Camera.look_at(eye, np.zeros(3), size_px=(40, 30))
+        views.append(drain(trace_view(octree, camera, [ALL], coded=coded)))
+    return PixelTable.of(views, 150, seed=0)
+
+
+def test_table_holds_active_pixels_and_their_errors(table):
+    assert table.windows.shape == (450, len(Plane), 9) and table.windows[:, Plane.HIT].max(axis=1).all()
+    assert all(len(errors) == 450 and (errors >= 0).all() and errors.any() for errors in table.errors.values())
+
+
+def test_symmetries_are_eight_and_keep_neighbours():
+    orders = {tuple(places) + tuple(rays) for places, rays in symmetries()}
+    assert len(orders) == SYMMETRIES == len({order[:9] for order in orders})
+    whole = np.arange(36).reshape(6, 6)  # rays of a window
+    for places, rays in symmetries():
+        window = whole.reshape(3, 2, 3, 2).transpose(0, 2, 1, 3).reshape(9, 4)[places][:, rays]
+        turned = window.reshape(3, 3, 2, 2).transpose(0, 2, 1, 3).reshape(6, 6)
+        assert any(
+            (turned == np.rot90(whole.T if flip else whole, turn)).all() for flip in (False, True) for turn in range(4)
+        )
+
+
+@pytest.mark.parametrize("symmetry", range(SYMMETRIES))
+def test_symmetry_changes_no_scale(symmetry, table):
+    rows = np.arange(100)
+    for form in FORMS.values():
+        (values, scale), (turned, other) = (
+            features_of(table.batch(rows, number), form, tuple(Plane)) for number in (0, symmetry)
+        )
+        np.testing.assert_allclose(other, scale, rtol=1e-5)
+        np.testing.assert_allclose(turned.sum(axis=0), values.sum(axis=0), rtol=1e-3, atol=1e-2)
+
+
+def test_network_says_what_was_learnt(table):
+    """The moving mean with the features' mean and deviation folded in is the network that was trained."""
+    rows = np.arange(len(table))
+    windows = table.batch(rows, 0)
+    form = FORMS["plus-1"]
+    learner = FormLearner(form, windows, float(table.errors[form.shown].mean()), 1e-2, seed=0)
+    for _ in range(30):
+        learner.step(windows, table.errors[form.shown], 1e-2)
+    with torch.no_grad():
+        for parameter, moving in zip(learner.parameters, learner.moving, strict=True):
+            parameter.copy_(moving)
+        features, _ = features_of(windows, form, tuple(Plane))
+        inputs = torch.from_numpy(((features - learner.mean[:, None]) / learner.deviation[:, None]).T.copy())
+        expected = learner._outputs(inputs).numpy()
+    layers, skip = learner.network()
+    values = features.astype(np.float64)
+    direct = skip @ values
+    for matrix, bias in layers[:-1]:
+        values = np.maximum(matrix @ values + bias[:, None], 0)
+    variance, mean = layers[-1][0] @ values + layers[-1][1][:, None]
+    np.testing.assert_allclose((mean + direct) ** 2 + np.exp(variance), expected, rtol=1e-3, atol=1e-5)
+
+
+def test_command_learns_and_keeps_references(octree_path, tmp_path, capsys, monkeypatch):
+    words = ["train-plus", str(octree_path), *WORDS, "--references-folder", str(tmp_path / "references")]
+    assert main([*words, "--steps", "150", "--out", str(tmp_path / "a")]) == 0
+    assert "plus.safetensors" in capsys.readouterr().out
+    last = json.loads((tmp_path / "a" / "log.jsonl").read_text().splitlines()[-1])
+    assert last["step"] == 150 and last["loss"].keys() == FORMS.keys()
+    read = load_estimators(tmp_path / "a" / "plus.safetensors")
+    assert read.metadata["steps"] == 150 and "shells.safetensors" in read.metadata["octrees"]
+    monkeypatch.setattr(frames, "supersample", None)  # must not be rendered again
+    assert main([*words, "--steps", "150", "--out", str(tmp_path / "b")]) == 0
+    assert load_estimators(tmp_path / "b" / "plus.safetensors").hash == read.hash
+
+
+def test_loss_falls_below_that_of_a_constant(table, tmp_path):
+    settings = PlusSettings(steps=150, batch=256)
+    drain(train_plus(table, settings, PlusOptions(tmp_path, tmp_path, log_steps=50)))
+    last = json.loads((tmp_path / "log.jsonl").read_text().splitlines()[-1])
+    for name in FORMS:
+        assert last["loss"][name] < 0.98  # 1 is that of the mean error as estimate of every pixel
+
+
+def test_nothing_to_learn_from(table, tmp_path):
+    empty = PixelTable.joined([])
+    with pytest.raises(PatchNetError, match="show no surface"):
+        drain(train_plus(empty, PlusSettings(), PlusOptions(tmp_path, tmp_path)))
+    wrong = replace(table, errors={name: errors * np.nan for name, errors in table.errors.items()})
+    with pytest.raises(PatchNetError, match=r"no number.*--rate"):
+        drain(train_plus(wrong, PlusSettings(steps=1, batch=8), PlusOptions(tmp_path, tmp_path)))
+    with pytest.raises(SettingError, match="Steps"):
+        PlusSettings(steps=0)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["none.safetensors"], "none.safetensors"),
+        (["none.safetensors", "--steps", "0"], "--steps 0 is outside"),
+        (["none.safetensors", "--weights", "lost.safetensors"], "lost.safetensors"),
+    ],
+)
+def test_what_cannot_be_trained_is_refused(words, message, tmp_path, capsys):
+    assert main(["train-plus", *words, "--out", str(tmp_path)]) == 2
+    assert message in capsys.readouterr().err

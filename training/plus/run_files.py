@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of a training run of the error estimator, and whether they can be written; imports no torch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from ...patchnet_addon.runtime.file_kinds import TRAINING_LOG, arrays_kind
+from ...patchnet_addon.runtime.outputs import check_outputs
+from ...patchnet_addon.sampling.plus.weights import KIND
+
+ESTIMATORS = "plus.safetensors"
+LOG = "log.jsonl"
+REFERENCES = "references"  # folder of kept references
+
+
+def check_plus_run(out: Path, inputs: Iterable[Path] = ()) -> None:
+    """Check that a run can write its files in `out`; raises OutputError."""
+    check_outputs({out / ESTIMATORS: arrays_kind(KIND), out / LOG: TRAINING_LOG}, inputs, folder=out)

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training run of the error estimator: all forms at once, of the same pixels (methods 12.3).
+
+Everything random follows from the seed, so that a run gives the same weights again on the same processor.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...patchnet_addon.network.weights import Weights
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.sampling.plus.forms import FORMS
+from ...patchnet_addon.sampling.plus.weights import Estimators, save_estimators
+from ..run_log import Log
+from .frames import TrackSettings, views_of
+from .learner import FormLearner
+from .pixel_table import SYMMETRIES, PixelTable
+from .run_files import ESTIMATORS, LOG, check_plus_run
+
+_WARM_UP = 200  # steps
+_LAST_RATE = 0.01  # of the first
+_SCALED_BY = 20_000  # pixels
+
+
+@dataclass(frozen=True)
+class PlusSettings:
+    """Settings that decide the result of a run.
+
+    steps: of Adam. batch: pixels a step. pixels: of each frame in the table. rate: highest learning rate.
+    """
+
+    steps: int = 6000
+    batch: int = 2048
+    pixels: int = 1000
+    rate: float = 3e-3
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        bounds.STOP_AFTER.check(self.steps)
+        bounds.BATCH.check(self.batch)
+        bounds.FRAME_PIXELS.check(self.pixels)
+        bounds.LEARNING_RATE.check(self.rate)
+        bounds.SEED.check(self.seed)
+
+
+@dataclass(frozen=True)
+class PlusOptions:
+    """Options of carrying out a run. references: folder where they are kept. notes: for the weights' metadata."""
+
+    out: Path
+    references: Path
+    log_steps: int = 100
+    notes: dict[str, Any] = field(default_factory=dict)
+
+
+def pixels_of(
+    octrees: Sequence[Path], weights: Weights, tracks: TrackSettings, settings: PlusSettings, folder: Path
+) -> Steps[PixelTable]:
+    """Table of pixels of all octrees' tracks; raises as `views_of`."""
+    parts = []
+    for number, path in enumerate(octrees):
+        views = yield from views_of(path, weights, tracks, folder)
+        yield Progress(number, len(octrees), "Gathering pixels to learn from")
+        parts.append(PixelTable.of(views, settings.pixels, settings.seed))
+    return PixelTable.joined(parts)
+
+
+def train_plus(table: PixelTable, settings: PlusSettings, options: PlusOptions) -> Steps[Path]:
+    """Train the networks of all forms on a table, and return the file of their weights.
+
+    Keeps `log.jsonl` up to date and writes `plus.safetensors` at the end. Raises PatchNetError without pixels or if the
+    loss is no number any more, OutputError for files that cannot be written.
+    """
+    if len(table) == 0:
+        raise PatchNetError("There is nothing to learn from: the octrees' tracks show no surface")
+    check_plus_run(options.out)
+    options.out.mkdir(parents=True, exist_ok=True)
+    (options.out / LOG).unlink(missing_ok=True)
+    log, began = Log(options.out / LOG, 0), time.monotonic()
+    random = np.random.default_rng(settings.seed)
+    some = table.batch(random.integers(len(table), size=min(_SCALED_BY, 20 * len(table))), 0)
+    learners = [
+        FormLearner(form, some, float(table.errors[form.shown].mean()), settings.rate, settings.seed)
+        for form in FORMS.values()
+    ]
+    for step in range(settings.steps):
+        rows = random.integers(len(table), size=settings.batch)
+        windows = table.batch(rows, int(random.integers(SYMMETRIES)))
+        for learner in learners:
+            learner.step(windows, table.errors[learner.form.shown][rows], rate_at(step, settings))
+        if (step + 1) % options.log_steps == 0 or step + 1 == settings.steps:
+            _log_means(log, learners, step + 1, time.monotonic() - began)
+        yield Progress(step + 1, settings.steps, "Training")
+    networks = {learner.form.name: learner.network() for learner in learners}
+    extent = asdict(settings) | {"table": len(table), "minutes": round((time.monotonic() - began) / 60, 1)}
+    save_estimators(Estimators(networks, options.notes | extent), options.out / ESTIMATORS)
+    return options.out / ESTIMATORS
+
+
+def rate_at(step: int, settings: PlusSettings) -> float:
+    """Learning rate of a step: a short rise, then half a cosine."""
+    fall = 0.5 * (1 + math.cos(math.pi * step / settings.steps))
+    rise = min(1.0, (step + 1) / _WARM_UP)
+    return settings.rate * rise * (_LAST_RATE + (1 - _LAST_RATE) * fall)
+
+
+def _log_means(log: Log, learners: Sequence[FormLearner], step: int, seconds: float) -> None:
+    """Write the mean losses since the last time; raises PatchNetError if one is no number."""
+    means = {learner.form.name: float(np.mean(learner.losses)) for learner in learners}
+    for learner in learners:
+        learner.losses.clear()
+    if not all(map(math.isfinite, means.values())):
+        raise PatchNetError(f"The loss is no number after {step} steps: train anew with a lower --rate")
+    rounded = {name: round(mean, 6) for name, mean in means.items()}
+    log.write({"step": step, "loss": rounded, "seconds": round(seconds, 1)})
