@@ -15,7 +15,7 @@ from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
 from ..training.run_files import WEIGHTS, check_run
-from ..training.settings import IMPROVED, LOSSES, PRECISIONS, PRESETS, SAMPLES, VIEWS, TrainSettings
+from ..training.settings import LOSSES, PRECISIONS, PRESETS, SAMPLES, SHIPPED_PASSES, VIEWS, TrainSettings
 from .shared.arguments import add_number, add_out
 from .shared.lines import say_note, say_result
 from .shared.training_run import add_run_arguments, require_torch
@@ -34,10 +34,10 @@ def description() -> str:
     return f"""Train PatchNet on sample files.
 
 The shipped weights come from {SAMPLES:,} samples, {SAMPLES // VIEWS:,} voxels of {VIEWS} views, which
-training/shipped_weights.sh draws and learns from in {IMPROVED.passes:,} passes:
+training/shipped_weights.sh draws and learns from in {SHIPPED_PASSES:,} passes:
 
     patchnet dataset OCTREE... --samples {SAMPLES} --out samples
-    patchnet train samples --preset {_PRESET} --network paper --loss absolute --passes {IMPROVED.passes} --out run
+    patchnet train samples --preset {_PRESET} --passes {SHIPPED_PASSES} --out run
 
 A pass is one sample seen once. Presets:
 
