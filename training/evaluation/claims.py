@@ -20,7 +20,7 @@ HALF = 0.5
 ORACLES = {"patchnet": "patchnet-exact", "patchnet-behind": "patchnet-behind-exact"}
 """Strategies of the network, and the same scores of exact patches, which say whether network or score is at fault."""
 _REFERENCES = frozenset({"screen-space", "world-space"})
-_NOT_IN_THE_PAPER = frozenset({"random", "ss-variance-hits", "ws-lut-coverage", "ss-unet"})
+_NOT_IN_THE_PAPER = frozenset({"random", "ss-variance-hits", "ws-lut-coverage", "ss-unet", "plain-plus-0"})
 
 
 def claims_of(draws: Mapping[str, Bootstrap], groups: Mapping[str, Group]) -> dict[str, Any]:
