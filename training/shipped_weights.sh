@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 # How the shipped weights were made: octrees of the scenes in PATCHNET_SCENES and of rooms and gardens composed of the
-# furniture libraries for training (docs/furnished-scenes.md), samples of them, one training run.
+# furniture libraries for training (docs/furnished-scenes.md), samples of them, a training run, and the error estimator.
 #
 #   PATCHNET_SCENES=/path/to/scenes training/shipped_weights.sh LIBRARIES-FOLDER WORK-FOLDER
 #
@@ -64,3 +64,6 @@ done
 resume=$([ -e "$work/run/checkpoint.pt" ] && echo --resume || true)
 "$patchnet" train "$work/samples" --validate "$work/unseen-samples" --preset improved --passes 96000000 \
     --out "$work/run" $resume
+
+# The estimator of errors, which learns from what these weights say of the octrees.
+"$patchnet" train-plus "$work"/octrees/*.safetensors --weights "$work/run/patchnet.safetensors" --out "$work/plus"
