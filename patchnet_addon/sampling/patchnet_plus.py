@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 _GEOMETRY = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE})
 NEEDS = _GEOMETRY | {PREDICTION, BEHIND, FINE, FINE_RAYS}  # of all forms
-_RAYS = {0: frozenset[str](), 1: frozenset({FINE}), 4: frozenset({FINE_RAYS})}
+_TRACED = {0: frozenset[str](), 1: frozenset({FINE, BEHIND}), 4: frozenset({FINE_RAYS, BEHIND})}
+_EXTRA_RAYS = {0: 0, 1: 1, 4: 5}  # the finer ray in the pixel's centre is the one that goes on behind the patch
 
 
 def estimated_error(buffers: PixelBuffers, estimators: Estimators, form: Form) -> np.ndarray:
@@ -49,12 +50,12 @@ def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str
         name=name,
         title=title,
         description=description,
-        needs=_GEOMETRY | _RAYS[form.rays] | ({PREDICTION} if form.network else set()),
+        needs=_GEOMETRY | _TRACED[form.rays] | ({PREDICTION} if form.network else set()),
         score=score,
         quantity="expected luminance error",
         maximum=0.5,
         group="network" if form.network else "rays" if form.rays else "screen-space",
-        extra_rays=form.rays,
+        extra_rays=_EXTRA_RAYS[form.rays],
     )
 
 
@@ -64,15 +65,15 @@ STRATEGIES = (
         FORMS["plus-4"],
         FORMS["predicted-4"],
         "patchnet-plus",
-        "PatchNet Plus, four rays",
-        "The luminance error to be expected of all that is known of a pixel, with four finer rays in it",
+        "PatchNet Plus",
+        "The luminance error to be expected of all that is known of a pixel, with four finer rays, and one behind",
     ),
     estimator_strategy(
         FORMS["plus-1"],
         FORMS["predicted-1"],
         "patchnet-plus-1",
         "PatchNet Plus, one ray",
-        "The luminance error to be expected of all that is known of a pixel, with one finer ray in it",
+        "The luminance error to be expected of all that is known of a pixel, with one finer ray, which goes on behind",
     ),
     estimator_strategy(
         FORMS["plus-0"],

@@ -52,6 +52,7 @@ def random_buffers(seed: int = 0, height: int = 17, width: int = 23) -> PixelBuf
     return PixelBuffers(
         hits=hits,
         behind=rng.random(pixels).astype(np.float32),
+        behind_hit=rng.random(pixels) < 0.5,
         fine=rng.random(pixels).astype(np.float32),
         fine_rays=rng.random((pixels, 4)).astype(np.float32),
         normal=normal,

@@ -66,6 +66,7 @@ class Kind(IntEnum):
 SLOPE = 4.0  # pixel sides of depth that are half of the largest slope
 FAR = 1.0e6  # cube sides: depth of a miss
 BESIDE_RAYS = 0.1  # weight of the network's luminance in the squared scale where rays tell more
+HIDDEN_BEHIND = 0.01  # the same of what lies behind, which most patches hide
 FLOOR = 1.0e-5  # of the squared scale: differences below 0.003 are noise
 
 
@@ -84,7 +85,7 @@ class Form:
     """Form of the estimator.
 
     name: of its network in files. network: whether it sees what PatchNet says. rays: further finer rays that it
-    sees, 0, 1 or 4 (2x2). shown: plane of the picture
+    sees in a pixel, 0, 1 or 4 (2x2); with any, also what lies behind the patch. shown: plane of the picture
     whose error it estimates, LUMINANCE or PREDICTED; differences of luminance are those to its pixel.
     """
 
@@ -143,6 +144,10 @@ def _luminances(form: Form) -> Iterator[Feature]:
         yield from _all_of(Plane.PATCH, weight=BESIDE_RAYS if form.rays else 1.0)
     if form.rays == 1 or predicted:
         yield from _all_of(Plane.FINE)
+    if form.rays and not predicted:
+        yield from _all_of(Plane.BEHIND, (CENTRE,), weight=HIDDEN_BEHIND)
+        if form.network:
+            yield from _all_of(Plane.PREDICTED)
     if predicted:
         yield from _all_of(Plane.BEHIND, (CENTRE,))
         yield from _all_of(Plane.PREDICTED, AROUND)
@@ -164,7 +169,7 @@ def _geometry(form: Form) -> Iterator[Feature]:
         yield Feature(Kind.VALUE, Plane.LOOK_AHEAD, CENTRE)
         for place in WINDOW:
             yield Feature(Kind.VALUE, Plane.COVERAGE, place)
-    if form.shown == Plane.PREDICTED:
+    if form.shown == Plane.PREDICTED or form.rays:
         yield Feature(Kind.VALUE, Plane.BEHIND_HIT, CENTRE)
 
 
