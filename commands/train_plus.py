@@ -38,9 +38,9 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--references-folder", type=Path, metavar="FOLDER", help="where references are kept (references in --out)"
     )
-    add_number(parser, "--steps", bounds.STOP_AFTER, default=6000, help="steps of training (6000)")
+    add_number(parser, "--steps", bounds.STOP_AFTER, default=20_000, help="steps of training (20,000)")
     add_number(parser, "--batch", bounds.BATCH, default=2048, help="pixels per step (2048)")
-    add_number(parser, "--pixels", bounds.FRAME_PIXELS, default=1000, help="pixels to learn from in a frame (1000)")
+    add_number(parser, "--pixels", bounds.FRAME_PIXELS, default=2000, help="pixels to learn from in a frame (2,000)")
     add_number(parser, "--rate", bounds.LEARNING_RATE, default=3e-3, help="learning rate (0.003)")
     add_number(parser, "--every", bounds.TRACK_FRAMES, default=40, help="learn from each such frame of a track (40)")
     add_number(parser, "--rays", bounds.RAYS, default=16, help="rays per pixel side of references (16)")

@@ -39,9 +39,9 @@ class PlusSettings:
     steps: of Adam. batch: pixels a step. pixels: of each frame in the table. rate: highest learning rate.
     """
 
-    steps: int = 6000
+    steps: int = 20_000
     batch: int = 2048
-    pixels: int = 1000
+    pixels: int = 2000
     rate: float = 3e-3
     seed: int = 0
 
