@@ -18,7 +18,7 @@ import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.predict import Prediction, predict, predict_reference
-from ...patchnet_addon.network.kinds import PAPER
+from ...patchnet_addon.network.kinds import NetworkKind
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
@@ -29,8 +29,6 @@ from .encoding import has_torch
 from .peak_rate import measure_peak
 from .timing import Comparison, take_turns
 
-OPERATIONS = 2 * sum(a * b for a, b in pairwise(PAPER.decoder))
-"""Multiplications and additions of a pixel's layers."""
 _CHUNKS = (512, 1024, 2048, 4096, 8192, 16384)
 _FOV = math.radians(40)
 _DISTANCE = 1.9  # of cameras from the cube's centre, in its sides
@@ -58,7 +56,8 @@ def benchmark_decoding(coded: CodedOctree, pixels: int = 500_000, repeats: int =
         peak = measure_peak(threads)
     counts = dict.fromkeys(runs, decoded) | {"trace": len(hits.node)}
     rates = {name: counts[name] / median(values) for name, values in seconds.items()}
-    details = _rate_details(rates, peak) | {
+    details = _rate_details(rates, operations_of(coded.weights.kind), peak) | {
+        "network": coded.weights.kind.name,
         "threads": threads,
         "clock": "wall" if threads > 1 else "processor",
         "repeats": repeats,
@@ -73,13 +72,18 @@ def benchmark_decoding(coded: CodedOctree, pixels: int = 500_000, repeats: int =
     return Comparison("decode", rates["decode"], theirs, ratio, details, unit="pixels per second")
 
 
-def _rate_details(rates: dict[str, float], peak: float) -> dict[str, Any]:
+def operations_of(kind: NetworkKind) -> int:
+    """Multiplications and additions of a pixel's layers."""
+    return 2 * sum(a * b for a, b in pairwise(kind.decoder))
+
+
+def _rate_details(rates: dict[str, float], operations: int, peak: float) -> dict[str, Any]:
     """Rates in pixels per second, and what that is of the processor's multiplications and additions."""
     return {
         "pixels_per_s": rates,
-        "gflops": rates["decode"] * OPERATIONS / 1e9,
+        "gflops": rates["decode"] * operations / 1e9,
         "peak_gflops": peak,
-        "share_of_peak": rates["decode"] * OPERATIONS / 1e9 / peak,
+        "share_of_peak": rates["decode"] * operations / 1e9 / peak,
     }
 
 
@@ -169,10 +173,10 @@ def _fastest_torch(weights: Weights, threads: int) -> _TorchLayers:
 
 
 def _by_pixel(layers: list[Any], chunk: int) -> Callable[[], Any]:
-    """Layers over inputs (chunk, 42)."""
+    """Layers over inputs (chunk, 42), or as many as the network has."""
     import torch
 
-    inputs = torch.randn(chunk, PAPER.decoder[0])
+    inputs = torch.randn(chunk, layers[0][0].shape[1])
 
     def apply() -> Any:
         values = inputs
@@ -184,10 +188,10 @@ def _by_pixel(layers: list[Any], chunk: int) -> Callable[[], Any]:
 
 
 def _by_feature(layers: list[Any], chunk: int) -> Callable[[], Any]:
-    """Layers over inputs (42, chunk)."""
+    """Layers over inputs (42, chunk), or as many as the network has."""
     import torch
 
-    inputs = torch.randn(PAPER.decoder[0], chunk)
+    inputs = torch.randn(layers[0][0].shape[1], chunk)
 
     def apply() -> Any:
         values = inputs

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 _LIGHT = "0.75"
 Style = tuple[str, str]  # color and line
 _STYLES: dict[str, Style] = {
-    "patchnet-plus": ("black", "-"), "patchnet-plus-1": ("black", "-"), "patchnet-plus-0": ("black", "-"),
-    "plain-plus-4": ("black", "--"), "plain-plus-1": ("black", "--"), "plain-plus-0": ("black", "--"),
+    "patchnet-plus": ("black", "-"), "patchnet-plus-1": ("#b2182b", "-"), "patchnet-plus-0": ("#888800", "-"),
+    "plain-plus-4": ("black", "--"), "plain-plus-1": ("#b2182b", "--"), "plain-plus-0": ("#888800", "--"),
     "patchnet": ("#56b4e9", "-"), "patchnet-behind": (BLUE, "-"), "fusion": (PURPLE, "-"), "ss-variance": (ORANGE, "-"),
     "ws-lut": (GREEN, "-"), "fine-ray": ("#8c510a", "-"), "fine-ray-variance": ("#8c510a", "--"),
     "fine-rays-4": ("#cc79a7", "-"), "fine-rays-4-variance": ("#cc79a7", "--"), "patchnet-behind-exact": (BLUE, ":"),
@@ -30,7 +30,11 @@ _STYLES: dict[str, Style] = {
 # For further networks, the first ones that are named; those after them are gray.
 _NETWORK_STYLES = (("black", "-."), ("#e69f00", "-."), ("#882255", "-."), ("#999933", "-."))
 _COLUMNS = 5  # of the overview
-_PANELS = ((1, "no further ray"), (2, "one further ray"), (5, "four further rays"))
+_PANELS = (
+    (range(1, 2), "no further ray"),
+    (range(2, 3), "one further ray"),
+    (range(3, 9), "four or five further rays"),
+)
 
 
 def draw_budgets(
@@ -54,7 +58,7 @@ def draw_budgets(
         for number, (label_of_level, level) in enumerate((levels or {}).items()):
             axes.axhline(1e4 * level, color="k", lw=0.8, ls=("-.", (0, (1, 3)))[number % 2], label=label_of_level)
         for strategy, curve in values["mse"].items():
-            if values["rays_per_pixel"][strategy] == rays and strategy not in ("random", "optimal"):
+            if values["rays_per_pixel"][strategy] in rays and strategy not in ("random", "optimal"):
                 _draw_curve(axes, budgets, _error(curve), strategy, styles)
         axes.set(xlabel="refined (% of active pixels)", title=label, yscale="log")
         axes.set_ylim(values["mse"]["random"][0] * 1e4 / 200, values["mse"]["random"][0] * 1.2e4)
