@@ -19,6 +19,8 @@ import torch
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.encode import encode_octree, make_encoder
+from ...patchnet_addon.codes.mixture_inputs import nearby_of
+from ...patchnet_addon.codes.pixel_tiles import PixelRays
 from ...patchnet_addon.codes.predict import predict, predict_on
 from ...patchnet_addon.network.compiled_encode import CompiledEncoder
 from ...patchnet_addon.network.devices import CPU, device_title, found_device
@@ -161,10 +163,13 @@ def _decodes(coded: CodedOctree, device: str, bench: DeviceBench) -> tuple[list[
     pixels = np.flatnonzero(rows >= 0)
     corners = coded.corners_of(rows[pixels])
     views = hits.entry_voxel[pixels], hits.direction[pixels], hits.up[pixels], hits.ratio[pixels]
+    nearby = None
+    if coded.weights.kind.mixes:
+        nearby = nearby_of(coded, hits.node[pixels], rows[pixels], PixelRays.of(hits).part(pixels))
     decoder = TorchDecoder(coded.weights, coded.codes, device)
     runs: dict[str, Run] = {
         "device": lambda: predict_on(device, coded, hits),
-        "there": lambda: decoder(corners, *views),
+        "there": lambda: decoder(corners, *views, nearby),
         "cpu": lambda: predict(coded, hits),
     }
     theirs, _, ours = runs["device"](), runs["there"](), runs["cpu"]()
