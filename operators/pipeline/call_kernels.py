@@ -62,6 +62,9 @@ def main(package: str, folder: str, *search_path: str) -> None:
     coded = part("codes.coded_octree").CodedOctree(octree, weights, codes, rows, nodes_with_codes, around)
     part("codes.predict").predict(coded, hits)
     drain(part("tracing.supersample").supersample(octree, camera, 2))
+    registry = part("sampling.registry")
+    default = registry.STRATEGIES[registry.DEFAULT]
+    default.scores(drain(part("sampling.trace").trace_view(octree, camera, [default], coded=coded, reference=False)))
     drain(part("codes.encode").encode_octree(octree, weights))
 
 

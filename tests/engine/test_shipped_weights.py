@@ -15,7 +15,10 @@ from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.errors import pooled_mse
+from patchnet.patchnet_addon.sampling.patchnet_plus import estimated_error
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from patchnet.patchnet_addon.sampling.plus.forms import FORMS
+from patchnet.patchnet_addon.sampling.plus.weights import Estimators
 from patchnet.patchnet_addon.sampling.predicted import PREDICTED
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
@@ -28,6 +31,7 @@ LIMITS = {
     "patchnet-behind": 0.36,  # squared error left at 30 %, over that of ss-variance: 0.314
     "patchnet": 0.77,  # 0.668; random order: 2.55
 }
+PLUS_LIMITS = {"patchnet-plus": 0.318, "patchnet-plus-1": 0.347, "patchnet-plus-0": 0.60}  # 0.276, 0.302, 0.524
 ORACLE_LIMITS = {"patchnet-behind-exact": 0.34, "patchnet-exact": 0.77}  # 0.293, 0.673
 
 
@@ -116,6 +120,21 @@ def test_predicted_pictures_are_nearer_than_previews(views: list[PixelBuffers]) 
     )
     assert after[0] < 0.5 * before[0]
     assert after[1] < before[1]
+
+
+def test_shipped_estimators_keep_their_limits(views: list[PixelBuffers]) -> None:
+    ratio = ratios(views)
+    assert {name: ratio[name] for name, limit in PLUS_LIMITS.items() if ratio[name] > limit} == {}
+    assert ratio["patchnet-plus"] < ratio["patchnet-plus-1"] < ratio["patchnet-behind"]
+    assert ratio["patchnet-plus-0"] < ratio["patchnet"]
+
+
+def test_untrained_estimators_break_every_limit(views: list[PixelBuffers]) -> None:
+    untrained, of_variance = Estimators.random(1), STRATEGIES["ss-variance"]
+    (left,) = pooled_mse(views, [of_variance.scores(view) for view in views], [0.3])
+    for name, form in zip(PLUS_LIMITS, ("plus-4", "plus-1", "plus-0"), strict=True):
+        scores = [estimated_error(view, untrained, FORMS[form]) for view in views]
+        assert pooled_mse(views, scores, [0.3])[0] > PLUS_LIMITS[name] * left
 
 
 def test_exact_oracle_is_the_limit(views: list[PixelBuffers]) -> None:
