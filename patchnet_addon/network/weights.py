@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -98,17 +100,8 @@ class Weights:
         kind: NetworkKind = PAPER,
     ) -> Weights:
         """Inverse of `arrays`; raises KeyError for a missing one and ValueError for a wrong shape or value."""
-
-        def layers(part: str, sizes: tuple[int, ...]) -> tuple[Layer, ...]:
-            return tuple(
-                (
-                    _checked(arrays, f"{part}.{index}.weight", (sizes[index + 1], sizes[index])),
-                    _checked(arrays, f"{part}.{index}.bias", (sizes[index + 1],)),
-                )
-                for index in range(len(sizes) - 1)
-            )
-
-        return cls(layers("encoder", encoder_sizes(lookahead)), layers("decoder", kind.decoder), dict(metadata or {}))
+        encoder = layers_of(arrays, "encoder", encoder_sizes(lookahead))
+        return cls(encoder, layers_of(arrays, "decoder", kind.decoder), dict(metadata or {}))
 
     @classmethod
     def random(
@@ -192,7 +185,22 @@ def default_weights_path() -> Path:
     return Path(__file__).parent / "weights" / "patchnet.safetensors"
 
 
-def _checked(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+def layers_of(arrays: Mapping[str, np.ndarray], part: str, sizes: tuple[int, ...]) -> tuple[Layer, ...]:
+    """Linear layers PART.0.weight, PART.0.bias, ... with `sizes` values between them.
+
+    Raises KeyError for a missing one and ValueError for a wrong shape or value.
+    """
+    return tuple(
+        (
+            checked_array(arrays, f"{part}.{index}.weight", (after, before)),
+            checked_array(arrays, f"{part}.{index}.bias", (after,)),
+        )
+        for index, (before, after) in enumerate(pairwise(sizes))
+    )
+
+
+def checked_array(arrays: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Copy of a float32 array of a file; raises as `layers_of`."""
     array = arrays[name]
     if array.shape != shape or array.dtype != np.float32:
         raise ValueError(

@@ -8,6 +8,7 @@ from statistics import median
 from typing import Any
 
 from .claims import VARIANCE
+from .over_scenes import BUDGETS, geometric_means, scenes_ahead
 from .patch_networks import network_name
 from .results import POOLED
 
@@ -18,6 +19,13 @@ _RATIOS = (
     "patchnet-plus-0", "plain-plus-0", "patchnet", "patchnet-plus-1", "plain-plus-1", "patchnet-behind", "fusion",
     "fine-ray", "fine-ray-variance", "patchnet-plus", "plain-plus-4", "fine-rays-4", "fine-rays-4-variance",
 )  # fmt: skip
+
+
+_PAIRS = {
+    "patchnet-plus-0": ("patchnet", VARIANCE, "ss-variance-hits", "plain-plus-0"),
+    "patchnet-plus-1": ("fine-ray", "fine-ray-variance", "patchnet-behind", "fusion", "plain-plus-1"),
+    "patchnet-plus": ("fine-rays-4", "fine-rays-4-variance", "plain-plus-4"),
+}  # strategies and their rivals at as many rays
 
 
 def markdown_of(results: Mapping[str, Any]) -> str:
@@ -36,6 +44,14 @@ def markdown_of(results: Mapping[str, Any]) -> str:
         f"Error at {BUDGET:.0%} over that of `{VARIANCE}`.",
         _by_scene(results, names, _over_variance),
         *_pooled(results, names),
+        f"Geometric mean over scenes of the error over that of `{VARIANCE}`, by budget.",
+        _table(
+            ["strategy", *(f"{budget}%" for budget in BUDGETS)],
+            ([f"`{name}`", *(f"{ratio:.3f}" for ratio in geometric_means(scenes, name, VARIANCE))] for name in names),
+        ),
+        f"Scenes of {len(scenes)} in which one strategy leaves less than another, by budget: at equal budgets, and in "
+        "equal time where samples are own rays, or those of Cycles.",
+        _ahead(scenes),
         "Excess area: 0 is optimal, 1 is random.",
         _table(
             ["strategy", *scenes],
@@ -60,6 +76,20 @@ def markdown_of(results: Mapping[str, Any]) -> str:
             _matrix(found, scenes),
         ]
     return "\n\n".join(parts) + "\n"
+
+
+def _ahead(scenes: Mapping[str, Any]) -> str:
+    first = next(iter(scenes.values()))
+    return _table(
+        ["strategy", "rival", "at equal", *(f"{budget}%" for budget in BUDGETS)],
+        (
+            [f"`{ours}`", f"`{rival}`", title, *scenes_ahead(scenes, ours, rival, price)]
+            for ours, rivals in _PAIRS.items()
+            for rival in rivals
+            if {ours, rival} <= first["ms_per_frame"].keys()
+            for title, price in (("budget", None), ("time, own rays", "own"), ("time, Cycles", "cycles"))
+        ),
+    )
 
 
 def _scenes(scenes: Mapping[str, Any]) -> str:

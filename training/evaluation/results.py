@@ -89,11 +89,13 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
         "predicted": {
             name: {
                 "rays_per_pixel": PREDICTED_RAYS,
-                "mse": float(frames.predicted[:, index, 0].sum() / active),
-                "mse_refined": (frames.predicted[:, index].sum(axis=0) / active).tolist(),
+                "mse": curve[0],
+                "mse_refined": curve,
                 "ms_per_frame": milliseconds,
             }
-            for index, (name, milliseconds) in enumerate(costs.predicted_ms.items())
+            for curve, (name, milliseconds) in zip(
+                (frames.predicted.sum(axis=0) / active).tolist(), costs.predicted_ms.items(), strict=True
+            )
         },
     }
 

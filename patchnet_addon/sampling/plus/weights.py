@@ -12,15 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...network.weights import Layer, checked_array, layers_of
 from ...runtime.errors import WeightsFileError
 from ...runtime.files import content_hash, read_arrays, write_arrays
 from .forms import FORMS, Form
 
 KIND = "error-estimators"
 HIDDEN = 36  # a multiple of the outputs that the compiled layers sum at once
-
-Layer = tuple[np.ndarray, np.ndarray]
-"""Matrix (out, in) and bias (out,), float32."""
 
 
 def layer_sizes(form: Form) -> tuple[int, ...]:
@@ -123,22 +121,4 @@ def shipped_path() -> Path:
 
 def _network(arrays: Mapping[str, np.ndarray], form: Form) -> Network:
     sizes = layer_sizes(form)
-    layers = tuple(
-        (
-            _checked(arrays, f"{form.name}.{index}.weight", (sizes[index + 1], sizes[index])),
-            _checked(arrays, f"{form.name}.{index}.bias", (sizes[index + 1],)),
-        )
-        for index in range(len(sizes) - 1)
-    )
-    return Network(layers, _checked(arrays, f"{form.name}.skip", (sizes[0],)))
-
-
-def _checked(arrays: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
-    array = arrays[name]
-    if array.shape != shape or array.dtype != np.float32:
-        raise ValueError(
-            f"'{name}' is {array.dtype} of shape {array.shape} where this version has float32 of shape {shape}"
-        )
-    if not np.isfinite(array).all():
-        raise ValueError(f"'{name}' holds values that are not finite")
-    return np.array(array, order="C")
+    return Network(layers_of(arrays, form.name, sizes), checked_array(arrays, f"{form.name}.skip", (sizes[0],)))
