@@ -28,7 +28,7 @@ from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapsh
 pytestmark = pytest.mark.usefixtures("registered")
 
 SIZE = (40, 24)
-CYCLES = CyclesSettings(budget=0.4, samples=4, tile=8, most=3, compare=True)
+CYCLES = CyclesSettings(budget=0.4, samples=32, tile=8, most=3, compare=True)
 STOPS = 6
 
 
