@@ -9,12 +9,12 @@ import numpy as np
 
 from .pixel_buffers import PixelBuffers
 from .plus.forms import FORMS, Form
-from .strategy import BEHIND, CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PREDICTION, Strategy
+from .strategy import BEHIND, CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PREDICTION, SCENE_LUMINANCE, Strategy
 
 if TYPE_CHECKING:
     from .plus.weights import Estimators
 
-_GEOMETRY = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE})
+_GEOMETRY = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE, SCENE_LUMINANCE})
 NEEDS = _GEOMETRY | {PREDICTION, BEHIND, FINE, FINE_RAYS}  # of all forms
 _TRACED = {0: frozenset[str](), 1: frozenset({FINE, BEHIND}), 4: frozenset({FINE_RAYS, BEHIND})}
 _EXTRA_RAYS = {0: 0, 1: 1, 4: 5}  # the finer ray in the pixel's centre is the one that goes on behind the patch

@@ -123,6 +123,9 @@ def test_planes_and_their_border(buffers):
     np.testing.assert_array_equal(view_planes(buffers, tuple(Plane), 9, 17), planes[:, 9:19])
     children = np.array([int(mask).bit_count() / 8 for mask in buffers.child_mask])
     np.testing.assert_array_equal(inside[Plane.CHILDREN], children)
+    assert 0 < buffers.scene_luminance < 1
+    alone = replace(buffers, behind=np.full_like(buffers.preview, buffers.scene_luminance))
+    np.testing.assert_allclose(inside[Plane.OPEN], alone.predicted, atol=1e-6)
 
 
 def test_features_by_hand(buffers):
@@ -157,6 +160,7 @@ def test_forms_see_what_they_pay_for():
         assert bool(seen & {Plane.COVERAGE, Plane.PATCH, Plane.LOOK_AHEAD, Plane.PREDICTED}) == form.network
         assert (Plane.FINE in seen) == (form.rays == 1 or form.shown == Plane.PREDICTED)
         assert (Plane.RAY_0 in seen) == (form.rays == 4)
+        assert (Plane.OPEN in seen) == (name == "plus-0")
         assert name == form.name and form.features[-1].kind == Kind.SCALE
 
 
