@@ -27,13 +27,14 @@ from .benches import (
     opening,
     scene,
     trace,
+    train,
     voxel_grids,
 )
 
 BENCHES = {
     "voxelize": voxel_grids, "depths": depths, "open": opening, "nodes": nodes, "scene": scene, "fit": fit,
     "bake": bake, "encode": encode, "decode": decode, "trace": trace, "frame": frame,
-    "device": device, "first-use": first_use,
+    "device": device, "first-use": first_use, "train": train,
 }  # fmt: skip
 
 

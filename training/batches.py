@@ -34,7 +34,7 @@ class Batch:
     """V voxels with R views each.
 
     blocks: (M, B) float32, the occupied blocks of all voxels; cells z, y, x of occupancy, luminance, normal, B = 320
-    for a look-ahead of two levels.
+    for a look-ahead of two levels. Luminance is 0 for networks that mix luminances, which see shape alone.
     slice_start: (9,) int64; pairs slice_start[s] to slice_start[s + 1] meet slice s (octant x + 2y + 4z of the patch).
     pair_block: (P,) int64 rows of `blocks`. pair_corner: (P,) int64 corner 8 v + c that the pair adds to.
     entry, direction, up: (V, R, 3) float32. ratio, coverage, luminance: (V, R) float32.
@@ -124,6 +124,7 @@ def gather_batch(
         linear,
         augmentation.symmetry,
         symmetries,
+        not nearby,
         blocks,
         moved,
     )
@@ -180,7 +181,7 @@ def _gather_nodes(nodes, luminance, root, voxel, remap, lookahead, bricks, linea
 
 
 @kernel
-def _write_blocks(luminance, normal, bricks, linear, symmetry, symmetries, blocks, moved):
+def _write_blocks(luminance, normal, bricks, linear, symmetry, symmetries, with_luminance, blocks, moved):
     row = 0
     for v in range(len(symmetry)):
         axis, sign = symmetries.axis, symmetries.sign
@@ -199,7 +200,8 @@ def _write_blocks(luminance, normal, bricks, linear, symmetry, symmetries, block
                     continue
                 at = CHANNELS * symmetries.cell[turn, cell]
                 blocks[row, at] = 1.0
-                blocks[row, at + 1] = gain * luminance[node] + offset
+                if with_luminance:
+                    blocks[row, at + 1] = gain * luminance[node] + offset
                 blocks[row, at + 2] = sx * normal[node, ax]
                 blocks[row, at + 3] = sy * normal[node, ay]
                 blocks[row, at + 4] = sz * normal[node, az]

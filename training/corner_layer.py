@@ -14,8 +14,7 @@ import torch
 from torch import Tensor
 
 from ..patchnet_addon.network.weights import CHANNELS
-
-SLICES = 8
+from .bfloat16 import SLICES
 
 
 def to_slices(weight: Tensor) -> Tensor:
@@ -53,12 +52,13 @@ class CornerLayer(torch.autograd.Function):
         pair_corner: Tensor,
         corners: int,
     ) -> Tensor:
-        """Products (corners, out) in the type of `blocks` (M, B) for slices (8, B, out) in float32."""
+        """Sums (corners, out) float32 of products in the type of `blocks` (M, B) for slices (8, B, out) in float32."""
         matrices = slices.to(blocks.dtype)
-        result = torch.zeros(corners, slices.shape[2], dtype=blocks.dtype, device=blocks.device)
+        result = torch.zeros(corners, slices.shape[2], device=blocks.device)
         for s in range(SLICES):
             here = slice(starts[s], starts[s + 1])
-            result.index_add_(0, pair_corner[here], blocks.index_select(0, pair_block[here]) @ matrices[s])
+            products = blocks.index_select(0, pair_block[here]) @ matrices[s]
+            result.index_add_(0, pair_corner[here], products.float())
         ctx.save_for_backward(blocks, pair_block, pair_corner)
         ctx.starts = starts
         return result

@@ -9,9 +9,14 @@ import torch
 import torch.nn.functional as functional
 from torch import Tensor, nn
 
+from ..patchnet_addon.network.decode import OUTPUT_LOW, OUTPUT_RANGE
+from ..patchnet_addon.network.devices import CPU
 from ..patchnet_addon.network.torch_model import MixturePlace, PatchNet
-from ..patchnet_addon.network.weights import CHANNELS, LUMINANCE, Weights
+from ..patchnet_addon.network.weights import Weights
+from .bfloat16_encoder import Bfloat16Encoder
 from .corner_layer import CornerLayer, from_slices, to_slices
+from .decoder_inputs import DecoderInputs
+from .mixture_outputs import MixtureOutputs
 from .tensor_batch import TensorBatch
 
 
@@ -40,30 +45,46 @@ class SlicedNet(nn.Module):
         The batch lies on the network's device.
         """
         voxels, views = batch.ratio.shape
-        first, *middle, last = self._encoder()
-        blocks = self._seen(batch.blocks).to(dtype)
-        pairs = batch.pair_block, batch.pair_corner
-        hidden = CornerLayer.apply(self.slices, blocks, batch.slice_start, *pairs, 8 * voxels)
-        hidden = torch.relu(hidden + first.bias.to(dtype))
-        for layer in middle:
-            hidden = torch.relu(functional.linear(hidden, layer.weight.to(dtype), layer.bias.to(dtype)))
-        eight = last(hidden.float()).view(voxels, 8, -1)
+        eight = self._encoder()[-1](self._hidden(batch, dtype)).view(voxels, 8, -1)
+        found = self._decoded_on_cpu(eight, batch) if eight.device.type == CPU else self._decoded(eight, batch)
+        return found.view(voxels, views, 2)
+
+    def _decoded_on_cpu(self, eight: Tensor, batch: TensorBatch) -> Tensor:
+        """The same as `_decoded`, by kernels between the decoder's layers."""
+        values = DecoderInputs.apply(eight, batch)
+        *layers, last = self.net.decoder
+        for layer in layers:
+            values = torch.relu(layer(values))
+        outputs = last(values)
+        if batch.nearby is None:
+            return OUTPUT_LOW + OUTPUT_RANGE * torch.sigmoid(outputs)
+        near = (part.flatten(0, 1) for part in (batch.nearby.covered, batch.nearby.luminances))
+        return MixtureOutputs.apply(outputs, *near)  # type: ignore[no-any-return]
+
+    def _decoded(self, eight: Tensor, batch: TensorBatch) -> Tensor:
+        """Coverage and luminance (V R, 2) of codes (V, 8, 10) of the voxels' corners."""
         codes = torch.bmm(corner_shares(batch.entry), eight).flatten(0, 1)  # (V R, 10)
         rays = *(part.flatten(0, 1) for part in (batch.direction, batch.up)), batch.ratio.reshape(-1)
         if batch.nearby is None:
-            return self.net.decode(codes, *rays).view(voxels, views, 2)
-        corner_codes = eight[:, None].expand(-1, views, -1, -1).flatten(0, 1)  # (V R, 8, 10)
+            return self.net.decode(codes, *rays)
+        corner_codes = eight[:, None].expand(-1, batch.ratio.shape[1], -1, -1).flatten(0, 1)  # (V R, 8, 10)
         near = batch.nearby.view, batch.nearby.covered, batch.nearby.luminances
         place = MixturePlace(corner_codes, *(part.flatten(0, 1) for part in near))
-        return self.net.decode_mixture(codes, place, *rays).view(voxels, views, 2)
+        return self.net.decode_mixture(codes, place, *rays)
 
-    def _seen(self, blocks: Tensor) -> Tensor:
-        """Blocks (M, B) without luminance for a network that sees shape alone."""
-        if not self.net.kind.mixes:
-            return blocks
-        cells = blocks.view(len(blocks), -1, CHANNELS).clone()
-        cells[:, :, LUMINANCE] = 0
-        return cells.flatten(1)
+    def _hidden(self, batch: TensorBatch, dtype: torch.dtype) -> Tensor:
+        """Values (8 V, 256) float32 that the encoder's last layer is given, by products in `dtype`."""
+        first, *middle, _ = self._encoder()
+        corners = 8 * len(batch.ratio)
+        pairs = batch.slice_start, batch.pair_block, batch.pair_corner, corners
+        if dtype == torch.bfloat16 and batch.blocks.device.type == CPU:
+            layers = [part for layer in middle for part in (layer.weight, layer.bias)]
+            return Bfloat16Encoder.apply(batch.blocks, *pairs, self.slices, first.bias, *layers)  # type: ignore[no-any-return]
+        hidden = torch.relu(CornerLayer.apply(self.slices, batch.blocks.to(dtype), *pairs) + first.bias)
+        for layer in middle:
+            hidden = hidden.to(dtype)
+            hidden = torch.relu(functional.linear(hidden, layer.weight.to(dtype), layer.bias.to(dtype)))
+        return hidden.float()
 
     def to_weights(self, metadata: dict[str, Any] | None = None) -> Weights:
         """Copy of the parameters as plain arrays."""

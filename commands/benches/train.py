@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training samples per second on the CPU, against the rate that a step's matrix products alone would allow.
+
+The products are recorded in the same run, with their sizes, strides and number types, and torch does them again alone,
+in as many threads. One thread is measured in processor seconds on one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...patchnet_addon.runtime import bounds
+from ..shared.arguments import add_number
+from ..shared.training_run import require_torch
+from .arguments import add_repeats
+
+if TYPE_CHECKING:
+    from ...training.benchmarks.timing import Comparison
+
+HELP = "whole training steps against their matrix products alone"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of `patchnet bench train`."""
+    parser.add_argument(
+        "datasets", nargs="*", type=Path, metavar="DATASET",
+        help="sample files, or folders of them (samples of an octree of --nodes nodes are drawn)",
+    )  # fmt: skip
+    add_number(parser, "--nodes", bounds.NODES, default=1_000_000, help="nodes of the octree that is made (1000000)")
+    add_number(parser, "--threads", bounds.THREADS, default=1, help="threads that learn, or multiply (1)")
+    add_repeats(parser, 9)
+
+
+def measure(args: argparse.Namespace) -> Comparison:
+    """Rates of both kinds of network; raises PatchNetError."""
+    from ...training.dataset import load_dataset, sample_files
+    from ..train import keep_freed_memory
+
+    keep_freed_memory()
+    require_torch()
+    from ...training.benchmarks.training_rate import TrainBench, benchmark_training
+
+    datasets = [load_dataset(path) for path in sample_files(args.datasets)]
+    return benchmark_training(datasets, TrainBench(args.nodes, repeats=args.repeats, threads=args.threads))
+
+
+def text(values: dict[str, Any]) -> str:
+    """Markdown table of both kinds."""
+    from ...training.benchmarks.tables import markdown_table
+
+    rows = [
+        [
+            name, f"{row['batch']:,}", f"{row['samples_per_s']:,.0f}", f"{row['products_samples_per_s']:,.0f}",
+            f"{row['share']:.0%}", f"{row['step_ms']:.1f}", f"{row['products_ms']:.1f}",
+            f"{row['gflops_of_products']:,.0f}",
+        ]
+        for name, row in values["kinds"].items()
+    ]  # fmt: skip
+    head = ["network", "samples a step", "samples/s", "by products alone", "share", "step, ms", "products, ms"]
+    return (
+        f"{values['machine']}; {values['versions']}\n"
+        f"Threads: {values['threads']}, {values['clock']} seconds, medians of {values['repeats']} runs\n\n"
+        f"{markdown_table([*head, 'GFLOP/s of products'], rows)}"
+    )

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training samples per second on the CPU, against the rate at which the step's matrix products alone would allow them.
+
+Both in turns in one run, medians. A step is all that a run does again and again: batches are gathered, gradients
+computed, the optimiser's step taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from statistics import median
+from typing import Any
+
+import torch
+
+from ...patchnet_addon.network.kinds import KINDS, MIXTURE
+from ...patchnet_addon.runtime.progress import drain
+from ..corpus import corpus_of
+from ..crews import ALONE, StepPlan, ThreadCrew
+from ..dataset import Dataset
+from ..learner import Learner
+from ..processes import Processes
+from ..provenance import describe_machine, describe_versions
+from ..samples import SampleSettings, draw_samples
+from ..settings import AUTO, IMPROVED, PAPER, TrainSettings
+from ..tensor_batch import TensorBatch
+from ..trainer import encoder_type
+from .shells import octree_of_shells
+from .step_products import Product, operations, recorded_products, replay
+from .timing import Comparison, how_measured, take_turns
+
+SETTINGS = {MIXTURE.name: IMPROVED, PAPER.network: PAPER}  # the preset by kind of network
+
+
+@dataclass(frozen=True)
+class TrainBench:
+    """Settings of the measurement. nodes, samples: of the octree that is made where no data sets are given.
+
+    steps: of a run. precision: as of `TrainSettings`.
+    """
+
+    nodes: int = 1_000_000
+    samples: int = 400_000
+    steps: int = 4
+    repeats: int = 9
+    threads: int = 1
+    precision: str = AUTO
+
+
+def benchmark_training(datasets: Sequence[Dataset], bench: TrainBench) -> Comparison:
+    """Rates of both kinds of network; `ratio`, of the first kind, is the share of what products alone would allow."""
+    datasets = datasets or [_made(bench)]
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        measured = {
+            name: _measured(datasets, replace(settings, precision=bench.precision), bench)
+            for name, settings in SETTINGS.items()
+        }
+    finally:
+        torch.set_num_threads(before)
+    first = measured[MIXTURE.name]
+    details = {
+        "machine": describe_machine(),
+        "versions": describe_versions(),
+        "threads": bench.threads,
+        "data": [dataset.name for dataset in datasets],
+        "kinds": measured,
+        "repeats": bench.repeats,
+        **how_measured(bench.threads > 1),
+    }
+    ours, peer = first["samples_per_s"], first["products_samples_per_s"]
+    return Comparison("train", ours, peer, ours / peer, details, unit="samples per second")
+
+
+def _made(bench: TrainBench) -> Dataset:
+    octree = octree_of_shells(bench.nodes)
+    settings = SampleSettings(min_level=min(5, octree.depth - 3), held_out=0.0)
+    return Dataset("shells", octree, drain(draw_samples(octree, bench.samples, settings)), {})
+
+
+def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: TrainBench) -> dict[str, Any]:
+    """Rates of one kind as JSON values."""
+    corpus, _ = corpus_of(datasets, nearby=KINDS[settings.network].mixes)
+    learner = Learner(settings, corpus.lookahead)
+    dtype = encoder_type(settings, 0.0)
+    voxels = settings.batch // corpus.views.shape[1]
+    crew = ThreadCrew(learner, StepPlan(corpus, settings, voxels, ALONE), bench.threads)
+
+    def steps() -> None:
+        for number in range(bench.steps):
+            learner.step(crew.gradients(number, dtype)[0], settings.final_rate)
+
+    parts = [
+        _products(learner, StepPlan(corpus, settings, voxels, Processes(part, bench.threads)), bench.steps, dtype)
+        for part in range(bench.threads)
+    ]
+    with ThreadPoolExecutor(bench.threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+        alone = [replay(products) for products in parts]
+        runs = {"step": steps, "products": lambda: [job.result() for job in [pool.submit(each) for each in alone]]}
+        for run in runs.values():
+            run()
+        seconds = take_turns(runs, bench.repeats, all_cores=bench.threads > 1)
+    crew.close()
+    step, bound = (median(seconds[name]) / bench.steps for name in runs)
+    work = sum(operations(products) for products in parts) / bench.steps
+    return {
+        "batch": settings.batch, "precision": str(dtype).removeprefix("torch."),
+        "samples_per_s": settings.batch / step, "products_samples_per_s": settings.batch / bound,
+        "share": bound / step, "step_ms": 1e3 * step, "products_ms": 1e3 * bound,
+        "gflop": work / 1e9, "gflops_of_products": work / bound / 1e9,
+        **{f"{name}_runs": [round(value, 4) for value in values] for name, values in seconds.items()},
+    }  # fmt: skip
+
+
+def _products(learner: Learner, plan: StepPlan, steps: int, dtype: torch.dtype) -> list[Product]:
+    """Products of one thread's part of the first steps."""
+    found: list[Product] = []
+    for step in range(steps):
+        batch = TensorBatch.of(plan.corpus.batch(*plan.of_step(step)), learner.device)
+        with recorded_products() as products:
+            learner.gradients(batch, dtype, plan.share)
+        found += products
+    return found

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sums of bfloat16 products in float32: kernels that add them, with biases and ReLUs, in one pass over the memory.
+
+bfloat16 has 8 bits of mantissa: a sum that is kept in it stands still once terms are below its 256th part. All that is
+added here is added in float32, and rounded once. The kernels read and write the bits of bfloat16 as uint16, and are
+serial, since several threads learn from a part of a step each.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..patchnet_addon.runtime.kernels import device, kernel
+
+SLICES = 8
+
+
+def add_pairs(products: Tensor, starts: list[int], pair_corner: Tensor, bias: Tensor, corners: int) -> Tensor:
+    """ReLU of bias (out,) float32 and the products (P, out) of each corner, (corners, out); bfloat16 on the CPU.
+
+    Pairs starts[s] to starts[s + 1] are those of slice s, in which no corner is twice.
+    """
+    result = torch.empty(corners, products.shape[1], dtype=torch.bfloat16)
+    rows = np.full((corners, SLICES), -1, np.int64)
+    _list_rows(np.array(starts), pair_corner.numpy(), rows)
+    _add_rows(_bits(products), rows, bias.detach().numpy(), _bits(result))
+    return result
+
+
+def add_pairs_reference(products: Tensor, starts: list[int], pair_corner: Tensor, bias: Tensor, corners: int) -> Tensor:
+    """Reference of `add_pairs` in torch, for any type and device."""
+    del starts
+    sums = torch.zeros(corners, products.shape[1], device=products.device)
+    sums.index_add_(0, pair_corner, products.float())
+    return torch.relu(sums + bias).to(products.dtype)
+
+
+def add_bias(products: Tensor, bias: Tensor) -> Tensor:
+    """ReLU of products (N, out), bfloat16 on the CPU, and bias (out,) float32, in the memory of the products."""
+    _add_bias(_bits(products), bias.detach().numpy())
+    return products
+
+
+def mask_gradient(gradient: Tensor, hidden: Tensor) -> Tensor:
+    """Set a gradient (N, out) to 0 where the ReLU's results `hidden` are; bfloat16 on the CPU.
+
+    Returns its column sums (out,) float32, the gradient of the bias.
+    """
+    sums = np.zeros(gradient.shape[1], np.float32)
+    _mask(_bits(gradient), _bits(hidden), sums)
+    return torch.from_numpy(sums)
+
+
+def _bits(tensor: Tensor) -> np.ndarray:
+    """Bits of a bfloat16 tensor on the CPU as uint16, the same memory."""
+    return tensor.detach().view(torch.int16).numpy().view(np.uint16)
+
+
+@device
+def _wide(value):
+    """Float32 of the bits of a bfloat16."""
+    return np.uint32(np.uint32(value) << np.uint32(16)).view(np.float32)
+
+
+@device
+def _narrow(value):
+    """Bits of the bfloat16 nearest to a finite float32, of two that are as near the even one."""
+    whole = np.float32(value).view(np.uint32)
+    return np.uint16(np.uint32(whole + np.uint32(0x7FFF) + ((whole >> np.uint32(16)) & np.uint32(1))) >> np.uint32(16))
+
+
+@kernel
+def _list_rows(starts, pair_corner, rows):
+    for s in range(SLICES):
+        for pair in range(starts[s], starts[s + 1]):
+            rows[pair_corner[pair], s] = pair
+
+
+@kernel
+def _add_rows(products, rows, bias, result):
+    total = np.empty(len(bias), np.float32)
+    for corner in range(len(rows)):
+        for k in range(len(bias)):
+            total[k] = bias[k]
+        for s in range(SLICES):
+            if rows[corner, s] >= 0:
+                row = products[rows[corner, s]]
+                for k in range(len(bias)):
+                    total[k] += _wide(row[k])
+        for k in range(len(bias)):
+            result[corner, k] = _narrow(max(total[k], np.float32(0)))
+
+
+@kernel
+def _add_bias(products, bias):
+    for row in range(len(products)):
+        for k in range(len(bias)):
+            products[row, k] = _narrow(max(_wide(products[row, k]) + bias[k], np.float32(0)))
+
+
+@kernel
+def _mask(gradient, hidden, sums):
+    for row in range(len(gradient)):
+        for k in range(len(sums)):
+            there = gradient[row, k] if hidden[row, k] > 0 else np.uint16(0)
+            gradient[row, k] = there
+            sums[k] += _wide(there)
