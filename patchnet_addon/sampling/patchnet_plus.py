@@ -34,6 +34,25 @@ def estimated_error(buffers: PixelBuffers, estimators: Estimators, form: Form) -
     return estimate(planes_of, buffers.picture(buffers.active), estimators, form).ravel()
 
 
+def estimators_warning(name: str, weights_hash: str) -> str | None:
+    """Sentence for a strategy whose estimator has not learned from the outputs of these weights; None for all others.
+
+    name: of the strategy. weights_hash: of the PatchNet weights in use.
+    """
+    from .plus.weights import shipped_estimators
+
+    if name not in {strategy.name for strategy in STRATEGIES}:
+        return None
+    learned = shipped_estimators().metadata.get("patchnet")
+    if learned == weights_hash:
+        return None
+    return (
+        f"Strategy {name} expects the errors of other PatchNet weights ({learned}) than those in use ({weights_hash}), "
+        "so its priorities may be worse: choose patchnet-behind, or the shipped weights, or train its estimator anew "
+        "with patchnet train-plus"
+    )
+
+
 def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str, description: str) -> Strategy:
     """Strategy that ranks by the expected error of the picture that is shown.
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
-from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error
+from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error, estimators_warning
 from patchnet.patchnet_addon.sampling.plus import compiled
 from patchnet.patchnet_addon.sampling.plus.features import estimate_reference, features_of, windows_of
 from patchnet.patchnet_addon.sampling.plus.forms import CENTRE, FAR, FORMS, Kind, Plane
@@ -226,6 +226,14 @@ def test_adaptive_pictures_join_what_estimators_see(coded):
     drain(picture.trace(Pace(band_pixels=200)))
     whole = drain(trace_view(coded.octree, camera, [STRATEGIES["patchnet-plus"]], coded=coded, reference=False))
     np.testing.assert_allclose(picture.score, STRATEGIES["patchnet-plus"].scores(whole), rtol=1e-3, atol=1e-5)
+
+
+def test_estimators_belong_to_weights():
+    learned = shipped_estimators().metadata["patchnet"]
+    assert learned == load_weights().hash, "train the estimators anew after the weights: training/shipped_weights.sh"
+    assert estimators_warning(DEFAULT, learned) is None and estimators_warning("patchnet", "0" * 32) is None
+    warning = estimators_warning("patchnet-plus-0", "0" * 32)
+    assert warning is not None and "train-plus" in warning and learned in warning
 
 
 def test_registry_loads_no_compiler():
