@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -15,24 +16,43 @@ from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
 from ...patchnet_addon.tracing.part import camera_part
 from ..scene.cameras import tracing_camera
 
+MARGIN = 1  # pixels around a render border that are traced too: priorities look as far
 
-def render_camera(
-    scene: bpy.types.Scene, camera: bpy.types.Object | None, size_px: tuple[int, int]
-) -> tuple[Camera, PixelRect]:
-    """View of an evaluated camera object at the render resolution, and where the whole picture lies on it.
 
-    The view is what the render border leaves of the picture. scene: evaluated. Raises SceneError without a camera and
-    for panoramic ones, SettingError for an empty border.
+class RenderView(NamedTuple):
+    """View that a render traces.
+
+    camera: of the view. picture: where the whole picture lies on it. kept: what of it is the render's result.
+    """
+
+    camera: Camera
+    picture: PixelRect
+    kept: PixelRect
+
+
+def render_view(scene: bpy.types.Scene, camera: bpy.types.Object | None, size_px: tuple[int, int]) -> RenderView:
+    """View of an evaluated camera object at the render resolution.
+
+    The result is what the render border leaves of the picture; the view has a margin around it where the picture goes
+    on, so that pixels beside the border are ranked as in the whole picture. scene: evaluated. Raises SceneError without
+    a camera and for panoramic ones, SettingError for an empty border.
     """
     if camera is None:
         raise SceneError(f"Scene '{scene.name}' has no active camera: add one, or make one active with Ctrl Numpad 0")
     whole = tracing_camera(camera, scene, size_px)
     render = scene.render
     if not render.use_border:
-        return whole, PixelRect(0, 0, *size_px)
+        return RenderView(whole, PixelRect(0, 0, *size_px), PixelRect(0, 0, *size_px))
     left, right = (int(side * size_px[0]) for side in (render.border_min_x, render.border_max_x))  # as Blender rounds
     bottom, top = (int(side * size_px[1]) for side in (render.border_min_y, render.border_max_y))
-    return camera_part(whole, left, bottom, right - left, top - bottom), PixelRect(-left, -bottom, *size_px)
+    camera_part(whole, left, bottom, right - left, top - bottom)  # raises for an empty border
+    first_x, last_x = max(left - MARGIN, 0), min(right + MARGIN, size_px[0])
+    first_y, last_y = max(bottom - MARGIN, 0), min(top + MARGIN, size_px[1])
+    return RenderView(
+        camera_part(whole, first_x, first_y, last_x - first_x, last_y - first_y),
+        PixelRect(-first_x, -first_y, *size_px),
+        PixelRect(left - first_x, bottom - first_y, right - left, top - bottom),
+    )
 
 
 def viewport_camera(

@@ -15,15 +15,15 @@ from ...patchnet_addon.runtime.log import event
 from ...patchnet_addon.runtime.progress import Result, Steps
 from ...patchnet_addon.runtime.worker import attended
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
+from ...patchnet_addon.sampling.importance import PixelRect
 from ...patchnet_addon.sampling.registry import strategy
-from ...patchnet_addon.tracing.camera import Camera
 from ..importance.pixels import read_strokes
 from ..schema.table import VISIBLE
 from ..ui.preferences import apply_preferences
 from ..ui.properties import scene_settings
 from .frame_octree import octree_of_frame
 from .passes import pass_pixels
-from .render_camera import render_camera
+from .render_camera import render_view
 from .world import VARIES, world_color
 
 _SHOWN_S = 0.7  # between two looks at the unfinished picture
@@ -40,7 +40,7 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     wanted = settings.view
     chosen = strategy(wanted.strategy)
     eye = engine.camera_override or (scene.camera and scene.camera.evaluated_get(depsgraph))
-    camera, rect = render_camera(scene, eye, (engine.resolution_x, engine.resolution_y))
+    camera, rect, kept = render_view(scene, eye, (engine.resolution_x, engine.resolution_y))
     strokes = None
     if wanted.importance is not None:  # what is missing is said before anything is made
         strokes = read_strokes(wanted.importance, VISIBLE, depsgraph)  # what was voxelized may not be selected now
@@ -50,7 +50,7 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     coded = pull(engine, making, 0.0, 0.3)
     importance = None if strokes is None else partial(strokes.weights, coded.octree.grid, rect=rect)
     picture = AdaptivePicture(coded.octree, camera, chosen, coded, importance, wanted.unrefined)
-    output = _Output(engine, depsgraph.view_layer.name, camera, picture, world)
+    output = _Output(engine, depsgraph.view_layer.name, kept, picture, world)
     try:
         pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)
         _warn_of_unseen(engine, picture)
@@ -89,12 +89,12 @@ class _Output:
         self,
         engine: bpy.types.RenderEngine,
         layer: str,
-        camera: Camera,
+        kept: PixelRect,
         picture: AdaptivePicture,
         world: np.ndarray | None,
     ) -> None:
-        self._engine, self._picture, self._world = engine, picture, world
-        self._result = engine.begin_result(0, 0, camera.width_px, camera.height_px, layer=layer)
+        self._engine, self._kept, self._picture, self._world = engine, kept, picture, world
+        self._result = engine.begin_result(0, 0, kept.width, kept.height, layer=layer)
         self._shown = time.monotonic()
 
     def shown_meanwhile(self, steps: Steps[None]) -> Steps[None]:
@@ -115,7 +115,14 @@ class _Output:
         pixels = pass_pixels(self._picture, self._world)
         for item in self._result.layers[0].passes:  # of each view, where there are several
             if item.name in pixels:
-                item.rect.foreach_set(np.ascontiguousarray(pixels[item.name]).ravel())
+                item.rect.foreach_set(self._of_result(pixels[item.name]))
+
+    def _of_result(self, pixels: np.ndarray) -> np.ndarray:
+        """Values (N,) of the pixels (P, C) of the view that are the result's, without its margin."""
+        camera, kept = self._picture.camera, self._kept
+        picture = pixels.reshape(camera.height_px, camera.width_px, -1)
+        rows, columns = slice(kept.bottom, kept.bottom + kept.height), slice(kept.left, kept.left + kept.width)
+        return np.ascontiguousarray(picture[rows, columns]).ravel()
 
 
 def _background(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> np.ndarray:

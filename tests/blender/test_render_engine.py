@@ -111,7 +111,6 @@ def test_depth_and_normal_are_those_of_cycles(scene: bpy.types.Scene) -> None:
 @pytest.mark.parametrize("crop", [False, True])
 def test_a_border_shows_the_same_pixels(scene: bpy.types.Scene, crop: bool) -> None:
     scene.patchnet.budget = 1.0
-    scene.patchnet.strategy = "patchnet-behind"  # others look at the pixels around, which a border takes away
     whole = rendered(scene)
     render = scene.render
     render.use_border, render.use_crop_to_border = True, crop

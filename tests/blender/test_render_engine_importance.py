@@ -66,7 +66,6 @@ def test_gray_multiplies(scene: bpy.types.Scene) -> None:
 @pytest.mark.parametrize("crop", [False, True])
 def test_a_border_cuts_the_mask_as_it_cuts_the_picture(scene: bpy.types.Scene, crop: bool) -> None:
     painted(scene, np.random.default_rng(4).random((HEIGHT, WIDTH)).astype(np.float32))
-    scene.patchnet.strategy = "patchnet-behind"  # others look at the pixels around, which a border takes away
     whole = passes(scene)["Priority"]
     render = scene.render
     render.use_border, render.use_crop_to_border = True, crop
