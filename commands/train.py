@@ -10,6 +10,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from ..patchnet_addon.network.encoders import ENCODERS
 from ..patchnet_addon.network.kinds import KINDS
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
@@ -71,6 +72,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add_number(parser, "--batch", bounds.BATCH, help="samples per step")
     add_number(parser, "--rate", bounds.LEARNING_RATE, help="highest learning rate")
     parser.add_argument("--network", choices=tuple(KINDS), help="kind of network: paper, or mixture")
+    parser.add_argument(
+        "--encoder", choices=tuple(ENCODERS), help="architecture of the encoder: the paper's linear layers (mlp), 3D "
+        "convolutions, or Voxception blocks, both of which need torch wherever they are used",
+    )  # fmt: skip
     parser.add_argument("--loss", choices=LOSSES, help="errors that are made small; squared ones are least for means")
     parser.add_argument("--schedule", choices=("paper", "cosine"), help="how the learning rate falls")
     add_number(parser, "--luminance-weight", bounds.LUMINANCE_WEIGHT, help="factor of the luminance error in the loss")
@@ -150,6 +155,7 @@ def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
         "learning_rate": args.rate,
         "network": args.network,
         "loss": args.loss,
+        "encoder": args.encoder,
         "schedule": args.schedule,
         "luminance_weight": args.luminance_weight,
         "precision": args.precision,
