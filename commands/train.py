@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import ctypes
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from ..training.run_files import WEIGHTS, check_run
 from ..training.settings import LOSSES, PRECISIONS, PRESETS, SAMPLES, SHIPPED_PASSES, VIEWS, TrainSettings
 from .shared.arguments import add_number, add_out
 from .shared.lines import say_note, say_result
-from .shared.training_run import add_run_arguments, require_torch
+from .shared.training_run import add_run_arguments, keep_freed_memory, require_torch
 
 _PRESET = "improved"
 
@@ -134,15 +133,6 @@ def run(args: argparse.Namespace) -> int:
     write_card(args.out, datasets, settings, weights.metadata, weights.hash, validation)
     say_result(f"{path}: {weights.metadata['sample_passes']:,} sample passes", file=path)
     return 0
-
-
-def keep_freed_memory() -> None:
-    """Let the C library reuse large blocks: by default each batch would be mapped, zeroed and unmapped anew."""
-    if sys.platform == "linux":
-        library = ctypes.CDLL(None)
-        if hasattr(library, "mallopt"):
-            for parameter, value in ((-3, 1 << 30), (-1, 2**31 - 1), (-8, 1)):  # mmap and trim thresholds, one arena
-                library.mallopt(parameter, value)
 
 
 def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:

@@ -9,8 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon.network.kinds import KINDS
 from ..patchnet_addon.network.encoders import ENCODERS, encoder_sizes, patch_side
+from ..patchnet_addon.network.kinds import KINDS
 from .dataset import Dataset
 from .held_out import is_turned, scene_of
 from .run_files import CARD, CURVES, LOG

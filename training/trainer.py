@@ -193,7 +193,9 @@ def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None
     """Go on from a checkpoint; raises PatchNetError if it is damaged or of other settings or data."""
     try:
         state = torch.load(path, map_location=CPU, weights_only=True)
-        other = {"lookahead": DEFAULT_LOOKAHEAD, "network": PAPER.name, "loss": ABSOLUTE, "encoder": MLP.name} | state["run"]
+        other = {"lookahead": DEFAULT_LOOKAHEAD, "network": PAPER.name, "loss": ABSOLUTE, "encoder": MLP.name} | state[
+            "run"
+        ]
         changed = [name for name in run if other.get(name) != run[name]]
         if not changed:
             learner.load(state["learner"])

@@ -3,8 +3,8 @@
 
 All take a corner's patch and make its code of ten numbers; the decoder is the same for all. `mlp` is the paper's
 (methods 7.12), which our own kernels run. The two others are there for research: they convolve the patch down to 2x2x2
-cells, with ReLU behind every stage, and two dense layers make the code of these. The hidden one is as wide as leaves the
-whole encoder no more parameters than the `mlp` of the same look-ahead has. They need torch.
+cells, with ReLU behind every stage, and two linear layers make the code of these. The hidden one is as wide as leaves
+the whole encoder no more parameters than the `mlp` of the same look-ahead has. They need torch.
 
 Voxception blocks are those of Brock, Lim, Ritchie, Weston, "Generative and Discriminative Voxel Modeling with
 Convolutional Neural Networks", 2016 (arXiv 1608.04236): convolutions of 3x3x3 and of 1x1x1 cells side by side; and to
@@ -25,7 +25,7 @@ CHANNELS = 5  # of a cell: occupancy, luminance, three of the normal
 LUMINANCE = 1  # its place among them
 MAXIMUM, MEAN = "maximum", "mean"
 _LAST_SIDE = 2  # cells along a side of what the convolutions leave
-_WIDTH_STEP = 16  # of the hidden dense layer
+_WIDTH_STEP = 16  # of the hidden linear layer
 _FIRST_FILTERS = {"conv3d": 16, "voxception": 8}
 
 
@@ -121,7 +121,7 @@ def _voxception_down(filters: int) -> Stage:
 MLP = EncoderKind("mlp", "linear layers", lambda lookahead: ())
 CONV3D = EncoderKind(
     "conv3d",
-    "3x3x3 convolutions, 16 filters, doubled with each stride of 2, to 2x2x2 cells; channel, z, y, x; two linear layers",
+    "3x3x3 convolutions, 16 filters, doubled by each of stride 2, to 2x2x2 cells; channel, z, y, x; two linear layers",
     _convolutions,
 )
 VOXCEPTION = EncoderKind(

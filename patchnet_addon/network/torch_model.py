@@ -12,8 +12,8 @@ from torch import Tensor, nn
 
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from .decode import OUTPUT_LOW, OUTPUT_RANGE
-from .harmonics import harmonic_terms
 from .encoders import CHANNELS, MLP, EncoderKind, encoder_sizes, patch_side
+from .harmonics import harmonic_terms
 from .kinds import PAPER, SIDE_BY_SIDE, NetworkKind
 from .torch_convolutions import TorchLayer, convolved_codes
 from .weights import MODULATED, Weights

@@ -31,14 +31,18 @@ def network(lookahead: int, kind: NetworkKind = PAPER, encoder: EncoderKind = ML
     """
     side = patch_side(lookahead)
     encoding = {"encoder": encoder.name, "encoder_layers": encoder.text} if encoder.convolves else {}
-    return ({} if kind is PAPER else {"kind": kind.name}) | encoding | {
-        "look_ahead": lookahead,
-        "patch": f"{side} cells a side; order z, y, x, channel; channels occupancy, luminance, normal x, y, z",
-        "corners": "order x, y, z, x fastest; trilinear",
-        "decoder_inputs": kind.inputs,
-        "modulation": "code dimensions 0 to 8 times harmonics 0 to 8, in place",
-        "output": kind.output,
-    }
+    return (
+        ({} if kind is PAPER else {"kind": kind.name})
+        | encoding
+        | {
+            "look_ahead": lookahead,
+            "patch": f"{side} cells a side; order z, y, x, channel; channels occupancy, luminance, normal x, y, z",
+            "corners": "order x, y, z, x fastest; trilinear",
+            "decoder_inputs": kind.inputs,
+            "modulation": "code dimensions 0 to 8 times harmonics 0 to 8, in place",
+            "output": kind.output,
+        }
+    )
 
 
 _Kind = TypeVar("_Kind")

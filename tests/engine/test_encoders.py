@@ -5,7 +5,6 @@ import importlib.util
 
 import numpy as np
 import pytest
-from patchnet.tests.engine.octree_samples import random_octree
 
 from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.network import devices
@@ -21,6 +20,7 @@ from patchnet.patchnet_addon.network.weights import Weights, load_weights, netwo
 from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError
 from patchnet.patchnet_addon.runtime.files import write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.engine.octree_samples import random_octree
 
 CONVOLVING = (CONV3D, VOXCEPTION)
 TOLERANCE = 2e-5  # float32 sums of up to 1,500 products of about 1, in another order
@@ -143,7 +143,7 @@ def test_what_needs_torch_says_so(monkeypatch):
         with pytest.raises(SettingError, match="encoder 'conv3d' of these weights needs PyTorch"):
             make_encoder(weights, backend)
     monkeypatch.setattr(devices, "has_torch", lambda: False)
-    with pytest.raises(SettingError, match="encoder 'conv3d' .* install it"):
+    with pytest.raises(SettingError, match=r"encoder 'conv3d' .* install it"):
         convolving_encoder(weights)
 
 
