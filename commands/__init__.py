@@ -28,6 +28,7 @@ NAMES: tuple[str, ...] = (
     "furnish",
     "dataset",
     "train",
+    "train-networks",
     "validate",
     "train-maps",
     "train-plus",

@@ -15,7 +15,7 @@ from ..patchnet_addon.runtime.file_kinds import EVALUATION, EVALUATION_REPORT, E
 from ..patchnet_addon.runtime.outputs import check_outputs
 from ..patchnet_addon.runtime.progress import drain
 from ..patchnet_addon.runtime.replace import replaced_file
-from .shared.arguments import add_number, add_out
+from .shared.arguments import add_number, add_out, named_file
 from .shared.lines import say_result
 from .shared.track_arguments import add_track
 
@@ -53,7 +53,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "evaluated as well",
     )  # fmt: skip
     parser.add_argument(
-        "--networks", type=_network, nargs="+", default=(), metavar="NAME=FILE", help="weights files of train, "
+        "--networks", type=named_file, nargs="+", default=(), metavar="NAME=FILE", help="weights files of train, "
         "evaluated as well, as pn-NAME and pn-NAME-behind; NAME is the scene that was trained on, or without-SCENE",
     )  # fmt: skip
     add_number(parser, "--processes", bounds.THREADS, help="processes of one thread each (one for each core)")
@@ -137,14 +137,6 @@ def _part(text: str) -> tuple[int, int]:
     if not (slash and part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
         raise argparse.ArgumentTypeError(f"{text!r} is not a share such as 2/8, the second of eight")
     return int(part), int(parts)
-
-
-def _network(text: str) -> tuple[str, Path]:
-    """Read "station=run/patchnet.safetensors" as a name and a file."""
-    name, equals, path = text.partition("=")
-    if not (name and equals and path):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a name and a file such as station=run/patchnet.safetensors")
-    return name, Path(path)
 
 
 def _octrees(args: argparse.Namespace) -> dict[str, Path]:

@@ -68,7 +68,10 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
         ]
     if header.kind == "weights":
         held = load_weights(path)
-        return [f"network {held.kind.name}, look-ahead {held.lookahead}", f"hash {held.hash}"]
+        return [
+            f"network {held.kind.name}, encoder {held.encoder_kind.name}, look-ahead {held.lookahead}",
+            f"hash {held.hash}",
+        ]
     if header.kind == "codes":
         arrays = header.arrays
         codes, nodes = arrays["codes"][1], arrays["corner_rows" if "corner_rows" in arrays else "node_corners"][1]

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import argparse
-import ctypes
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from ..patchnet_addon.network.encoders import ENCODERS
 from ..patchnet_addon.network.kinds import KINDS
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
@@ -18,7 +18,7 @@ from ..training.run_files import WEIGHTS, check_run
 from ..training.settings import LOSSES, PRECISIONS, PRESETS, SAMPLES, SHIPPED_PASSES, VIEWS, TrainSettings
 from .shared.arguments import add_number, add_out
 from .shared.lines import say_note, say_result
-from .shared.training_run import add_run_arguments, require_torch
+from .shared.training_run import add_run_arguments, keep_freed_memory, require_torch
 
 _PRESET = "improved"
 
@@ -71,6 +71,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add_number(parser, "--batch", bounds.BATCH, help="samples per step")
     add_number(parser, "--rate", bounds.LEARNING_RATE, help="highest learning rate")
     parser.add_argument("--network", choices=tuple(KINDS), help="kind of network: paper, or mixture")
+    parser.add_argument(
+        "--encoder", choices=tuple(ENCODERS), help="architecture of the encoder: the paper's linear layers (mlp), 3D "
+        "convolutions, or Voxception blocks, both of which need torch wherever they are used",
+    )  # fmt: skip
     parser.add_argument("--loss", choices=LOSSES, help="errors that are made small; squared ones are least for means")
     parser.add_argument("--schedule", choices=("paper", "cosine"), help="how the learning rate falls")
     add_number(parser, "--luminance-weight", bounds.LUMINANCE_WEIGHT, help="factor of the luminance error in the loss")
@@ -131,15 +135,6 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def keep_freed_memory() -> None:
-    """Let the C library reuse large blocks: by default each batch would be mapped, zeroed and unmapped anew."""
-    if sys.platform == "linux":
-        library = ctypes.CDLL(None)
-        if hasattr(library, "mallopt"):
-            for parameter, value in ((-3, 1 << 30), (-1, 2**31 - 1), (-8, 1)):  # mmap and trim thresholds, one arena
-                library.mallopt(parameter, value)
-
-
 def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
     """Preset with what the command line says otherwise."""
     if args.epochs is not None and args.passes is not None:
@@ -150,6 +145,7 @@ def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
         "learning_rate": args.rate,
         "network": args.network,
         "loss": args.loss,
+        "encoder": args.encoder,
         "schedule": args.schedule,
         "luminance_weight": args.luminance_weight,
         "precision": args.precision,

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from ..patchnet_addon.network.devices import CPU
+from ..patchnet_addon.network.encoders import ENCODERS
 from ..patchnet_addon.network.kinds import KINDS
 from ..patchnet_addon.network.torch_precision import float32_products
 from ..patchnet_addon.network.weights import Weights
@@ -23,7 +24,8 @@ class Learner:
 
     def __init__(self, settings: TrainSettings, lookahead: int = DEFAULT_LOOKAHEAD, device: str = CPU) -> None:
         self.settings, self.device = settings, torch.device(device)
-        weights = Weights.random(settings.seed, lookahead=lookahead, kind=KINDS[settings.network])
+        kind, encoder = KINDS[settings.network], ENCODERS[settings.encoder]
+        weights = Weights.random(settings.seed, lookahead=lookahead, kind=kind, encoder=encoder)
         self.model, self.mean = (SlicedNet(weights).to(self.device) for _ in range(2))
         self.optimizer = torch.optim.Adam(self.model.trained(), settings.learning_rate, betas=(0.9, 0.999), fused=True)
         self.steps = 0

@@ -9,8 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from ..patchnet_addon.network.encoders import ENCODERS, encoder_sizes, patch_side
 from ..patchnet_addon.network.kinds import KINDS
-from ..patchnet_addon.network.weights import encoder_sizes, patch_side
 from .dataset import Dataset
 from .held_out import is_turned, scene_of
 from .run_files import CARD, CURVES, LOG
@@ -45,7 +45,8 @@ def write_card(
     lookahead = datasets[0].lookahead
     side = patch_side(lookahead)
     kind = KINDS[settings.network]
-    encoder, decoder = ("-".join(map(str, sizes)) for sizes in (encoder_sizes(lookahead), kind.decoder))
+    encoder = encoder_text(settings.encoder, lookahead)
+    decoder = "-".join(map(str, kind.decoder))
     has_picture = draw_curves(curve, validations, folder / CURVES)
     parts = [
         "# Model card of PatchNet weights\n",
@@ -74,6 +75,14 @@ def write_card(
         "view-independent luminance is known; scenes unlike those above can be predicted worse.\n",
     ]
     (folder / CARD).write_text("\n".join(parts))
+
+
+def encoder_text(encoder: str, lookahead: int) -> str:
+    """Layers of an encoder in words: the sizes of the paper's, or an architecture with its number of parameters."""
+    kind = ENCODERS[encoder]
+    if not kind.convolves:
+        return "-".join(map(str, encoder_sizes(lookahead)))
+    return f"{kind.name} ({kind.text}; {kind.parameters(lookahead):,} parameters)"
 
 
 def _levels(lookahead: int) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from ..patchnet_addon.network.encoders import ENCODERS, MLP
 from ..patchnet_addon.network.kinds import KINDS, MIXTURE
 from ..patchnet_addon.network.kinds import PAPER as PAPER_KIND
 from ..patchnet_addon.runtime import bounds
@@ -28,7 +29,7 @@ class TrainSettings:
     loss. precision: "fp32"; "bf16" for the encoder's products; "tf32" for all products on a GPU, fp32 on a CPU; or
     "auto": fp32 on a GPU, on a CPU bf16 where the processor has it natively, and fp32 for the last fiftieth. network:
     its kind (`network/kinds.py`). loss: "absolute" errors, whose best guesses are medians, or "squared" ones, whose are
-    means, which pictures and mean squared errors need.
+    means, which pictures and mean squared errors need. encoder: its architecture (`network/encoders.py`).
     """
 
     passes: int = 8 * SAMPLES
@@ -45,6 +46,7 @@ class TrainSettings:
     seed: int = 0
     network: str = PAPER_KIND.name
     loss: str = ABSOLUTE
+    encoder: str = MLP.name
 
     def __post_init__(self) -> None:
         for row, value in (
@@ -59,6 +61,8 @@ class TrainSettings:
             raise SettingError(f"Schedule '{self.schedule}' is unknown: use paper or cosine")
         if self.network not in KINDS:
             raise SettingError(f"Network '{self.network}' is unknown: use one of {', '.join(KINDS)}")
+        if self.encoder not in ENCODERS:
+            raise SettingError(f"Encoder '{self.encoder}' is unknown: use one of {', '.join(ENCODERS)}")
         if self.loss not in LOSSES:
             raise SettingError(f"Loss '{self.loss}' is unknown: use one of {', '.join(LOSSES)}")
         if self.precision not in PRECISIONS:

@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""PatchNet as it is trained: the first matrix kept as one slice per octant, the form that `corner_layer.py` needs."""
+"""PatchNet as it is trained: the first matrix kept as one slice per octant, the form that `corner_layer.py` needs.
+
+Encoders that convolve have no such matrix: they see the corners' whole patches.
+"""
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import torch
@@ -11,8 +15,10 @@ from torch import Tensor, nn
 
 from ..patchnet_addon.network.decode import OUTPUT_LOW, OUTPUT_RANGE
 from ..patchnet_addon.network.devices import CPU
+from ..patchnet_addon.network.torch_convolutions import patch_cells
 from ..patchnet_addon.network.torch_model import MixturePlace, PatchNet
 from ..patchnet_addon.network.weights import Weights
+from .bfloat16 import SLICES
 from .bfloat16_encoder import Bfloat16Encoder
 from .corner_layer import CornerLayer, from_slices, to_slices
 from .decoder_inputs import DecoderInputs
@@ -26,6 +32,9 @@ class SlicedNet(nn.Module):
     def __init__(self, weights: Weights) -> None:
         super().__init__()
         self.net = PatchNet.from_weights(weights)
+        self.slices: nn.Parameter | None = None
+        if weights.encoder_kind.convolves:
+            return
         first = self._encoder()[0]
         self.slices = nn.Parameter(
             to_slices(first.weight.detach()).clone()
@@ -34,6 +43,11 @@ class SlicedNet(nn.Module):
 
     def _encoder(self) -> list[nn.Linear]:
         return list(self.net.encoder)  # type: ignore[arg-type]
+
+    @property
+    def device(self) -> torch.device:
+        """Where its parameters lie."""
+        return next(self.parameters()).device
 
     def trained(self) -> list[nn.Parameter]:
         """Parameters that are learned."""
@@ -45,7 +59,7 @@ class SlicedNet(nn.Module):
         The batch lies on the network's device.
         """
         voxels, views = batch.ratio.shape
-        eight = self._encoder()[-1](self._hidden(batch, dtype)).view(voxels, 8, -1)
+        eight = self._codes(batch, dtype).view(voxels, 8, -1)
         found = self._decoded_on_cpu(eight, batch) if eight.device.type == CPU else self._decoded(eight, batch)
         return found.view(voxels, views, 2)
 
@@ -72,6 +86,13 @@ class SlicedNet(nn.Module):
         place = MixturePlace(corner_codes, *(part.flatten(0, 1) for part in near))
         return self.net.decode_mixture(codes, place, *rays)
 
+    def _codes(self, batch: TensorBatch, dtype: torch.dtype) -> Tensor:
+        """Codes (8 V, 10) float32 of the voxels' corners, by products in `dtype`."""
+        if self.slices is None:
+            return self._encode_convolving(batch, dtype)
+        codes: Tensor = self._encoder()[-1](self._hidden(batch, dtype))
+        return codes
+
     def _hidden(self, batch: TensorBatch, dtype: torch.dtype) -> Tensor:
         """Values (8 V, 256) float32 that the encoder's last layer is given, by products in `dtype`."""
         first, *middle, _ = self._encoder()
@@ -86,10 +107,19 @@ class SlicedNet(nn.Module):
             hidden = torch.relu(functional.linear(hidden, layer.weight.to(dtype), layer.bias.to(dtype)))
         return hidden.float()
 
+    def _encode_convolving(self, batch: TensorBatch, dtype: torch.dtype) -> Tensor:
+        """Codes (8 V, 10) of the corners by convolutions of their whole patches."""
+        blocks = batch.blocks.to(dtype)
+        eight = torch.zeros(8 * len(batch.ratio), SLICES, blocks.shape[1], dtype=dtype, device=blocks.device)
+        for number, (first, last) in enumerate(itertools.pairwise(batch.slice_start)):
+            eight[batch.pair_corner[first:last], number] = blocks[batch.pair_block[first:last]]
+        return self.net.convolve(patch_cells(eight), dtype)
+
     def to_weights(self, metadata: dict[str, Any] | None = None) -> Weights:
         """Copy of the parameters as plain arrays."""
-        with torch.no_grad():
-            self._encoder()[0].weight.copy_(from_slices(self.slices))
+        if self.slices is not None:
+            with torch.no_grad():
+                self._encoder()[0].weight.copy_(from_slices(self.slices))
         return self.net.to_weights(metadata)
 
 

@@ -18,6 +18,7 @@ from typing import Any, Protocol
 import torch
 
 from ..patchnet_addon.network.devices import CPU, enough_memory, found_device
+from ..patchnet_addon.network.encoders import MLP
 from ..patchnet_addon.network.kinds import KINDS, PAPER
 from ..patchnet_addon.network.weights import Weights, save_weights
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, THREADS
@@ -192,7 +193,9 @@ def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None
     """Go on from a checkpoint; raises PatchNetError if it is damaged or of other settings or data."""
     try:
         state = torch.load(path, map_location=CPU, weights_only=True)
-        other = {"lookahead": DEFAULT_LOOKAHEAD, "network": PAPER.name, "loss": ABSOLUTE} | state["run"]
+        other = {"lookahead": DEFAULT_LOOKAHEAD, "network": PAPER.name, "loss": ABSOLUTE, "encoder": MLP.name} | state[
+            "run"
+        ]
         changed = [name for name in run if other.get(name) != run[name]]
         if not changed:
             learner.load(state["learner"])

@@ -52,7 +52,7 @@ def predicted_views(model: SlicedNet, corpus: Corpus, limit: int) -> tuple[np.nd
 def _predicted(model: SlicedNet, corpus: Corpus, first: int, last: int) -> tuple[np.ndarray, ...]:
     rows = np.arange(first, last)
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
-    device = model.slices.device
+    device = model.device
     with torch.no_grad(), float32_products(device):
         predicted = model(TensorBatch.of(batch, device), torch.float32).clamp(0, 1).cpu().numpy()
     own = np.repeat(voxel_luminance(corpus.forest, corpus.tree[rows], corpus.voxel[rows]), corpus.views.shape[1])

@@ -28,6 +28,14 @@ def add_device(parser: argparse._ActionsContainer, text: str) -> None:
     )
 
 
+def named_file(text: str) -> tuple[str, Path]:
+    """Read "station=run/patchnet.safetensors" as a name and a file."""
+    name, equals, path = text.partition("=")
+    if not (name and equals and path):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a name and a file such as station=run/patchnet.safetensors")
+    return name, Path(path)
+
+
 def add_out(parser: argparse.ArgumentParser, text: str, **others: Any) -> None:
     """Path of `--out`, which is not empty; an empty one would be the working folder, not meant to be filled."""
     parser.add_argument("--out", type=_output, help=text, **others)

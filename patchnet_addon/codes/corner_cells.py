@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cells around corners of voxels: shape and luminance, in 32 bits, of the eight of the next finer level that meet there.
+"""Cells around corners of voxels: shape and luminance, in 32 bits, of the eight of the next finer level there.
 
-Of a voxel's eight corners these are the 4x4x4 cells in it and around it to half its side. A word is 0 for an empty cell.
-Else its bits 0 to 7 are the cell's children (all eight for a leaf), and the rest the luminances of its six faces: of
-its columns of two children along an axis, each shows the one that it meets first, and the mean of these is the face's.
-Bits 8 to 15 are the mean b of the faces' roots, of 255; five bits from 16, 21 and 26 on, for each axis, 15 + 15 t, where
-the face that a ray up the axis meets is (b - t|t| / 2)^2 and the one across from it (b + t|t| / 2)^2 (methods 11.2).
+Of a voxel's eight corners these are the 4x4x4 cells in it and around it to half its side. A word is 0 for an empty
+cell. Else its bits 0 to 7 are the cell's children (all eight for a leaf), and the rest the luminances of its six faces:
+each of four columns of two children shows the child that a ray meets first, and the mean of these is the face's. Bits 8
+to 15 are the mean b of the faces' roots, of 255; five bits from 16, 21 and 26 on, for each axis, 15 + 15 t, where the
+face that a ray up the axis meets is (b - t|t| / 2)^2 and the one across from it (b + t|t| / 2)^2 (methods 11.2).
 """
 
 from __future__ import annotations

@@ -156,7 +156,8 @@ def footprint_reference(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """View (N, 9), coverage (N, 8) and luminances (N, 8), float32, of a voxel's children, in NumPy.
 
-    fine: (N, 64) luminances in the ray frame, ABSENT for none. entry, direction, up: (N, 3) in octree axes. ratio: (N,).
+    fine: (N, 64) luminances in the ray frame, ABSENT for none. entry, direction, up: (N, 3) in octree axes.
+    ratio: (N,).
     """
     _, axes, signs = ray_frames(direction)
 

@@ -12,9 +12,11 @@ from torch import Tensor, nn
 
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from .decode import OUTPUT_LOW, OUTPUT_RANGE
+from .encoders import CHANNELS, MLP, EncoderKind, encoder_sizes, patch_side
 from .harmonics import harmonic_terms
 from .kinds import PAPER, SIDE_BY_SIDE, NetworkKind
-from .weights import MODULATED, Weights, encoder_sizes
+from .torch_convolutions import TorchLayer, convolved_codes
+from .weights import MODULATED, Weights
 
 
 @dataclass(frozen=True)
@@ -34,18 +36,24 @@ class MixturePlace:
 class PatchNet(nn.Module):
     """Encoder of patches, trilinear interpolation of the eight corners' codes, decoder (methods 7.9 to 7.15, 11.1)."""
 
-    def __init__(self, seed: int = 0, lookahead: int = DEFAULT_LOOKAHEAD, kind: NetworkKind = PAPER) -> None:
+    def __init__(
+        self,
+        seed: int = 0,
+        lookahead: int = DEFAULT_LOOKAHEAD,
+        kind: NetworkKind = PAPER,
+        encoder: EncoderKind = MLP,
+    ) -> None:
         """Initialise a network by He's method, which depends on `seed` alone, for patches `lookahead` levels deep."""
         super().__init__()
-        self.lookahead, self.kind = lookahead, kind
-        self.encoder = nn.ModuleList(_linear_layers(encoder_sizes(lookahead)))
+        self.lookahead, self.kind, self.encoder_kind = lookahead, kind, encoder
+        self.encoder = nn.ModuleList(_encoder_layers(encoder, lookahead))
         self.decoder = nn.ModuleList(_linear_layers(kind.decoder))
-        self.set_weights(Weights.random(seed, lookahead=lookahead, kind=kind))
+        self.set_weights(Weights.random(seed, lookahead=lookahead, kind=kind, encoder=encoder))
 
     @classmethod
     def from_weights(cls, weights: Weights) -> PatchNet:
         """Network with a copy of `weights`."""
-        model = cls(lookahead=weights.lookahead, kind=weights.kind)
+        model = cls(lookahead=weights.lookahead, kind=weights.kind, encoder=weights.encoder_kind)
         model.set_weights(weights)
         return model
 
@@ -56,11 +64,20 @@ class PatchNet(nn.Module):
     def to_weights(self, metadata: dict[str, Any] | None = None) -> Weights:
         """Copy of the parameters as plain arrays."""
         arrays = {name: value.detach().float().cpu().numpy().copy() for name, value in self.state_dict().items()}
-        return Weights.from_arrays(arrays, metadata, self.lookahead, self.kind)
+        return Weights.from_arrays(arrays, metadata, self.lookahead, self.kind, self.encoder_kind)
 
     def encode(self, patches: Tensor) -> Tensor:
         """Codes (..., 10) of patches (..., S), flattened from cells z, y, x, channel; S = 2560 for two levels."""
-        return _run_layers(self.encoder, patches)
+        if not self.encoder_kind.convolves:
+            return _run_layers(self.encoder, patches)
+        side = patch_side(self.lookahead)
+        cells = patches.reshape(-1, side, side, side, CHANNELS).movedim(-1, 1)
+        return self.convolve(cells).view(*patches.shape[:-1], -1)
+
+    def convolve(self, cells: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
+        """Codes (C, 10) of patches (C, 5, S, S, S), of an encoder that convolves; see `convolved_codes`."""
+        layers: list[TorchLayer] = [(layer.weight, layer.bias) for layer in self.encoder]  # type: ignore[misc]
+        return convolved_codes(self.encoder_kind.stages(self.lookahead), layers, cells, dtype)
 
     def decode(self, codes: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> Tensor:
         """Coverage and luminance (N, 2) in [-1, 2] for codes (N, 10), unit vectors (N, 3) and ratios (N,)."""
@@ -104,6 +121,16 @@ def interpolate(codes: Tensor, entry: Tensor) -> Tensor:
     x, y, z = shares.unbind(1)
     factors = z[:, :, None, None] * y[:, None, :, None] * x[:, None, None, :]  # (N, 2, 2, 2)
     return torch.einsum("no,noc->nc", factors.reshape(-1, 8), codes)
+
+
+def _encoder_layers(encoder: EncoderKind, lookahead: int) -> list[nn.Module]:
+    """Layers without values; those of kernels know these alone, strides and padding are the stages' affair."""
+    if not encoder.convolves:
+        return list(_linear_layers(encoder_sizes(lookahead)))
+    return [
+        nn.Linear(shape[1], shape[0]) if len(shape) == 2 else nn.Conv3d(shape[1], shape[0], shape[2])
+        for shape in encoder.shapes(lookahead)
+    ]
 
 
 def _linear_layers(sizes: tuple[int, ...]) -> list[nn.Linear]:

@@ -3,72 +3,73 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD, LOOKAHEADS
 from ..runtime.errors import WeightsFileError
 from ..runtime.files import content_hash, read_arrays, write_arrays
-from .kinds import CODE_SIZE, KINDS, PAPER, NetworkKind
+from .encoders import CHANNELS as CHANNELS
+from .encoders import ENCODERS, LUMINANCE, MLP, EncoderKind, patch_side
+from .kinds import KINDS, PAPER, NetworkKind
 
 MODULATED = 9  # dimensions of a code that harmonics of degree 0 to 2 are multiplied into (methods 7.13)
-CHANNELS = 5  # of a cell: occupancy, luminance, three of the normal
-LUMINANCE = 1  # its place among them
 KIND = "weights"
 
 
-def patch_side(lookahead: int) -> int:
-    """Cells along a side of a corner's patch, 2 * 2^lookahead (methods 7.9)."""
-    return 2 << lookahead
+def network(lookahead: int, kind: NetworkKind = PAPER, encoder: EncoderKind = MLP) -> dict[str, Any]:
+    """Conventions of the numbers, beyond their shapes: a file states them, and one that states others is refused.
 
-
-def encoder_sizes(lookahead: int) -> tuple[int, ...]:
-    """Values between the encoder's layers, those of a patch first (methods 7.12)."""
-    return (patch_side(lookahead) ** 3 * CHANNELS, 256, 256, 256, CODE_SIZE)
-
-
-def network(lookahead: int, kind: NetworkKind = PAPER) -> dict[str, Any]:
-    """Conventions of the numbers, beyond their shapes: a file states them, and one that states others is refused."""
+    A file that states no kind is of the paper's, and one that states no encoder has the paper's layers.
+    """
     side = patch_side(lookahead)
-    return ({} if kind is PAPER else {"kind": kind.name}) | {
-        "look_ahead": lookahead,
-        "patch": f"{side} cells a side; order z, y, x, channel; channels occupancy, luminance, normal x, y, z",
-        "corners": "order x, y, z, x fastest; trilinear",
-        "decoder_inputs": kind.inputs,
-        "modulation": "code dimensions 0 to 8 times harmonics 0 to 8, in place",
-        "output": kind.output,
-    }
+    encoding = {"encoder": encoder.name, "encoder_layers": encoder.text} if encoder.convolves else {}
+    return (
+        ({} if kind is PAPER else {"kind": kind.name})
+        | encoding
+        | {
+            "look_ahead": lookahead,
+            "patch": f"{side} cells a side; order z, y, x, channel; channels occupancy, luminance, normal x, y, z",
+            "corners": "order x, y, z, x fastest; trilinear",
+            "decoder_inputs": kind.inputs,
+            "modulation": "code dimensions 0 to 8 times harmonics 0 to 8, in place",
+            "output": kind.output,
+        }
+    )
 
 
+_Kind = TypeVar("_Kind")
 Layer = tuple[np.ndarray, np.ndarray]
-"""Matrix (out, in) and bias (out,), float32."""
+"""Matrix (out, in), or kernels (out, in, z, y, x), and bias (out,), float32."""
 
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """Linear layers of encoder and decoder, ReLU between them.
+    """Layers of encoder and decoder, ReLU between them.
 
-    encoder: sizes `encoder_sizes(lookahead)`; input order z, y, x, channel of a patch, 8x8x8x5 for two levels
-    (methods 7.9).
-    decoder: sizes and order of inputs of its kind (`kinds.py`).
+    encoder: linear layers of sizes `encoder_sizes(lookahead)`, or those of another architecture (`encoders.py`); input
+    order z, y, x, channel of a patch, 8x8x8x5 for two levels (methods 7.9).
+    decoder: linear layers, sizes and order of inputs of its kind (`kinds.py`).
     metadata: how the weights were trained, plain JSON values; not part of the hash.
     """
 
     encoder: tuple[Layer, ...]
     decoder: tuple[Layer, ...]
     metadata: dict[str, Any] = field(default_factory=dict)
+    encoder_kind: EncoderKind = MLP
 
     @property
     def lookahead(self) -> int:
-        """Levels that the network looks ahead, 1 to 3: patches of so many cells are what its first layer takes."""
-        size = self.encoder[0][0].shape[1]
-        return next(lookahead for lookahead in LOOKAHEADS if encoder_sizes(lookahead)[0] == size)
+        """Levels that the network looks ahead, 1 to 3: patches of so many cells are what its encoder takes."""
+        shapes = tuple(matrix.shape for matrix, _ in self.encoder)
+        return next(lookahead for lookahead in LOOKAHEADS if self.encoder_kind.shapes(lookahead) == shapes)
 
     @property
     def kind(self) -> NetworkKind:
@@ -98,14 +99,20 @@ class Weights:
         metadata: dict[str, Any] | None = None,
         lookahead: int = DEFAULT_LOOKAHEAD,
         kind: NetworkKind = PAPER,
+        encoder: EncoderKind = MLP,
     ) -> Weights:
         """Inverse of `arrays`; raises KeyError for a missing one and ValueError for a wrong shape or value."""
-        encoder = layers_of(arrays, "encoder", encoder_sizes(lookahead))
-        return cls(encoder, layers_of(arrays, "decoder", kind.decoder), dict(metadata or {}))
+        layers = _shaped_layers(arrays, "encoder", encoder.shapes(lookahead))
+        return cls(layers, layers_of(arrays, "decoder", kind.decoder), dict(metadata or {}), encoder)
 
     @classmethod
     def random(
-        cls, seed: int = 0, bias: float = 0.0, lookahead: int = DEFAULT_LOOKAHEAD, kind: NetworkKind = PAPER
+        cls,
+        seed: int = 0,
+        bias: float = 0.0,
+        lookahead: int = DEFAULT_LOOKAHEAD,
+        kind: NetworkKind = PAPER,
+        encoder: EncoderKind = MLP,
     ) -> Weights:
         """Untrained weights: He initialisation (methods 7.21), biases normal with deviation `bias`.
 
@@ -115,28 +122,29 @@ class Weights:
         LOOKAHEAD.check(lookahead)
         random = np.random.default_rng(seed)
 
-        def layers(sizes: tuple[int, ...]) -> tuple[Layer, ...]:
+        def layers(shapes: Iterable[tuple[int, ...]]) -> tuple[Layer, ...]:
             return tuple(
                 (
-                    (random.standard_normal((sizes[index + 1], sizes[index])) * (2 / sizes[index]) ** 0.5).astype(
-                        np.float32
-                    ),
-                    (random.standard_normal(sizes[index + 1]) * bias).astype(np.float32),
+                    (random.standard_normal(shape) * (2 / math.prod(shape[1:])) ** 0.5).astype(np.float32),
+                    (random.standard_normal(shape[0]) * bias).astype(np.float32),
                 )
-                for index in range(len(sizes) - 1)
+                for shape in shapes
             )
 
-        encoder, decoder = layers(encoder_sizes(lookahead)), layers(kind.decoder)
-        if kind.mixes:
-            encoder[0][0][:, LUMINANCE::CHANNELS] = 0
-        return cls(encoder, decoder, {"random_seed": seed})
+        first = layers(encoder.shapes(lookahead))
+        last = layers((after, before) for before, after in pairwise(kind.decoder))
+        if kind.mixes and encoder.convolves:
+            for kernels, _ in first[: len(encoder.stages(lookahead)[0])]:
+                kernels[:, LUMINANCE] = 0
+        elif kind.mixes:
+            first[0][0][:, LUMINANCE::CHANNELS] = 0
+        return cls(first, last, {"random_seed": seed}, encoder)
 
 
 def save_weights(weights: Weights, path: str | Path) -> None:
     """Write weights to a file; raises PatchNetError if that fails."""
-    write_arrays(
-        path, weights.arrays(), {**weights.metadata, "network": network(weights.lookahead, weights.kind)}, KIND
-    )
+    stated = network(weights.lookahead, weights.kind, weights.encoder_kind)
+    write_arrays(path, weights.arrays(), {**weights.metadata, "network": stated}, KIND)
 
 
 def load_weights(path: str | Path | None = None) -> Weights:
@@ -145,8 +153,9 @@ def load_weights(path: str | Path | None = None) -> Weights:
     arrays, metadata = read_arrays(path, KIND, WeightsFileError)
     stated = {"look_ahead": DEFAULT_LOOKAHEAD, **metadata.pop("network", {})}
     lookahead = _known_lookahead(stated["look_ahead"], path)
-    kind = _known_kind(stated.get("kind", PAPER.name), path)
-    here = network(lookahead, kind)
+    kind = _known_one(KINDS, stated, "kind", PAPER.name, path)
+    encoder = _known_one(ENCODERS, stated, "encoder", MLP.name, path)
+    here = network(lookahead, kind, encoder)
     if stated != here:
         other = next(name for name in {**here, **stated} if stated.get(name) != here.get(name))
         raise WeightsFileError(
@@ -154,7 +163,7 @@ def load_weights(path: str | Path | None = None) -> Weights:
             f"{here.get(other)!r}"
         )
     try:
-        return Weights.from_arrays(arrays, metadata, lookahead, kind)
+        return Weights.from_arrays(arrays, metadata, lookahead, kind, encoder)
     except KeyError as cause:
         raise WeightsFileError(f"{path} belongs to another network: it lacks '{cause.args[0]}'") from cause
     except ValueError as cause:
@@ -171,13 +180,14 @@ def _known_lookahead(stated: Any, path: Path) -> int:
     return stated
 
 
-def _known_kind(stated: Any, path: Path) -> NetworkKind:
-    """Kind that a file states; raises WeightsFileError for one that is not known."""
-    if not isinstance(stated, str) or stated not in KINDS:
+def _known_one(known: Mapping[str, _Kind], stated: Mapping[str, Any], what: str, default: str, path: Path) -> _Kind:
+    """Kind that a file states as `what`; raises WeightsFileError for one that is not known."""
+    name = stated.get(what, default)
+    if not isinstance(name, str) or name not in known:
         raise WeightsFileError(
-            f"{path} belongs to another network: its 'kind' is {stated!r} where this one has one of {', '.join(KINDS)}"
+            f"{path} belongs to another network: its '{what}' is {name!r} where this one has one of {', '.join(known)}"
         )
-    return KINDS[stated]
+    return known[name]
 
 
 def default_weights_path() -> Path:
@@ -190,12 +200,19 @@ def layers_of(arrays: Mapping[str, np.ndarray], part: str, sizes: tuple[int, ...
 
     Raises KeyError for a missing one and ValueError for a wrong shape or value.
     """
+    return _shaped_layers(arrays, part, tuple((after, before) for before, after in pairwise(sizes)))
+
+
+def _shaped_layers(
+    arrays: Mapping[str, np.ndarray], part: str, shapes: tuple[tuple[int, ...], ...]
+) -> tuple[Layer, ...]:
+    """Layers PART.0.weight, PART.0.bias, ... of these shapes; raises as `layers_of`."""
     return tuple(
         (
-            checked_array(arrays, f"{part}.{index}.weight", (after, before)),
-            checked_array(arrays, f"{part}.{index}.bias", (after,)),
+            checked_array(arrays, f"{part}.{index}.weight", shape),
+            checked_array(arrays, f"{part}.{index}.bias", shape[:1]),
         )
-        for index, (before, after) in enumerate(pairwise(sizes))
+        for index, shape in enumerate(shapes)
     )
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Generalisation of networks to scenes that they were not trained on, at 30 % over screen-space variance (methods 5).
 
-Names say what a network has learned from: `station` from this scene alone, `without-station` from all others.
+Names say what a network has learned from (`network_names.py`).
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from typing import Any
 
 from .bootstrap import Bootstrap, number_with_interval
 from .claims import VARIANCE
+from .network_names import WITHOUT
 from .patch_networks import SCORES, PatchNetwork, strategy_name
 
 BUDGET = 0.3
-WITHOUT = "without-"
 
 
 def generalisation_of(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .generalisation import WITHOUT
+from .network_names import WITHOUT
 from .panels import save_panels
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from pathlib import Path
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.encode import encode_octree
 from ...patchnet_addon.codes.file import load_codes, save_codes
+from ...patchnet_addon.network.convolutions import convolving_encoder
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import load_octree
 from ...patchnet_addon.octree.octree import Octree
@@ -23,13 +24,13 @@ def codes_path(folder: Path, weights_hash: str) -> Path:
 def kept_codes(octree: Octree, weights: Weights, path: Path) -> Steps[CodedOctree]:
     """Codes by these weights from their file, which is made if it is missing, damaged or of another octree.
 
-    Raises OutputError if it cannot be written.
+    Raises OutputError if it cannot be written, SettingError for an encoder that needs torch where there is none.
     """
     try:
         return load_codes(path, octree, weights)
     except CodesFileError:
         path.parent.mkdir(parents=True, exist_ok=True)
-        coded = yield from encode_octree(octree, weights)
+        coded = yield from encode_octree(octree, weights, encoder=convolving_encoder(weights))
         save_codes(coded, path)
         return coded
 

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Encoders that convolve, in NumPy: the Reference of `torch_convolutions.py`, far too slow for whole octrees."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..runtime.errors import SettingError
+from .encode import Encoder
+from .encoders import CHANNELS, MAXIMUM, Branch, patch_side
+from .weights import Layer, Weights
+
+_OFFSETS = tuple(itertools.product(range(3), repeat=3))  # of the cells in a window of 3x3x3
+
+
+def convolving_encoder(weights: Weights, device: str = "cpu") -> Encoder | None:
+    """Encoder on torch of weights whose encoder convolves (`encoders.py`); None for `mlp`, which needs no torch.
+
+    device: see `network/devices.py`. Raises SettingError where there is no torch, or no such device.
+    """
+    from .devices import found_device, has_torch
+
+    if not weights.encoder_kind.convolves:
+        return None
+    if not has_torch():
+        raise SettingError(
+            f"The encoder '{weights.encoder_kind.name}' of these weights needs PyTorch, which this Python does not "
+            "have: install it, or choose weights with the encoder 'mlp', such as those that are shipped"
+        )
+    from .torch_convolutions import TorchConvolutions
+
+    return TorchConvolutions(weights, found_device(device))
+
+
+def corner_patches(blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Patches (C, 5, 2 s, 2 s, 2 s), channel, z, y, x, of blocks (U, B) and rows (C, 8), see `Encoder`."""
+    side = round((blocks.shape[1] // CHANNELS) ** (1 / 3))
+    eight = blocks[rows].reshape(-1, 2, 2, 2, side, side, side, CHANNELS)  # octant and cell of z, y, x; channel
+    return eight.transpose(0, 7, 1, 4, 2, 5, 3, 6).reshape(-1, CHANNELS, *(2 * side,) * 3)
+
+
+class NumpyConvolutions:
+    """`Encoder` of any architecture that convolves, cell by cell of the kernels."""
+
+    chunk = 256
+
+    def __init__(self, weights: Weights) -> None:
+        self._weights = weights
+
+    def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Encode as `Encoder` says."""
+        return convolve_reference(self._weights, corner_patches(blocks, rows))
+
+
+def convolve_reference(weights: Weights, cells: np.ndarray) -> np.ndarray:
+    """Codes (C, 10) float32 of patches (C, 5, S, S, S), S = `patch_side(lookahead)`."""
+    assert cells.shape[1:] == (CHANNELS, *(patch_side(weights.lookahead),) * 3)
+    layers = iter(weights.encoder)
+    for stage in weights.encoder_kind.stages(weights.lookahead):
+        cells = np.maximum(np.concatenate([_branch(branch, layers, cells) for branch in stage], axis=1), 0)
+    (hidden, hidden_bias), (last, last_bias) = layers
+    values = np.maximum(cells.reshape(len(cells), hidden.shape[1]) @ hidden.T + hidden_bias, 0)
+    codes: np.ndarray = values @ last.T + last_bias
+    return codes
+
+
+def _branch(branch: Branch, layers: Iterator[Layer], cells: np.ndarray) -> np.ndarray:
+    kernels, bias = next(layers)
+    values = sum(
+        np.einsum("fc,nczyx->nfzyx", kernels[(..., *offset)], window)
+        for offset, window in _windows(cells, branch.side, branch.stride, 0.0)
+    )
+    result: np.ndarray = values + bias[:, None, None, None]
+    if not branch.pool:
+        return result
+    if branch.pool == MAXIMUM:
+        return np.max([window for _, window in _windows(result, 3, 2, -np.inf)], axis=0)
+    return np.mean([window for _, window in _windows(result, 3, 2, 0.0)], axis=0)
+
+
+def _windows(
+    cells: np.ndarray, side: int, stride: int, around: float
+) -> Iterator[tuple[tuple[int, ...], np.ndarray]]:
+    """Place in a window of `side` cells, and the cells (C, K, n, n, n) there of all windows."""
+    margin, count = side // 2, cells.shape[-1]
+    padded = np.pad(cells, ((0, 0), (0, 0), *((margin, margin),) * 3), constant_values=around)
+    for offset in _OFFSETS if side == 3 else ((0, 0, 0),):
+        z, y, x = (slice(start, start + count, stride) for start in offset)
+        yield offset, padded[..., z, y, x]

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Plan of which networks are trained: their names, what they learn from, encoder and look-ahead; imports no torch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ...patchnet_addon.network.encoders import ENCODERS, MLP
+from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEADS
+from ...patchnet_addon.runtime.errors import SettingError
+from ..evaluation.network_names import WITHOUT
+
+SCENE, WITHOUT_ONE, LOOK_AHEAD, ENCODER = KINDS = ("scene", "without", "look-ahead", "encoders")
+
+
+@dataclass(frozen=True)
+class NetworkPlan:
+    """Network to train.
+
+    scenes: names of those that it learns from, in their order. encoder: its name. compared: name of the network of the
+    same scenes that one of another encoder or look-ahead is compared with, "" for none.
+    """
+
+    name: str
+    scenes: tuple[str, ...]
+    encoder: str = MLP.name
+    lookahead: int = DEFAULT_LOOKAHEAD
+    compared: str = ""
+
+    @property
+    def is_of_evaluation(self) -> bool:
+        """Whether it goes into the matrix of generalisation, which is of the paper's encoder at one look-ahead."""
+        return self.encoder == MLP.name and self.lookahead == DEFAULT_LOOKAHEAD
+
+
+def planned_networks(scenes: Sequence[str], kinds: Sequence[str], unseen: str | None = None) -> list[NetworkPlan]:
+    """Networks of these kinds for scenes, in the order in which they are trained, none twice.
+
+    kinds: "scene": one of each scene alone, named after it. "without": one of all but each scene, without-SCENE.
+    "look-ahead": look-ahead-1 and look-ahead-3, "encoders": one named after each other encoder, all of them of all
+    scenes but `unseen` (the last one); the network that they are compared with is without-UNSEEN, which comes with
+    them. Raises SettingError for an unknown kind or scene, scenes that are there twice, and where there is none to hold
+    out.
+    """
+    for kind in kinds:
+        if kind not in KINDS:
+            raise SettingError(f"Networks of the kind '{kind}' are not known: choose from {', '.join(KINDS)}")
+    twice = [scene for scene in scenes if list(scenes).count(scene) > 1]
+    if twice:
+        raise SettingError(f"Scene {twice[0]!r} is there twice: name each scene once")
+    if set(kinds) - {SCENE} and len(scenes) < 2:
+        raise SettingError("Only networks of one scene can be trained on one scene: name two scenes at least")
+    if unseen is not None and unseen not in scenes:
+        raise SettingError(f"Scene {unseen!r} is not among the scenes: hold out one of {', '.join(scenes)}")
+    plans = [NetworkPlan(scene, (scene,)) for scene in scenes if SCENE in kinds]
+    plans += [_without(scene, scenes) for scene in scenes if WITHOUT_ONE in kinds]
+    if LOOK_AHEAD in kinds or ENCODER in kinds:
+        usual = _without(unseen or scenes[-1], scenes)
+        plans += [] if usual in plans else [usual]
+        others = [lookahead for lookahead in LOOKAHEADS if lookahead != usual.lookahead and LOOK_AHEAD in kinds]
+        for each in others:
+            plans.append(NetworkPlan(f"look-ahead-{each}", usual.scenes, lookahead=each, compared=usual.name))
+        for name in [name for name in ENCODERS if name != MLP.name and ENCODER in kinds]:
+            plans.append(NetworkPlan(name, usual.scenes, name, compared=usual.name))
+    _check_names(plans)
+    return plans
+
+
+def _without(scene: str, scenes: Sequence[str]) -> NetworkPlan:
+    return NetworkPlan(WITHOUT + scene, tuple(other for other in scenes if other != scene))
+
+
+def _check_names(plans: Sequence[NetworkPlan]) -> None:
+    names = [plan.name for plan in plans]
+    for name in names:
+        if names.count(name) > 1:
+            raise SettingError(f"Two networks would be called {name!r}: rename the octree file of that scene")
