@@ -60,9 +60,10 @@ class Bfloat16Encoder(torch.autograd.Function):
             of_layers[:0] = [(after.t() @ hidden[layer]).float(), of_bias]
             after = after @ matrices[layer]
         of_bias = mask_gradient(after, hidden[0])
-        after = after.index_select(0, pair_corner)
         of_slices = torch.empty(SLICES, rows.shape[1], after.shape[1])
+        of_slice = torch.empty_like(after)  # stays in the processor's cache from the copy to the product
         for s in range(SLICES):
             here = slice(ctx.starts[s], ctx.starts[s + 1])
-            of_slices[s] = rows[here].t() @ after[here]
+            copied = torch.index_select(after, 0, pair_corner[here], out=of_slice[: here.stop - here.start])
+            of_slices[s] = (copied.t() @ rows[here]).t()
         return None, None, None, None, None, of_slices, of_bias, *of_layers
