@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..patchnet_addon.codes.brick import covering_node
-from ..patchnet_addon.codes.corner_cells import cell_luminance_table, write_cells_around
+from ..patchnet_addon.codes.corner_cells import write_cells_around
 from ..patchnet_addon.codes.footprint import clear_tile, empty_footprint_tile, measure_tile
-from ..patchnet_addon.codes.mixture_inputs import fill_fine, fill_outer, nearby_order, set_ray, write_columns
+from ..patchnet_addon.codes.mixture_inputs import fill_fine, nearby_order, set_ray, write_columns
+from ..patchnet_addon.codes.outer_cells import empty_outer_list, list_cells, mask_geometry, measure_cells
 from ..patchnet_addon.codes.pixel_tiles import PixelRays
 from ..patchnet_addon.codes.ray_frame import CELLS
 from ..patchnet_addon.network.compiled_layers import TILE
@@ -48,7 +49,7 @@ def gather_nearby(
     flat = PixelRays(np.repeat(np.arange(voxels), views), entry, direction, up, np.float32(rays[3]).ravel())
     view, covered = np.empty((count, VIEW), np.float32), np.empty((count, COVERING), np.float32)
     luminances = np.empty((count, MIXED), np.float32)
-    tables = cell_luminance_table(), nearby_order()
+    tables = mask_geometry(), nearby_order()
     where = forest.root[tree], voxel.astype(np.int64)
     _gather(forest.nodes, forest.luminance, *where, flat, tables, (view, covered, luminances))
     luminances *= np.repeat(linear[:, 0], views)[:, None]
@@ -59,26 +60,27 @@ def gather_nearby(
 @kernel
 def _gather(nodes, luminance, root, voxel, rays, tables, found):
     view, covered, luminances = found
-    tile, views = empty_footprint_tile(), np.empty(VIEW * TILE, np.float32)
+    tile, listed, views = empty_footprint_tile(), empty_outer_list(), np.empty(VIEW * TILE, np.float32)
     shares, lights = np.empty(COVERING * TILE, np.float32), np.empty(COVERING * TILE, np.float32)
-    cells = np.empty(CELLS, np.uint8)
-    words = cells.view(np.uint64)
+    words = np.empty(CELLS, np.uint32)
     last = np.int64(-1)
     for start in range(0, len(rays.ratio), TILE):
         count = min(TILE, len(rays.ratio) - start)
-        clear_tile(tile)
+        clear_tile(tile, shares, lights)
         for place in range(count):
             index = start + place
             here = rays.node[index]  # the voxel's number
             node = covering_node(nodes, root[here], voxel[here, 0], voxel[here, 1], voxel[here, 2], voxel[here, 3])
             if here != last:
-                write_cells_around(nodes, luminance, root[here], voxel[here], cells)
+                write_cells_around(nodes, luminance, root[here], voxel[here], words)
                 last = here
             ray = rays.entry[index], rays.direction[index], rays.up[index], rays.ratio[index]
             order = tables[1], set_ray(ray, tile, views, place)
             fill_fine(nodes, luminance, node, order, tile.fine, place)
+            near = 0
             for corner in range(CORNERS):
-                fill_outer(words[corner], corner, tables[0], order, tile.outer, place)
+                near = list_cells(words, CORNERS * corner, corner, tables[0], listed, near)
+            measure_cells(listed, near, ray, shares, lights, order, place)
             luminances[index, COVERING] = np.float32(luminance[node]) * np.float32(1.0 / LUMINANCE_SCALE)
         measure_tile(tile, shares, lights)
         write_columns(views, count, view[start:])

@@ -74,7 +74,7 @@ IMPROVED = TrainSettings(
     average=0.999,
     clip=1.0,
     augment=True,
-    luminance_weight=2.0,
+    luminance_weight=10.0,
     network=MIXTURE.name,
     loss=SQUARED,
 )

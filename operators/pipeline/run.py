@@ -18,6 +18,7 @@ from ...patchnet_addon.octree.file import save_octree
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
+from ...patchnet_addon.sampling.patchnet_plus import estimators_warning
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import choose_cameras
@@ -109,7 +110,8 @@ def _compute(
                 cycles.append((yield from refine_view(context, views[-1], wanted.cycles, sun=sun)))
             views[-1].report["cycles"] = cycles[-1].report
     unseen = [warning for item in views for warning in item.warnings]
-    warnings = (*made.warnings, *encoding.warnings, *unseen)
+    others = estimators_warning(wanted.strategy, coded.weights_hash)
+    warnings = (*made.warnings, *encoding.warnings, *([others] if others else []), *unseen)
     report = job_report(coded, views, wanted, clock.seconds, warnings) | {"encoder": encoding.text}
     return JobResult(coded, tuple(views), report, warnings, made.layout, tuple(cycles), made.state)
 

@@ -23,7 +23,7 @@ class CodedOctree:
     codes: (C, 10) float16, level by level, within a level in the order z, y, x of the corners.
     corner_rows: (K, 3) uint32, where the codes of each coded voxel's corners stand, as `corner_rows.py` says.
     nodes: which nodes are coded, and so which line of `corner_rows` is whose.
-    corner_cells: (C, 8) uint8, the finer cells around the corners, for weights that mix luminances; None for others.
+    corner_cells: (C, 8) uint32, the finer cells around the corners, for weights that mix luminances; None for others.
     """
 
     octree: Octree

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cells around corners of voxels: luminance, in a byte, of the eight of the next finer level that meet there.
+"""Cells around corners of voxels: shape and luminance, in 32 bits, of the eight of the next finer level that meet there.
 
-Of a voxel's eight corners these are the 4x4x4 cells in it and around it to half its side. A byte is 0 for an empty
-cell, else 1 + 254 sqrt(luminance), rounded: an error of at most 0.004 where it is bright (methods 11.2).
+Of a voxel's eight corners these are the 4x4x4 cells in it and around it to half its side. A word is 0 for an empty cell.
+Else its bits 0 to 7 are the cell's children (all eight for a leaf), and the rest the luminances of its six faces: of
+its columns of two children along an axis, each shows the one that it meets first, and the mean of these is the face's.
+Bits 8 to 15 are the mean b of the faces' roots, of 255; five bits from 16, 21 and 26 on, for each axis, 15 + 15 t, where
+the face that a ray up the axis meets is (b - t|t| / 2)^2 and the one across from it (b + t|t| / 2)^2 (methods 11.2).
 """
 
 from __future__ import annotations
@@ -11,26 +14,22 @@ import numpy as np
 
 from ..network.kinds import CORNERS
 from ..octree.octree import LUMINANCE_SCALE, Octree
-from ..runtime.kernels import device, kernel
+from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.threads import run_parts
 from .brick import covering_node
 from .patches import OCTANTS, covering_nodes_reference
 
 EMPTY = 0
-_STEPS = 254
+BASE, BASE_STEPS = 8, 255  # first bit, and steps, of the mean root
+SLOPE, SLOPE_BITS, SLOPE_STEPS = 16, 5, 15  # of the difference along an axis, to either side
+FACES = 6  # two along each axis, the one first that a ray up the axis meets
 
-
-def cell_luminance_table() -> np.ndarray:
-    """Luminance (256,) float32 in [0, 1] that a byte stands for, -1 for an empty cell."""
-    table = np.maximum(np.arange(256) - 1, 0).astype(np.float32) / np.float32(_STEPS)
-    table *= table
-    table[EMPTY] = -1
-    return table
+_COLUMNS = [[octant for octant in range(8) if not octant >> axis & 1] for axis in range(3)]  # lower child of each
 
 
 def corner_cells(octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
-    """Bytes (C, 8) uint8 of the cells, x fastest, that meet at corners (C, 3) int32 of a level."""
-    result = np.empty((len(corners), CORNERS), np.uint8)
+    """Words (C, 8) uint32 of the cells, x fastest, that meet at corners (C, 3) int32 of a level."""
+    result = np.empty((len(corners), CORNERS), np.uint32)
     run_parts(_write_all, len(corners), octree.nodes, octree.luminance, level, corners, result)
     return result
 
@@ -39,35 +38,118 @@ def corner_cells_reference(octree: Octree, level: int, corners: np.ndarray) -> n
     """Reference of `corner_cells` in NumPy."""
     cells = (2 * np.asarray(corners)[:, None] - 1 + OCTANTS).reshape(-1, 3)
     node = covering_nodes_reference(octree, level + 1, cells)
-    root = np.sqrt(octree.luminance[np.maximum(node, 0)] / LUMINANCE_SCALE)
-    found = np.where(node >= 0, 1 + np.floor(_STEPS * root + 0.5), EMPTY)
-    return found.astype(np.uint8).reshape(-1, CORNERS)
+    lights = np.stack([_child_luminances(octree, node, octant) for octant in range(8)], axis=-1)  # (N, 8)
+    masks = (lights >= 0) @ (1 << np.arange(8))
+    words = packed_reference(masks, face_luminances_reference(lights))
+    return np.where(node >= 0, words, EMPTY).astype(np.uint32).reshape(-1, CORNERS)
+
+
+def face_luminances_reference(lights: np.ndarray) -> np.ndarray:
+    """Luminances (N, 6) of the faces of cells whose children have luminances (N, 8), -1 for those that are not."""
+    faces = []
+    for axis, columns in enumerate(_COLUMNS):
+        low, high = lights[:, columns], lights[:, [octant | 1 << axis for octant in columns]]
+        for first, second in ((low, high), (high, low)):
+            seen = np.where(first >= 0, first, second)
+            count = (seen >= 0).sum(axis=1)
+            faces.append(np.where(seen >= 0, seen, 0).sum(axis=1) / np.maximum(count, 1))
+    return np.stack(faces, axis=1)
+
+
+def packed_reference(masks: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Words (N,) int64 of cells of child masks (N,) and luminances of faces (N, 6)."""
+    roots = np.sqrt(faces)
+    words = masks.astype(np.int64) | np.floor(BASE_STEPS * roots.mean(axis=1) + 0.5).astype(np.int64) << BASE
+    for axis in range(3):
+        half = np.clip((roots[:, 2 * axis + 1] - roots[:, 2 * axis]) / 2, -0.5, 0.5)
+        steps = np.copysign(np.floor(SLOPE_STEPS * np.sqrt(2 * np.abs(half)) + 0.5), half)
+        words |= (SLOPE_STEPS + steps.astype(np.int64)) << (SLOPE + SLOPE_BITS * axis)
+    return words
+
+
+def face_luminances(words: np.ndarray) -> np.ndarray:
+    """Luminances (..., 6) float32 of the faces of cells; those of empty cells mean nothing."""
+    words = np.asarray(words, np.int64)
+    base = (words >> BASE & 255) / BASE_STEPS
+    faces = np.empty((*words.shape, FACES), np.float32)
+    for axis in range(3):
+        field = words >> (SLOPE + SLOPE_BITS * axis) & (1 << SLOPE_BITS) - 1
+        steps = (field - SLOPE_STEPS) / SLOPE_STEPS
+        half = 0.5 * steps * np.abs(steps)
+        for side, root in enumerate((base - half, base + half)):
+            faces[..., 2 * axis + side] = np.clip(root, 0, 1) ** 2
+    return faces
+
+
+def _child_luminances(octree: Octree, node: np.ndarray, octant: int) -> np.ndarray:
+    """Luminances (N,) float32 of a child of nodes (N,), -1 where it is not; a leaf is all of its children."""
+    there = np.maximum(node, 0)
+    mask = octree.child_mask[there].astype(np.int64)
+    before = np.array([value.bit_count() for value in range(256)])[mask & (1 << octant) - 1]
+    child = np.where(mask == 0, there, octree.first_child[there].astype(np.int64) + before)
+    found = (node >= 0) & ((mask == 0) | (mask >> octant & 1 == 1))
+    return np.where(found, octree.luminance_float(np.where(found, child, 0)), np.float32(-1))
 
 
 @kernel
 def _write_all(first, last, nodes, luminance, level, corners, result):  # type: ignore[no-untyped-def]
+    lights = np.empty(8, np.float32)
     for corner in range(first, last):
         x, y, z = 2 * np.int64(corners[corner, 0]), 2 * np.int64(corners[corner, 1]), 2 * np.int64(corners[corner, 2])
         for octant in range(CORNERS):
             column, line, plane = octant & 1, (octant >> 1) & 1, octant >> 2
             node = covering_node(nodes, np.int64(0), level + 1, x - 1 + column, y - 1 + line, z - 1 + plane)
-            result[corner, octant] = _byte_of(luminance, node)
+            result[corner, octant] = _word_of(nodes, luminance, node, lights)
 
 
 @device
-def _byte_of(luminance, node):  # type: ignore[no-untyped-def]
-    if node < 0:
-        return np.uint8(EMPTY)
-    return np.uint8(1 + np.int64(np.floor(_STEPS * np.sqrt(luminance[node] / LUMINANCE_SCALE) + 0.5)))
-
-
-@device
-def write_cells_around(nodes, luminance, root, voxel, cells):  # type: ignore[no-untyped-def]
-    """Write the bytes (64,) of the cells around the corners of a voxel (level, x, y, z) of the octree at `root`."""
+def write_cells_around(nodes, luminance, root, voxel, words):  # type: ignore[no-untyped-def]
+    """Write the words (64,) of the cells around the corners of a voxel (level, x, y, z) of the octree at `root`."""
+    lights = np.empty(8, np.float32)
     for corner in range(CORNERS):
         x, y, z = 2 * (corner & 1), 2 * ((corner >> 1) & 1), 2 * (corner >> 2)
         x, y, z = 2 * voxel[1] + x - 1, 2 * voxel[2] + y - 1, 2 * voxel[3] + z - 1
         for octant in range(CORNERS):
             column, line, plane = octant & 1, (octant >> 1) & 1, octant >> 2
             node = covering_node(nodes, root, voxel[0] + 1, x + column, y + line, z + plane)
-            cells[CORNERS * corner + octant] = _byte_of(luminance, node)
+            words[CORNERS * corner + octant] = _word_of(nodes, luminance, node, lights)
+
+
+@lean_device
+def _word_of(nodes, luminance, node, lights):  # type: ignore[no-untyped-def]
+    """Word of a node's cell; lights: (8,) float32 to work in."""
+    if node < 0:
+        return np.uint32(EMPTY)
+    scale = np.float32(1.0 / LUMINANCE_SCALE)
+    mask, child, step = np.int64(nodes.child_mask[node]), np.int64(nodes.first_child[node]), 1
+    if mask == 0:
+        mask, child, step = np.int64(255), node, 0
+    for octant in range(8):
+        lights[octant] = np.float32(-1)
+        if mask >> octant & 1:
+            lights[octant] = np.float32(luminance[child]) * scale
+            child += step
+    word, total = mask, 0.0
+    for axis in range(3):
+        low, high = _root_of(lights, axis, 0), _root_of(lights, axis, 1)
+        total += low + high
+        half = min(max(0.5 * (high - low), -0.5), 0.5)
+        steps = np.int64(np.floor(SLOPE_STEPS * np.sqrt(2 * abs(half)) + 0.5))
+        word |= (SLOPE_STEPS + (-steps if half < 0 else steps)) << (SLOPE + SLOPE_BITS * axis)
+    return np.uint32(word | np.int64(np.floor(BASE_STEPS * total / FACES + 0.5)) << BASE)
+
+
+@lean_device
+def _root_of(lights, axis, side):  # type: ignore[no-untyped-def]
+    """Root of the luminance of a face of a cell, of the luminances of its children."""
+    total, count = 0.0, 0
+    for octant in range(8):
+        if octant >> axis & 1:
+            continue
+        low, high = lights[octant], lights[octant | 1 << axis]
+        first, second = (high, low) if side else (low, high)
+        seen = first if first >= 0 else second
+        if seen >= 0:
+            total += seen
+            count += 1
+    return np.sqrt(total / count)

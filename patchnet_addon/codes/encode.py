@@ -62,7 +62,7 @@ def encode_octree(
         yield Progress(len(counts), len(ranges), "Finding corners")
     check_count(sum(counts), UINT32_COUNT, "corners of voxels", NODE_ADVICE)
     codes = np.empty((sum(counts), CODE_SIZE), np.float16)
-    around = np.empty((len(codes), CORNERS), np.uint8) if weights.kind.mixes else None
+    around = np.empty((len(codes), CORNERS), np.uint32) if weights.kind.mixes else None
     with enough_memory("the octree"):
         on_device = _corners_on_device(encoder, octree, weights.lookahead)
     done = 0

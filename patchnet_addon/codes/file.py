@@ -63,7 +63,7 @@ def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctre
         or (rows.dtype, rows.shape) != (np.uint32, (nodes.total, COLUMNS))
         or last_row(rows) >= len(codes)
         or (around is not None) != weights.kind.mixes
-        or (around is not None and (around.dtype, around.shape) != (np.uint8, (len(codes), CORNERS)))
+        or (around is not None and (around.dtype, around.shape) != (np.uint32, (len(codes), CORNERS)))
     ):
         raise CodesFileError(f"{path} is damaged: its codes do not fit its octree; precompute the codes again")
     return CodedOctree(octree, weights, codes, rows, nodes, around)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Footprint of a pixel on the cells in and around a voxel: how much of it each covers, were it alone (methods 11.2).
+"""Footprint of a pixel on the children of a voxel: how much of it each covers, were it alone (methods 11.2).
 
 Cells are drawn onto the picture plane as boxes along its axes, of the area and the proportions of their outline there;
 a pixel is a square. The eight children of the voxel are seen by the faces of their own children, of which those
-show that no other stands before. Around the voxel, to half its side, are 56 cells of the children's size.
+show that no other stands before. Of the cells around the voxel `outer_cells.py` measures those that are there.
 
 Everything is in the ray frame (`ray_frame.py`). A tile has pixels as columns, and in rows what kernels read of them.
 """
@@ -15,50 +15,39 @@ from typing import NamedTuple
 import numpy as np
 
 from ..network.compiled_layers import TILE
-from ..network.kinds import CHILDREN, OUTER
+from ..network.kinds import CHILDREN
 from ..runtime.kernels import device, lean_device
+from .outer_cells import SMALL
 from .ray_frame import CELLS, SIDE, ray_frames
 
 ABSENT = np.float32(-1)  # the luminance of a cell that is empty
 
-_INNER = [n for n in range(CELLS) if all(1 <= n // SIDE**axis % SIDE <= 2 for axis in range(3))]
-OUTER_CELLS = np.setdiff1d(np.arange(CELLS), _INNER)  # (56,) cells of the 4x4x4 that are not in the voxel
-OUTER_PLACE = np.zeros(CELLS, np.uint64)  # their rows in a tile; those of the others mean nothing
-OUTER_PLACE[OUTER_CELLS] = np.arange(OUTER)
-assert len(OUTER_CELLS) == OUTER
-
-_RIGHT, _UP, _START, _WIDE, _HIGH, _HALF = 0, 3, 6, 8, 12, 16  # rows of what a frame holds
-FRAME_ROWS = 17
-_SMALL = 1e-9  # keeps a box that is a line from dividing by 0
+_RIGHT, _UP, _START, _WIDE, _HIGH, _HALF = 0, 3, 6, 8, 11, 14  # rows of what a frame holds
+FRAME_ROWS = 15
 
 
 class FootprintTile(NamedTuple):
     """What a tile of pixels is measured with, rows of TILE float32.
 
-    frame: 17 rows, see `set_frame`. fine: 64 rows, luminances of the voxel's grandchildren. outer: 56 rows, those of
-    the cells around it; ABSENT for empty ones.
+    frame: 15 rows, see `set_frame`. fine: 64 rows, luminances of the voxel's grandchildren, ABSENT for empty ones.
     """
 
     frame: np.ndarray
     fine: np.ndarray
-    outer: np.ndarray
 
 
 @device
 def empty_footprint_tile():
     """Tile to measure in, after `clear_tile`."""
-    return FootprintTile(
-        np.ones(FRAME_ROWS * TILE, np.float32),
-        np.empty(CELLS * TILE, np.float32),
-        np.empty(OUTER * TILE, np.float32),
-    )
+    return FootprintTile(np.ones(FRAME_ROWS * TILE, np.float32), np.empty(CELLS * TILE, np.float32))
 
 
 @lean_device
-def clear_tile(tile):  # type: ignore[no-untyped-def]
-    """Empty all cells of a tile, before those of its pixels are written."""
+def clear_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
+    """Empty all cells of a tile, before those of its pixels are written; covered, shown: see `measure_tile`."""
     tile.fine[:] = ABSENT
-    tile.outer[:] = ABSENT
+    covered[CHILDREN * TILE : CELLS * TILE] = 0
+    shown[CHILDREN * TILE : CELLS * TILE] = 0
 
 
 @lean_device
@@ -67,8 +56,8 @@ def set_frame(frame, axes, entry, direction, up, ratio, view, place):  # type: i
 
     axes: three, of the ray frame. entry, direction, up: (3,) as in `PatchRays`, ratio a number. view: (9 * TILE,)
     direction, entry point from -1 to 1, up. Rows of `frame`: pixels to the right and up per voxel side, where the
-    voxel's lowest corner lies, half widths and half heights of faces across each axis and of an outer cell, and the
-    pixel's half side.
+    voxel's lowest corner lies, half widths and half heights of a grandchild's faces across each axis, and the pixel's
+    half side.
     """
     right = (
         direction[1] * up[2] - direction[2] * up[1],
@@ -76,7 +65,7 @@ def set_frame(frame, axes, entry, direction, up, ratio, view, place):  # type: i
         direction[0] * up[1] - direction[1] * up[0],
     )
     start_right, start_up = np.float32(0), np.float32(0)
-    sum_right, sum_up, sum_along = np.float32(0), np.float32(0), np.float32(0)
+    sum_right, sum_up = np.float32(0), np.float32(0)
     for k in range(3):
         axis = axes[k]
         sign = np.float32(-1) if direction[axis] < 0 else np.float32(1)
@@ -89,50 +78,25 @@ def set_frame(frame, axes, entry, direction, up, ratio, view, place):  # type: i
         start_up -= point * to_up
         sum_right += abs(to_right)
         sum_up += abs(to_up)
-        sum_along += along
     frame[_START * TILE + place], frame[(_START + 1) * TILE + place] = start_right, start_up
-    for k in range(4):
-        wide, high, area = np.float32(0.25) * sum_right, np.float32(0.25) * sum_up, np.float32(0.25) * sum_along
-        if k < 3:  # a face of a grandchild
-            wide = np.float32(0.125) * (sum_right - abs(frame[(_RIGHT + k) * TILE + place]))
-            high = np.float32(0.125) * (sum_up - abs(frame[(_UP + k) * TILE + place]))
-            area = np.float32(0.0625) * view[k * TILE + place]
-        scale = np.float32(np.sqrt(area / (np.float32(4) * wide * high + np.float32(_SMALL))))
+    for k in range(3):
+        wide = np.float32(0.125) * (sum_right - abs(frame[(_RIGHT + k) * TILE + place]))
+        high = np.float32(0.125) * (sum_up - abs(frame[(_UP + k) * TILE + place]))
+        area = np.float32(0.0625) * view[k * TILE + place]
+        scale = np.float32(np.sqrt(area / (np.float32(4) * wide * high + np.float32(SMALL))))
         frame[(_WIDE + k) * TILE + place], frame[(_HIGH + k) * TILE + place] = wide * scale, high * scale
     frame[_HALF * TILE + place] = np.float32(0.5) * ratio
 
 
 @lean_device
 def measure_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
-    """Write the share of each pixel that the 8 children and then the 56 outer cells cover, and their luminances.
+    """Write the share of each pixel that the 8 children cover, and their luminances.
 
-    covered, shown: (64 * TILE,) float32, rows of children, then of outer cells.
+    covered, shown: (64 * TILE,) float32, rows of children, then of outer cells, which stay as they are.
     """
     for child in range(CHILDREN):
         at = slice(child * TILE, (child + 1) * TILE)
         _measure_child(tile, child, covered[at], shown[at])
-    for cell in range(OUTER):
-        number = OUTER_CELLS[cell]
-        middle = _middle(number % SIDE), _middle(number // SIDE % SIDE), _middle(number // SIDE**2)
-        at, there = slice((CHILDREN + cell) * TILE, (CHILDREN + cell + 1) * TILE), tile.outer[cell * TILE :]
-        _measure_cell(tile.frame, middle, there, covered[at], shown[at])
-
-
-@lean_device
-def _middle(number):  # type: ignore[no-untyped-def]
-    """Middle of outer cell 0 to 3 along an axis, in sides of the voxel, which begins at 0."""
-    return np.float32(0.5) * np.float32(number) - np.float32(0.25)
-
-
-@lean_device
-def _measure_cell(frame, middle, luminance, covered, shown):  # type: ignore[no-untyped-def]
-    x, y, z = middle
-    for pixel in range(TILE):
-        area = _overlap(frame, pixel, x, y, z, 3)
-        half = frame[_HALF * TILE + pixel]
-        there = luminance[pixel] >= 0
-        covered[pixel] = area / (np.float32(4) * half * half) if there else np.float32(0)
-        shown[pixel] = luminance[pixel] if there else np.float32(0)
 
 
 @lean_device
@@ -171,16 +135,16 @@ def _measure_child(tile, child, covered, shown):  # type: ignore[no-untyped-def]
 
 
 @lean_device
-def _overlap(frame, pixel, x, y, z, kind):  # type: ignore[no-untyped-def]
-    """Area of the pixel, in sides of the voxel squared, that a face or cell about (x, y, z) covers.
+def _overlap(frame, pixel, x, y, z, axis):  # type: ignore[no-untyped-def]
+    """Area of the pixel, in sides of the voxel squared, that a face about (x, y, z) covers.
 
-    kind: axis that the face is across, 3 for an outer cell.
+    axis: which the face is across.
     """
     right = frame[_START * TILE + pixel] + x * frame[pixel]
     right += y * frame[(_RIGHT + 1) * TILE + pixel] + z * frame[(_RIGHT + 2) * TILE + pixel]
     above = frame[(_START + 1) * TILE + pixel] + x * frame[_UP * TILE + pixel]
     above += y * frame[(_UP + 1) * TILE + pixel] + z * frame[(_UP + 2) * TILE + pixel]
-    wide, high = frame[(_WIDE + kind) * TILE + pixel], frame[(_HIGH + kind) * TILE + pixel]
+    wide, high = frame[(_WIDE + axis) * TILE + pixel], frame[(_HIGH + axis) * TILE + pixel]
     half = frame[_HALF * TILE + pixel]
     across = min(right + wide, half) - max(right - wide, -half)
     up = min(above + high, half) - max(above - high, -half)
@@ -188,12 +152,11 @@ def _overlap(frame, pixel, x, y, z, kind):  # type: ignore[no-untyped-def]
 
 
 def footprint_reference(
-    fine: np.ndarray, outer: np.ndarray, entry: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: np.ndarray
+    fine: np.ndarray, entry: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """View (N, 9), coverage (N, 64) and luminances (N, 64), float32, of children and outer cells, in NumPy.
+    """View (N, 9), coverage (N, 8) and luminances (N, 8), float32, of a voxel's children, in NumPy.
 
-    fine: (N, 64), outer: (N, 56) luminances in the ray frame, ABSENT for none. entry, direction, up: (N, 3) in octree
-    axes. ratio: (N,).
+    fine: (N, 64) luminances in the ray frame, ABSENT for none. entry, direction, up: (N, 3) in octree axes. ratio: (N,).
     """
     _, axes, signs = ray_frames(direction)
 
@@ -217,16 +180,9 @@ def footprint_reference(
             child = (place // 2) @ np.array([1, 2, 4])
             covered[:, child] += seen
             shown[:, child] += seen * fine[:, cell]
-    wide, high = (0.25 * np.abs(plane).sum(axis=1) for plane in (right, above))
-    middles = np.stack([OUTER_CELLS // SIDE**k % SIDE for k in range(3)], axis=-1) / 2 - 0.25  # (56, 3)
-    around = [
-        _box_overlap(middle - point, (right, above), (wide, high), along.sum(axis=1) / 4, ratio) for middle in middles
-    ]
-    whole = np.concatenate([covered, np.where(outer >= 0, np.stack(around, axis=1), 0)], axis=1)
     light = np.divide(shown, covered, out=np.zeros_like(shown), where=covered > 0)
-    lights = np.concatenate([light, np.maximum(outer, 0)], axis=1)
     view = np.concatenate([along, 2 * point - 1, above], axis=1)
-    return view.astype(np.float32), (whole / ratio[:, None] ** 2).astype(np.float32), lights.astype(np.float32)
+    return view.astype(np.float32), (covered / ratio[:, None] ** 2).astype(np.float32), light.astype(np.float32)
 
 
 def _box_overlap(
@@ -240,7 +196,7 @@ def _box_overlap(
 
     plane: right and up (N, 3). halves: (N,) each, what its outline extends to the right and up. area: (N,) of it.
     """
-    scale = np.sqrt(area / (4 * halves[0] * halves[1] + _SMALL))
+    scale = np.sqrt(area / (4 * halves[0] * halves[1] + SMALL))
     sides = []
     for axis, half in zip(plane, halves, strict=True):
         centre, reach = (offset * axis).sum(axis=1), half * scale

@@ -17,17 +17,15 @@ from ..runtime.bits import lowest_one
 from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.threads import run_parts
 from .coded_octree import CodedOctree
-from .corner_cells import cell_luminance_table
 from .corner_rows import corner_row
-from .footprint import (
-    ABSENT,
+from .footprint import ABSENT, clear_tile, empty_footprint_tile, footprint_reference, measure_tile, set_frame
+from .outer_cells import (
     OUTER_CELLS,
-    OUTER_PLACE,
-    clear_tile,
-    empty_footprint_tile,
-    footprint_reference,
-    measure_tile,
-    set_frame,
+    empty_outer_list,
+    list_cells,
+    mask_geometry,
+    measure_cells,
+    outer_cells_reference,
 )
 from .patches import OCTANTS
 from .pixel_tiles import PixelRays
@@ -43,15 +41,15 @@ _CELL_OF = (2 * OCTANTS[:, None] + OCTANTS) @ np.array([1, SIDE, SIDE**2])
 class NearbyCells(NamedTuple):
     """Cells that are mixed, and what finds them.
 
-    cells: (C,) uint64, the eight bytes around each corner. rows: of corners, see `corner_rows.py`. table: luminance of
-    a byte. order: of cells in each ray frame, see `nearby_order`.
+    cells: (8 C,) uint32, the eight words around each corner. rows: of corners, see `corner_rows.py`. geometry: of child
+    masks, see `mask_geometry`. order: of cells in each ray frame, see `nearby_order`.
     """
 
     nodes: Nodes
     luminance: np.ndarray
     cells: np.ndarray
     rows: np.ndarray
-    table: np.ndarray
+    geometry: np.ndarray
     order: np.ndarray
 
     @classmethod
@@ -59,9 +57,8 @@ class NearbyCells(NamedTuple):
         """Cells of an octree with codes of a mixture."""
         assert coded.corner_cells is not None
         octree = coded.octree
-        tables = cell_luminance_table(), nearby_order()
-        cells = np.ascontiguousarray(coded.corner_cells).view(np.uint64).ravel()
-        return cls(octree.nodes, octree.luminance, cells, coded.corner_rows, *tables)
+        cells = np.ascontiguousarray(coded.corner_cells).ravel()
+        return cls(octree.nodes, octree.luminance, cells, coded.corner_rows, mask_geometry(), nearby_order())
 
 
 @cache
@@ -74,34 +71,20 @@ def nearby_order() -> np.ndarray:
 
 
 @lean_device
-def place_pixel(nearby, node, row, ray, tile, view, place):  # type: ignore[no-untyped-def]
-    """Write what a pixel shows of a voxel and around it into column `place` of a `FootprintTile`.
+def place_pixel(nearby, node, row, ray, work, view, covered, shown, place):  # type: ignore[no-untyped-def]
+    """Write what a pixel shows of a voxel and around it into column `place` of a tile, but for its children.
 
-    row: of the voxel's corners. ray: entry, direction, up (3,) and ratio. view: see `set_frame`.
+    row: of the voxel's corners. ray: entry, direction, up (3,) and ratio. work: a `FootprintTile`, whose columns
+    `measure_tile` needs, and an `OuterList`. view: see `set_frame`. covered, shown: see `measure_tile`.
     """
+    tile, listed = work
     order = nearby.order, set_ray(ray, tile, view, place)
     fill_fine(nearby.nodes, nearby.luminance, node, order, tile.fine, place)
-    cells, rows, table, outer = nearby.cells, nearby.rows, nearby.table, tile.outer  # once: each access counts holders
+    cells, rows, geometry = nearby.cells, nearby.rows, nearby.geometry  # once: each access counts holders
+    count = 0
     for corner in range(CORNERS):
-        fill_outer(cells[corner_row(rows, row, corner)], corner, table, order, outer, place)
-
-
-@lean_device
-def fill_outer(word, corner, table, order, outer, place):  # type: ignore[no-untyped-def]
-    """Write the luminances of the cells around a corner into column `place` of rows `outer`, which are ABSENT.
-
-    word: uint64, the bytes of the cells. order: `nearby_order`, and the number of the ray's frame. The one that lies in
-    the voxel itself is left out.
-    """
-    orders, frame = order
-    low = np.uint64(0x7F7F7F7F7F7F7F7F)
-    left = ((((word & low) + low) | word) & ~low) >> np.uint64(7)  # a bit for each byte that is not 0
-    left &= ~(np.uint64(1) << np.uint64(8 * (CORNERS - 1 - corner)))
-    while left != 0:
-        bit = lowest_one(left)
-        left &= left - np.uint64(1)
-        row = OUTER_PLACE[orders[frame, CORNERS * corner + (bit >> 3)]]
-        outer[row * TILE + place] = table[np.int64((word >> np.uint64(bit)) & np.uint64(255))]
+        count = list_cells(cells, CORNERS * corner_row(rows, row, corner), corner, geometry, listed, count)
+    measure_cells(listed, count, ray, covered, shown, order, place)
 
 
 @lean_device
@@ -117,7 +100,7 @@ def set_ray(ray, tile, view, place):  # type: ignore[no-untyped-def]
 def fill_fine(nodes, luminance, node, order, fine, place):  # type: ignore[no-untyped-def]
     """Write the luminances of a node's grandchildren into column `place` of rows `fine`, which are ABSENT.
 
-    A leaf fills all its cell. order: as in `fill_outer`.
+    A leaf fills all its cell. order: `nearby_order`, and the number of the ray's frame.
     """
     orders, frame = order
     scale = np.float32(1.0 / LUMINANCE_SCALE)
@@ -151,15 +134,15 @@ def nearby_of(coded: CodedOctree, nodes: np.ndarray, rows: np.ndarray, rays: Pix
 
 @kernel
 def _write_all(first, last, nearby, nodes, rows, rays, view, covered, luminances):  # type: ignore[no-untyped-def]
-    tile, views = empty_footprint_tile(), np.empty(VIEW * TILE, np.float32)
+    tile, listed, views = empty_footprint_tile(), empty_outer_list(), np.empty(VIEW * TILE, np.float32)
     shares, lights = np.empty(COVERING * TILE, np.float32), np.empty(COVERING * TILE, np.float32)
     for start in range(first * TILE, min(last * TILE, len(nodes)), TILE):
         count = min(TILE, len(nodes) - start)
-        clear_tile(tile)
+        clear_tile(tile, shares, lights)
         for place in range(count):
             pixel = start + place
             ray = rays.entry[pixel], rays.direction[pixel], rays.up[pixel], rays.ratio[pixel]
-            place_pixel(nearby, nodes[pixel], rows[pixel], ray, tile, views, place)
+            place_pixel(nearby, nodes[pixel], rows[pixel], ray, (tile, listed), views, shares, lights, place)
             luminances[pixel, COVERING] = np.float32(nearby.luminance[nodes[pixel]]) * np.float32(1.0 / LUMINANCE_SCALE)
         measure_tile(tile, shares, lights)
         write_columns(views, count, view[start:])
@@ -184,14 +167,15 @@ def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits)
     entry, direction, up = (array[pixels].astype(np.float32) for array in (hits.entry_voxel, hits.direction, hits.up))
     ratio = hits.ratio[pixels].astype(np.float32)
     shares = np.where(OCTANTS == 1, entry[:, None], 1 - entry[:, None]).prod(axis=-1)  # (M, 8)
-    fine, around = np.empty((len(node), CELLS), np.float32), np.empty((len(node), CELLS), np.float32)
+    fine = np.empty((len(node), CELLS), np.float32)
     fine[:, _CELL_OF] = _grandchildren(octree, node)
-    around[:, _CELL_OF] = cell_luminance_table()[coded.corner_cells[corners]]
     order = cell_order()[ray_frames(direction)[0]]  # (M, 64)
-    seen_fine, seen_around = np.empty_like(fine), np.empty_like(around)
+    seen_fine = np.empty_like(fine)
     np.put_along_axis(seen_fine, order, fine, 1)
-    np.put_along_axis(seen_around, order, around, 1)
-    view, covered, light = footprint_reference(seen_fine, seen_around[:, OUTER_CELLS], entry, direction, up, ratio)
+    view, covered, light = footprint_reference(seen_fine, entry, direction, up, ratio)
+    cells = coded.corner_cells[corners].reshape(-1, CELLS)
+    around = outer_cells_reference(cells, entry, direction, up, ratio)
+    outer_covered, outer_light = (_in_ray_order(values, order)[:, OUTER_CELLS] for values in around)
     return MixtureInputs(
         codes=np.einsum("mo,moc->mc", shares, corner_codes).reshape(-1, CODE_SIZE),
         corner_codes=corner_codes[:, :, :SIDE_BY_SIDE],
@@ -199,9 +183,16 @@ def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits)
         up=up,
         ratio=ratio,
         view=view,
-        covered=covered,
-        luminances=np.concatenate([light, octree.luminance_float(node)[:, None]], axis=1).astype(np.float32),
+        covered=np.concatenate([covered, outer_covered], axis=1),
+        luminances=np.concatenate([light, outer_light, octree.luminance_float(node)[:, None]], axis=1),
     )
+
+
+def _in_ray_order(values: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """Values (M, 64) by 8 corner + octant as values of the cells of each ray's frame; order: (M, 64), `cell_order`."""
+    found = np.empty_like(values)
+    np.put_along_axis(found, order[:, _CELL_OF.ravel()], values, 1)
+    return found
 
 
 def _grandchildren(octree: Octree, node: np.ndarray) -> np.ndarray:

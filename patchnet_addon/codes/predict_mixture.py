@@ -16,6 +16,7 @@ from ..runtime.vectors import store
 from .corner_rows import corner_row
 from .footprint import clear_tile, empty_footprint_tile, measure_tile
 from .mixture_inputs import place_pixel
+from .outer_cells import empty_outer_list
 from .pixel_tiles import fill_codes, fill_rays, gather_look_ahead
 
 _SCALE = np.float32(HALF_SCALE)
@@ -27,11 +28,8 @@ def predict_mixture(first, last, rays, corner_codes, nearby, layers, coverage, l
 
     rays: `PixelRays`. corner_codes: `CornerCodes`. nearby: `NearbyCells`. layers: of `pack_mixture`.
     """
-    tile, luminances, footprint = (
-        (empty_mixture_tile(), empty_mixture_tile()),
-        empty_luminances(),
-        empty_footprint_tile(),
-    )
+    tile, luminances = (empty_mixture_tile(), empty_mixture_tile()), empty_luminances()
+    work = empty_footprint_tile(), empty_outer_list()
     pixels, rows = np.empty(TILE, np.int64), np.empty(TILE, np.int64)
     pixel, end = first * TILE, min(last * TILE, len(coverage))
     while pixel < end:
@@ -41,7 +39,7 @@ def predict_mixture(first, last, rays, corner_codes, nearby, layers, coverage, l
         fill_codes(corner_codes, rows[:count], rays.entry, pixels, tile[0])
         fill_rays(rays, pixels[:count], tile[0])
         _fill_corners(corner_codes, rows[:count], tile[0])
-        _fill_place(rays, nearby, pixels, rows[:count], footprint, tile[0], luminances)
+        _fill_place(rays, nearby, pixels, rows[:count], work, tile[0], luminances)
         decode_mixture_tile(tile[0], tile[1], luminances, layers)
         for place in range(count):
             coverage[pixels[place]] = tile[0][place]
@@ -63,14 +61,15 @@ def _fill_corners(corner_codes, rows, inputs):  # type: ignore[no-untyped-def]
 
 
 @lean_device
-def _fill_place(rays, nearby, pixels, rows, footprint, inputs, luminances):  # type: ignore[no-untyped-def]
+def _fill_place(rays, nearby, pixels, rows, work, inputs, luminances):  # type: ignore[no-untyped-def]
     """Write how pixels look at their voxels, what cells cover of them, and the luminances that are mixed."""
     scale = np.float32(1.0 / LUMINANCE_SCALE)
-    clear_tile(footprint)
+    covered = inputs[COVERED * TILE :]
+    clear_tile(work[0], covered, luminances)
     for place in range(len(rows)):
         pixel = pixels[place]
         node = rays.node[pixel]
         ray = rays.entry[pixel], rays.direction[pixel], rays.up[pixel], rays.ratio[pixel]
-        place_pixel(nearby, node, rows[place], ray, footprint, inputs[VIEWS * TILE :], place)
+        place_pixel(nearby, node, rows[place], ray, work, inputs[VIEWS * TILE :], covered, luminances, place)
         luminances[COVERING * TILE + place] = np.float32(nearby.luminance[node]) * scale
-    measure_tile(footprint, inputs[COVERED * TILE :], luminances)
+    measure_tile(work[0], covered, luminances)

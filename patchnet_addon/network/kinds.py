@@ -52,7 +52,7 @@ MIXTURE = NetworkKind(
     name="mixture",
     decoder=(RAY_INPUTS + CORNERS * SIDE_BY_SIDE + VIEW + COVERING, 48, 48, 48, 1 + MIXED),
     inputs="code, direction, up, pixel-voxel ratio, 25 harmonics, four numbers of each corner code, x fastest; axes of "
-    "the octree; direction, entry -1 to 1, up, coverage of children and of cells around; axes of the ray's frame",
+    "the octree; direction, entry -1 to 1, up, coverage of children and of cells around by their own children; axes of the ray's frame",
     output="-1 + 3 sigmoid, coverage; softmax times coverage, shares of luminance of children, cells around, voxel",
     mixes=True,
 )

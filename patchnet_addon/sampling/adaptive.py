@@ -190,6 +190,7 @@ def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
         fine_rays=_joined([band.fine_rays for band in bands]),
         child_mask=_joined([band.child_mask for band in bands]),
         cube_side_world=bands[0].cube_side_world,
+        scene_luminance=bands[0].scene_luminance,
         behind_color=_joined([band.behind_color for band in bands]),
         behind_hit=_joined([band.behind_hit for band in bands]),
         unrefined=bands[0].unrefined,

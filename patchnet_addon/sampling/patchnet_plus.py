@@ -9,12 +9,12 @@ import numpy as np
 
 from .pixel_buffers import PixelBuffers
 from .plus.forms import FORMS, Form
-from .strategy import BEHIND, CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PREDICTION, Strategy
+from .strategy import BEHIND, CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PREDICTION, SCENE_LUMINANCE, Strategy
 
 if TYPE_CHECKING:
     from .plus.weights import Estimators
 
-_GEOMETRY = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE})
+_GEOMETRY = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE, SCENE_LUMINANCE})
 NEEDS = _GEOMETRY | {PREDICTION, BEHIND, FINE, FINE_RAYS}  # of all forms
 _TRACED = {0: frozenset[str](), 1: frozenset({FINE, BEHIND}), 4: frozenset({FINE_RAYS, BEHIND})}
 _EXTRA_RAYS = {0: 0, 1: 1, 4: 5}  # the finer ray in the pixel's centre is the one that goes on behind the patch
@@ -32,6 +32,25 @@ def estimated_error(buffers: PixelBuffers, estimators: Estimators, form: Form) -
         return view_planes(buffers, form.planes, first, last)
 
     return estimate(planes_of, buffers.picture(buffers.active), estimators, form).ravel()
+
+
+def estimators_warning(name: str, weights_hash: str) -> str | None:
+    """Sentence for a strategy whose estimator has not learned from the outputs of these weights; None for all others.
+
+    name: of the strategy. weights_hash: of the PatchNet weights in use.
+    """
+    from .plus.weights import shipped_estimators
+
+    if name not in {strategy.name for strategy in STRATEGIES}:
+        return None
+    learned = shipped_estimators().metadata.get("patchnet")
+    if learned == weights_hash:
+        return None
+    return (
+        f"Strategy {name} expects the errors of other PatchNet weights ({learned}) than those in use ({weights_hash}), "
+        "so its priorities may be worse: choose patchnet-behind, or the shipped weights, or train its estimator anew "
+        "with patchnet train-plus"
+    )
 
 
 def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str, description: str) -> Strategy:

@@ -37,6 +37,7 @@ class PixelBuffers:
     normal: (P, 3) float32, mean normal of the hit voxel, made unit length; 0 for a miss, and where normals cancel.
     child_mask: (P,) uint8, children of the hit voxel, bit x + 2y + 4z; 0 for a leaf and for a miss.
     cube_side_world: side of the octree's cube, which makes distances comparable between scenes.
+    scene_luminance: mean luminance of the octree's surfaces, which its root has.
     importance: (P,) float32 in [0, 1], multiplies priorities; 0 is never refined. None: every pixel matters alike.
     """
 
@@ -55,6 +56,7 @@ class PixelBuffers:
     normal: np.ndarray | None = None
     child_mask: np.ndarray | None = None
     cube_side_world: float | None = None
+    scene_luminance: float | None = None
     behind_color: np.ndarray | None = None
     behind_hit: np.ndarray | None = None
     unrefined: str = PREVIEW

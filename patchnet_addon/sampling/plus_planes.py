@@ -56,6 +56,12 @@ def _children(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
     return POPCOUNT[buffers.child_mask[pixels]] * np.float32(0.125)
 
 
+def _open(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
+    assert buffers.prediction is not None and buffers.scene_luminance is not None
+    coverage = buffers.prediction.coverage[pixels]
+    return coverage * buffers.prediction.luminance[pixels] + (1.0 - coverage) * np.float32(buffers.scene_luminance)
+
+
 def _part(name: str, *path: str | int) -> Callable[[PixelBuffers, slice], np.ndarray]:
     """Plane that stands in a part of the view."""
 
@@ -83,6 +89,7 @@ _PLANES: dict[Plane, Callable[[PixelBuffers, slice], np.ndarray]] = {
     Plane.BEHIND: _part("behind"),
     Plane.BEHIND_HIT: _part("behind_hit"),
     Plane.PREDICTED: _part("predicted"),
+    Plane.OPEN: _open,
     Plane.FINE: _part("fine"),
     **{Plane(Plane.RAY_0 + ray): _part("fine_rays", ray) for ray in range(4)},
 }

@@ -24,6 +24,7 @@ EXACT_1 = "exact_1"
 NORMAL = "normal"
 CHILD_MASK = "child_mask"
 CUBE_SIDE = "cube_side_world"
+SCENE_LUMINANCE = "scene_luminance"
 
 Group = Literal["network", "screen-space", "world-space", "rays", "oracle"]
 
@@ -34,7 +35,7 @@ class Strategy:
 
     name: as on the command line. title: as in a menu. description: one sentence for a tooltip.
     needs: the parts of a `PixelBuffers` that must be filled in, of PREDICTION, BEHIND, FINE, FINE_4, FINE_RAYS, EXACT,
-    REFERENCE, EXACT_1, NORMAL, CHILD_MASK, CUBE_SIDE.
+    REFERENCE, EXACT_1, NORMAL, CHILD_MASK, CUBE_SIDE, SCENE_LUMINANCE.
     score: (P,) float32, higher is refined earlier.
     quantity: what the score measures, for legends. maximum: the score that a legend ends at by default.
     group: what it knows of a pixel: the network's prediction, what the centre rays have met (screen-space), the octree

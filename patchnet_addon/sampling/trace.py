@@ -88,6 +88,7 @@ def trace_view(
         normal=hit_normals(octree, hits) if NORMAL in needs else None,
         child_mask=hit_child_masks(octree, hits) if CHILD_MASK in needs else None,
         cube_side_world=octree.grid.side_world,
+        scene_luminance=float(octree.luminance_float(slice(1))[0]),
         behind_color=node_colors(octree, behind_node) if colored and behind_node is not None else None,
         behind_hit=None if behind_node is None else behind_node >= 0,
         unrefined=unrefined,

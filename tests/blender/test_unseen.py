@@ -71,7 +71,7 @@ def test_black_materials_are_named_as_the_reason(weights: Path) -> None:
     build()
     for material in bpy.data.materials:
         principled(material.name).inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)
-    settings = JobSettings.of(depth=5, light="two-lights", size=(24, 16), weights=weights)
+    settings = JobSettings.of(depth=5, light="two-lights", size=(24, 16), weights=weights, strategy="patchnet-behind")
     assert drain(run_job(bpy.context, settings)).warnings == (
         "Camera 'Eye' sees only black: all materials of the surface are black",
     )
@@ -83,7 +83,9 @@ def test_lamp_that_reaches_nothing_is_named_as_the_reason(weights: Path) -> None
     lamp.data.type, lamp.data.energy = "SPOT", 10.0
     lamp.location, lamp.rotation_euler = (0.0, 0.0, 50.0), (np.pi, 0.0, 0.0)  # into the sky
     bpy.context.view_layer.update()
-    settings = JobSettings.of(depth=5, samples=1, texel_voxels=8.0, size=(24, 16), weights=weights)
+    settings = JobSettings.of(
+        depth=5, samples=1, texel_voxels=8.0, size=(24, 16), weights=weights, strategy="patchnet-behind"
+    )
     (warning,) = drain(run_job(bpy.context, settings)).warnings
     assert warning.startswith("Camera 'Eye' sees only black: no light of the scene reaches the surface; add light")
 

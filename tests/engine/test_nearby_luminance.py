@@ -4,8 +4,15 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.corner_cells import cell_luminance_table, corner_cells, corner_cells_reference
-from patchnet.patchnet_addon.codes.footprint import ABSENT, OUTER_CELLS, footprint_reference
+from patchnet.patchnet_addon.codes.corner_cells import (
+    corner_cells,
+    corner_cells_reference,
+    face_luminances,
+    face_luminances_reference,
+    packed_reference,
+)
+from patchnet.patchnet_addon.codes.footprint import ABSENT, footprint_reference
+from patchnet.patchnet_addon.codes.outer_cells import mask_geometry, outer_cells_reference
 from patchnet.patchnet_addon.codes.ray_frame import FRAMES, cell_order, ray_frames
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.tests.engine.octree_samples import random_octree
@@ -23,11 +30,27 @@ def test_corner_cells_are_numpys(octree: Octree) -> None:
     np.testing.assert_array_equal(found, wanted)
 
 
-def test_a_byte_keeps_luminance_to_four_thousandths() -> None:
-    table = cell_luminance_table()
-    assert table[0] == -1 and table[1] == 0 and table[255] == 1
-    assert (np.diff(table[1:]) > 0).all() and np.diff(table[1:]).max() < 0.008
-    assert np.diff(table[1:30]).max() < 0.001  # dark ones more exactly
+def test_a_word_keeps_the_luminances_of_faces() -> None:
+    """To 0.008 where all faces are alike, and to 0.04 however different they are along one axis."""
+    random = np.random.default_rng(2)
+    alike = np.repeat(random.random((500, 1)), 6, axis=1)
+    np.testing.assert_allclose(face_luminances(packed_reference(np.full(500, 255), alike)), alike, atol=0.008)
+    roots = np.full((500, 6), 0.5) + random.uniform(-0.5, 0.5, (500, 1)) * np.array([0, 0, -1, 1, 0, 0])
+    words = packed_reference(np.full(500, 255), roots**2)
+    np.testing.assert_allclose(face_luminances(words), roots**2, atol=0.07)
+    assert np.abs(face_luminances(words) - roots**2).mean() < 0.01
+    dark = np.repeat(random.uniform(0, 0.01, (500, 1)), 6, axis=1)
+    np.testing.assert_allclose(face_luminances(packed_reference(np.full(500, 255), dark)), dark, atol=0.0005)
+
+
+def test_a_face_shows_the_children_that_are_met_first() -> None:
+    lights = np.full((1, 8), -1.0)
+    lights[0, [0, 1, 2]] = 0.2, 0.6, 0.4  # two behind each other along x, and one beside them
+    faces = face_luminances_reference(lights)[0]
+    np.testing.assert_allclose(faces, [0.3, 0.5, 0.4, 0.5, 0.4, 0.4])
+    halves_and_columns = int(mask_geometry()[0b111])
+    assert halves_and_columns & 63 == 0b011111  # both halves along x and y, the lower one along z
+    assert [halves_and_columns >> (6 + 3 * axis) & 7 for axis in range(3)] == [2, 2, 3]
 
 
 def test_ray_frames_are_those_of_the_48_symmetries() -> None:
@@ -46,40 +69,55 @@ def test_ray_frames_are_those_of_the_48_symmetries() -> None:
         np.testing.assert_array_equal(moved @ [1, 4, 16], order)
 
 
-def _look_down(fine: np.ndarray, outer: np.ndarray, entry: list[float], ratio: float) -> tuple[np.ndarray, np.ndarray]:
-    """Coverage and luminances of a pixel that looks along the first axis of its frame, up along the second."""
+def _look_down(fine: np.ndarray, entry: list[float], ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    """Coverage and luminances of the children of a pixel that looks along the first axis, up along the second."""
     direction, up = np.array([[1, 0, 0]], np.float32), np.array([[0, 1, 0]], np.float32)
     where = np.array([entry], np.float32)
-    _, covered, light = footprint_reference(
-        fine[None], outer[None], where, direction, up, np.array([ratio], np.float32)
-    )
+    _, covered, light = footprint_reference(fine[None], where, direction, up, np.array([ratio], np.float32))
     return covered[0], light[0]
 
 
 def test_a_full_voxel_covers_the_pixel_by_its_near_children() -> None:
-    fine, outer = np.full(64, 0.5, np.float32), np.full(56, ABSENT, np.float32)
-    covered, light = _look_down(fine, outer, [0, 0.5, 0.5], 1.0)
-    np.testing.assert_allclose(covered[:8:2], 0.25, atol=1e-5)  # each near child a quarter; the far ones alone as much
-    np.testing.assert_allclose(covered[1:8:2], 0.25, atol=1e-5)
-    np.testing.assert_allclose(light[:8], 0.5, atol=1e-6)
-    assert not covered[8:].any() and not light[8:].any()
+    covered, light = _look_down(np.full(64, 0.5, np.float32), [0, 0.5, 0.5], 1.0)
+    np.testing.assert_allclose(covered, 0.25, atol=1e-5)  # each near child a quarter; the far ones alone as much
+    np.testing.assert_allclose(light, 0.5, atol=1e-6)
+
+
+def _word(mask: int, faces: list[float]) -> int:
+    return int(packed_reference(np.array([mask]), np.array([faces]))[0])
 
 
 def test_a_pixel_in_a_corner_sees_one_child_and_cells_beside_it() -> None:
     """A pixel of half the voxel's side about a corner of its face: a quarter lies on the voxel, the rest around it."""
-    fine, outer = np.full(64, ABSENT, np.float32), np.full(56, ABSENT, np.float32)
+    fine = np.full(64, ABSENT, np.float32)
     fine[0] = 0.25  # the cell next to the corner
-    beside = [n for n, cell in enumerate(OUTER_CELLS) if cell % 4 == 1 and cell // 4 % 4 == 0 and cell // 16 == 1]
-    outer[beside] = 0.75
-    covered, light = _look_down(fine, outer, [0, 0, 0], 0.5)
-    assert covered[0] == pytest.approx(0.25) and light[0] == pytest.approx(0.25)
-    assert covered[8 + beside[0]] == pytest.approx(0.25) and light[8 + beside[0]] == pytest.approx(0.75)
-    assert np.count_nonzero(covered) == 2
+    covered, light = _look_down(fine, [0, 0, 0], 0.5)
+    assert covered[0] == pytest.approx(0.25) and light[0] == pytest.approx(0.25) and not covered[1:].any()
+
+    words = np.zeros((1, 64), np.int64)
+    below = 8 * 0 + 0b101  # at corner 0, behind its plane along x, below along y, above along z
+    words[0, below] = _word(255, [0.75, 0.25, 0.5, 0.5, 0.5, 0.5])
+    words[0, 8 * 0 + 7] = words[0, below]  # lies in the voxel itself
+    one = np.array([[0, 0, 0]]), np.array([[1, 0, 0]]), np.array([[0, 1, 0]]), np.array([0.5])
+    covered, light = outer_cells_reference(words, *one)
+    assert covered[0, below] == pytest.approx(0.25, abs=1e-4)
+    assert light[0, below] == pytest.approx(0.75, abs=0.05)  # the face that the ray meets
+    assert np.count_nonzero(covered) == 1
+
+
+@pytest.mark.parametrize(("mask", "share"), [(0b10010110, 1.0), (0b01010101, 0.5), (0b00010001, 0.25)])
+def test_a_cell_covers_as_much_as_the_columns_of_its_children(mask: int, share: float) -> None:
+    """A pixel that looks along z at a cell beside its voxel: as full as the columns along z that hold a child."""
+    words, cell = np.zeros((1, 64), np.int64), 0b110  # at corner 0, beside the voxel along x
+    words[0, cell] = _word(mask, [0.5] * 6)
+    entry, ratio = np.array([[-0.25, 0.25, 0]]), np.array([1.0])
+    covered, _ = outer_cells_reference(words, entry, np.array([[0, 0, 1]]), np.array([[0, 1, 0]]), ratio)
+    assert covered[0, cell] == pytest.approx(0.25 * share, abs=1e-4)
 
 
 def test_near_grandchildren_hide_far_ones() -> None:
-    fine, outer = np.full(64, ABSENT, np.float32), np.full(56, ABSENT, np.float32)
+    fine = np.full(64, ABSENT, np.float32)
     fine[[0, 1]] = 0.2, 0.9
-    assert _look_down(fine, outer, [0, 0.5, 0.5], 1.0)[1][0] == pytest.approx(0.2)
+    assert _look_down(fine, [0, 0.5, 0.5], 1.0)[1][0] == pytest.approx(0.2)
     fine[0] = ABSENT
-    assert _look_down(fine, outer, [0, 0.5, 0.5], 1.0)[1][0] == pytest.approx(0.9)
+    assert _look_down(fine, [0, 0.5, 0.5], 1.0)[1][0] == pytest.approx(0.9)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
-from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error
+from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error, estimators_warning
 from patchnet.patchnet_addon.sampling.plus import compiled
 from patchnet.patchnet_addon.sampling.plus.features import estimate_reference, features_of, windows_of
 from patchnet.patchnet_addon.sampling.plus.forms import CENTRE, FAR, FORMS, Kind, Plane
@@ -123,6 +123,9 @@ def test_planes_and_their_border(buffers):
     np.testing.assert_array_equal(view_planes(buffers, tuple(Plane), 9, 17), planes[:, 9:19])
     children = np.array([int(mask).bit_count() / 8 for mask in buffers.child_mask])
     np.testing.assert_array_equal(inside[Plane.CHILDREN], children)
+    assert 0 < buffers.scene_luminance < 1
+    alone = replace(buffers, behind=np.full_like(buffers.preview, buffers.scene_luminance))
+    np.testing.assert_allclose(inside[Plane.OPEN], alone.predicted, atol=1e-6)
 
 
 def test_features_by_hand(buffers):
@@ -157,6 +160,7 @@ def test_forms_see_what_they_pay_for():
         assert bool(seen & {Plane.COVERAGE, Plane.PATCH, Plane.LOOK_AHEAD, Plane.PREDICTED}) == form.network
         assert (Plane.FINE in seen) == (form.rays == 1 or form.shown == Plane.PREDICTED)
         assert (Plane.RAY_0 in seen) == (form.rays == 4)
+        assert (Plane.OPEN in seen) == (name == "plus-0")
         assert name == form.name and form.features[-1].kind == Kind.SCALE
 
 
@@ -222,6 +226,14 @@ def test_adaptive_pictures_join_what_estimators_see(coded):
     drain(picture.trace(Pace(band_pixels=200)))
     whole = drain(trace_view(coded.octree, camera, [STRATEGIES["patchnet-plus"]], coded=coded, reference=False))
     np.testing.assert_allclose(picture.score, STRATEGIES["patchnet-plus"].scores(whole), rtol=1e-3, atol=1e-5)
+
+
+def test_estimators_belong_to_weights():
+    learned = shipped_estimators().metadata["patchnet"]
+    assert learned == load_weights().hash, "train the estimators anew after the weights: training/shipped_weights.sh"
+    assert estimators_warning(DEFAULT, learned) is None and estimators_warning("patchnet", "0" * 32) is None
+    warning = estimators_warning("patchnet-plus-0", "0" * 32)
+    assert warning is not None and "train-plus" in warning and learned in warning
 
 
 def test_registry_loads_no_compiler():

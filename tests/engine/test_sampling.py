@@ -58,6 +58,7 @@ def random_buffers(seed: int = 0, height: int = 17, width: int = 23) -> PixelBuf
         normal=normal,
         child_mask=rng.integers(0, 256, pixels).astype(np.uint8),
         cube_side_world=2.0,
+        scene_luminance=0.4,
         prediction=patch(),
         exact=patch(),
         reference=np.clip(preview + rng.normal(0, 0.2, pixels), 0, 1).astype(np.float32),

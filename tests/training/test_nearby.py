@@ -65,7 +65,8 @@ def test_nearby_turns_with_the_scene(octree: Octree, dataset: Dataset, symmetry:
     np.testing.assert_allclose(found.covered, wanted.covered, atol=1e-5)
     there = np.concatenate([wanted.covered > 1e-4, np.ones((40, 3, 1), bool)], axis=-1)
     assert 0.02 < there.mean() < 0.5
-    np.testing.assert_allclose(found.luminances[there], wanted.luminances[there], atol=0.006)  # cells are bytes
+    apart = np.abs(found.luminances - wanted.luminances)[there]
+    assert apart.max() < 0.03 and apart.mean() < 0.003  # cells around are kept in steps, before gain and offset
 
 
 def test_what_is_trained_is_what_predicts(octree: Octree, dataset: Dataset) -> None:

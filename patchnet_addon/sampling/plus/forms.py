@@ -43,10 +43,11 @@ class Plane(IntEnum):
     BEHIND_HIT = 14
     PREDICTED = 15  # P
     FINE = 16  # luminance of the finer ray in the pixel's centre
-    RAY_0 = 17  # luminances of 2x2 finer rays
-    RAY_1 = 18
-    RAY_2 = 19
-    RAY_3 = 20
+    OPEN = 17  # sigma L_N + (1 - sigma) times the mean luminance of the scene: P where no ray has looked behind
+    RAY_0 = 18  # luminances of 2x2 finer rays
+    RAY_1 = 19
+    RAY_2 = 20
+    RAY_3 = 21
 
 
 NORMALS = (Plane.NORMAL_X, Plane.NORMAL_Y, Plane.NORMAL_Z)
@@ -142,6 +143,8 @@ def _luminances(form: Form) -> Iterator[Feature]:
     yield from _all_of(Plane.LUMINANCE, WINDOW if predicted else AROUND)
     if form.network:
         yield from _all_of(Plane.PATCH, weight=BESIDE_RAYS if form.rays else 1.0)
+        if not form.rays:
+            yield from _all_of(Plane.OPEN, (CENTRE,))
     if form.rays == 1 or predicted:
         yield from _all_of(Plane.FINE)
     if form.rays and not predicted:

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Outer cells of a pixel: how much of it the cells around its voxel cover, each alone, and their luminances.
+
+A cell is seen as the box around its children, drawn onto the picture plane as `footprint.py` says, as full as the
+columns of its children are along the ray, and with the luminance of the faces that the ray meets (methods 11.2).
+Occupied cells of a pixel are listed first, so that all of them are measured by the same instructions at once.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ..network.compiled_layers import TILE
+from ..network.kinds import CHILDREN, CORNERS, OUTER
+from ..runtime.kernels import device, lean_device
+from .corner_cells import BASE, BASE_STEPS, SLOPE, SLOPE_BITS, SLOPE_STEPS, face_luminances
+from .patches import OCTANTS
+from .ray_frame import CELLS, SIDE
+
+_INNER = [n for n in range(CELLS) if all(1 <= n // SIDE**axis % SIDE <= 2 for axis in range(3))]
+OUTER_CELLS = np.setdiff1d(np.arange(CELLS), _INNER)  # (56,) cells of the 4x4x4 that are not in the voxel
+OUTER_PLACE = np.zeros(CELLS, np.uint64)  # their rows in a tile; those of the others mean nothing
+OUTER_PLACE[OUTER_CELLS] = np.arange(OUTER)
+assert len(OUTER_CELLS) == OUTER
+
+_TOGETHER = 16  # cells that are measured at once: a vector of the widest processors
+_LISTED = -(-OUTER // _TOGETHER) * _TOGETHER
+SMALL = 1e-9  # keeps a box that is a line from dividing by 0
+# Fields of a mask's geometry: whether there are children on the lower and on the upper half of each axis, and how many
+# columns along it hold a child.
+_LOWER, _UPPER, _COLUMNS, _COUNT_BITS = 0, 3, 6, 3
+
+
+class OuterList(NamedTuple):
+    """List of the occupied outer cells of one pixel, (64,) each.
+
+    word: uint32, see `corner_cells.py`. geometry: uint32 of its mask. number: int32, 8 corner + octant. covered, shown:
+    float32, what is found.
+    """
+
+    word: np.ndarray
+    geometry: np.ndarray
+    number: np.ndarray
+    covered: np.ndarray
+    shown: np.ndarray
+
+
+@cache
+def mask_geometry() -> np.ndarray:
+    """Halves that are occupied, and columns, of each child mask, (256,) uint32."""
+    masks = np.arange(256)
+    found = np.zeros(256, np.int64)
+    for axis in range(3):
+        lower = sum(1 << octant for octant in range(8) if not octant >> axis & 1)
+        found |= ((masks & lower) != 0).astype(np.int64) << (_LOWER + axis)
+        found |= ((masks & ~lower) != 0).astype(np.int64) << (_UPPER + axis)
+        columns = (masks | masks >> (1 << axis)) & lower
+        counts = np.array([int(value).bit_count() for value in columns])
+        found |= counts << (_COLUMNS + _COUNT_BITS * axis)
+    return found.astype(np.uint32)
+
+
+@device
+def empty_outer_list():
+    """List to write a pixel's cells into."""
+    return OuterList(
+        np.zeros(_LISTED, np.uint32),
+        np.zeros(_LISTED, np.uint32),
+        np.zeros(_LISTED, np.int32),
+        np.zeros(_LISTED, np.float32),
+        np.zeros(_LISTED, np.float32),
+    )
+
+
+@lean_device
+def list_cells(words, start, corner, geometry, listed, count):  # type: ignore[no-untyped-def]
+    """Append the occupied cells around a corner, whose words stand from `start` on; returns how many there are now.
+
+    geometry: `mask_geometry`. The cell that lies in the voxel itself is left out.
+    """
+    word_list, geometry_list, numbers = listed.word, listed.geometry, listed.number
+    for octant in range(CORNERS):
+        word = words[start + octant]
+        word_list[count] = word
+        geometry_list[count] = geometry[word & np.uint32(255)]
+        numbers[count] = CORNERS * corner + octant
+        count += 1 if word != 0 and octant != CORNERS - 1 - corner else 0
+    return count
+
+
+@lean_device
+def measure_cells(listed, count, ray, covered, shown, order, place):  # type: ignore[no-untyped-def]
+    """Write what listed cells cover of a pixel, and their luminances, into column `place` of rows of outer cells.
+
+    ray: entry, direction, up (3,) and ratio. covered, shown: (64 * TILE,) rows of children, then of outer cells. order:
+    `nearby_order`, and the number of the ray's frame.
+    """
+    _measure(listed, count, ray)
+    numbers, areas, lights = listed.number, listed.covered, listed.shown
+    orders, frame = order
+    for index in range(count):
+        row = (np.uint64(CHILDREN) + OUTER_PLACE[orders[frame, numbers[index]]]) * np.uint64(TILE) + np.uint64(place)
+        covered[row] = areas[index]
+        shown[row] = lights[index]
+
+
+@lean_device
+def _measure(listed, count, ray):  # type: ignore[no-untyped-def]
+    """Write areas and luminances of the first `count` cells of a list; those behind them come to anything."""
+    entry, direction, up, ratio = ray
+    words, geometries, numbers = listed.word, listed.geometry, listed.number
+    areas, lights = listed.covered, listed.shown
+    right_x = direction[1] * up[2] - direction[2] * up[1]
+    right_y = direction[2] * up[0] - direction[0] * up[2]
+    right_z = direction[0] * up[1] - direction[1] * up[0]
+    up_x, up_y, up_z = up[0], up[1], up[2]
+    along_x, along_y, along_z = abs(direction[0]), abs(direction[1]), abs(direction[2])
+    side_x, side_y, side_z = _met_side(direction[0]), _met_side(direction[1]), _met_side(direction[2])
+    start_right = -(entry[0] * right_x + entry[1] * right_y + entry[2] * right_z)
+    start_up = -(entry[0] * up_x + entry[1] * up_y + entry[2] * up_z)
+    half, four, column = np.float32(0.5) * ratio, np.float32(4), np.float32(1 / 16)
+    pixel = ratio * ratio
+    for first in range(0, count, _TOGETHER):
+        for index in range(first, first + _TOGETHER):
+            word, geometry, number = np.int32(words[index]), np.int32(geometries[index]), numbers[index]
+            x, y, z = _middle(geometry, number, 0), _middle(geometry, number, 1), _middle(geometry, number, 2)
+            wide_x, wide_y, wide_z = _half(geometry, 0), _half(geometry, 1), _half(geometry, 2)
+            across = start_right + x * right_x + y * right_y + z * right_z
+            above = start_up + x * up_x + y * up_y + z * up_z
+            wide = wide_x * abs(right_x) + wide_y * abs(right_y) + wide_z * abs(right_z)
+            high = wide_x * abs(up_x) + wide_y * abs(up_y) + wide_z * abs(up_z)
+            area = four * (along_x * wide_y * wide_z + along_y * wide_x * wide_z + along_z * wide_x * wide_y)
+            scale = np.float32(np.sqrt(area / (four * wide * high + np.float32(SMALL))))
+            wide, high = wide * scale, high * scale
+            overlap = max(min(across + wide, half) - max(across - wide, -half), np.float32(0))
+            overlap *= max(min(above + high, half) - max(above - high, -half), np.float32(0))
+            seen_x, seen_y = along_x * _columns(geometry, 0), along_y * _columns(geometry, 1)
+            seen_z = along_z * _columns(geometry, 2)
+            seen = seen_x + seen_y + seen_z
+            light = seen_x * _light(word, 0, side_x) + seen_y * _light(word, 1, side_y)
+            light += seen_z * _light(word, 2, side_z)
+            areas[index] = overlap * (column * seen / area) / pixel
+            lights[index] = light / seen
+
+
+@lean_device
+def _met_side(along):  # type: ignore[no-untyped-def]
+    """Side of a cell that a ray meets along an axis: -1 the lower, 1 the upper."""
+    return np.float32(1) if along < 0 else np.float32(-1)
+
+
+@lean_device
+def _middle(geometry, number, axis):  # type: ignore[no-untyped-def]
+    """Middle, in sides of the voxel, which begins at 0, of the box around a cell's children."""
+    cell = np.float32((number >> np.int32(3 + axis)) & np.int32(1)) - np.float32(0.25)
+    cell += np.float32(0.5) * np.float32((number >> np.int32(axis)) & np.int32(1))
+    upper, lower = (geometry >> np.int32(_UPPER + axis)) & np.int32(1), (geometry >> np.int32(axis)) & np.int32(1)
+    return cell + np.float32(0.125) * np.float32(upper - lower)
+
+
+@lean_device
+def _half(geometry, axis):  # type: ignore[no-untyped-def]
+    """Half the side of that box."""
+    upper, lower = (geometry >> np.int32(_UPPER + axis)) & np.int32(1), (geometry >> np.int32(axis)) & np.int32(1)
+    return np.float32(0.125) * np.float32(upper + lower)
+
+
+@lean_device
+def _columns(geometry, axis):  # type: ignore[no-untyped-def]
+    """Columns of a cell along an axis that hold a child."""
+    return np.float32((geometry >> np.int32(_COLUMNS + _COUNT_BITS * axis)) & np.int32(7))
+
+
+@lean_device
+def _light(word, axis, side):  # type: ignore[no-untyped-def]
+    """Luminance of the face that is met along an axis."""
+    base = np.float32((word >> np.int32(BASE)) & np.int32(255)) * np.float32(1 / BASE_STEPS)
+    field = (word >> np.int32(SLOPE + SLOPE_BITS * axis)) & np.int32((1 << SLOPE_BITS) - 1)
+    steps = np.float32(field - np.int32(SLOPE_STEPS)) * np.float32(1 / SLOPE_STEPS)
+    root = base + side * np.float32(0.5) * steps * abs(steps)
+    root = min(max(root, np.float32(0)), np.float32(1))
+    return root * root
+
+
+def outer_cells_reference(
+    words: np.ndarray, entry: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coverage and luminance (N, 64) float32 of the cells around the corners, by 8 corner + octant, in NumPy.
+
+    words: (N, 64). entry, direction, up: (N, 3). ratio: (N,). Empty cells and those in the voxel have 0.
+    """
+    right = np.cross(direction, up)
+    numbers = np.arange(CELLS)
+    corner, octant = OCTANTS[numbers // CORNERS], OCTANTS[numbers % CORNERS]  # (64, 3)
+    geometry = mask_geometry().astype(np.int64)[words.astype(np.int64) & 255][..., None]  # (N, 64, 1)
+    axes = np.arange(3)
+    lower, upper = geometry >> (_LOWER + axes) & 1, geometry >> (_UPPER + axes) & 1
+    columns = geometry >> (_COLUMNS + _COUNT_BITS * axes) & 7
+    middle = corner + 0.5 * octant - 0.25 + (upper - lower) / 8
+    halves = (upper + lower) / 8
+    others = [np.delete(halves, axis, axis=-1).prod(axis=-1) for axis in range(3)]
+    area = 4 * sum(np.abs(direction[:, None, axis]) * others[axis] for axis in range(3))
+    overlap = np.ones(words.shape)
+    sides = [(halves * np.abs(plane[:, None])).sum(axis=-1) for plane in (right, up)]
+    scale = np.sqrt(area / (4 * sides[0] * sides[1] + SMALL))
+    for plane, side in zip((right, up), sides, strict=True):
+        centre, reach = ((middle - entry[:, None]) * plane[:, None]).sum(axis=-1), side * scale
+        half = ratio[:, None] / 2
+        overlap *= np.maximum(np.minimum(centre + reach, half) - np.maximum(centre - reach, -half), 0)
+    seen = np.abs(direction)[:, None] * columns  # (N, 64, 3)
+    faces = face_luminances(words).reshape(*words.shape, 3, 2)
+    met = np.where(direction[:, None] < 0, faces[..., 1], faces[..., 0])
+    outer = (words != 0) & (numbers % CORNERS != CORNERS - 1 - numbers // CORNERS)
+    total = np.where(outer, seen.sum(axis=-1), 1)
+    covered = np.where(outer, overlap * total / 16 / np.where(outer, area, 1) / ratio[:, None] ** 2, 0)
+    shown = np.where(outer, (seen * met).sum(axis=-1) / total, 0)
+    return covered.astype(np.float32), shown.astype(np.float32)
