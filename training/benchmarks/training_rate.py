@@ -86,7 +86,7 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
     corpus, _ = corpus_of(datasets, nearby=KINDS[settings.network].mixes)
     learner = Learner(settings, corpus.lookahead)
     dtype = encoder_type(settings, 0.0)
-    voxels = settings.batch // corpus.views.shape[1]
+    voxels = settings.batch // corpus.views_per_voxel
     crew = ThreadCrew(learner, StepPlan(corpus, settings, voxels, ALONE), bench.threads)
 
     def steps() -> None:
