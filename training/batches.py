@@ -148,8 +148,8 @@ def _move_views(
 ) -> tuple[np.ndarray, ...]:
     """Entry, direction, up, ratio, coverage, luminance of stored views after the augmentation."""
     *vectors, ratio, coverage, luminance = stored
-    moved = [np.empty_like(vector) for vector in vectors]
-    _turn_views(*vectors, symmetries.axis[symmetry], symmetries.sign[symmetry], *moved)
+    moved = tuple(np.empty_like(vector) for vector in vectors)
+    _turn_views(tuple(vectors), symmetries.axis[symmetry], symmetries.sign[symmetry], moved)
     return *moved, ratio, coverage, luminance * linear[:, None, 0] + linear[:, None, 1]
 
 
@@ -168,7 +168,9 @@ def _read_views(views, entry, direction, up, ratio, coverage, luminance):
 
 
 @kernel
-def _turn_views(entry, direction, up, axis, sign, moved_entry, moved_direction, moved_up):
+def _turn_views(vectors, axis, sign, moved):
+    entry, direction, up = vectors
+    moved_entry, moved_direction, moved_up = moved
     half = np.float32(0.5)
     for v in range(entry.shape[0]):
         for r in range(entry.shape[1]):

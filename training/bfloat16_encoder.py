@@ -30,7 +30,7 @@ class Bfloat16Encoder(torch.autograd.Function):
         bias: Tensor,
         *layers: Tensor,
     ) -> Tensor:
-        """Results of the last layer of `layers`, matrices (out, out) and biases (out,) in turn, after slices (8, B, out).
+        """Results of slices (8, B, out), a bias (out,) and `layers`: matrices (out, out) and biases (out,) in turn.
 
         blocks: (M, B) float32. The others as in `CornerLayer`.
         """

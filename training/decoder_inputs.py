@@ -38,8 +38,8 @@ class DecoderInputs(torch.autograd.Function):
         near = batch.nearby
         inputs = np.empty((views, RAY_INPUTS if near is None else _COVERED + COVERING), np.float32)
         terms = real_harmonics(batch.direction.reshape(views, 3).numpy())
-        rays = (batch.entry, batch.direction, batch.up, batch.ratio)
-        _write(eight.detach().numpy(), *(part.numpy() for part in rays), terms, inputs)
+        rays = tuple(part.numpy() for part in (batch.entry, batch.direction, batch.up, batch.ratio))
+        _write(eight.detach().numpy(), rays, terms, inputs)
         if near is not None:
             inputs[:, _VIEW:_COVERED] = near.view.view(views, -1).numpy()
             inputs[:, _COVERED:] = near.covered.view(views, -1).numpy()
@@ -65,7 +65,8 @@ def _share(entry, voxel, view, corner):
 
 
 @kernel
-def _write(eight, entry, direction, up, ratio, terms, inputs):
+def _write(eight, rays, terms, inputs):
+    entry, direction, up, ratio = rays
     views = ratio.shape[1]
     for voxel in range(len(ratio)):
         for view in range(views):

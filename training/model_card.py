@@ -109,8 +109,8 @@ def _data_summary(datasets: Sequence[Dataset]) -> list[str]:
     views = datasets[0].samples.views.shape[1]
     if datasets[0].is_fresh:
         return [
-            f"Each step drew new voxels of {views} views from the octrees. The parts that are held out were not learned "
-            "from.\n"
+            f"Each step drew new voxels of {views} views from the octrees, apart from the held-out parts, which were",
+            "not learned from.\n",
         ]
     voxels = sum(len(dataset.samples.voxel) for dataset in datasets)
     held = sum(int(dataset.samples.held_out.sum()) for dataset in datasets)
