@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.runtime.file_kinds import SAMPLES
     from ..patchnet_addon.runtime.outputs import check_outputs
     from ..patchnet_addon.runtime.progress import drain
-    from ..training.dataset import SUFFIX, save_samples
+    from ..training.dataset import DATASET_SEEDS, SUFFIX, sample_names, save_samples
     from ..training.samples import SampleSettings, draw_samples
     from .shared.lines import say_result
     from .shared.progress_bars import ProgressBars
@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
             views=args.views,
             min_level=args.least_level,
             held_out=args.held_out,
-            seed=args.seed + 1000 * number,
+            seed=args.seed + DATASET_SEEDS * number,
             lookahead=args.lookahead,
         )
         with ProgressBars() as bars:
@@ -80,16 +80,3 @@ def run(args: argparse.Namespace) -> int:
     text = f"{drawn:,} samples of {len(names)} octrees in {seconds:.0f} s ({drawn / seconds:,.0f}/s)"
     say_result(text, file=args.out, samples=drawn)
     return 0
-
-
-def sample_names(octrees: list[Path]) -> dict[str, Path]:
-    """Choose a different name for each octree: its file's, or its folder's where files are all called alike.
-
-    Names differ by more than the case of letters, which some file systems do not tell apart.
-    """
-    stems = [path.name.removesuffix(".safetensors") for path in octrees]
-    if len({stem.casefold() for stem in stems}) < len(stems):
-        stems = [f"{path.resolve().parent.name}_{stem}" for path, stem in zip(octrees, stems, strict=True)]
-    if len({stem.casefold() for stem in stems}) < len(stems):
-        stems = [f"{number}_{stem}" for number, stem in enumerate(stems)]
-    return dict(zip(stems, octrees, strict=True))

@@ -39,7 +39,11 @@ training/shipped_weights.sh draws and learns from in {SHIPPED_PASSES:,} passes:
     patchnet dataset OCTREE... --samples {SAMPLES} --out samples
     patchnet train samples --preset {_PRESET} --passes {SHIPPED_PASSES} --out run
 
-A pass is one sample seen once. Presets:
+A pass is one sample seen once. With --fresh the octrees are named in the place of samples, and each step draws its own:
+
+    patchnet train OCTREE... --fresh --preset {_PRESET} --passes {SHIPPED_PASSES} --out run
+
+Presets:
 
 {presets}
 
@@ -55,7 +59,14 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         description=description(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET", help="sample files, or folders of them")
+    parser.add_argument(
+        "datasets", nargs="+", type=Path, metavar="DATASET",
+        help="sample files, or folders of them; with --fresh octree files",
+    )  # fmt: skip
+    parser.add_argument(
+        "--fresh", action="store_true",
+        help="draw new voxels and views from octrees at every step, in the place of sample files",
+    )  # fmt: skip
     add_out(parser, "folder for checkpoint, log, weights and model card", required=True)
     parser.add_argument(
         "--validate", nargs="+", type=Path, default=[], metavar="DATASET",
@@ -91,14 +102,14 @@ def run(args: argparse.Namespace) -> int:
     """Train, then write the weights and their model card."""
     from ..training.dataset import sample_files
 
-    files = sample_files(args.datasets)
+    files = args.datasets if args.fresh else sample_files(args.datasets)
     validation_files = sample_files(args.validate)
     check_run(args.out, [*files, *validation_files], resume=args.resume)
     keep_freed_memory()
     require_torch()
     from ..patchnet_addon.network.devices import found_device
     from ..patchnet_addon.network.weights import save_weights
-    from ..training.dataset import load_dataset
+    from ..training.dataset import fresh_datasets, load_dataset
     from ..training.held_out import why_not_held_out
     from ..training.model_card import write_card
     from ..training.processes import Processes
@@ -107,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
     from .shared.progress_bars import ProgressBars
 
     device = found_device(args.device, "--device")
-    datasets = [load_dataset(path) for path in files]
+    datasets = fresh_datasets(files, args.seed or 0) if args.fresh else [load_dataset(path) for path in files]
     validation = [load_dataset(path) for path in validation_files]
     for dataset in validation:
         if reason := why_not_held_out(dataset, datasets):
@@ -139,6 +150,8 @@ def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
     """Preset with what the command line says otherwise."""
     if args.epochs is not None and args.passes is not None:
         raise SettingError("Give --epochs or --passes, not both")
+    if args.epochs is not None and args.fresh:
+        raise SettingError("Fresh samples have no epochs: give --passes")
     changes = {
         "passes": args.passes if args.epochs is None else int(args.epochs * samples),
         "batch": args.batch,
@@ -150,5 +163,6 @@ def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
         "luminance_weight": args.luminance_weight,
         "precision": args.precision,
         "seed": args.seed,
+        "fresh": args.fresh,
     }
     return replace(PRESETS[args.preset], **{name: value for name, value in changes.items() if value is not None})

@@ -137,22 +137,48 @@ def gather_batch(
 
 def _stored_views(views: np.ndarray) -> tuple[np.ndarray, ...]:
     """Entry, direction, up (V, R, 3), ratio, coverage, luminance (V, R), float32, of stored views (V, R, 12)."""
-    unit = views.astype(np.float32) / np.float32(UNIT)
-    signed = views[..., 3:9].view(np.int16).astype(np.float32) / np.float32(SIGNED)
-    coverage = views[..., 10].astype(np.float32) / np.float32(COVERAGE_SCALE)
-    return unit[..., :3], signed[..., :3], signed[..., 3:], unit[..., 9], coverage, unit[..., 11]
+    vectors = [np.empty((*views.shape[:2], 3), np.float32) for _ in range(3)]
+    numbers = [np.empty(views.shape[:2], np.float32) for _ in range(3)]
+    _read_views(views, *vectors, *numbers)
+    return *vectors, *numbers
 
 
 def _move_views(
     stored: tuple[np.ndarray, ...], symmetry: np.ndarray, symmetries: Symmetries, linear: np.ndarray
 ) -> tuple[np.ndarray, ...]:
     """Entry, direction, up, ratio, coverage, luminance of stored views after the augmentation."""
-    entry, direction, up, ratio, coverage, luminance = stored
-    axis = np.broadcast_to(symmetries.axis[symmetry][:, None], entry.shape)
-    sign = symmetries.sign[symmetry][:, None]
-    moved = sign * np.take_along_axis(entry - np.float32(0.5), axis, 2) + np.float32(0.5)
-    direction, up = (sign * np.take_along_axis(vector, axis, 2) for vector in (direction, up))
-    return moved, direction, up, ratio, coverage, luminance * linear[:, None, 0] + linear[:, None, 1]
+    *vectors, ratio, coverage, luminance = stored
+    moved = tuple(np.empty_like(vector) for vector in vectors)
+    _turn_views(tuple(vectors), symmetries.axis[symmetry], symmetries.sign[symmetry], moved)
+    return *moved, ratio, coverage, luminance * linear[:, None, 0] + linear[:, None, 1]
+
+
+@kernel
+def _read_views(views, entry, direction, up, ratio, coverage, luminance):
+    unit, signed = np.float32(UNIT), np.float32(SIGNED)
+    for v in range(views.shape[0]):
+        for r in range(views.shape[1]):
+            for axis in range(3):
+                entry[v, r, axis] = np.float32(views[v, r, axis]) / unit
+                direction[v, r, axis] = np.float32(np.int16(views[v, r, 3 + axis])) / signed
+                up[v, r, axis] = np.float32(np.int16(views[v, r, 6 + axis])) / signed
+            ratio[v, r] = np.float32(views[v, r, 9]) / unit
+            coverage[v, r] = np.float32(views[v, r, 10]) / np.float32(COVERAGE_SCALE)
+            luminance[v, r] = np.float32(views[v, r, 11]) / unit
+
+
+@kernel
+def _turn_views(vectors, axis, sign, moved):
+    entry, direction, up = vectors
+    moved_entry, moved_direction, moved_up = moved
+    half = np.float32(0.5)
+    for v in range(entry.shape[0]):
+        for r in range(entry.shape[1]):
+            for k in range(3):
+                source, s = axis[v, k], sign[v, k]
+                moved_entry[v, r, k] = s * (entry[v, r, source] - half) + half
+                moved_direction[v, r, k] = s * direction[v, r, source]
+                moved_up[v, r, k] = s * up[v, r, source]
 
 
 @kernel

@@ -30,7 +30,7 @@ class Bfloat16Encoder(torch.autograd.Function):
         bias: Tensor,
         *layers: Tensor,
     ) -> Tensor:
-        """Results of the last of `layers`, matrices (out, out) and biases (out,) in turn, after slices (8, B, out).
+        """Results of slices (8, B, out), a bias (out,) and `layers`: matrices (out, out) and biases (out,) in turn.
 
         blocks: (M, B) float32. The others as in `CornerLayer`.
         """
@@ -60,9 +60,10 @@ class Bfloat16Encoder(torch.autograd.Function):
             of_layers[:0] = [(after.t() @ hidden[layer]).float(), of_bias]
             after = after @ matrices[layer]
         of_bias = mask_gradient(after, hidden[0])
-        after = after.index_select(0, pair_corner)
         of_slices = torch.empty(SLICES, rows.shape[1], after.shape[1])
+        of_slice = torch.empty_like(after)  # stays in the processor's cache from the copy to the product
         for s in range(SLICES):
             here = slice(ctx.starts[s], ctx.starts[s + 1])
-            of_slices[s] = rows[here].t() @ after[here]
+            copied = torch.index_select(after, 0, pair_corner[here], out=of_slice[: here.stop - here.start])
+            of_slices[s] = (copied.t() @ rows[here]).t()
         return None, None, None, None, None, of_slices, of_bias, *of_layers

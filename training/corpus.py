@@ -29,6 +29,11 @@ class Corpus:
     lookahead: int = DEFAULT_LOOKAHEAD
     nearby: bool = False
 
+    @property
+    def views_per_voxel(self) -> int:
+        """Views of each voxel."""
+        return int(self.views.shape[1])
+
     def batch(self, rows: np.ndarray, augmentation: Augmentation) -> Batch:
         """Batch of the voxels `rows` (V,)."""
         parts = self.tree[rows], self.voxel[rows], self.views[rows]

@@ -17,8 +17,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .batches import Augmentation
+from .batches import Augmentation, Batch
 from .corpus import Corpus
+from .fresh import FreshCorpus
 from .learner import Learner
 from .processes import Processes
 from .settings import TrainSettings
@@ -28,6 +29,7 @@ from .torch_corpus import TorchCorpus, corpus_fits
 _PART_VOXELS = 16  # smaller parts of a step cost more than they are worth
 _MOST_AHEAD = 16  # batches that wait for a GPU
 ALONE = Processes()
+AnyCorpus = Corpus | FreshCorpus
 HOST, DEVICE = "host", "device"  # where a GPU's batches are gathered
 
 
@@ -44,16 +46,17 @@ class Crew(Protocol):
 
 
 def crew_for(
-    learner: Learner, corpus: Corpus, voxels: int, threads: int, gather: str = "", processes: Processes = ALONE
+    learner: Learner, corpus: AnyCorpus, voxels: int, threads: int, gather: str = "", processes: Processes = ALONE
 ) -> Crew:
     """Crew for the learner's device, with `voxels` a step, of which it computes the share of its process.
 
     gather: HOST or DEVICE, where a GPU's batches are gathered; by default on the GPU if its memory holds the data. The
-    luminances that a mixture needs are gathered on the host always.
+    luminances that a mixture needs, and fresh samples, are gathered on the host always.
     """
     if learner.device.type == "cpu":
         return ThreadCrew(learner, StepPlan(corpus, learner.settings, voxels, processes), threads)
-    if not corpus.nearby and (gather == DEVICE or (not gather and corpus_fits(corpus, learner.device))):
+    may_gather = isinstance(corpus, Corpus) and not corpus.nearby
+    if may_gather and (gather == DEVICE or (not gather and corpus_fits(corpus, learner.device))):  # type: ignore[arg-type]
         return GpuCrew(learner, StepPlan(corpus, learner.settings, voxels, processes))
     return FedGpuCrew(learner, StepPlan(corpus, learner.settings, voxels, processes), threads)
 
@@ -74,18 +77,14 @@ class ThreadCrew:
 
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
         """Gradients of the parts of a step, and sums of its errors, see `Crew`."""
-        rows, augmentation = self._plan.of_step(step)
-        cuts = np.linspace(0, len(rows), self._parts + 1).round().astype(int).tolist()
-        jobs = [
-            self._pool.submit(self._part, rows[first:last], augmentation.part(first, last), dtype)
-            for first, last in itertools.pairwise(cuts)
-        ]
+        cuts = np.linspace(0, self._plan.own_voxels, self._parts + 1).round().astype(int).tolist()
+        jobs = [self._pool.submit(self._part, step, first, last, dtype) for first, last in itertools.pairwise(cuts)]
         gradients, sums = zip(*(job.result() for job in jobs), strict=True)
         return list(gradients), torch.stack(sums).sum(0)
 
-    def _part(self, rows: np.ndarray, augmentation: Augmentation, dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
-        batch = TensorBatch.of(self._plan.corpus.batch(rows, augmentation), self._learner.device)
-        return self._learner.gradients(batch, dtype, len(rows) / self._plan.voxels)
+    def _part(self, step: int, first: int, last: int, dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
+        batch = TensorBatch.of(self._plan.batch(step, first, last), self._learner.device)
+        return self._learner.gradients(batch, dtype, (last - first) / self._plan.voxels)
 
     def close(self) -> None:
         """End the threads."""
@@ -97,6 +96,7 @@ class GpuCrew:
 
     def __init__(self, learner: Learner, plan: StepPlan) -> None:
         self._learner, self._plan = learner, plan
+        assert isinstance(plan.corpus, Corpus)
         self._data = TorchCorpus(plan.corpus, learner.device)
         self.title = f"{learner.device}, data on it"
 
@@ -132,7 +132,7 @@ class FedGpuCrew:
         return [gradients], sums
 
     def _gathered(self, step: int) -> TensorBatch:
-        batch = self._plan.corpus.batch(*self._plan.of_step(step))
+        batch = self._plan.batch(step, 0, self._plan.own_voxels)
         return TensorBatch.of(batch, self._learner.device)
 
     def close(self) -> None:
@@ -145,7 +145,7 @@ class FedGpuCrew:
 class StepPlan:
     """Plan of what each step of a run learns from: `voxels` a step, of which this process takes its share."""
 
-    corpus: Corpus
+    corpus: AnyCorpus
     settings: TrainSettings
     voxels: int
     processes: Processes
@@ -161,18 +161,33 @@ class StepPlan:
         return self.own_voxels / self.voxels
 
     def of_step(self, step: int) -> tuple[np.ndarray, Augmentation]:
-        """Voxels of this process's share of a step, and how they are augmented."""
+        """Voxels of this process's share of a step, and how they are augmented; of a corpus of samples."""
+        assert isinstance(self.corpus, Corpus)
         rows, augmentation = plan_of_step(self.corpus, self.settings, self.voxels, step)
         own = self.processes.part(len(rows))
         return rows[own], augmentation.part(own.start, own.stop)
 
+    def batch(self, step: int, first: int, last: int) -> Batch:
+        """Batch of voxels `first` to `last`, excluded, of this process's share of a step."""
+        if isinstance(self.corpus, Corpus):
+            rows, augmentation = self.of_step(step)
+            return self.corpus.batch(rows[first:last], augmentation.part(first, last))
+        begin = self.processes.part(self.voxels).start
+        places = slice(begin + first, begin + last)
+        augmentation = augmentation_of_step(self.settings, self.voxels, step).part(places.start, places.stop)
+        return self.corpus.batch_of_step(self.settings.seed, step, places, augmentation)
+
 
 def plan_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> tuple[np.ndarray, Augmentation]:
     """Voxels (voxels,) of a step and how they are augmented, by seed and step alone."""
-    rows = rows_of_step(corpus, settings, voxels, step)
+    return rows_of_step(corpus, settings, voxels, step), augmentation_of_step(settings, voxels, step)
+
+
+def augmentation_of_step(settings: TrainSettings, voxels: int, step: int) -> Augmentation:
+    """Augmentation of the voxels of a step, by seed and step alone."""
     if not settings.augment:
-        return rows, Augmentation.none(len(rows))
-    return rows, Augmentation.random(len(rows), np.random.default_rng([settings.seed, 2, step]))
+        return Augmentation.none(voxels)
+    return Augmentation.random(voxels, np.random.default_rng([settings.seed, 2, step]))
 
 
 def rows_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> np.ndarray:

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,16 @@ from .samples import VIEW_FIELDS, Samples, SampleSettings
 
 KIND = "samples"
 SUFFIX = ".samples.safetensors"
+DATASET_SEEDS = 1000  # between the seeds of two octrees of a data set
 _DTYPES = {"voxel": np.uint16, "held_out": np.bool_, "views": np.uint16}
 
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Samples of one octree; `name` stands in logs and the model card."""
+    """Samples of one octree; `name` stands in logs and the model card.
+
+    Those of a run that draws fresh samples (`fresh.py`) hold none of their own.
+    """
 
     name: str
     octree: Octree
@@ -34,6 +39,45 @@ class Dataset:
     def lookahead(self) -> int:
         """Levels between the voxels and the cells that their views saw; two where the file does not say."""
         return int(self.metadata.get("settings", {}).get("lookahead", DEFAULT_LOOKAHEAD))
+
+    @property
+    def sample_settings(self) -> SampleSettings:
+        """Settings that samples are drawn with; the usual ones where the file does not say."""
+        known = {field.name for field in fields(SampleSettings)}
+        stated = self.metadata.get("settings", {})
+        return SampleSettings(**{name: value for name, value in stated.items() if name in known})
+
+    @property
+    def is_fresh(self) -> bool:
+        """Whether its samples are drawn by each step anew."""
+        return bool(self.metadata.get("fresh"))
+
+
+def fresh_datasets(paths: Sequence[Path], seed: int) -> list[Dataset]:
+    """Data sets of octree files that samples are drawn from anew, with the held-out parts of `patchnet dataset --seed`.
+
+    Raises OctreeFileError for files that are no octrees.
+    """
+    datasets = []
+    for number, (name, path) in enumerate(sample_names(paths).items()):
+        settings = SampleSettings(seed=seed + DATASET_SEEDS * number)
+        shape = 0, settings.views, VIEW_FIELDS
+        none = Samples(np.zeros((0, 4), np.uint16), np.zeros(0, np.bool_), np.zeros(shape, np.uint16))
+        datasets.append(Dataset(name, load_octree(path), none, {"settings": asdict(settings), "fresh": True}))
+    return datasets
+
+
+def sample_names(octrees: Sequence[Path]) -> dict[str, Path]:
+    """Choose a different name for each octree: its file's, or its folder's where files are all called alike.
+
+    Names differ by more than the case of letters, which some file systems do not tell apart.
+    """
+    stems = [path.name.removesuffix(".safetensors") for path in octrees]
+    if len({stem.casefold() for stem in stems}) < len(stems):
+        stems = [f"{path.resolve().parent.name}_{stem}" for path, stem in zip(octrees, stems, strict=True)]
+    if len({stem.casefold() for stem in stems}) < len(stems):
+        stems = [f"{number}_{stem}" for number, stem in enumerate(stems)]
+    return dict(zip(stems, octrees, strict=True))
 
 
 def save_samples(samples: Samples, octree_path: Path, octree: Octree, settings: SampleSettings, path: Path) -> None:

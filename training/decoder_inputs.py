@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..patchnet_addon.network.harmonics import harmonic_terms
+from ..patchnet_addon.network.harmonics import real_harmonics
 from ..patchnet_addon.network.kinds import CODE_SIZE, CORNERS, COVERING, HARMONICS, RAY_INPUTS, SIDE_BY_SIDE, VIEW
 from ..patchnet_addon.network.weights import MODULATED
 from ..patchnet_addon.runtime.kernels import device, kernel
@@ -37,9 +37,9 @@ class DecoderInputs(torch.autograd.Function):
         views = batch.ratio.numel()
         near = batch.nearby
         inputs = np.empty((views, RAY_INPUTS if near is None else _COVERED + COVERING), np.float32)
-        terms = torch.stack(harmonic_terms(*batch.direction.unbind(-1)), dim=-1).view(views, HARMONICS).numpy()
-        rays = (batch.entry, batch.direction, batch.up, batch.ratio)
-        _write(eight.detach().numpy(), *(part.numpy() for part in rays), terms, inputs)
+        terms = real_harmonics(batch.direction.reshape(views, 3).numpy())
+        rays = tuple(part.numpy() for part in (batch.entry, batch.direction, batch.up, batch.ratio))
+        _write(eight.detach().numpy(), rays, terms, inputs)
         if near is not None:
             inputs[:, _VIEW:_COVERED] = near.view.view(views, -1).numpy()
             inputs[:, _COVERED:] = near.covered.view(views, -1).numpy()
@@ -65,7 +65,8 @@ def _share(entry, voxel, view, corner):
 
 
 @kernel
-def _write(eight, entry, direction, up, ratio, terms, inputs):
+def _write(eight, rays, terms, inputs):
+    entry, direction, up, ratio = rays
     views = ratio.shape[1]
     for voxel in range(len(ratio)):
         for view in range(views):

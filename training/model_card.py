@@ -116,6 +116,11 @@ def _quoted(value: str | None) -> str:
 def _data_summary(datasets: Sequence[Dataset]) -> list[str]:
     """Sentence on how many samples there are and are learned from."""
     views = datasets[0].samples.views.shape[1]
+    if datasets[0].is_fresh:
+        return [
+            f"Each step drew new voxels of {views} views from the octrees, apart from the held-out parts, which were",
+            "not learned from.\n",
+        ]
     voxels = sum(len(dataset.samples.voxel) for dataset in datasets)
     held = sum(int(dataset.samples.held_out.sum()) for dataset in datasets)
     return [
@@ -128,7 +133,9 @@ def _data_row(dataset: Dataset, use: str, hashes: dict[str, str]) -> list[str]:
     samples = dataset.samples
     views = samples.views.shape[1]
     held = int(samples.held_out.sum()) * views
-    counts = [f"{len(samples.voxel) * views:,}", f"{held:,}"]
+    counts = ["drawn by each step", "not learned from"] if dataset.is_fresh else [
+        f"{len(samples.voxel) * views:,}", f"{held:,}"
+    ]  # fmt: skip
     light = str(dataset.octree.provenance.get("light", ""))
     turned = "yes" if is_turned(dataset) else "no"
     octree = _quoted(hashes.get(dataset.name))

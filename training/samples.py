@@ -126,7 +126,13 @@ def _mix(state):
 
 
 @device
-def _uniform(state):
+def begin_random(state, start, number):
+    """Begin the random numbers of thing `number` of those that `start`, uint64, stands for; state: (1,) uint64."""
+    state[0] = _mix(_mix(start + np.uint64(number)))
+
+
+@device
+def uniform(state):
     """Next random number of [0, 1); `state` is (1,) uint64."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
     return np.float64(_mix(state[0]) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
@@ -151,13 +157,13 @@ def _enter_box(origin, direction, x, y, z):
 @device
 def _draw_line(state, origin, direction, up):
     """Random direction, roll, and a line through the disc of radius sqrt(3)/2 around the voxel's centre."""
-    height, turn = 2.0 * _uniform(state) - 1.0, 2.0 * np.pi * _uniform(state)
+    height, turn = 2.0 * uniform(state) - 1.0, 2.0 * np.pi * uniform(state)
     flat = np.sqrt(max(0.0, 1.0 - height * height))
     direction[0], direction[1], direction[2] = flat * np.cos(turn), flat * np.sin(turn), height
-    roll = 2.0 * np.pi * _uniform(state)
+    roll = 2.0 * np.pi * uniform(state)
     a = (-np.sin(turn), np.cos(turn), 0.0)  # a and b span the plane across the direction
     b = (-height * np.cos(turn), -height * np.sin(turn), flat)
-    radius, angle = np.sqrt(0.75 * _uniform(state)), 2.0 * np.pi * _uniform(state)
+    radius, angle = np.sqrt(0.75 * uniform(state)), 2.0 * np.pi * uniform(state)
     for axis in range(3):
         up[axis] = np.cos(roll) * a[axis] + np.sin(roll) * b[axis]
         origin[axis] = 0.5 + radius * (np.cos(angle) * a[axis] + np.sin(angle) * b[axis])
@@ -174,39 +180,48 @@ def _is_first_hit(counts, origin, direction, enter):
     return True
 
 
+@device
+def draw_voxel_views(state, nodes, luminance, root, voxel, first_hit, lookahead, views):
+    """Draw random views (R, 12) uint16 of a voxel (level, x, y, z) below `root`; returns whether all R were found.
+
+    state: (1,) uint64, of the random numbers, which is moved on.
+    """
+    brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
+    viewport = Viewport(np.empty((6, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
+    fill_brick(nodes, root, voxel[0], voxel[1:], lookahead, brick)
+    origin, direction, up = np.empty(3), np.empty(3), np.empty(3)
+    found = 0
+    for _ in range(_ATTEMPTS):
+        if found == len(views):
+            break
+        _draw_line(state, origin, direction, up)
+        enter = _enter_box(origin, direction, 0.0, 0.0, 0.0)
+        if enter > 1e29 or (first_hit and not _is_first_hit(brick.counts, origin, direction, enter)):
+            continue
+        # Round first and render what is stored, so that the sample is exact.
+        ratio = np.uint16(np.rint((0.5 + 0.5 * uniform(state)) * UNIT))
+        for axis in range(3):
+            entry = min(max(origin[axis] + enter * direction[axis], 0.0), 1.0)
+            views[found, axis] = np.uint16(np.rint(entry * UNIT))
+            along = np.int16(np.rint(direction[axis] * SIGNED))
+            across = np.int16(np.rint(up[axis] * SIGNED))
+            views[found, 3 + axis] = np.uint16(along)
+            views[found, 6 + axis] = np.uint16(across)
+            origin[axis] = views[found, axis] / UNIT
+            direction[axis] = along / SIGNED
+            up[axis] = across / SIGNED
+        ray = PatchRay(origin, direction, up, float(ratio) / UNIT)
+        sigma, mean = render_patch(luminance, brick, ray, lookahead, viewport)
+        views[found, 9] = ratio
+        views[found, 10] = np.uint16(np.rint(sigma * COVERAGE_SCALE))
+        views[found, 11] = np.uint16(np.rint(mean))
+        found += 1
+    return found == len(views)
+
+
 @kernel
 def _draw_views(first, last, nodes, luminance, voxels, start, first_hit, lookahead, views, good):
+    state = np.empty(1, np.uint64)
     for group in range(first, last):
-        brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
-        viewport = Viewport(np.empty((6, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
-        fill_brick(nodes, 0, voxels[group, 0], voxels[group, 1:], lookahead, brick)
-        state = np.empty(1, np.uint64)
-        origin, direction, up = np.empty(3), np.empty(3), np.empty(3)
-        state[0] = _mix(_mix(start + np.uint64(group)))
-        found = 0
-        for _ in range(_ATTEMPTS):
-            if found == views.shape[1]:
-                break
-            _draw_line(state, origin, direction, up)
-            enter = _enter_box(origin, direction, 0.0, 0.0, 0.0)
-            if enter > 1e29 or (first_hit and not _is_first_hit(brick.counts, origin, direction, enter)):
-                continue
-            # Round first and render what is stored, so that the sample is exact.
-            ratio = np.uint16(np.rint((0.5 + 0.5 * _uniform(state)) * UNIT))
-            for axis in range(3):
-                entry = min(max(origin[axis] + enter * direction[axis], 0.0), 1.0)
-                views[group, found, axis] = np.uint16(np.rint(entry * UNIT))
-                along = np.int16(np.rint(direction[axis] * SIGNED))
-                across = np.int16(np.rint(up[axis] * SIGNED))
-                views[group, found, 3 + axis] = np.uint16(along)
-                views[group, found, 6 + axis] = np.uint16(across)
-                origin[axis] = views[group, found, axis] / UNIT
-                direction[axis] = along / SIGNED
-                up[axis] = across / SIGNED
-            ray = PatchRay(origin, direction, up, float(ratio) / UNIT)
-            sigma, mean = render_patch(luminance, brick, ray, lookahead, viewport)
-            views[group, found, 9] = ratio
-            views[group, found, 10] = np.uint16(np.rint(sigma * COVERAGE_SCALE))
-            views[group, found, 11] = np.uint16(np.rint(mean))
-            found += 1
-        good[group] = found == views.shape[1]
+        begin_random(state, start, group)
+        good[group] = draw_voxel_views(state, nodes, luminance, 0, voxels[group], first_hit, lookahead, views[group])

@@ -29,7 +29,9 @@ class TrainSettings:
     loss. precision: "fp32"; "bf16" for the encoder's products; "tf32" for all products on a GPU, fp32 on a CPU; or
     "auto": fp32 on a GPU, on a CPU bf16 where the processor has it natively, and fp32 for the last fiftieth. network:
     its kind (`network/kinds.py`). loss: "absolute" errors, whose best guesses are medians, or "squared" ones, whose are
-    means, which pictures and mean squared errors need. encoder: its architecture (`network/encoders.py`).
+    means, which pictures and mean squared errors need. encoder: its architecture (`network/encoders.py`). fresh: each
+    step draws new voxels and views from the octrees (`fresh.py`), where sample files would be gone through again and
+    again.
     """
 
     passes: int = 8 * SAMPLES
@@ -47,6 +49,7 @@ class TrainSettings:
     network: str = PAPER_KIND.name
     loss: str = ABSOLUTE
     encoder: str = MLP.name
+    fresh: bool = False
 
     def __post_init__(self) -> None:
         for row, value in (

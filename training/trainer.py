@@ -25,16 +25,17 @@ from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, THREADS
 from ..patchnet_addon.runtime.errors import FileFormatError, SettingError
 from ..patchnet_addon.runtime.progress import Progress, Steps
 from ..patchnet_addon.runtime.threads import usable_cores
-from .corpus import corpus_of
-from .crews import crew_for
+from .corpus import Corpus, corpus_of
+from .crews import AnyCorpus, crew_for
 from .dataset import Dataset
+from .fresh import fresh_corpus_of
 from .learner import Learner, mean_errors
 from .processes import Processes
 from .provenance import describe_data
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .run_log import Log
 from .schedule import learning_rate
-from .settings import ABSOLUTE, AUTO, BF16, TrainSettings
+from .settings import ABSOLUTE, AUTO, BF16, VIEWS, TrainSettings
 from .validation import validate
 from .validation_sets import ValidationSet, validation_sets
 
@@ -75,11 +76,11 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     threads = usable_cores() if options.threads is None else options.threads
     THREADS.check(threads)
     processes = Processes.joined()
-    corpus, held_out = corpus_of(datasets, nearby=KINDS[settings.network].mixes)
+    corpus, held_out = _corpora(datasets, settings)
     sets = validation_sets(held_out, datasets, options.validation, corpus.lookahead, nearby=corpus.nearby)
     notes = describe_data(datasets, options.validation) | options.notes
-    voxels = max(1, settings.batch // corpus.views.shape[1])
-    per_step = voxels * corpus.views.shape[1]
+    voxels = max(1, settings.batch // corpus.views_per_voxel)
+    per_step = voxels * corpus.views_per_voxel
     total = max(1, settings.passes // per_step)
     with enough_memory("training"):
         learner = Learner(settings, corpus.lookahead, device)
@@ -109,6 +110,14 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
         if learner.steps and keeper is not None:
             keeper.save()
     return learner.mean.to_weights(notes | _extent(learner, per_step))
+
+
+def _corpora(datasets: Sequence[Dataset], settings: TrainSettings) -> tuple[AnyCorpus, dict[str, Corpus]]:
+    """What a run learns from, and the held-out parts of it by data set."""
+    nearby = KINDS[settings.network].mixes
+    if not settings.fresh:
+        return corpus_of(datasets, nearby=nearby)
+    return fresh_corpus_of(datasets, settings.passes // VIEWS, nearby=nearby)
 
 
 class _Keeper:
@@ -193,9 +202,8 @@ def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None
     """Go on from a checkpoint; raises PatchNetError if it is damaged or of other settings or data."""
     try:
         state = torch.load(path, map_location=CPU, weights_only=True)
-        other = {"lookahead": DEFAULT_LOOKAHEAD, "network": PAPER.name, "loss": ABSOLUTE, "encoder": MLP.name} | state[
-            "run"
-        ]
+        before = {"lookahead": DEFAULT_LOOKAHEAD, "network": PAPER.name, "loss": ABSOLUTE}
+        other = before | {"encoder": MLP.name, "fresh": False} | state["run"]
         changed = [name for name in run if other.get(name) != run[name]]
         if not changed:
             learner.load(state["learner"])

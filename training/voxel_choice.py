@@ -39,7 +39,7 @@ def choose_voxels(octree: Octree, nodes: dict[int, np.ndarray], count: int, rand
     Half is uniform over voxels, half uniform over levels.
     """
     sizes = np.array([len(here) for here in nodes.values()], np.int64)
-    shares = np.minimum(count // (2 * len(nodes)), _REPEATS * sizes)
+    shares = _even_shares(sizes, count)
     shares = shares + random.multinomial(count - shares.sum(), sizes / sizes.sum())
     parts = []
     for (level, here), share in zip(nodes.items(), shares, strict=True):
@@ -47,6 +47,17 @@ def choose_voxels(octree: Octree, nodes: dict[int, np.ndarray], count: int, rand
         cells = morton_decode(octree.keys(level)[picked])
         parts.append(np.column_stack([np.full(share, level), cells]).astype(np.uint16))
     return random.permutation(np.concatenate(parts))
+
+
+def _even_shares(sizes: np.ndarray, count: int) -> np.ndarray:
+    """Voxels (L,) of `count` that come from each level, of `sizes` voxels (L,), for every level's sake."""
+    return np.minimum(count // (2 * len(sizes)), _REPEATS * sizes)
+
+
+def level_chances(sizes: np.ndarray, count: int) -> np.ndarray:
+    """Chances (L,) of the levels when voxels are drawn one by one, `count` in all, as `choose_voxels` shares them."""
+    even = _even_shares(sizes, count)
+    return np.asarray((even + (count - even.sum()) * sizes / sizes.sum()) / count)
 
 
 def held_out_voxels(octree: Octree, voxels: np.ndarray, share: float, seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -29,6 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="sample files, or folders of them (samples of an octree of --nodes nodes are drawn)",
     )  # fmt: skip
     add_number(parser, "--nodes", bounds.NODES, default=1_000_000, help="nodes of the octree that is made (1000000)")
+    add_number(
+        parser, "--samples", bounds.DATASET_SAMPLES, default=400_000, help="samples that are drawn of it (400000)"
+    )
     add_number(parser, "--threads", bounds.THREADS, default=1, help="threads that learn, or multiply (1)")
     add_repeats(parser, 9)
 
@@ -43,7 +46,9 @@ def measure(args: argparse.Namespace) -> Comparison:
     from ...training.benchmarks.training_rate import TrainBench, benchmark_training
 
     datasets = [load_dataset(path) for path in sample_files(args.datasets)]
-    return benchmark_training(datasets, TrainBench(args.nodes, repeats=args.repeats, threads=args.threads))
+    return benchmark_training(
+        datasets, TrainBench(args.nodes, args.samples, repeats=args.repeats, threads=args.threads)
+    )
 
 
 def text(values: dict[str, Any]) -> str:

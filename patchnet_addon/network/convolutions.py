@@ -81,9 +81,7 @@ def _branch(branch: Branch, layers: Iterator[Layer], cells: np.ndarray) -> np.nd
     return np.mean([window for _, window in _windows(result, 3, 2, 0.0)], axis=0)
 
 
-def _windows(
-    cells: np.ndarray, side: int, stride: int, around: float
-) -> Iterator[tuple[tuple[int, ...], np.ndarray]]:
+def _windows(cells: np.ndarray, side: int, stride: int, around: float) -> Iterator[tuple[tuple[int, ...], np.ndarray]]:
     """Place in a window of `side` cells, and the cells (C, K, n, n, n) there of all windows."""
     margin, count = side // 2, cells.shape[-1]
     padded = np.pad(cells, ((0, 0), (0, 0), *((margin, margin),) * 3), constant_values=around)

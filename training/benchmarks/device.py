@@ -248,14 +248,14 @@ class Training:
     ) -> None:
         self._corpus, self._threads, self._gather, self._steps = corpus, threads, gather, steps
         self._learner = Learner(settings, corpus.lookahead, device)
-        self._voxels = max(1, settings.batch // corpus.views.shape[1])
+        self._voxels = max(1, settings.batch // corpus.views_per_voxel)
         self._type = encoder_type(settings, 0.0, device)
         self._kept: Crew | None = None
 
     @property
     def samples(self) -> int:
         """Samples of a call."""
-        return self._steps * self._voxels * int(self._corpus.views.shape[1])
+        return self._steps * self._voxels * int(self._corpus.views_per_voxel)
 
     def __call__(self) -> torch.Tensor:
         """Take the steps, and wait for the last one."""

@@ -32,7 +32,9 @@ class Operand(NamedTuple):
         return cls(tuple(tensor.shape), tuple(tensor.stride()), tensor.dtype)
 
     def filled(self) -> Tensor:
-        """Tensor of random numbers with these sizes."""
+        """Tensor of random numbers with these sizes; one that repeats itself is written out."""
+        if 0 in self.stride:
+            return torch.randn(self.shape).to(self.dtype)
         return torch.empty_strided(self.shape, self.stride, dtype=self.dtype).copy_(torch.randn(self.shape))
 
 

@@ -86,7 +86,7 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
     corpus, _ = corpus_of(datasets, nearby=KINDS[settings.network].mixes)
     learner = Learner(settings, corpus.lookahead)
     dtype = encoder_type(settings, 0.0)
-    voxels = settings.batch // corpus.views.shape[1]
+    voxels = settings.batch // corpus.views_per_voxel
     crew = ThreadCrew(learner, StepPlan(corpus, settings, voxels, ALONE), bench.threads)
 
     def steps() -> None:
@@ -119,7 +119,7 @@ def _products(learner: Learner, plan: StepPlan, steps: int, dtype: torch.dtype) 
     """Products of one thread's part of the first steps."""
     found: list[Product] = []
     for step in range(steps):
-        batch = TensorBatch.of(plan.corpus.batch(*plan.of_step(step)), learner.device)
+        batch = TensorBatch.of(plan.batch(step, 0, plan.own_voxels), learner.device)
         with recorded_products() as products:
             learner.gradients(batch, dtype, plan.share)
         found += products

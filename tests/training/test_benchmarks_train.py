@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The benchmark of training steps: which products are recorded, and what it prints."""
+
+import json
+
+import pytest
+
+from patchnet.commands import main
+
+torch = pytest.importorskip("torch")
+from patchnet.training.benchmarks.step_products import operations, recorded_products, replay  # noqa: E402
+
+
+def test_products_forward_and_backward_are_recorded() -> None:
+    layer, values = torch.nn.Linear(3, 5), torch.ones(7, 3, requires_grad=True)
+    with recorded_products() as products:
+        layer(values).sum().backward()
+    assert [(first.shape, second.shape) for first, second in products] == [
+        ((7, 3), (3, 5)), ((7, 5), (5, 3)), ((5, 7), (7, 3))
+    ]  # fmt: skip
+    assert operations(products) == 3 * 2 * 7 * 3 * 5
+    assert all(operand.dtype == torch.float32 for pair in products for operand in pair)
+    replay(products)()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_both_kinds_are_measured(capsys, threads: int) -> None:
+    words = ["bench", "train", "--nodes", "60000", "--samples", "20000", "--repeats", "1", "--threads", str(threads)]
+    assert main([*words, "--json"]) == 0
+    values = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert (values["name"], values["unit"], values["threads"]) == ("train", "samples per second", threads)
+    assert values["clock"] == ("processor" if threads == 1 else "wall")
+    assert list(values["kinds"]) == ["mixture", "paper"]
+    for row in values["kinds"].values():
+        assert row["share"] == pytest.approx(row["samples_per_s"] / row["products_samples_per_s"])
+        assert row["gflop"] > 1 and row["batch"] in (2048, 8192)
+    assert values["ratio"] == pytest.approx(values["kinds"]["mixture"]["share"])
+    assert main(words) == 0
+    assert "| mixture | 2,048 | " in capsys.readouterr().out

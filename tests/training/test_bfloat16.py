@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sums of bfloat16 products: in float32, forward and backward, by the kernels as by torch."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+from torch import Tensor  # noqa: E402
+from torch.nn import functional  # noqa: E402
+
+from patchnet.training.bfloat16 import add_bias, add_pairs, add_pairs_reference, mask_gradient  # noqa: E402
+from patchnet.training.bfloat16_encoder import Bfloat16Encoder  # noqa: E402
+from patchnet.training.corner_layer import SLICES, CornerLayer  # noqa: E402
+
+SMALL = 1 / 256  # beside 1 the next bfloat16 is 1 + 1 / 128: this much is rounded away
+
+
+def pairs_of_all(corners: int, random: np.random.Generator, share: float = 0.7) -> tuple[list[int], Tensor, Tensor]:
+    """Starts of slices, and blocks and corners of pairs: each corner meets each slice with a chance."""
+    found = [np.flatnonzero(random.random(corners) < share) for _ in range(SLICES)]
+    starts = np.concatenate([[0], np.cumsum([len(part) for part in found])]).tolist()
+    corner = torch.from_numpy(np.concatenate(found))
+    return starts, corner.clone(), corner
+
+
+def small_terms() -> tuple[Tensor, list[int], Tensor]:
+    """Products of one corner whose first is 1 and whose other seven are too small for bfloat16 to add to it."""
+    products = torch.full((SLICES, 4), SMALL, dtype=torch.bfloat16)
+    products[0] = 1
+    return products, list(range(SLICES + 1)), torch.zeros(SLICES, dtype=torch.int64)
+
+
+@pytest.mark.parametrize("add", [add_pairs, add_pairs_reference])
+def test_small_terms_count(add) -> None:
+    products, starts, corner = small_terms()
+    found = add(products, starts, corner, torch.zeros(4), 1)
+    wanted = torch.tensor(1 + (SLICES - 1) * SMALL).bfloat16()
+    assert wanted > 1 and (found == wanted).all()
+    in_bfloat16 = torch.zeros(1, 4, dtype=torch.bfloat16)
+    for product in products:
+        in_bfloat16 += product
+    assert (in_bfloat16 == 1).all()  # what the test is about
+
+
+def test_small_terms_count_in_the_layer_of_other_types() -> None:
+    _, starts, corner = small_terms()
+    blocks = torch.ones(1, 5, dtype=torch.bfloat16)
+    slices = torch.full((SLICES, 5, 4), SMALL / 5)
+    slices[0] = 0.2
+    found = CornerLayer.apply(slices, blocks, starts, torch.zeros(SLICES, dtype=torch.int64), corner, 1)
+    assert found.dtype == torch.float32
+    torch.testing.assert_close(found, torch.full((1, 4), 1 + 7 * SMALL), atol=2e-3, rtol=0)
+
+
+def test_gradients_of_many_small_terms() -> None:
+    """4,096 corners with the same small gradient: bfloat16 would stop adding at 256 times one of them."""
+    corners = 4096
+    starts = [0, *[corners] * SLICES]
+    corner = torch.arange(corners)
+    slices, bias = (torch.zeros(shape, requires_grad=True) for shape in ((SLICES, 5, 16), (16,)))
+    with torch.no_grad():
+        bias += 1
+    blocks = torch.ones(corners, 5)
+    hidden = Bfloat16Encoder.apply(blocks, starts, corner, corner, corners, slices, bias)
+    of_slices, of_bias = torch.autograd.grad(SMALL * hidden.sum(), [slices, bias])
+    assert (of_bias == corners * SMALL).all() and (of_slices[0] == corners * SMALL).all()
+    assert not of_slices[1:].any()
+
+
+def test_kernels_equal_torch() -> None:
+    random = np.random.default_rng(3)
+    torch.manual_seed(3)
+    starts, _, corner = pairs_of_all(100, random)
+    products, bias = torch.randn(len(corner), 48).bfloat16(), torch.randn(48)
+    torch.testing.assert_close(
+        add_pairs(products, starts, corner, bias, 100),
+        add_pairs_reference(products, starts, corner, bias, 100),
+        atol=0, rtol=2**-8,  # sums in another order may be rounded the other way
+    )  # fmt: skip
+    wanted = torch.relu(products.float() + bias).bfloat16()
+    hidden = add_bias(products.clone(), bias)
+    assert (hidden == wanted).all()
+    gradient = torch.randn(products.shape).bfloat16()
+    kept = torch.where(hidden > 0, gradient, 0)
+    sums = mask_gradient(gradient, hidden)
+    assert (gradient == kept).all()
+    torch.testing.assert_close(sums, kept.float().sum(0), atol=1e-4, rtol=1e-5)
+
+
+def test_encoder_equals_its_layers() -> None:
+    """Forward and backward, against torch in float32, which bfloat16 is near to."""
+    random = np.random.default_rng(5)
+    torch.manual_seed(5)
+    corners, size, out = 160, 40, 32
+    starts, block, corner = pairs_of_all(corners, random)
+    blocks = torch.randn(corners, size).bfloat16().float()
+    shapes = (SLICES, size, out), (out,), (out, out), (out,), (out, out), (out,)
+    parameters = [(0.1 * torch.randn(shape)).bfloat16().float().requires_grad_() for shape in shapes]
+    slices, bias, *layers = parameters
+    found = Bfloat16Encoder.apply(blocks, starts, block, corner, corners, *parameters)
+    hidden = torch.relu(CornerLayer.apply(slices, blocks, starts, block, corner, corners) + bias)
+    for matrix, added in zip(layers[::2], layers[1::2], strict=True):
+        hidden = torch.relu(functional.linear(hidden, matrix, added))
+    scale = hidden.abs().max().item()
+    torch.testing.assert_close(found, hidden, atol=0.02 * scale, rtol=0)
+    weights = torch.randn(hidden.shape)
+    for ours, theirs in zip(
+        torch.autograd.grad((found * weights).sum(), parameters),
+        torch.autograd.grad((hidden * weights).sum(), parameters),
+        strict=True,
+    ):
+        assert ours.dtype == torch.float32
+        assert ((ours - theirs).norm() / theirs.norm()).item() < 0.12  # ReLUs near 0 let through here and not there

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Kernels between the decoder's layers in training: results and gradients as torch's, step by step."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+from patchnet.patchnet_addon.network.kinds import KINDS, NetworkKind  # noqa: E402
+from patchnet.patchnet_addon.network.weights import Weights  # noqa: E402
+from patchnet.patchnet_addon.runtime.progress import drain  # noqa: E402
+from patchnet.training.batches import Augmentation  # noqa: E402
+from patchnet.training.corpus import Corpus, corpus_of  # noqa: E402
+from patchnet.training.dataset import Dataset  # noqa: E402
+from patchnet.training.procedural import spheres_and_slats  # noqa: E402
+from patchnet.training.samples import SampleSettings, draw_samples  # noqa: E402
+from patchnet.training.sliced_net import SlicedNet  # noqa: E402
+from patchnet.training.tensor_batch import TensorBatch  # noqa: E402
+
+VOXELS = 30
+
+
+@pytest.fixture(scope="module")
+def dataset() -> Dataset:
+    octree = spheres_and_slats(6, seed=5)
+    samples = drain(draw_samples(octree, 4 * VOXELS, SampleSettings(views=4, min_level=3, held_out=0.0, seed=2)))
+    return Dataset("scene", octree, samples, {})
+
+
+def corpus(dataset: Dataset, kind: NetworkKind) -> Corpus:
+    return corpus_of([dataset], nearby=kind.mixes)[0]
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_kernels_equal_torch(dataset: Dataset, kind: NetworkKind) -> None:
+    rows = np.arange(VOXELS)
+    augmentation = Augmentation.random(VOXELS, np.random.default_rng(1))
+    batch = TensorBatch.of(corpus(dataset, kind).batch(rows, augmentation), torch.device("cpu"))
+    model = SlicedNet(Weights.random(3, bias=0.1, kind=kind))
+    torch.manual_seed(3)
+    eight = (2 * torch.randn(VOXELS, 8, 10)).requires_grad_()
+    wanted = [eight, *model.net.decoder.parameters()]
+    weights = torch.randn(4 * VOXELS, 2)
+    values, gradients = [], []
+    for decoded in (model._decoded_on_cpu, model._decoded):
+        values.append(decoded(eight, batch))
+        gradients.append(torch.autograd.grad((values[-1] * weights).sum(), wanted))
+    torch.testing.assert_close(values[0], values[1], atol=2e-6, rtol=0)
+    for ours, theirs in zip(*gradients, strict=True):
+        torch.testing.assert_close(ours, theirs, atol=1e-5 * theirs.abs().max().item(), rtol=1e-4)
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_only_a_mixture_is_blind_to_luminance(dataset: Dataset, kind: NetworkKind) -> None:
+    batch = corpus(dataset, kind).batch(np.arange(VOXELS), Augmentation.none(VOXELS))
+    cells = batch.blocks.reshape(-1, 5)
+    assert cells[:, 0].any() and cells[:, 1].any() != kind.mixes

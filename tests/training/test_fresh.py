@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fresh samples: what steps draw, that held-out parts stay out, and runs that go on or are shared."""
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from patchnet.commands import main
+from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
+from patchnet.patchnet_addon.network.weights import load_weights
+from patchnet.patchnet_addon.octree.file import octree_hash, save_octree
+from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.training import fresh
+from patchnet.training.dataset import Dataset
+from patchnet.training.fresh import FreshCorpus, fresh_corpus_of
+from patchnet.training.procedural import spheres_and_slats
+from patchnet.training.samples import Samples, SampleSettings, draw_samples
+from patchnet.training.settings import TrainSettings
+from patchnet.training.voxel_choice import held_out_voxels, level_chances
+
+torch = pytest.importorskip("torch")
+from patchnet.training.crews import StepPlan, ThreadCrew  # noqa: E402
+from patchnet.training.learner import Learner  # noqa: E402
+from patchnet.training.processes import Processes  # noqa: E402
+from patchnet.training.trainer import RunOptions, train  # noqa: E402
+
+SETTINGS = TrainSettings(
+    passes=6 * 256,
+    batch=256,
+    precision="fp32",
+    augment=True,
+    average=0.9,
+    network="mixture",
+    loss="squared",
+    fresh=True,
+)
+DRAWN = 2000
+
+
+def dataset(seed: int) -> Dataset:
+    settings = SampleSettings(views=4, min_level=3, held_out=0.2, seed=seed)
+    none = Samples(np.zeros((0, 4), np.uint16), np.zeros(0, bool), np.zeros((0, 4, 12), np.uint16))
+    return Dataset(f"scene {seed}", spheres_and_slats(7, seed=seed), none, {"settings": asdict(settings)})
+
+
+@pytest.fixture(scope="module")
+def datasets() -> list[Dataset]:
+    return [dataset(1), dataset(2)]
+
+
+@pytest.fixture(scope="module")
+def corpus(datasets: list[Dataset]) -> FreshCorpus:
+    return fresh_corpus_of(datasets, 100 * DRAWN)[0]
+
+
+def test_views_are_what_rays_see(datasets: list[Dataset], corpus: FreshCorpus) -> None:
+    tree, voxel, views = corpus.draw(0, 7, slice(0, 100))
+    for number, each in enumerate(datasets):
+        here = np.flatnonzero(tree == number)
+        signed = views[here, :, 3:9].view(np.int16).reshape(-1, 6) / 32767.0
+        rays = PatchRays(
+            voxel[here, 0].astype(np.int32), voxel[here, 1:].astype(np.int32), np.arange(len(here) + 1) * 4,
+            (views[here, :, :3] / 65535.0).reshape(-1, 3), signed[:, :3], signed[:, 3:],
+            (views[here, :, 9] / 65535.0).ravel(),
+        )  # fmt: skip
+        coverage, luminance = render_patches(each.octree, rays)
+        np.testing.assert_allclose(coverage, views[here, :, 10].ravel() / 4096, atol=3 / 4096)
+        np.testing.assert_allclose(luminance, views[here, :, 11].ravel() / 65535, atol=1e-3)
+
+
+def test_what_is_drawn_is_that_of_seed_step_and_place(corpus: FreshCorpus) -> None:
+    whole = corpus.draw(0, 3, slice(0, 64))
+    parts = [corpus.draw(0, 3, part) for part in (slice(0, 10), slice(10, 64))]
+    for one, two, three in zip(whole, *parts, strict=True):
+        np.testing.assert_array_equal(one, np.concatenate([two, three]))
+    for other in (corpus.draw(0, 4, slice(0, 64)), corpus.draw(1, 3, slice(0, 64))):
+        assert (other[2] != whole[2]).any(axis=(1, 2)).all()
+
+
+def test_held_out_parts_stay_out(datasets: list[Dataset], corpus: FreshCorpus) -> None:
+    """They are those of `patchnet dataset`, and validation is on them alone."""
+    tree, voxel, _ = corpus.draw(0, 1, slice(0, DRAWN))
+    _, held_out = fresh_corpus_of(datasets, 100 * DRAWN)
+    assert list(held_out) == ["scene 1", "scene 2"]
+    for number, each in enumerate(datasets):
+        settings = each.sample_settings
+        assert held_out_voxels(each.octree, voxel[tree == number], settings.held_out, settings.seed)[0].all()
+        inside = held_out[each.name].voxel
+        assert held_out_voxels(each.octree, inside, settings.held_out, settings.seed)[1].all() and len(inside) == 2048
+
+
+def test_levels_come_as_often_as_in_sample_files(datasets: list[Dataset], corpus: FreshCorpus) -> None:
+    tree, voxel, _ = corpus.draw(0, 2, slice(0, DRAWN))
+    assert abs((tree == 0).mean() - 0.5) < 0.05
+    drawn = drain(draw_samples(datasets[0].octree, 8 * DRAWN, replace(datasets[0].sample_settings, held_out=0.0)))
+    for level in range(3, 6):
+        assert abs((voxel[tree == 0, 0] == level).mean() - (drawn.voxel[:, 0] == level).mean()) < 0.1
+    np.testing.assert_allclose(level_chances(np.array([1, 10**6]), 1000), [0.016, 0.984], atol=1e-3)
+    np.testing.assert_allclose(level_chances(np.array([500, 500]), 1000), [0.5, 0.5])
+
+
+def test_shares_of_a_step_are_the_step(corpus: FreshCorpus) -> None:
+    """Any number of threads and processes has the same gradients and errors, but for rounding."""
+    voxels = SETTINGS.batch // 4
+    learner = Learner(SETTINGS)
+    nearby = replace(corpus, nearby=True)
+
+    def sums(threads: int, processes: int) -> list[torch.Tensor]:
+        found = []
+        for rank in range(processes):
+            crew = ThreadCrew(learner, StepPlan(nearby, SETTINGS, voxels, Processes(rank, processes)), threads)
+            gradients, errors = crew.gradients(5, torch.float32)
+            crew.close()
+            found.append([*(torch.stack(parts).sum(0) for parts in zip(*gradients, strict=True)), errors])
+        return [torch.stack(parts).sum(0) for parts in zip(*found, strict=True)]
+
+    wanted = sums(1, 1)
+    for threads, processes in ((3, 1), (1, 2), (2, 3)):
+        for one, other in zip(sums(threads, processes), wanted, strict=True):
+            torch.testing.assert_close(one, other, atol=2e-6, rtol=1e-3)
+
+
+def test_resumed_run_equals_uninterrupted(datasets: list[Dataset], tmp_path: Path) -> None:
+    whole = drain(train(datasets, SETTINGS, RunOptions(tmp_path / "a", threads=1)))
+    options = RunOptions(tmp_path / "b", threads=1)
+    drain(train(datasets, SETTINGS, replace(options, stop_after=3)))
+    with pytest.raises(SettingError, match="other values of fresh"):
+        drained = [
+            replace(each, samples=drain(draw_samples(each.octree, 400, each.sample_settings))) for each in datasets
+        ]
+        drain(train(drained, replace(SETTINGS, fresh=False), replace(options, resume=True)))
+    resumed = drain(train(datasets, SETTINGS, replace(options, resume=True)))
+    assert whole.hash == resumed.hash
+    assert resumed.metadata["octrees"] == {each.name: octree_hash(each.octree) for each in datasets}
+
+
+def test_octrees_that_nothing_is_drawn_from(datasets: list[Dataset], monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(SettingError, match="name at least one octree"):
+        fresh_corpus_of([], 100)
+    monkeypatch.setattr(fresh, "held_out_voxels", lambda octree, voxels, *_: (np.zeros(len(voxels), bool),) * 2)
+    with pytest.raises(PatchNetError, match="hold a smaller share out"):
+        fresh_corpus_of(datasets, 100)
+
+
+def test_command(datasets: list[Dataset], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = tmp_path / "slats.safetensors", tmp_path / "run"
+    octree = replace(spheres_and_slats(8, seed=3), provenance={"file": "slats.blend", "light": "two-lights"})
+    save_octree(octree, path)
+    words = ["train", str(path), "--fresh", "--out", str(out), "--batch", "256", "--threads", "1", "--device", "cpu"]
+    assert main([*words, "--epochs", "1"]) == 2
+    assert "Fresh samples have no epochs: give --passes" in capsys.readouterr().err
+    assert main([*words, "--passes", "1024"]) == 0
+    weights = load_weights(out / "patchnet.safetensors")
+    assert weights.metadata["settings"]["fresh"] and weights.metadata["octrees"] == {"slats": octree_hash(octree)}
+    card = (out / "model_card.md").read_text()
+    assert "Each step drew new voxels of 8 views" in card and "| drawn by each step | not learned from |" in card
+    last = json.loads((out / "log.jsonl").read_text().splitlines()[-1])
+    assert "slats.blend is in training" in last["not_held_out"]["slats"]
