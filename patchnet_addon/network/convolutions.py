@@ -70,8 +70,8 @@ def convolve_reference(weights: Weights, cells: np.ndarray) -> np.ndarray:
 def _branch(branch: Branch, layers: Iterator[Layer], cells: np.ndarray) -> np.ndarray:
     kernels, bias = next(layers)
     values = sum(
-        np.einsum("fc,nczyx->nfzyx", kernels[(..., *offset)], window)
-        for offset, window in _windows(cells, branch.side, branch.stride, 0.0)
+        np.einsum("fc,nczyx->nfzyx", kernels[..., z, y, x], window)
+        for (z, y, x), window in _windows(cells, branch.side, branch.stride, 0.0)
     )
     result: np.ndarray = values + bias[:, None, None, None]
     if not branch.pool:
@@ -81,10 +81,13 @@ def _branch(branch: Branch, layers: Iterator[Layer], cells: np.ndarray) -> np.nd
     return np.mean([window for _, window in _windows(result, 3, 2, 0.0)], axis=0)
 
 
-def _windows(cells: np.ndarray, side: int, stride: int, around: float) -> Iterator[tuple[tuple[int, ...], np.ndarray]]:
+def _windows(
+    cells: np.ndarray, side: int, stride: int, around: float
+) -> Iterator[tuple[tuple[int, int, int], np.ndarray]]:
     """Place in a window of `side` cells, and the cells (C, K, n, n, n) there of all windows."""
     margin, count = side // 2, cells.shape[-1]
     padded = np.pad(cells, ((0, 0), (0, 0), *((margin, margin),) * 3), constant_values=around)
     for offset in _OFFSETS if side == 3 else ((0, 0, 0),):
+        first, second, third = offset
         z, y, x = (slice(start, start + count, stride) for start in offset)
-        yield offset, padded[..., z, y, x]
+        yield (first, second, third), padded[..., z, y, x]
