@@ -53,11 +53,18 @@ class Learner:
             group["lr"] = rate
         for parameter, *gradients in zip(self.model.trained(), *parts, strict=True):
             parameter.grad = torch.stack(gradients).sum(0) if len(gradients) > 1 else gradients[0]
-        if self.settings.clip:
-            torch.nn.utils.clip_grad_norm_(self.model.trained(), self.settings.clip)
+        self._clip()
         self.optimizer.step()
         self.steps += 1
         self._update_mean()
+
+    def _clip(self) -> None:
+        if not self.settings.clip:
+            return
+        gradients = [parameter.grad for parameter in self.model.trained() if parameter.grad is not None]
+        norm = torch.nn.utils.get_total_norm(gradients)
+        if self.device.type == "cuda" or norm > self.settings.clip:  # a GPU would be waited for, to save one pass
+            torch.nn.utils.clip_grads_with_norm_(self.model.trained(), self.settings.clip, norm)
 
     def _update_mean(self) -> None:
         # Early on the mean would remember the random start, so its memory grows with the run.
