@@ -72,7 +72,8 @@ class PatchNet(nn.Module):
             return _run_layers(self.encoder, patches)
         side = patch_side(self.lookahead)
         cells = patches.reshape(-1, side, side, side, CHANNELS).movedim(-1, 1)
-        return self.convolve(cells).view(*patches.shape[:-1], -1)
+        codes = self.convolve(cells)
+        return codes.view(*patches.shape[:-1], codes.shape[-1])  # also of no patches
 
     def convolve(self, cells: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
         """Codes (C, 10) of patches (C, 5, S, S, S), of an encoder that convolves; see `convolved_codes`."""

@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.network.convolutions import (
 )
 from patchnet.patchnet_addon.network.encoders import CONV3D, ENCODERS, MLP, VOXCEPTION
 from patchnet.patchnet_addon.network.kinds import MIXTURE
-from patchnet.patchnet_addon.network.weights import Weights, encoder_sizes, load_weights, network, save_weights
+from patchnet.patchnet_addon.network.weights import Weights, load_weights, network, save_weights
 from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError
 from patchnet.patchnet_addon.runtime.files import write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -99,7 +99,8 @@ def test_torch_with_numpy(kind, lookahead, count):
     np.testing.assert_allclose(convolving_encoder(weights)(blocks, rows), wanted, atol=TOLERANCE)
     model = PatchNet.from_weights(weights)
     assert model.to_weights().hash == weights.hash
-    patches = np.moveaxis(corner_patches(blocks, rows), 1, -1).reshape(count, encoder_sizes(lookahead)[0])
+    cells = corner_patches(blocks, rows)
+    patches = np.moveaxis(cells, 1, -1).reshape(count, int(np.prod(cells.shape[1:])))
     with torch.no_grad():
         np.testing.assert_allclose(model.encode(torch.from_numpy(patches)).numpy(), wanted, atol=TOLERANCE)
 
