@@ -97,7 +97,7 @@ def test_clipping_is_that_of_cycles(kind: str, weights: Path) -> None:
     eye = bpy.data.objects["Eye"]
     eye.location, eye.rotation_euler = (0.0, -5.0, 0.0), (np.pi / 2, 0.0, 0.0)
     eye.data.type, eye.data.ortho_scale = kind, 3.0
-    settings = JobSettings.of(depth=6, light="two-lights", size=(24, 16), weights=weights)
+    settings = JobSettings.of(depth=6, light="two-lights", size=(24, 16), weights=weights, strategy="patchnet")
     for clip, seen in (((4.8, 100.0), "slab"), ((0.1, 5.0), "laths"), ((0.1, 100.0), "both")):
         eye.data.clip_start, eye.data.clip_end = clip
         bpy.context.view_layer.update()
