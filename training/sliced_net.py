@@ -13,9 +13,10 @@ import torch
 import torch.nn.functional as functional
 from torch import Tensor, nn
 
+from ..patchnet_addon.network.encoders import CHANNELS, LUMINANCE
 from ..patchnet_addon.network.torch_convolutions import patch_cells
 from ..patchnet_addon.network.torch_model import MixturePlace, PatchNet
-from ..patchnet_addon.network.weights import CHANNELS, LUMINANCE, Weights
+from ..patchnet_addon.network.weights import Weights
 from .corner_layer import SLICES, CornerLayer, from_slices, to_slices
 from .tensor_batch import TensorBatch
 

@@ -13,7 +13,7 @@ from .encode import Encoder
 from .encoders import CHANNELS, MAXIMUM, Branch, patch_side
 from .weights import Layer, Weights
 
-_OFFSETS = tuple(itertools.product(range(3), repeat=3))  # of the cells in a window of 3x3x3
+_OFFSETS = tuple(itertools.product(range(3), range(3), range(3)))  # of the cells in a window of 3x3x3
 
 
 def convolving_encoder(weights: Weights, device: str = "cpu") -> Encoder | None:
@@ -88,4 +88,5 @@ def _windows(
     margin, count = side // 2, cells.shape[-1]
     padded = np.pad(cells, ((0, 0), (0, 0), *((margin, margin),) * 3), constant_values=around)
     for offset in _OFFSETS if side == 3 else ((0, 0, 0),):
-        yield offset, padded[(..., *(slice(start, start + count, stride) for start in offset))]
+        z, y, x = (slice(start, start + count, stride) for start in offset)
+        yield offset, padded[:, :, z, y, x]
