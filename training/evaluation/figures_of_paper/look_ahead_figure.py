@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _QUANTILE = 0.995  # of the errors that are shown: where the colours end
 _COLORS = {1: GREEN, 2: BLUE, 3: PURPLE}
 _PANEL = 1.75  # inches
+_PICTURES = 3  # beside the scores: preview, reference, error
 
 
 def draw_look_ahead(
@@ -42,21 +43,21 @@ def draw_look_ahead(
 
     exact, networks = ([name for name in _names(kind[0]) if name in shown[0].scores] for kind in (EXACT, NETWORK))
     rows = 2 if networks else 1  # of a view
-    size = _PANEL * (3 + len(exact)) + 0.6, (_PANEL + 0.3) * rows * len(shown) + 3.6
+    size = _PANEL * (_PICTURES + len(exact)) + 1.4, (_PANEL + 0.3) * rows * len(shown) + 3.6
     figure = Figure(figsize=size, dpi=150, layout="constrained")
     figure.suptitle(title, fontsize=11)
     parts: Any = figure.subfigures(2, 1, height_ratios=(size[1] - 3.3, 3.3))
     above, below = parts
     largest = float(np.quantile(np.concatenate([view.error.ravel() for view in shown]), _QUANTILE)) or 1.0
-    panels = above.subplots(rows * len(shown), 3 + len(exact), squeeze=False)
-    for row, below_it, view, found in zip(panels[::rows], panels[rows - 1 :: rows], shown, shown_values, strict=True):
-        _draw_pictures(row, view, found, largest)
-        _draw_scores(row[3:], exact, view, found, largest)
-        if networks:
-            for axes in below_it[:3]:
-                axes.set_axis_off()
-            _draw_scores(below_it[3:], _names(NETWORK[0]), view, found, largest)
-    above.colorbar(panels[0, 2].images[0], ax=panels, shrink=0.6, label="luminance error, true and expected")
+    grid = above.add_gridspec(rows * len(shown), _PICTURES + len(exact))
+    for number, (view, found) in enumerate(zip(shown, shown_values, strict=True)):
+        first = rows * number
+        pictures = [above.add_subplot(grid[first : first + rows, column]) for column in range(_PICTURES)]
+        _draw_pictures(pictures, view, found, largest)
+        for row, names in enumerate([exact, _names(NETWORK[0])][:rows]):
+            panels = [above.add_subplot(grid[first + row, _PICTURES + column]) for column in range(len(names))]
+            _draw_scores(panels, names, view, found, largest)
+    above.colorbar(pictures[2].images[0], ax=above.axes, shrink=0.6, label="luminance error, true and expected")
     left, right = below.subplots(1, 2, sharey=True)
     _draw_found(left, values, "region", "pixels of the cloth")
     _draw_found(right, values, "picture", "all pixels")
