@@ -7,9 +7,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.outputs import check_outputs
 from ..patchnet_addon.runtime.progress import drain
-from .shared.arguments import add_out
+from .shared.arguments import add_out, named_file
 from .shared.lines import say_result
 
 SPLIT, LOOK_AHEAD = FIGURES = ("split", "look-ahead")
@@ -32,6 +33,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "--weights", type=Path, nargs="+", default=(), metavar="FILE", help="weights files: the first is that of "
         "split (the shipped one), look-ahead shows each beside the exact scores",
     )  # fmt: skip
+    parser.add_argument(
+        "--networks", type=named_file, nargs="+", default=(), metavar="NAME=FILE", help="weights files of "
+        "train-networks that look-ahead shows as well, under their names, one for each look-ahead",
+    )  # fmt: skip
     add_out(parser, "folder for the figures", required=True)
     return parser
 
@@ -52,10 +57,12 @@ def run(args: argparse.Namespace) -> int:
 
     names = FIGURES if args.only is None else (args.only,)
     files = {args.out / file: kind for name in names for file, kind in figure_files(name).items()}
-    check_outputs(files, args.weights, folder=args.out)
+    shown = _networks(args)
+    weights = [path for _, path in shown]
+    check_outputs(files, weights, folder=args.out)
     args.out.mkdir(parents=True, exist_ok=True)
-    check_figure(args.out / f"{names[0]}.png", args.weights)
-    networks = [load_weights(path) for path in args.weights]  # an error now, not after the octrees
+    check_figure(args.out / f"{names[0]}.png", weights)
+    networks = [load_weights(path) for path in weights]  # an error now, not after the octrees
     if LOOK_AHEAD in names:
         check_look_aheads(networks)
     octrees = args.octrees or args.out / "octrees"
@@ -66,6 +73,16 @@ def run(args: argparse.Namespace) -> int:
             first = args.weights[0] if args.weights else None
             drawn += drain(make_split(paths[SPLIT], first, args.out), bars.show)
         if LOOK_AHEAD in paths:
-            drawn += drain(make_look_ahead(paths[LOOK_AHEAD], args.weights, args.out), bars.show)
+            drawn += drain(make_look_ahead(paths[LOOK_AHEAD], shown, args.out), bars.show)
     say_result(f"{args.out}: {', '.join(path.name for path in drawn)}", file=args.out, figures=list(names))
     return 0
+
+
+def _networks(args: argparse.Namespace) -> list[tuple[str, Path]]:
+    """Names and files of the networks that look-ahead shows; raises SettingError for a name that is there twice."""
+    shown = [(f"weights {number}", path) for number, path in enumerate(args.weights, 1)] + list(args.networks)
+    names = [name for name, _ in shown]
+    for name in names:
+        if names.count(name) > 1:
+            raise SettingError(f"Two networks are called {name!r}: give each a name of its own in --networks")
+    return shown

@@ -13,7 +13,7 @@ from .encode import Encoder
 from .encoders import CHANNELS, MAXIMUM, Branch, patch_side
 from .weights import Layer, Weights
 
-_OFFSETS = tuple(itertools.product(range(3), repeat=3))  # of the cells in a window of 3x3x3
+_OFFSETS = tuple(itertools.product(range(3), range(3), range(3)))  # of the cells in a window of 3x3x3
 
 
 def convolving_encoder(weights: Weights, device: str = "cpu") -> Encoder | None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from patchnet.commands import main
-from patchnet.patchnet_addon.network.weights import load_weights
+from patchnet.patchnet_addon.network.weights import Weights, load_weights, save_weights
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
@@ -220,7 +220,23 @@ def test_command(scenes):
         assert found["optimal"] == max(found.values())
     assert main([*words, "--weights", str(WEIGHTS)]) == 0, "its own files are replaced"
     values = json.loads((out / "look-ahead.json").read_text(encoding="utf-8"))
-    assert len(values["weights"]) == 1 and "patchnet-behind 2" in values["distances"][0]["picture"]["strategies"]
+    assert values["weights"].keys() == {"weights 1"}
+    assert "patchnet-behind 2" in values["distances"][0]["picture"]["strategies"]
+
+
+def test_networks_of_every_look_ahead(scenes, capsys):
+    """A row of pictures and numbers beside those of the exact patches; one network for each look-ahead."""
+    pytest.importorskip("matplotlib")
+    words = ["figures", "--only", "look-ahead", "--octrees", str(scenes / "octrees"), "--out", str(scenes / "out")]
+    for levels in (1, 3):
+        save_weights(Weights.random(levels, lookahead=levels), scenes / f"{levels}.safetensors")
+    given = [f"look-ahead-{levels}={scenes / f'{levels}.safetensors'}" for levels in (1, 3)]
+    assert main([*words, "--networks", *given]) == 0
+    values = json.loads((scenes / "out" / "look-ahead.json").read_text(encoding="utf-8"))
+    assert values["weights"].keys() == {"look-ahead-1", "look-ahead-3"}
+    assert {"patchnet-behind 1", "patchnet-behind 3", *LOOKS} <= values["shown"][0]["region"]["strategies"].keys()
+    assert main([*words, "--networks", given[0], given[0]]) == 2
+    assert "Two networks are called 'look-ahead-1'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["look-ahead.json", "look-ahead.png"])

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.network.encoders import CONV3D, VOXCEPTION, EncoderKind
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
@@ -65,6 +66,33 @@ def test_sparse_first_layer_equals_the_network(datasets: list[Dataset]) -> None:
         np.testing.assert_array_equal(array, weights.arrays()[name])
 
 
+@pytest.mark.parametrize("kind", [CONV3D, VOXCEPTION], ids=lambda kind: kind.name)
+def test_convolutions_of_a_batch_equal_the_network(datasets: list[Dataset], kind: EncoderKind) -> None:
+    from patchnet.patchnet_addon.network.torch_model import PatchNet
+    from patchnet.training.sliced_net import SlicedNet
+
+    corpus, _ = corpus_of(datasets)
+    rows = np.arange(3)
+    batch = TensorBatch.of(corpus.batch(rows, Augmentation.none(len(rows))), torch.device("cpu"))
+    weights = Weights.random(3, bias=0.1, encoder=kind)
+    found = SlicedNet(weights)(batch, torch.float32)
+    patches = torch.from_numpy(corner_patches_of(batch)).repeat_interleave(batch.ratio.shape[1], 0)
+    views = [getattr(batch, name).flatten(0, 1) for name in ("entry", "direction", "up", "ratio")]
+    expected = PatchNet.from_weights(weights)(patches, *views)
+    torch.testing.assert_close(found.view(-1, 2), expected, atol=1e-5, rtol=0)
+    assert SlicedNet(weights).to_weights().hash == weights.hash
+
+
+def corner_patches_of(batch: TensorBatch) -> np.ndarray:
+    """Patches (V, 8, 2560) of the corners of a batch, block by block."""
+    patches = np.zeros((8 * len(batch.ratio), 2, 4, 2, 4, 2, 4, 5), np.float32)
+    for octant in range(8):
+        for pair in range(batch.slice_start[octant], batch.slice_start[octant + 1]):
+            block = batch.blocks[batch.pair_block[pair]].numpy().reshape(4, 4, 4, 5)
+            patches[batch.pair_corner[pair], octant >> 2, :, octant >> 1 & 1, :, octant & 1] = block
+    return patches.reshape(-1, 8, 2560)
+
+
 def plain_gradient(model: torch.nn.Module) -> Weights:
     """Gradients of a network in the form of weights."""
     return Weights.from_arrays({name: value.grad.numpy() for name, value in model.named_parameters()})
@@ -97,6 +125,8 @@ def test_resumed_run_equals_uninterrupted(datasets: list[Dataset], tmp_path: Pat
 def test_refuses_what_does_not_fit(datasets: list[Dataset], tmp_path: Path) -> None:
     with pytest.raises(SettingError, match="nothing to train on"):
         drain(train([], SETTINGS, RunOptions(tmp_path)))
+    with pytest.raises(SettingError, match="Encoder 'unet' is unknown: use one of mlp, conv3d, voxception"):
+        replace(SETTINGS, encoder="unet")
     with pytest.raises(FileFormatError, match="without --resume"):
         drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
     drain(train(datasets, SETTINGS, RunOptions(tmp_path, stop_after=1)))
@@ -104,6 +134,8 @@ def test_refuses_what_does_not_fit(datasets: list[Dataset], tmp_path: Path) -> N
         drain(train(datasets, SETTINGS, RunOptions(tmp_path)))
     with pytest.raises(SettingError, match="learning_rate"):
         drain(train(datasets, replace(SETTINGS, learning_rate=0.5), RunOptions(tmp_path, resume=True)))
+    with pytest.raises(SettingError, match="other values of encoder"):
+        drain(train(datasets, replace(SETTINGS, encoder="conv3d"), RunOptions(tmp_path, resume=True)))
     (tmp_path / "checkpoint.pt").write_bytes(b"nothing")
     with pytest.raises(PatchNetError):
         drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))

@@ -39,7 +39,7 @@ class NetworksRun:
 
     samples: of each scene. least_level: of the voxels that they are of. settings: of the trainings, their passes are
     those of each network. voxels: of each scene that errors are measured on, at most. device, threads,
-    checkpoint_minutes, notes: as `RunOptions` says.
+    checkpoint_minutes: as `RunOptions` says. notes: `command`, `versions` and `machine` for the model cards.
     """
 
     out: Path

@@ -45,19 +45,19 @@ def make_split(octree: Path, weights: Path | None, out: Path, size_px: int = SPL
     camera = yield from hardest_end(coded.octree, (size_px, size_px), lookahead=network.lookahead)
     view = yield from split_view(coded, camera)
     paths = draw_split(view, out, SPLIT, _title(SCENES[SPLIT]))
-    return [*paths, _write(SPLIT, octree_hash(coded.octree), [network], view.values(), out)]
+    return [*paths, _write(SPLIT, octree_hash(coded.octree), {SPLIT: network}, view.values(), out)]
 
 
-def make_look_ahead(octree: Path, weights: Sequence[Path], out: Path) -> Steps[list[Path]]:
+def make_look_ahead(octree: Path, named: Sequence[tuple[str, Path]], out: Path) -> Steps[list[Path]]:
     """Make the figure of the table from its octree file; returns its files.
 
-    weights: files of networks whose scores are shown beside the exact ones. Raises SettingError if two of them look
-    equally far ahead.
+    named: names and weights files of networks whose scores are shown beside the exact ones. Raises SettingError if two
+    of them look equally far ahead.
     """
-    networks = [load_weights(path) for path in weights]
-    check_look_aheads(networks)
+    networks = {name: load_weights(path) for name, path in named}
+    check_look_aheads(list(networks.values()))
     coded: list[CodedOctree] = []
-    for network in networks:
+    for network in networks.values():
         coded.append((yield from coded_octree(octree, network)))
     tree = coded[0].octree if coded else load_octree(octree)
     views: dict[float, list[DistanceView]] = {}
@@ -87,11 +87,11 @@ def _title(scene: Scene) -> str:
     return f"{scene.title} ({scene.source}, {scene.licence})"
 
 
-def _write(figure: str, octree: str, networks: Sequence[Weights], values: Mapping[str, Any], out: Path) -> Path:
+def _write(figure: str, octree: str, networks: Mapping[str, Weights], values: Mapping[str, Any], out: Path) -> Path:
     scene = SCENES[figure]
     about = {
         "figure": figure, "scene": scene.name, "source": scene.source, "licence": scene.licence, "octree": octree,
-        "weights": [network.hash for network in networks],
+        "weights": {name: network.hash for name, network in networks.items()},
     }  # fmt: skip
     path = out / f"{figure}.json"
     with replaced_file(path, FIGURE_VALUES) as file:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _QUANTILE = 0.995  # of the errors that are shown: where the colours end
 _COLORS = {1: GREEN, 2: BLUE, 3: PURPLE}
 _PANEL = 1.75  # inches
+_PICTURES = 3  # beside the scores: preview, reference, error
 
 
 def draw_look_ahead(
@@ -34,24 +35,29 @@ def draw_look_ahead(
 ) -> list[Path]:
     """Draw a row for each shown view, nearest first, and the share of the error that is found over the distance.
 
-    values: those of `pooled_values` for all distances. shown_values: for each view alone. Returns the files; raises
-    PatchNetError if one cannot be written.
+    Scores of networks stand in a row of their own below the exact ones of the same look-ahead. values: those of
+    `pooled_values` for all distances. shown_values: for each view alone. Returns the files; raises PatchNetError if one
+    cannot be written.
     """
     from matplotlib.figure import Figure
 
-    networks = [strategy for strategy in shown[0].scores if strategy in _names(NETWORK[0])]
-    columns = [*_names(EXACT[0]), *networks]
-    count = 3 + len(columns)
-    size = _PANEL * count + 0.6, (_PANEL + 0.3) * len(shown) + 3.6
+    exact, networks = ([name for name in _names(kind[0]) if name in shown[0].scores] for kind in (EXACT, NETWORK))
+    rows = 2 if networks else 1  # of a view
+    size = _PANEL * (_PICTURES + len(exact)) + 1.4, (_PANEL + 0.3) * rows * len(shown) + 3.6
     figure = Figure(figsize=size, dpi=150, layout="constrained")
     figure.suptitle(title, fontsize=11)
     parts: Any = figure.subfigures(2, 1, height_ratios=(size[1] - 3.3, 3.3))
     above, below = parts
     largest = float(np.quantile(np.concatenate([view.error.ravel() for view in shown]), _QUANTILE)) or 1.0
-    panels = above.subplots(len(shown), count, squeeze=False)
-    for row, view, found in zip(panels, shown, shown_values, strict=True):
-        _draw_row(row, view, found, columns, largest)
-    above.colorbar(panels[0, 2].images[0], ax=panels, shrink=0.6, label="luminance error, true and expected")
+    grid = above.add_gridspec(rows * len(shown), _PICTURES + len(exact))
+    for number, (view, found) in enumerate(zip(shown, shown_values, strict=True)):
+        first = rows * number
+        pictures = [above.add_subplot(grid[first : first + rows, column]) for column in range(_PICTURES)]
+        _draw_pictures(pictures, view, found, largest)
+        for row, names in enumerate([exact, _names(NETWORK[0])][:rows]):
+            panels = [above.add_subplot(grid[first + row, _PICTURES + column]) for column in range(len(names))]
+            _draw_scores(panels, names, view, found, largest)
+    above.colorbar(pictures[2].images[0], ax=above.axes, shrink=0.6, label="luminance error, true and expected")
     left, right = below.subplots(1, 2, sharey=True)
     _draw_found(left, values, "region", "pixels of the cloth")
     _draw_found(right, values, "picture", "all pixels")
@@ -64,22 +70,29 @@ def _names(strategy: str) -> list[str]:
     return [named(strategy, lookahead) for lookahead in LOOKAHEADS]
 
 
-def _draw_row(
-    row: Sequence[Axes], view: DistanceView, found: Mapping[str, Any], columns: Sequence[str], largest: float
-) -> None:
-    """Preview, reference, error, and the scores of `columns` with what they find."""
+def _draw_pictures(row: Sequence[Axes], view: DistanceView, found: Mapping[str, Any], largest: float) -> None:
+    """Preview, reference, and error."""
     buffers = view.buffers
     assert buffers.reference is not None
     voxel = f"{100 * view.voxel_world:.2g} cm"
     show_picture(row[0], gray(buffers.picture(buffers.preview)), f"{found['distance']:.1f} m, voxels {voxel}")
     show_picture(row[1], gray(buffers.picture(buffers.reference)), "32 x 32 rays")
     show_values(row[2], view.error, largest, "true error")
-    for axes, name in zip(row[3:], columns, strict=True):
+
+
+def _draw_scores(
+    row: Sequence[Axes], names: Sequence[str], view: DistanceView, found: Mapping[str, Any], largest: float
+) -> None:
+    """Scores with what they find; nothing for a look-ahead that no network has."""
+    for axes, name in zip(row, names, strict=True):
+        if name not in view.scores:
+            axes.set_axis_off()
+            continue
         kind, lookahead = name.split()
         label = "exact" if kind in EXACT else "network"
         share = found["region"]["strategies"][name]["found"]
         title = f"{label}, {lookahead} ahead: {share:.0%}"
-        show_values(axes, buffers.picture(view.scores[name]), largest, title)
+        show_values(axes, view.buffers.picture(view.scores[name]), largest, title)
 
 
 def _draw_found(axes: Axes, values: Sequence[Mapping[str, Any]], part: str, title: str) -> None:

@@ -16,7 +16,7 @@ from ..scene import TWO_LIGHTS, Scene
 BOX_WORLD = np.array([[11.705, -8.33, 0.488], [13.325, -6.71, 0.699]])
 """Box of the table's cloth, an object `Tela Mesa A` of the file."""
 NEAREST_WORLD = (
-    2.0  # from the middle of the cloth: rays then stop in voxels of 2.07 cm, which is the cube's side / 2^12
+    2.0  # from the middle of the cloth: rays then stop in voxels of 2.66 cm, which is the cube's side / 2^11
 )
 DISTANCES = (1.0, 2.0**0.5, 2.0, 2.0**1.5, 4.0)  # times NEAREST_WORLD
 SHOWN = (1.0, 2.0, 4.0)  # of DISTANCES
