@@ -22,7 +22,7 @@ from .corpus import Corpus
 from .dataset import Dataset
 from .forest import Forest, concatenate
 from .samples import VIEW_FIELDS, SampleSettings, begin_random, draw_voxel_views, uniform
-from .settings import VALIDATION_VOXELS
+from .settings import SAMPLES, VALIDATION_VOXELS, VIEWS
 from .voxel_choice import held_out_voxels, level_chances, usable_nodes
 
 _VOXELS = 1000  # that are tried for one place of a step before the octree is said to be hidden
@@ -80,13 +80,11 @@ class FreshCorpus:
         return tree, voxel, views
 
 
-def fresh_corpus_of(
-    datasets: Sequence[Dataset], voxels: int, *, nearby: bool = False
-) -> tuple[FreshCorpus, dict[str, Corpus]]:
+def fresh_corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tuple[FreshCorpus, dict[str, Corpus]]:
     """Octrees of data sets to draw from, and samples of their held-out parts by data set.
 
-    The samples of the data sets are not used. voxels: that the run draws in all. nearby: as `Corpus` says. Raises
-    PatchNetError if there is nothing to draw.
+    Their own samples are not used. Levels come as often as in sample files of the usual number of samples. nearby: as
+    `Corpus` says. Raises PatchNetError if there is nothing to draw.
     """
     if not datasets:
         raise SettingError("There is nothing to train on: name at least one octree")
@@ -98,7 +96,7 @@ def fresh_corpus_of(
         free.append(training)
         if sum(map(len, validation)):
             held_out[dataset.name] = _held_out_samples(dataset.octree, validation, how, nearby)
-    lists = _lists(free, max(1, voxels // len(datasets)))
+    lists = _lists(free, SAMPLES // VIEWS // len(datasets))
     forest = concatenate([dataset.octree for dataset in datasets])
     return FreshCorpus(forest, lists, settings[0], nearby), held_out
 
@@ -118,7 +116,7 @@ def _candidates(octree: Octree, settings: SampleSettings) -> tuple[list[np.ndarr
 
 
 def _lists(candidates: Sequence[Sequence[np.ndarray]], count: int) -> VoxelLists:
-    """Lists of the voxels (n, 4) of each octree by level; count: that are drawn of each octree."""
+    """Lists of the voxels (n, 4) of each octree by level; count: as of `level_chances`."""
     levels = max(len(each) for each in candidates)
     sizes = np.zeros((len(candidates), levels), np.int64)
     below = np.ones((len(candidates), levels))

@@ -34,7 +34,7 @@ from .provenance import describe_data
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .run_log import Log
 from .schedule import learning_rate
-from .settings import ABSOLUTE, AUTO, BF16, VIEWS, TrainSettings
+from .settings import ABSOLUTE, AUTO, BF16, TrainSettings
 from .validation import validate
 from .validation_sets import ValidationSet, validation_sets
 
@@ -116,7 +116,7 @@ def _corpora(datasets: Sequence[Dataset], settings: TrainSettings) -> tuple[AnyC
     nearby = KINDS[settings.network].mixes
     if not settings.fresh:
         return corpus_of(datasets, nearby=nearby)
-    return fresh_corpus_of(datasets, settings.passes // VIEWS, nearby=nearby)
+    return fresh_corpus_of(datasets, nearby=nearby)
 
 
 class _Keeper:

@@ -19,7 +19,7 @@ from patchnet.training.dataset import Dataset
 from patchnet.training.fresh import FreshCorpus, fresh_corpus_of
 from patchnet.training.procedural import spheres_and_slats
 from patchnet.training.samples import Samples, SampleSettings, draw_samples
-from patchnet.training.settings import TrainSettings
+from patchnet.training.settings import SAMPLES, VIEWS, TrainSettings
 from patchnet.training.voxel_choice import held_out_voxels, level_chances
 
 torch = pytest.importorskip("torch")
@@ -54,7 +54,7 @@ def datasets() -> list[Dataset]:
 
 @pytest.fixture(scope="module")
 def corpus(datasets: list[Dataset]) -> FreshCorpus:
-    return fresh_corpus_of(datasets, 100 * DRAWN)[0]
+    return fresh_corpus_of(datasets)[0]
 
 
 def test_views_are_what_rays_see(datasets: list[Dataset], corpus: FreshCorpus) -> None:
@@ -84,7 +84,7 @@ def test_what_is_drawn_is_that_of_seed_step_and_place(corpus: FreshCorpus) -> No
 def test_held_out_parts_stay_out(datasets: list[Dataset], corpus: FreshCorpus) -> None:
     """They are those of `patchnet dataset`, and validation is on them alone."""
     tree, voxel, _ = corpus.draw(0, 1, slice(0, DRAWN))
-    _, held_out = fresh_corpus_of(datasets, 100 * DRAWN)
+    _, held_out = fresh_corpus_of(datasets)
     assert list(held_out) == ["scene 1", "scene 2"]
     for number, each in enumerate(datasets):
         settings = each.sample_settings
@@ -96,9 +96,9 @@ def test_held_out_parts_stay_out(datasets: list[Dataset], corpus: FreshCorpus) -
 def test_levels_come_as_often_as_in_sample_files(datasets: list[Dataset], corpus: FreshCorpus) -> None:
     tree, voxel, _ = corpus.draw(0, 2, slice(0, DRAWN))
     assert abs((tree == 0).mean() - 0.5) < 0.05
-    drawn = drain(draw_samples(datasets[0].octree, 8 * DRAWN, replace(datasets[0].sample_settings, held_out=0.0)))
-    for level in range(3, 6):
-        assert abs((voxel[tree == 0, 0] == level).mean() - (drawn.voxel[:, 0] == level).mean()) < 0.1
+    levels = [(voxel[tree == 0, 0] == level).mean() for level in range(3, 6)]
+    wanted = level_chances(np.diff(corpus.lists.start[0]), SAMPLES // VIEWS // 2)
+    np.testing.assert_allclose(levels, wanted, atol=0.05)
     np.testing.assert_allclose(level_chances(np.array([1, 10**6]), 1000), [0.016, 0.984], atol=1e-3)
     np.testing.assert_allclose(level_chances(np.array([500, 500]), 1000), [0.5, 0.5])
 
@@ -140,10 +140,10 @@ def test_resumed_run_equals_uninterrupted(datasets: list[Dataset], tmp_path: Pat
 
 def test_octrees_that_nothing_is_drawn_from(datasets: list[Dataset], monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(SettingError, match="name at least one octree"):
-        fresh_corpus_of([], 100)
+        fresh_corpus_of([])
     monkeypatch.setattr(fresh, "held_out_voxels", lambda octree, voxels, *_: (np.zeros(len(voxels), bool),) * 2)
     with pytest.raises(PatchNetError, match="hold a smaller share out"):
-        fresh_corpus_of(datasets, 100)
+        fresh_corpus_of(datasets)
 
 
 def test_command(datasets: list[Dataset], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
