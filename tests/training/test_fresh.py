@@ -20,7 +20,7 @@ from patchnet.training.fresh import FreshCorpus, fresh_corpus_of
 from patchnet.training.procedural import spheres_and_slats
 from patchnet.training.samples import Samples, SampleSettings, draw_samples
 from patchnet.training.settings import SAMPLES, VIEWS, TrainSettings
-from patchnet.training.voxel_choice import choose_voxels, held_out_voxels, level_chances, usable_nodes
+from patchnet.training.voxel_choice import held_out_voxels, level_chances
 
 torch = pytest.importorskip("torch")
 from patchnet.training.crews import StepPlan, ThreadCrew  # noqa: E402
@@ -99,10 +99,6 @@ def test_levels_come_as_often_as_in_sample_files(datasets: list[Dataset], corpus
     levels = [(voxel[tree == 0, 0] == level).mean() for level in range(3, 6)]
     wanted = level_chances(np.diff(corpus.lists.start[0]), SAMPLES // VIEWS // 2)
     np.testing.assert_allclose(levels, wanted, atol=0.05)
-    nodes = usable_nodes(datasets[0].octree, 3)
-    chosen = choose_voxels(datasets[0].octree, nodes, DRAWN, np.random.default_rng(0))[:, 0]
-    chances = level_chances(np.array([len(here) for here in nodes.values()]), DRAWN)
-    np.testing.assert_allclose([(chosen == level).mean() for level in nodes], chances, atol=0.05)
     np.testing.assert_allclose(level_chances(np.array([1, 10**6]), 1000), [0.016, 0.984], atol=1e-3)
     np.testing.assert_allclose(level_chances(np.array([500, 500]), 1000), [0.5, 0.5])
 
