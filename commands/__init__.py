@@ -26,6 +26,7 @@ NAMES: tuple[str, ...] = (
     "export",
     "verify-light",
     "furnish",
+    "structures",
     "dataset",
     "train",
     "train-networks",

@@ -63,15 +63,15 @@ def _gather(nodes, luminance, root, voxel, rays, tables, found):
     tile, listed, views = empty_footprint_tile(), empty_outer_list(), np.empty(VIEW * TILE, np.float32)
     shares, lights = np.empty(COVERING * TILE, np.float32), np.empty(COVERING * TILE, np.float32)
     words = np.empty(CELLS, np.uint32)
-    last = np.int64(-1)
+    last, node = np.int64(-1), np.int64(-1)
     for start in range(0, len(rays.ratio), TILE):
         count = min(TILE, len(rays.ratio) - start)
         clear_tile(tile, shares, lights)
         for place in range(count):
             index = start + place
             here = rays.node[index]  # the voxel's number
-            node = covering_node(nodes, root[here], voxel[here, 0], voxel[here, 1], voxel[here, 2], voxel[here, 3])
             if here != last:
+                node = covering_node(nodes, root[here], voxel[here, 0], voxel[here, 1], voxel[here, 2], voxel[here, 3])
                 write_cells_around(nodes, luminance, root[here], voxel[here], words)
                 last = here
             ray = rays.entry[index], rays.direction[index], rays.up[index], rays.ratio[index]

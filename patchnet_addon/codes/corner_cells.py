@@ -16,8 +16,9 @@ from ..network.kinds import CORNERS
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.threads import run_parts
-from .brick import covering_node
+from .brick import child_at, covering_node
 from .patches import OCTANTS, covering_nodes_reference
+from .ray_frame import SIDE
 
 EMPTY = 0
 BASE, BASE_STEPS = 8, 255  # first bit, and steps, of the mean root
@@ -104,15 +105,27 @@ def _write_all(first, last, nodes, luminance, level, corners, result):  # type: 
 
 @device
 def write_cells_around(nodes, luminance, root, voxel, words):  # type: ignore[no-untyped-def]
-    """Write the words (64,) of the cells around the corners of a voxel (level, x, y, z) of the octree at `root`."""
+    """Write the words (64,) of the cells around the corners of a voxel (level, x, y, z) of the octree at `root`.
+
+    Cells in the voxel itself count as empty: pixels see them by the octree.
+    """
     lights = np.empty(8, np.float32)
-    for corner in range(CORNERS):
-        x, y, z = 2 * (corner & 1), 2 * ((corner >> 1) & 1), 2 * (corner >> 2)
-        x, y, z = 2 * voxel[1] + x - 1, 2 * voxel[2] + y - 1, 2 * voxel[3] + z - 1
-        for octant in range(CORNERS):
-            column, line, plane = octant & 1, (octant >> 1) & 1, octant >> 2
-            node = covering_node(nodes, root, voxel[0] + 1, x + column, y + line, z + plane)
-            words[CORNERS * corner + octant] = _word_of(nodes, luminance, node, lights)
+    words[:] = np.uint32(EMPTY)
+    for neighbour in range(27):
+        x, y, z = neighbour % 3, neighbour // 3 % 3, neighbour // 9  # 1 is the voxel's own place
+        if neighbour == 13:
+            continue
+        node = covering_node(nodes, root, voxel[0], voxel[1] + x - 1, voxel[2] + y - 1, voxel[3] + z - 1)
+        if node < 0:
+            continue
+        divided = nodes.child_mask[node] != 0
+        for k in range(max(2 * z - 1, 0), min(2 * z + 1, SIDE)):
+            for j in range(max(2 * y - 1, 0), min(2 * y + 1, SIDE)):
+                for i in range(max(2 * x - 1, 0), min(2 * x + 1, SIDE)):  # cells of the 4x4x4
+                    octant = (1 - (i & 1)) | (1 - (j & 1)) << 1 | (1 - (k & 1)) << 2  # they begin half a voxel before
+                    cell = child_at(nodes, node, octant) if divided else node
+                    corner, inner = (i >> 1) | (j >> 1) << 1 | (k >> 1) << 2, (i & 1) | (j & 1) << 1 | (k & 1) << 2
+                    words[CORNERS * corner + inner] = _word_of(nodes, luminance, cell, lights)
 
 
 @lean_device

@@ -13,12 +13,17 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 _TRAINING = (
-    "bench", "dataset", "evaluate", "evaluate_cycles", "figures", "furnish", "shared/catalogue_scenes",
+    "bench", "dataset", "evaluate", "evaluate_cycles", "figures", "furnish", "shared/catalogue_scenes", "structures",
     "shared/track_arguments", "shared/training_run", "train", "train_maps", "train_networks",
     "train_plus", "validate",
 )  # fmt: skip
 NOT_FOR_BLENDER = {f"commands/{name}.py" for name in _TRAINING}
-NO_FOLDERS_FOR_BLENDER = ("commands/benches/", "operators/furnished_scene/", "patchnet_addon/furniture/")
+NO_FOLDERS_FOR_BLENDER = (
+    "commands/benches/",
+    "operators/furnished_scene/",
+    "operators/structure_scene/",
+    "patchnet_addon/furniture/",
+)
 WHEELS = [f"{name}-1-cp313-cp313-win_amd64.whl" for name in ("llvmlite", "numba")]
 
 
