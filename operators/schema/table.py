@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ...patchnet_addon.network.devices import OTHER_PYTHON
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
 from ...patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
@@ -134,8 +135,8 @@ _NETWORK = (
         "network_device", "Network On", "What the network encodes and decodes on; results differ by rounding alone",
         CODES, Kind.CHOICE, AUTO,
         choices=(
-            (AUTO, "Automatic", "A GPU where torch has one, else CPU; the Python of the preferences encodes if one is "
-             "named"),
+            (AUTO, "Automatic", "A GPU where torch has one, else CPU"
+             + ("; the Python of the preferences encodes if one is named" if OTHER_PYTHON else "")),
             (CPU, "CPU", "All cores of the CPU, without torch if none is there"),
             (GPU, "GPU", "An NVIDIA GPU through torch; an error if there is none"),
         ),
