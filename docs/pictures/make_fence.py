@@ -12,9 +12,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import bpy
+import bpy  # noqa: TID251
 import numpy as np
-from mathutils import Vector
+from mathutils import Vector  # noqa: TID251
 
 from patchnet.operators.scene.cameras import tracing_camera
 from patchnet.patchnet_addon.codes.file import load_codes
