@@ -169,7 +169,7 @@ def test_changed_settings_are_named(scene: bpy.types.Scene) -> None:
     scene.patchnet.resolution = "AUTO"
     assert not any("again" in line for line in drawn(PATCHNET_PT_octree))
     scene.patchnet.weights = ""
-    assert "'Weights' changed: precompute again" in drawn(PATCHNET_PT_network)
+    assert "'Weights' changed: prepare again" in drawn(PATCHNET_PT_network)
     scene.patchnet.budget = 0.1
     assert "'Budget' changed: render again" in drawn(PATCHNET_PT_preview)
 
@@ -179,7 +179,7 @@ def test_statistics(scene: bpy.types.Scene) -> None:
     text = "\n".join(drawn(PATCHNET_PT_statistics))
     for part in (
         f"{result.octree.leaf_count:,} voxels", f"{result.octree.node_count:,} nodes", "In memory: ",
-        f"Look-ahead on {result.lookahead_share:.1%}", "Voxels", "Codes", "Views", "by own kernels on the CPU",
+        f"Look-ahead on {result.lookahead_share:.1%}", "Voxels", "Look-ahead", "Views", "by own kernels on the CPU",
         f"Error {result.errors[0]:.2e}, refined {result.errors[1]:.2e}",
     ):  # fmt: skip
         assert part in text
