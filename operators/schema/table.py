@@ -61,13 +61,13 @@ _SURFACE = (
         widget={"unit": "LENGTH", "precision": 4},
     ),
     Setting(
-        "track", "Whole Animation",
+        "track", "All Frames",
         "Fit the voxels to the cameras at all frames of the scene, not only at the present one",
         OCTREE, Kind.SWITCH, False, counts=lambda values: values.resolution == FIT,
         argument="--track", help="with --depth fit: the cameras at all frames of the scene",
     ),
     Setting(
-        "memory", "Memory Limit (GiB)", "What the octree may take while it is built; 0 takes all that is free",
+        "memory", "Memory (GiB)", "Memory that the octree may take while it is built; 0 takes all that is free",
         OCTREE, Kind.AUTOMATIC, None, bounds.MEMORY_GIB, field_name="memory_bytes", effect=Effect.PERHAPS,
         argument="--memory", help="what the octree may take while it is built (all)", unit="GIB",
         widget={"soft_max": 64.0, "precision": 1},
@@ -147,8 +147,8 @@ _NETWORK = (
 _VIEWS = (
     Setting(
         "cameras", "Cameras",
-        "Cameras that look: one, all of the scene, or auto to frame the scene; several have commas between. Empty for the "
-        "active camera",
+        "Cameras that look: one, all of the scene, or auto to frame the scene; several have commas between. Empty for "
+        "the active camera",
         CAMERAS, Kind.TEXT, argument="--cameras", help="names with commas between, all, or auto (the active camera)",
     ),
     Setting(
@@ -175,7 +175,7 @@ _VIEWS = (
         argument="--budget", help="share of active pixels to refine, 0 to 1",
     ),
     Setting(
-        "spp", "Samples per Pixel",
+        "spp", "Pixel Samples",
         "Mean samples per active pixel, spread by priority: 1, 4, 16, 64, 256 or 1,024 in each; 0 refines the share "
         "that Budget says with 1,024",
         VIEW, Kind.AUTOMATIC, None, bounds.SPP,

@@ -49,8 +49,8 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
     )
     kept_gib: FloatProperty(
         name="Keep Octrees (GiB)",
-        description="Finished octrees and their look-ahead are kept in the cache folder, so that they are there again when "
-        "the file is opened. They may take so much; those that were used longest ago go first. 0 keeps none",
+        description="Finished octrees and their look-ahead are kept in the cache folder, so that they are there again "
+        "when the file is opened. They may take so much; those that were used longest ago go first. 0 keeps none",
         default=KEPT_GIB,
         min=KEPT.low,
         max=KEPT.high,
