@@ -14,7 +14,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, Heard, Visit, module, side_box
+from visits import OUT, Heard, Visit, module, open_panels, side_box
 
 SMALL = {"resolution": "DEPTH", "depth": 6, "samples": 1, "size": (48, 32), "cameras": "Far"}
 
@@ -74,6 +74,11 @@ def open_tab():
         setattr(settings, name, value)
     if not clicks.area("VIEW_3D").spaces.active.show_region_ui:
         yield from clicks.key("N", *clicks.over_viewport())
+    yield 0.5
+    clicks.region("UI").active_panel_category = "PatchNet"
+    yield 0.5
+    yield from clicks.screenshot(OUT / "panel-first.png", side_box())
+    open_panels()
     yield 0.5
     clicks.region("UI").active_panel_category = "PatchNet"
     yield 0.5
