@@ -72,13 +72,9 @@ def open_tab():
     settings = window.scene.patchnet
     for name, value in SMALL.items():
         setattr(settings, name, value)
+    open_panels()
     if not clicks.area("VIEW_3D").spaces.active.show_region_ui:
         yield from clicks.key("N", *clicks.over_viewport())
-    yield 0.5
-    clicks.region("UI").active_panel_category = "PatchNet"
-    yield 0.5
-    yield from clicks.screenshot(OUT / "panel-first.png", side_box())
-    open_panels()
     yield 0.5
     clicks.region("UI").active_panel_category = "PatchNet"
     yield 0.5
