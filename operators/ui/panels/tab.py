@@ -80,10 +80,10 @@ def draw_budget(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> 
 
 def draw_sentence(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
     """Draw a sentence in as many lines as the region is wide, the first with an icon."""
-    scale = context.preferences.system.ui_scale
-    width = context.region.width if context.region is not None else 0
+    region, scale = context.region, context.preferences.system.ui_scale  # which is 0 without a window
+    width = region.width / scale if region is not None and scale else 0.0
     column = layout.column(align=True)
-    for line in textwrap.wrap(text, max(int(width / (scale * _CHARACTER_PX)) - _MARGIN, _SHORTEST)):
+    for line in textwrap.wrap(text, max(int(width / _CHARACTER_PX) - _MARGIN, _SHORTEST)):
         column.label(text=line, icon=icon)
         icon = "BLANK1"
 
