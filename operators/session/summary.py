@@ -33,8 +33,8 @@ def summary(result: SceneResult, scene: bpy.types.Scene) -> list[str]:
         f"Light: {_LIGHTS.get(result.light, result.light)}",
     ]
     if result.coded is not None:
-        by = f", by {result.encoder}" if result.encoder else ""
-        lines.append(f"{result.coded.coded_count:,} voxels that look ahead{by}")
+        lines.append(f"{result.coded.coded_count:,} voxels look ahead")
+        lines += [f"Prepared by {result.encoder}"] if result.encoder else []
     if result.lookahead_share is not None:
         lines.append(f"Look-ahead on {result.lookahead_share:.1%} of pixels")
     if result.errors is not None:
