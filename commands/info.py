@@ -62,9 +62,9 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
             f"depth {octree.depth}, {octree.leaf_count:,} voxels of side {octree.grid.voxel_size_world:.4g}, "
             f"{octree.node_count:,} nodes",
             f"{octree.nbytes / 2**20:.1f} MiB of nodes, look-ahead at {share:.1%} of them",
-            f"in colour, {octree.chroma.nbytes / 2**20:.1f} MiB of it"
+            f"in color, {octree.chroma.nbytes / 2**20:.1f} MiB of it"
             if octree.chroma is not None
-            else "luminance alone, no colour",
+            else "luminance alone, no color",
         ]
     if header.kind == "weights":
         held = load_weights(path)

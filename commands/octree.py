@@ -36,7 +36,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room")
     parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
     add_views(parser)
-    add_settings(parser, "light", "samples", "texel_voxels", "exposure", "color", "both_sides")
+    add_settings(parser, "light", "samples", "texel_voxels", "exposure", "color", "both_sides", "device")
+    parser.set_defaults(color=False)  # training and experiments read luminance alone
     add_number(
         parser, "--rotate", bounds.SEED, default=0, metavar="SEED",
         help="turn the lit surface by a random rotation; two-lights then shines from a random direction (0: upright)",

@@ -92,7 +92,7 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
     number = int(args.cameras) if args.cameras.isdigit() else 0
     names = () if number else tuple(name.strip() for name in args.cameras.split(",") if name.strip())
     given = given_settings(args) | {"cameras": names}
-    job = JobSettings.of(**given, depth=args.depth, size=tuple(args.size), out=args.out)
+    job = JobSettings.of(**given, depth=args.depth, size=tuple(args.size), color=False, out=args.out)
     return CheckSettings(job, number, args.render_samples, args.rays, args.difference)
 
 

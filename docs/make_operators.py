@@ -47,7 +47,7 @@ NOTES = {
     ),
     "estimate": Note("nothing in the scene; the panel shows the estimate", "bpy.ops.patchnet.estimate(depth=6)"),
     "voxelize": Note(
-        "nothing in the scene; the octree in memory, in the surface's own colour",
+        "nothing in the scene; the octree in memory, in the surface's own color",
         "bpy.ops.patchnet.voxelize(depth=6)",
     ),
     "bake_light": Note(

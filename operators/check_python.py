@@ -22,7 +22,7 @@ class PATCHNET_OT_check_python(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         """Require a Python in the preferences."""
         if not preferences(context).torch_python:
-            cls.poll_message_set("No Python is chosen: without one, codes are computed by Blender's own")
+            cls.poll_message_set("No Python is chosen: without one, Blender's own prepares look-ahead")
             return False
         return True
 

@@ -15,7 +15,7 @@ from .settings.job_settings import JobSettings
 from .ui.properties import LevelProperties, absolute_path, setting
 
 _FORMATS = [
-    (".ply", "Point Cloud (.ply)", "Centres, normals, colours, luminance and sides of the voxels"),
+    (".ply", "Point Cloud (.ply)", "Centers, normals, colors, luminance and sides of the voxels"),
     (".vdb", "OpenVDB (.vdb)", "Grids of luminance and density; needs a Blender with the openvdb module"),
     (".npz", "NumPy (.npz)", "Everything about the voxels as arrays"),
     (".safetensors", "Octree (.safetensors)", "The octree down to the level, as PatchNet reads it"),

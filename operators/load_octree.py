@@ -30,8 +30,8 @@ _OTHER = "the file was made of another scene, or of this one before it was chang
 
 
 class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
-    """Take the voxels of a file, as the command line or a farm wrote it, for those of this scene; with its codes, if
-    they are beside it"""
+    """Take the voxels of a file, as the command line or a farm wrote it, for those of this scene; with their look-ahead
+    if its file is beside it"""
 
     bl_idname = "patchnet.load_octree"
     bl_label = "Load Octree"
@@ -74,8 +74,8 @@ class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
             tell(self, "WARNING", problem)
         if made.stale:
             tell(self, "WARNING", f"{path.name} does not fit the scene: {_OTHER}")
-        codes = f", {len(coded.codes):,} codes" if coded else ""
-        return f"{path.name}: {octree.leaf_count:,} voxels, depth {octree.depth}{codes}"
+        more = ", with look-ahead" if coded else ""
+        return f"{path.name}: {octree.leaf_count:,} voxels, depth {octree.depth}{more}"
 
 
 def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, str]:

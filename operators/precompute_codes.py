@@ -17,10 +17,10 @@ from .ui.properties import CodesProperties
 
 
 class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator):
-    """Encode what lies two levels below every voxel, so that views can be judged at once"""
+    """Let the network look at what lies two levels below every voxel, so that views can be judged at once"""
 
     bl_idname = "patchnet.precompute_codes"
-    bl_label = "Precompute Codes"
+    bl_label = "Prepare Look-Ahead"
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Load the weights, encode, keep the codes beside the octree."""
@@ -35,7 +35,7 @@ class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator
         results.keep(context.scene, results.without_view(made), "codes")
         for warning in encoding.warnings:
             tell(self, "WARNING", warning)
-        return f"{len(coded.codes):,} codes for {coded.coded_count:,} voxels with look-ahead, by {encoding.text}"
+        return f"{coded.coded_count:,} voxels with look-ahead, by {encoding.text}"
 
 
 CLASSES = (PATCHNET_OT_precompute_codes,)

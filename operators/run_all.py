@@ -21,7 +21,7 @@ class PATCHNET_OT_run_all(
     JobOperator,
     bpy.types.Operator,
 ):
-    """Voxelize, bake, encode and refine, with a report of what every strategy reaches"""
+    """Voxelize, bake, look ahead and refine, with a report of what every strategy reaches"""
 
     bl_idname = "patchnet.run_all"
     bl_label = "Preview Selection"

@@ -16,7 +16,8 @@ from .voxel_object import show
 
 
 class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
-    """Show the voxels of one level in the scene, in the color of their light; renders and Voxelize never see them"""
+    """Show the voxels of one level in the scene, in the color of their light, for which Solid shading is set to show
+    attributes; renders and Voxelize never see them"""
 
     bl_idname = "patchnet.show_voxels"
     bl_label = "Show Voxels"
@@ -41,6 +42,7 @@ class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
             level = level_within(octree, self.limit, wanted)
             with quiet():
                 item = show(context.scene, voxel_cloud(octree, level), self.display)
+            _show_attribute_colors(context.window)
         except PatchNetError as error:
             tell(self, "ERROR", str(error))
             return {"CANCELLED"}
@@ -55,6 +57,13 @@ class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
         else:
             tell(self, "INFO", shown)
         return {"FINISHED"}
+
+
+def _show_attribute_colors(window: bpy.types.Window | None) -> None:
+    """Let viewports in Solid shading take colors from attributes, where voxels have theirs, as color painting does."""
+    for area in window.screen.areas if window is not None else ():
+        if area.type == "VIEW_3D" and area.spaces.active.shading.type == "SOLID":
+            area.spaces.active.shading.color_type = "VERTEX"
 
 
 CLASSES = (PATCHNET_OT_show_voxels,)

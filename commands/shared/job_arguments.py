@@ -14,6 +14,7 @@ from .arguments import add_device, add_number
 from .cycles import add_cycles, cycles_settings
 
 if TYPE_CHECKING:
+    from ...operators.importance.painted import Importance
     from ...operators.settings.job_settings import JobSettings
 
 
@@ -23,15 +24,18 @@ def add_settings(parser: argparse.ArgumentParser, *names: str) -> None:
     from ...operators.schema.table import TABLE
 
     for row in (TABLE[name] for name in names):
-        if row.kind is Kind.SWITCH:
+        if row.kind is Kind.SWITCH and row.default:  # with a --no-... beside it
+            text = f"{row.help} (on)"
+            parser.add_argument(row.argument, action=argparse.BooleanOptionalAction, default=True, help=text)
+        elif row.kind is Kind.SWITCH:
             parser.add_argument(row.argument, action="store_true", help=row.help)
         elif row.kind is Kind.CHOICE:
-            values = [value for value, _, _ in row.choices]
-            parser.add_argument(row.argument, choices=values, default=row.default, help=f"{row.help} ({row.default})")
+            values, default = [value.lower() for value, _, _ in row.choices], row.default.lower()
+            parser.add_argument(row.argument, choices=values, default=default, help=f"{row.help} ({default})")
         elif row.kind is Kind.FILE:
             parser.add_argument(row.argument, type=Path, help=row.help)
         elif row.bounds is None:
-            parser.add_argument(row.argument, default="", help=row.help)
+            parser.add_argument(row.argument, default="", metavar=row.unit or None, help=row.help)
         elif row.default is None:
             add_number(parser, row.argument, row.bounds, metavar=row.unit or None, help=row.help)
         else:
@@ -53,14 +57,14 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
         parser, "--size", bounds.SIZE_PX, nargs=2, default=(192, 192), metavar=("W", "H"),
         help="pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution (192 192)",
     )  # fmt: skip
-    add_settings(parser, "color", "both_sides", "budget", "spp")
+    add_settings(parser, "color", "both_sides", "device", "budget", "spp")
     parser.add_argument("--strategy", default="patchnet-plus", help="what is refined first (patchnet-plus)")
     add_settings(parser, "unrefined")
     parser.add_argument(
         "--mask", type=Path, metavar="IMAGE",
         help="painted importance, stretched over each view: multiplies the priority, black is never refined",
     )  # fmt: skip
-    add_settings(parser, "heatmap_maximum")
+    add_settings(parser, "importance_image", "importance_group", "heatmap_maximum")
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
     add_settings(parser, "weights")
     add_device(parser, "what the network encodes and decodes on; auto: a GPU where torch has one (auto)")
@@ -83,7 +87,6 @@ def require_blender() -> None:
 
 def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
     """Settings of a job from parsed arguments; raises SettingError for values outside their range."""
-    from ...operators.importance.painted import Importance
     from ...operators.schema.table import SELECTED, VISIBLE
     from ...operators.settings.job_settings import JobSettings
 
@@ -99,23 +102,34 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         colormap=args.colormap,
         out=out,
         cycles=cycles_settings(args),
-        importance=None if args.mask is None else Importance(file=args.mask.absolute()),
+        importance=_importance(args),
     )
+
+
+def _importance(args: argparse.Namespace) -> Importance | None:
+    """Source of painted importance, if one was given; raises SettingError for more than one."""
+    from ...operators.importance.painted import Importance
+
+    if args.mask is None and not args.mask_image and not args.mask_group:
+        return None
+    return Importance(args.mask_image, None if args.mask is None else args.mask.absolute(), args.mask_group)
 
 
 def given_settings(args: argparse.Namespace) -> dict[str, Any]:
     """Values of the arguments of `add_settings` that there are, by their flat names in `JobSettings`."""
     from ...operators.schema.setting import Kind
-    from ...operators.schema.table import TABLE
+    from ...operators.schema.table import IMPORTANCE, TABLE
 
     found = {}
     for row in TABLE.values():
         name = row.argument.removeprefix("--").replace("-", "_")
-        if not name or not hasattr(args, name):
+        if not name or not hasattr(args, name) or row.stage == IMPORTANCE:  # whose sources are one value together
             continue
         value = getattr(args, name)
         if row.name == "memory" and value is not None:
             value = round(value * 2**30)
+        elif row.kind is Kind.CHOICE:
+            value = next(choice for choice, _, _ in row.choices if choice.lower() == value)
         elif row.kind is Kind.TEXT:
             value = tuple(part.strip() for part in value.split(",") if part.strip())
         found[row.job_field] = value

@@ -26,7 +26,7 @@ OUT = ROOT / "out" / "screens"
 HERE = Path(__file__).parent
 MOST_BYTES = 300_000
 MOST_PX = 1200
-PREFERENCES = (278, 388, 972, 660)  # left, upper, right, lower: without the path of the installed file
+PREFERENCES = (278, 786, 972, 1088)  # left, upper, right, lower: without the path of the installed file
 
 
 def blender() -> Blender:

@@ -18,10 +18,16 @@ import clicks  # noqa: E402
 
 OUT = Path(sys.argv[sys.argv.index("--") + 1])
 PACKAGE = "bl_ext.user_default.patchnet"
-SETTINGS = {"samples": 4, "texel_voxels": 4.0, "color": True, "size": (192, 192)}
+SETTINGS = {"samples": 4, "texel_voxels": 4.0, "size": (192, 192)}
 JOB_S = 900.0  # at most, on a busy machine
 CAMERA = "Middle"
 SIDE_PX = 320
+# Of the viewport's overlays, all but PatchNet's own.
+HELPERS = (
+    "show_floor", "show_ortho_grid", "show_axis_x", "show_axis_y", "show_cursor", "show_text", "show_stats",
+    "show_extras", "show_relationship_lines", "show_outline_selected", "show_bones", "show_motion_paths",
+    "show_object_origins",
+)  # fmt: skip
 
 
 def module(name: str):
@@ -65,7 +71,9 @@ def open_scene():
     for name, value in SETTINGS.items():
         setattr(scene.patchnet, name, value)
     space = clicks.area("VIEW_3D").spaces.active
-    space.shading.type, space.shading.color_type, space.overlay.show_overlays = "SOLID", "TEXTURE", False
+    space.shading.type, space.shading.color_type = "SOLID", "TEXTURE"
+    for name in HELPERS:
+        setattr(space.overlay, name, False)
     in_area("VIEW_3D", bpy.ops.view3d.view_camera)
     space.show_region_ui = True
     yield 0.5

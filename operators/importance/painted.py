@@ -24,7 +24,7 @@ class Importance:
 
     def __post_init__(self) -> None:
         if sum(map(bool, (self.image, self.file, self.vertex_group))) != 1:
-            raise SettingError("Importance needs one source: choose an image, or a vertex group")
+            raise SettingError("Importance needs one source: choose an image, its file, or a vertex group")
 
     @classmethod
     def chosen(cls, kind: str, image: str, vertex_group: str) -> Importance | None:

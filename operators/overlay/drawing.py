@@ -36,11 +36,13 @@ class _Look:
 
 
 def draw_region(context: bpy.types.Context) -> None:
-    """Draw the overlay into the region that is being drawn."""
+    """Draw the overlay into the region that is being drawn, unless the editor's Show Overlays is off."""
     area, region, values = context.area, context.region, overlay_settings(context)
     if area is None or area.type not in EDITORS:
         return
-    if values.show_viewport if area.type == "VIEW_3D" else values.show_editor:
+    if area.spaces.active.overlay.show_overlays and (
+        values.show_viewport if area.type == "VIEW_3D" else values.show_editor
+    ):
         found = framed(context.scene, area, region)
         if found is not None and found.rect is not None:
             _draw_overlay(context, found, found.rect)

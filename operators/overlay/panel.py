@@ -35,6 +35,8 @@ class _OverlayPanel(_Panel):
             layout.label(text=handlers.problem, icon="ERROR")
         elif not views.has_views(context.scene):
             layout.label(text=NO_VIEW, icon="INFO")
+        elif on and not context.space_data.overlay.show_overlays:
+            layout.label(text="Hidden by Show Overlays", icon="INFO")
         column = layout.column()
         column.active = on
         column.prop(values, "picture")

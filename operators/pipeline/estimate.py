@@ -19,6 +19,7 @@ from ..scene.cameras import choose_cameras
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
+from ..scene_access.lengths import length_text
 from ..settings.groups import LightSettings, SurfaceSettings
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
@@ -77,7 +78,9 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
     cameras = choose_cameras(depsgraph, views.cameras, views.size, bounds_world)
     device = device_text(context, settings.compute.device) if settings.light.is_baked else ""
     steps = run_in_worker(lambda: _estimate(source, cameras, settings, device), Progress(0, 1, "Estimating"))
-    return replace((yield from steps), state=state)
+    found = replace((yield from steps), state=state)
+    found.lines = estimate_lines(found, length_text(context.scene, found.voxel_size_world))
+    return found
 
 
 def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings, device: str) -> Steps[Estimate]:
@@ -96,7 +99,7 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
     texels = 0
     if light.is_baked:
         texels = yield from _texels(source, grid, light)
-    found = Estimate(
+    return Estimate(
         depth=depth,
         wanted=automatic.wanted,
         fitted=surface.fit,
@@ -113,8 +116,6 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
         encoder=encoder_text(settings.compute),
         made_for=_made_for(source, cameras),
     )
-    found.lines = estimate_lines(found)
-    return found
 
 
 def _coded_share(lookahead: int) -> float:
@@ -148,23 +149,23 @@ def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> tuple[str, str]:
     return f"{objects}, {source.triangle_count:,} triangles", f"{views[:1].upper()}{views[1:]} at {size}"
 
 
-def estimate_lines(found: Estimate) -> list[str]:
-    """Estimate in words, for panel, log and report."""
+def estimate_lines(found: Estimate, voxel_side: str) -> list[str]:
+    """Estimate in words, for panel, log and report. voxel_side: with its unit."""
     most = "Up to depth" if found.fitted else "Depth"
-    lines = [f"{most} {found.depth}, voxel side {found.voxel_size_world:.4g}"]
+    lines = [f"{most} {found.depth}, voxel side {voxel_side}"]
     if found.fitted:
         lines.append("As many voxels as cameras need")
         lines.append(f"Building takes at most {bytes_text(found.free_bytes)}")
     else:
         lines.append(f"About {count_text(found.leaves)} voxels")
         lines.append(f"Building takes {bytes_text(found.peak_bytes)} of {bytes_text(found.free_bytes)}")
-        lines.append(f"Octree {bytes_text(found.octree_bytes)}, codes {bytes_text(found.codes_bytes)}")
+        lines.append(f"Octree {bytes_text(found.octree_bytes)}, look-ahead {bytes_text(found.codes_bytes)}")
     share = found.lookahead_share
     lines.append("No camera sees anything" if share is None else f"Look-ahead on {share:.0%} of pixels")
     if found.texels:
         about = "at most" if found.fitted else "about"
         lines.append(f"Bake: {about} {count_text(found.texels)} texels")
-        lines.append(f"Paths of a side: {count_text(found.paths)}")
+        lines.append(f"Samples of light: {count_text(found.paths)}")
         lines.append(f"Bake on: {found.device}")
-    lines.append(f"Codes: {found.encoder}")
+    lines.append(f"Network on: {found.encoder}")
     return lines

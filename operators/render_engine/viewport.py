@@ -26,7 +26,7 @@ from .viewport_preview import Preparation, ViewportPreview
 from .world import world_color
 
 _NO_VOXELS = "PatchNet: there are no voxels yet. Press Preview Selection in the sidebar's tab PatchNet (N)."
-_NO_CODES = "PatchNet: there are no codes yet. Press Precompute Codes in the sidebar's tab PatchNet (N)."
+_NO_CODES = "PatchNet: look-ahead is not prepared yet. Press Prepare Look-Ahead in the sidebar's tab PatchNet (N)."
 _READY_SOON = "PatchNet is getting ready"
 _STALE = "the scene has changed: voxelize and bake again"
 

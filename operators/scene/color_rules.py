@@ -61,7 +61,7 @@ def _mapping_matrix(output: Output) -> np.ndarray:
 def _image_color(values: NodeEvaluator, output: Output) -> ColorTerm:
     texture = texture_use(values, output)
     if output.socket.name == "Alpha":
-        raise NotUnderstoodError(f"the alpha of image '{texture.image.name}' as a colour")
+        raise NotUnderstoodError(f"the alpha of image '{texture.image.name}' as a color")
     return ColorTerm(WHITE, texture)
 
 
@@ -93,7 +93,7 @@ def _product(values: NodeEvaluator, first: ColorTerm, second: ColorTerm, factor:
     if second.texture is not None and first.texture is None and factor >= 1.0:
         first, second = second, first
     if second.texture is not None:
-        values.notes.append(f"image '{second.texture.image.name}' counts by its mean colour")
+        values.notes.append(f"image '{second.texture.image.name}' counts by its mean color")
     r, g, b = (1.0 - factor + factor * each for each in values.constant_color(second))
     return first.scaled((r, g, b))
 
@@ -104,14 +104,14 @@ def _blend(values: NodeEvaluator, first: ColorTerm, second: ColorTerm, factor: f
         return second
     for term in (first, second):
         if term.texture is not None:
-            values.notes.append(f"image '{term.texture.image.name}' counts by its mean colour")
+            values.notes.append(f"image '{term.texture.image.name}' counts by its mean color")
     pairs = zip(values.constant_color(first), values.constant_color(second), strict=True)
     r, g, b = (a + factor * (b - a) for a, b in pairs)
     return ColorTerm((r, g, b))
 
 
 def _vertex_color(values: NodeEvaluator, output: Output) -> ColorTerm:
-    values.notes.append("vertex colours are left out")
+    values.notes.append("vertex colors are left out")
     return ColorTerm()
 
 

@@ -113,7 +113,7 @@ class _Walk:
             return _Surface(base=self._base(found.input("Color")))
         if "Base Color" in node.inputs:
             return _Surface(base=self._base(found.input("Base Color")))
-        self.values.notes.append(f"shader '{node.name}' is taken as grey")
+        self.values.notes.append(f"shader '{node.name}' is taken as gray")
         return _Surface(base=ColorTerm(_DEFAULT_COLOR))
 
     def _principled(self, output: Output) -> _Surface:
@@ -124,7 +124,7 @@ class _Walk:
         )
 
     def _base(self, at: Input) -> ColorTerm:
-        return self._understood(lambda: self.values.color(at), "its base colour", ColorTerm(_DEFAULT_COLOR))
+        return self._understood(lambda: self.values.color(at), "its base color", ColorTerm(_DEFAULT_COLOR))
 
     def _number(self, at: Input, what: str, default: float) -> NumberTerm:
         return self._understood(lambda: self.values.number(at), f"its {what}", NumberTerm(default))
@@ -136,9 +136,9 @@ class _Walk:
             factor = NumberTerm(factor.offset + 0.5 * factor.scale)
         if factor.offset <= 0.0:
             return _BLACK
-        term = self._understood(lambda: self.values.color(output.input(color)), "its emission colour", ColorTerm())
+        term = self._understood(lambda: self.values.color(output.input(color)), "its emission color", ColorTerm())
         if term.texture is not None:
-            self.values.notes.append("the texture of its emission counts by its mean colour")
+            self.values.notes.append("the texture of its emission counts by its mean color")
         r, g, b = (min(max(each * factor.offset, 0.0), _MAX_EMISSION) for each in self.values.constant_color(term))
         return r, g, b
 

@@ -14,7 +14,7 @@ from .node_terms import NodeEvaluator, NotUnderstoodError, NumberTerm
 
 
 def _vertex_number(values: NodeEvaluator, output: Output) -> NumberTerm:
-    values.notes.append("vertex colours are left out")
+    values.notes.append("vertex colors are left out")
     return NumberTerm(1.0)
 
 

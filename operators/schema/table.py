@@ -62,16 +62,16 @@ _SURFACE = (
         widget={"unit": "LENGTH", "precision": 4},
     ),
     Setting(
-        "track", "Whole Animation",
+        "track", "All Frames",
         "Fit the voxels to the cameras at all frames of the scene, not only at the present one",
         OCTREE, Kind.SWITCH, False, counts=lambda values: values.resolution == FIT,
         argument="--track", help="with --depth fit: the cameras at all frames of the scene",
     ),
     Setting(
-        "memory", "Memory Limit", "GiB that the octree may take while it is built; 0 takes what is free",
+        "memory", "Memory (GiB)", "Memory that the octree may take while it is built; 0 takes all that is free",
         OCTREE, Kind.AUTOMATIC, None, bounds.MEMORY_GIB, field_name="memory_bytes", effect=Effect.PERHAPS,
         argument="--memory", help="what the octree may take while it is built (all)", unit="GIB",
-        widget={"soft_max": 64.0},
+        widget={"soft_max": 64.0, "precision": 1},
     ),
 )  # fmt: skip
 
@@ -109,6 +109,7 @@ _LIGHT = (
             (GPU, "GPU", "GPUs that the preferences of Cycles enable; an error if there is none"),
         ),
         effect=Effect.NEVER, counts=_baked,
+        argument="--bake-device", help="what Cycles bakes on",
     ),
     Setting(
         "exposure", "Exposure", "Factor on the luminance of the voxels; 0 chooses it by the brightest of the surface",
@@ -121,8 +122,8 @@ _LIGHT = (
         "color", "Keep Color",
         "Keep color beside luminance, so that previews, shown voxels and exports are in color: two bytes more a node, "
         "and twice the memory of baked light",
-        LIGHT, Kind.SWITCH, False,
-        argument="--color", help="keep colour beside luminance, for pictures and exports (luminance alone)",
+        LIGHT, Kind.SWITCH, True,
+        argument="--color", help="keep color beside luminance, for pictures and exports",
     ),
 )  # fmt: skip
 
@@ -147,7 +148,8 @@ _NETWORK = (
 _VIEWS = (
     Setting(
         "cameras", "Cameras",
-        "Names with commas between, 'all', or 'auto' to frame the scene; empty for the active camera",
+        "Cameras that look: one, all of the scene, or auto to frame the scene; several have commas between. Empty for "
+        "the active camera",
         CAMERAS, Kind.TEXT, argument="--cameras", help="names with commas between, all, or auto (the active camera)",
     ),
     Setting(
@@ -174,7 +176,7 @@ _VIEWS = (
         argument="--budget", help="share of active pixels to refine, 0 to 1",
     ),
     Setting(
-        "spp", "Samples per Pixel",
+        "spp", "Pixel Samples",
         "Mean samples per active pixel, spread by priority: 1, 4, 16, 64, 256 or 1,024 in each; 0 refines the share "
         "that Budget says with 1,024",
         VIEW, Kind.AUTOMATIC, None, bounds.SPP,
@@ -199,10 +201,12 @@ _VIEWS = (
     Setting(
         "importance_image", "Image", "Name of the painted image", IMPORTANCE, Kind.TEXT, field_name="importance",
         counts=lambda values: values.importance == IMAGE,
+        argument="--mask-image", help="painted importance, by the name of an image of the .blend file", unit="NAME",
     ),
     Setting(
         "importance_group", "Vertex Group", "Name of the painted vertex group", IMPORTANCE, Kind.TEXT,
         field_name="importance", counts=lambda values: values.importance == VERTEX_GROUP,
+        argument="--mask-group", help="painted importance, by the name of a vertex group of the objects", unit="NAME",
     ),
     Setting(
         "out", "Output", "Folder for pictures, octree and report; empty writes none", OUTPUT, Kind.FOLDER,

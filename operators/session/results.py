@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..pipeline.estimate import Estimate
 
 NO_VOXELS = "There are no voxels yet: run Voxelize first"
-NO_CODES = "There are no codes yet: run Precompute Codes first"
+NO_CODES = "Look-ahead is not prepared yet: run Prepare Look-Ahead first"
 # Called with a scene and its result after a step that is worth keeping.
 listeners: list[Callable[[bpy.types.Scene, SceneResult], None]] = []
 
@@ -54,7 +54,7 @@ def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str) -> None:
         for step, what in changes_meanwhile():
             result.mark(step, what)
     result.octree.free_keys()
-    result.summary = summary(result)
+    result.summary = summary(result, scene)
     session_of(scene).result = result
     _redraw_viewports()
     if {"octree", "light", "codes"} & set(steps):

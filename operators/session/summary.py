@@ -5,32 +5,38 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import bpy
+
+from ..scene_access.lengths import length_text
+
 if TYPE_CHECKING:
     from .scene_result import SceneResult
 
-_LIGHTS = {"none": "none, the surface's own colour", "cycles": "Cycles", "two-lights": "Two Lights"}
+_LIGHTS = {"none": "none, the surface's own color", "cycles": "Cycles", "two-lights": "Two Lights"}
 _STEPS = {
     "read": "Reading",
     "depth": "Depth",
     "voxelize": "Voxels",
     "light": "Light",
-    "codes": "Codes",
+    "codes": "Look-ahead",
     "views": "Views",
 }
 
 
-def summary(result: SceneResult) -> list[str]:
-    """Lines for the panel: size, light, codes, look-ahead, errors, and where the time went."""
+def summary(result: SceneResult, scene: bpy.types.Scene) -> list[str]:
+    """Lines for the panel: size, light, look-ahead, errors, and where the time went; lengths in the scene's units."""
     octree = result.octree
+    side = length_text(scene, octree.grid.voxel_size_world)
     lines = [
-        f"Depth {'up to ' if result.layout else ''}{octree.depth}, voxel side {octree.grid.voxel_size_world:.4g}",
+        f"Depth {'up to ' if result.layout else ''}{octree.depth}, voxel side {side}",
         f"{octree.leaf_count:,} voxels, {octree.node_count:,} nodes",
         f"Light: {_LIGHTS.get(result.light, result.light)}",
     ]
     if result.coded is not None:
-        lines.append(f"{len(result.coded.codes):,} codes{f', by {result.encoder}' if result.encoder else ''}")
+        lines.append(f"{result.coded.coded_count:,} voxels look ahead")
+        lines += [f"Prepared by {result.encoder}"] if result.encoder else []
     if result.lookahead_share is not None:
-        lines.append(f"Look-ahead on {result.lookahead_share:.1%} of hits")
+        lines.append(f"Look-ahead on {result.lookahead_share:.1%} of pixels")
     if result.errors is not None:
         lines.append(f"Error {result.errors[0]:.2e}, refined {result.errors[1]:.2e}")
     spent = [f"{_STEPS[name]} {value:.1f} s" for name, value in result.seconds.items() if name in _STEPS]

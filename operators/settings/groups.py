@@ -133,7 +133,7 @@ class ViewSettings:
         check_unrefined(self.unrefined)
         _check_numbers(self)
         if self.colormap not in COLORMAPS:
-            raise SettingError(f"There is no colour map {self.colormap!r}: choose one of {', '.join(COLORMAPS)}")
+            raise SettingError(f"There is no color map {self.colormap!r}: choose one of {', '.join(COLORMAPS)}")
 
     @property
     def budget_text(self) -> str:

@@ -50,8 +50,8 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
     )
     kept_gib: FloatProperty(
         name="Keep Octrees (GiB)",
-        description="Finished octrees and codes are kept in the cache folder, so that they are there again when the "
-        "file is opened. They may take so much; those that were used longest ago go first. 0 keeps none",
+        description="Finished octrees and their look-ahead are kept in the cache folder, so that they are there again "
+        "when the file is opened. They may take so much; those that were used longest ago go first. 0 keeps none",
         default=KEPT_GIB,
         min=KEPT.low,
         max=KEPT.high,
@@ -62,14 +62,14 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
     if OTHER_PYTHON:
         torch_python: StringProperty(
             name="Python with torch",
-            description="Program of a Python that has torch, such as /opt/venv/bin/python: it then computes the codes. "
+            description="Program of a Python that has torch, such as /opt/venv/bin/python: it then prepares look-ahead. "
             "Empty for Blender's own Python, with the same result",
             subtype="FILE_PATH",
             update=_forget_python,
         )
     colormap: EnumProperty(
-        name="Colour Map",
-        description="Colours of the heatmap and the error picture",
+        name="Color Map",
+        description="Colors of the heatmap and the error picture",
         items=[(name, name.capitalize(), "") for name in COLORMAPS],
         default=COLORMAPS[0],
     )
@@ -107,7 +107,9 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
         if OTHER_PYTHON:
             layout.prop(self, "torch_python", placeholder="Without torch")
             row = layout.row()
-            row.label(text=kept.python or ("Not checked" if self.torch_python else "Codes are computed without torch"))
+            row.label(
+                text=kept.python or ("Not checked" if self.torch_python else "Look-ahead is prepared without torch")
+            )
             row.operator("patchnet.check_python", text="Check")
         for name in ("colormap", "open_pictures", "log_level"):
             layout.prop(self, name)

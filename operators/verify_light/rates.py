@@ -49,7 +49,7 @@ def measure_rates(
     context: bpy.types.Context, source: SceneMesh, charts: Charts, cameras: Sequence[Camera], seed: int = 0
 ) -> Steps[Rates]:
     """Bake each page with something on it, and render about as many paths through one camera after the other."""
-    baker = Baker(context, source, charts, LightSettings(), seed=seed)
+    baker = Baker(context, source, charts, LightSettings(color=False), seed=seed)
     pages: list[Turn] = []
     renders: list[Turn] = []
     for page in range(charts.page_count):

@@ -33,7 +33,7 @@ def _own_group(name: str) -> bpy.types.NodeTree | None:
 def _new_cubes(material: bpy.types.Material) -> bpy.types.NodeTree:
     tree = _new_group(_CUBES)
     keep = tree.interface.new_socket("Keep Instances", in_out="INPUT", socket_type="NodeSocketBool")
-    keep.description = "Leave the cubes instances: less memory, but a slower viewport without colours in solid mode"
+    keep.description = "Leave the cubes instances: less memory, but a slower viewport, and no colors in Solid shading"
     given = tree.nodes.new("NodeGroupInput")
     cube = _node(tree, "GeometryNodeMeshCube", Size=(1.0, 1.0, 1.0))
     instances = _node(

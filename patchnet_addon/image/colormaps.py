@@ -28,7 +28,7 @@ def colormap(values: np.ndarray, name: str = "viridis") -> np.ndarray:
     Raises SettingError for an unknown map.
     """
     if name not in _KNOTS:
-        raise SettingError(f"There is no colour map {name!r}: choose one of {', '.join(COLORMAPS)}")
+        raise SettingError(f"There is no color map {name!r}: choose one of {', '.join(COLORMAPS)}")
     knots = np.array([list(bytes.fromhex(entry)) for entry in _KNOTS[name].split()], np.float32) / 255  # (52, 3)
     position = np.clip(np.nan_to_num(values, nan=0.0), 0.0, 1.0)
     positions = np.linspace(0.0, 1.0, len(knots))

@@ -69,7 +69,7 @@ def sun(strength: float, rotation: tuple[float, float, float] = (0.0, 0.0, 0.0))
 def baked(texel_world: float = 0.25, samples: int = 16, both_sides: bool = False) -> tuple[SceneMesh, Atlas]:
     bpy.context.view_layer.update()
     source = read_scene(bpy.context.evaluated_depsgraph_get())
-    light = LightSettings(samples=samples, both_sides=both_sides)
+    light = LightSettings(samples=samples, both_sides=both_sides, color=False)
     return source, drain(bake_luminance(bpy.context, source, texel_world, light))
 
 
@@ -252,7 +252,7 @@ def test_textures_and_unselected_occluders() -> None:
     item.select_set(True)
     cover.select_set(False)
     source = read_scene(bpy.context.evaluated_depsgraph_get(), "SELECTED")
-    atlas = drain(bake_luminance(bpy.context, source, 0.1, LightSettings(samples=16)))
+    atlas = drain(bake_luminance(bpy.context, source, 0.1, LightSettings(samples=16, color=False)))
     shade = atlas_shade(atlas, source)
     (batch,) = source.batches()
     for triangle in range(2):

@@ -58,7 +58,7 @@ def square(name: str, material: bpy.types.Material) -> bpy.types.Object:
 def baked(texel_world: float = 0.05) -> tuple[SceneMesh, Atlas]:
     bpy.context.view_layer.update()
     source = read_scene(bpy.context.evaluated_depsgraph_get())
-    return source, drain(bake_luminance(bpy.context, source, texel_world, LightSettings(samples=16)))
+    return source, drain(bake_luminance(bpy.context, source, texel_world, LightSettings(samples=16, color=False)))
 
 
 def at_points(source: SceneMesh, atlas: Atlas) -> tuple[np.ndarray, np.ndarray]:

@@ -99,8 +99,9 @@ def test_each_says_so_in_the_log(done: subprocess.CompletedProcess[str], files: 
     said = events(done)
     started = [line["command"] for line in said if line["event"] == "start"]
     assert started == [
-        "Estimate", "Voxelize", "Bake Light", "Precompute Codes", "Render Preview", "Compare Strategies", "Show Voxels",
-        "Export Voxels", "Load Octree", "Preview Selection", "Bake Animation", "Bake Animation", "PatchNet Demo Scene",
+        "Estimate", "Voxelize", "Bake Light", "Prepare Look-Ahead", "Render Preview", "Compare Strategies",
+        "Show Voxels", "Export Voxels", "Load Octree", "Preview Selection", "Bake Animation", "Bake Animation",
+        "PatchNet Demo Scene",
     ]  # fmt: skip
     assert all(line["file"].endswith("small.blend") for line in said if line["event"] == "start")
     results = [line for line in said if line["event"] == "result"]

@@ -215,7 +215,7 @@ def test_stopped_anywhere_the_scene_is_as_before(
 def test_operator_leaves_pictures_and_nothing_else(weights: Path, tmp_path: Path) -> None:
     build_full(tmp_path, "OBJECT")
     bpy.context.scene.patchnet.weights = str(weights)
-    with pytest.raises(RuntimeError, match="no codes"):
+    with pytest.raises(RuntimeError, match="not prepared yet"):
         bpy.ops.patchnet.refine_with_cycles()
     bpy.ops.patchnet.run_all(depth=7, samples=1, size=SIZE)
     drop_result_images()

@@ -156,7 +156,7 @@ def test_polls_say_what_is_missing(scene: bpy.types.Scene) -> None:
         bpy.ops.patchnet.bake_light()
     with pytest.raises(RuntimeError, match="no voxels yet: run Voxelize first"):
         bpy.ops.patchnet.precompute_codes()
-    with pytest.raises(RuntimeError, match="no codes yet: run Precompute Codes first"):
+    with pytest.raises(RuntimeError, match="not prepared yet: run Prepare Look-Ahead first"):
         bpy.ops.patchnet.render_preview()
     with pytest.raises(RuntimeError, match="no results to free"):
         bpy.ops.patchnet.clear_results()

@@ -2,13 +2,14 @@
 """The overlay without a window: where pictures lie, what is said of pixels, which views are kept, named images."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
 
 from patchnet.operators import overlay
-from patchnet.operators.overlay import framed, handlers, layout, open_pictures
+from patchnet.operators.overlay import drawing, framed, handlers, layout, open_pictures
 from patchnet.operators.overlay.layout import Rect
 from patchnet.operators.pipeline.views import View, view
 from patchnet.operators.scene.cameras import tracing_camera
@@ -242,6 +243,26 @@ def test_nothing_is_shown_in_background(made: tuple[View, ViewSettings]) -> None
     with pytest.raises(RuntimeError, match="no pictures yet: run Render Preview"):
         bpy.ops.patchnet.toggle_overlay()
     assert not open_pictures.open_picture(bpy.context, bpy.data.images.new("Any", 4, 4))
+
+
+@pytest.mark.parametrize("kind", ["VIEW_3D", "IMAGE_EDITOR"])
+def test_show_overlays_hides_ours_too(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Region by region, as the handlers call it."""
+    looked: list[str] = []
+    monkeypatch.setattr(drawing, "framed", lambda scene, area, region: looked.append(area.type))
+    values = SimpleNamespace(show_viewport=True, show_editor=True)
+    monkeypatch.setattr(drawing, "overlay_settings", lambda context: values)
+    space = SimpleNamespace(overlay=SimpleNamespace(show_overlays=False))
+    area = SimpleNamespace(type=kind, spaces=SimpleNamespace(active=space))
+    context = SimpleNamespace(scene=bpy.context.scene, area=area, region=bpy.context.scene)
+    drawing.draw_region(context)
+    assert looked == []
+    space.overlay.show_overlays = True
+    drawing.draw_region(context)
+    assert looked == [kind]
+    values.show_viewport = values.show_editor = False
+    drawing.draw_region(context)
+    assert looked == [kind]
 
 
 def test_editors_with_a_picture_of_the_person_are_not_free() -> None:

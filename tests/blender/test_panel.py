@@ -7,8 +7,10 @@ import bpy
 import pytest
 
 from patchnet.operators.session import results
-from patchnet.operators.session.scene_result import SceneResult
+from patchnet.operators.session.scene_result import Comparison, Row, SceneResult
+from patchnet.operators.settings.step_settings import recorded
 from patchnet.operators.ui import panels, presets_menu
+from patchnet.operators.ui.panels.advice import advice
 from patchnet.operators.ui.panels.compare import PATCHNET_PT_compare
 from patchnet.operators.ui.panels.main import PATCHNET_PT_main
 from patchnet.operators.ui.panels.network import PATCHNET_PT_network
@@ -47,6 +49,12 @@ def test_order_and_names() -> None:
     assert titles == ["Octree", "Light", "Network", "Preview", "Compare", "Refine with Cycles", "Export", "Statistics"]
     assert {item.bl_category for item in panels.CLASSES if hasattr(item, "bl_category")} == {"PatchNet"}
     assert bpy.ops.patchnet.run_all.get_rna_type().name == "Preview Selection"
+
+
+def test_only_preview_is_open_at_first() -> None:
+    tabs = [item for item in panels.CLASSES if hasattr(item, "bl_category")]
+    opened = {item.bl_label for item in tabs if "DEFAULT_CLOSED" not in getattr(item, "bl_options", set())}
+    assert opened == {"PatchNet", "Preview"}
 
 
 def test_all_panels_draw_in_every_state(scene: bpy.types.Scene) -> None:
@@ -169,7 +177,7 @@ def test_changed_settings_are_named(scene: bpy.types.Scene) -> None:
     scene.patchnet.resolution = "AUTO"
     assert not any("again" in line for line in drawn(PATCHNET_PT_octree))
     scene.patchnet.weights = ""
-    assert "'Weights' changed: precompute again" in drawn(PATCHNET_PT_network)
+    assert "'Weights' changed: prepare again" in drawn(PATCHNET_PT_network)
     scene.patchnet.budget = 0.1
     assert "'Budget' changed: render again" in drawn(PATCHNET_PT_preview)
 
@@ -179,7 +187,7 @@ def test_statistics(scene: bpy.types.Scene) -> None:
     text = "\n".join(drawn(PATCHNET_PT_statistics))
     for part in (
         f"{result.octree.leaf_count:,} voxels", f"{result.octree.node_count:,} nodes", "In memory: ",
-        f"Look-ahead on {result.lookahead_share:.1%}", "Voxels", "Codes", "Views", "by own kernels on the CPU",
+        f"Look-ahead on {result.lookahead_share:.1%}", "Voxels", "Look-ahead", "Views", "by own kernels on the CPU",
         f"Error {result.errors[0]:.2e}, refined {result.errors[1]:.2e}",
     ):  # fmt: skip
         assert part in text
@@ -204,6 +212,55 @@ def test_compare(scene: bpy.types.Scene) -> None:
     assert {name for name in after if name.startswith("objects")} == {
         name for name in before if name.startswith("objects")
     }
+
+
+def test_advice_on_strategies(scene: bpy.types.Scene) -> None:
+    """Only for the view that was compared, and only where another one is clearly better."""
+    rows = (Row("optimal", "Optimal", 1e-4), Row("ss-variance", "Screen", 8e-4), Row("patchnet", "PatchNet", 1e-3))
+    result = SceneResult(
+        octree=None, scope="VISIBLE", lookahead_share=1.0, comparison=Comparison("Eye", 0.3, 2e-3, rows)
+    )
+    values = scene.patchnet
+    values.strategy = "patchnet-plus"
+    result.made_with["view"] = recorded(values, "view")
+    assert advice(result, values) == [], "the chosen one was not compared"
+    values.strategy = "patchnet"
+    (found,) = advice(result, values)
+    assert "Screen leaves 20% less error than PatchNet: choose it, and render again" in found.text
+    assert (found.setting, found.value) == ("strategy", "ss-variance")
+    values.strategy = "ss-variance"
+    assert advice(result, values) == [], "an oracle is no choice"
+    values.strategy, values.budget = "patchnet", 0.1
+    assert advice(result, values) == [], "another budget"
+    values.budget = 0.3
+    result.mark("view", "camera 'Eye' moved")
+    assert advice(result, values) == []
+
+
+def test_advice_on_look_ahead(scene: bpy.types.Scene) -> None:
+    result = SceneResult(octree=None, scope="VISIBLE", lookahead_share=0.4)
+    values = scene.patchnet
+    for resolution, setting, value in (
+        ("AUTO", "resolution", "FIT"), ("DEPTH", "resolution", "AUTO"), ("VOXEL_SIZE", "resolution", "AUTO"),
+        ("FIT", "", ""),
+    ):  # fmt: skip
+        values.resolution = resolution
+        (found,) = advice(result, values)
+        assert found.text.startswith("Voxels are too coarse to look ahead on 60% of this picture: ")
+        assert (found.setting, found.value) == (setting, value)
+    result.lookahead_share = 0.95
+    assert advice(result, values) == []
+
+
+def test_advice_is_drawn_in_lines_with_its_button(scene: bpy.types.Scene) -> None:
+    result = small_preview()
+    result.lookahead_share = 0.4
+    text = drawn(PATCHNET_PT_preview)
+    assert "wm.context_set_enum" in text and "Fit to Cameras" not in " ".join(text[:-3])
+    start = next(index for index, line in enumerate(text) if line.startswith("Voxels are too"))
+    assert all(len(line) <= 24 for line in text[start : start + 3])  # no region: the narrowest
+    result.lookahead_share = 1.0
+    assert "wm.context_set_enum" not in drawn(PATCHNET_PT_preview)
 
 
 def test_device(scene: bpy.types.Scene) -> None:

@@ -90,7 +90,7 @@ def test_panel_and_figures(scene: bpy.types.Scene, capfd: pytest.CaptureFixture[
     assert bpy.ops.patchnet.run_all(light="two-lights", **SMALL) == {"FINISHED"}
     by_share = results.voxels_of(scene).errors
     scene.patchnet.spp = 4.0
-    assert "'Samples per Pixel' changed: render again" in drawn(PATCHNET_PT_preview)
+    assert "'Pixel Samples' changed: render again" in drawn(PATCHNET_PT_preview)
     assert {"budget", "spp"} <= set(drawn(PATCHNET_PT_preview))
     assert {"budget", "spp"} <= set(drawn(engine_panels.PATCHNET_PT_render_refinement))
     assert bpy.ops.patchnet.render_preview(size=SMALL["size"]) == {"FINISHED"}

@@ -217,7 +217,7 @@ def test_what_is_not_understood_is_said_once() -> None:
     result, warning = read(material)
     assert (result.base_color, result.alpha) == ((0.8, 0.8, 0.8), 1.0)
     assert warning is not None and warning.count("Material 'Marble'") == 1
-    assert "base colour" in warning and "opacity" in warning and "vertex colours" in warning
+    assert "base color" in warning and "opacity" in warning and "vertex colors" in warning
 
 
 def test_missing_images_are_said(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.usefixtures("registered")
 
 OTHER = {
     "scope": "SELECTED", "depth": 5, "voxel_size_world": 0.1, "fit": True, "memory_bytes": 2**30, "light": "two-lights",
-    "samples": 3, "texel_voxels": 1.0, "both_sides": True, "exposure": 2.0, "color": True, "weights": Path("other"),
+    "samples": 3, "texel_voxels": 1.0, "both_sides": True, "exposure": 2.0, "color": False, "weights": Path("other"),
 }  # fmt: skip
 
 
@@ -108,7 +108,7 @@ def test_a_setting_stands_in_one_group() -> None:
         (LightSettings, {"samples": 0}, "Samples per texel 0 is outside"),
         (ViewSettings, {"strategy": "guess"}, "guess"),
         (ViewSettings, {"size": (4, -1)}, "-1 is outside"),
-        (ViewSettings, {"colormap": "gray"}, "There is no colour map 'gray'"),
+        (ViewSettings, {"colormap": "gray"}, "There is no color map 'gray'"),
         (
             ComputeSettings,
             {"network_device": "TPU"},

@@ -79,6 +79,25 @@ def test_cubes_fill_the_voxels(scene: bpy.types.Scene) -> None:
     assert sum(polygon.area for polygon in evaluated(item).data.polygons) / 6 == pytest.approx(volume / 4, rel=1e-4)
 
 
+def test_solid_shading_shows_their_color(scene: bpy.types.Scene) -> None:
+    """Viewports in Solid shading take colors from attributes from then on; those in another shading stay."""
+    bpy.ops.patchnet.voxelize(depth=4)
+    (window,) = bpy.context.window_manager.windows
+    spaces = [area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D"]
+    assert spaces
+    for shading, color in (("WIREFRAME", "MATERIAL"), ("SOLID", "VERTEX")):
+        for space in spaces:
+            space.shading.type = "SOLID"
+            space.shading.color_type, space.shading.type = "MATERIAL", shading
+        with bpy.context.temp_override(window=window):
+            bpy.ops.patchnet.show_voxels()
+        for space in spaces:
+            space.shading.type = "SOLID"
+            assert space.shading.color_type == color
+    mesh = evaluated(shown()).data
+    assert mesh.color_attributes.active_color.name == mesh.attributes.active_color_name == "luminance_color"
+
+
 def test_instances_on_request(scene: bpy.types.Scene) -> None:
     bpy.ops.patchnet.show_voxels(level=4)
     item, cloud = shown(), voxel_cloud(results.voxels_of(scene).octree, 4)

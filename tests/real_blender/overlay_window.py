@@ -107,6 +107,11 @@ def in_viewport():
     path = yield from shot("overlay-transparent")
     seen["transparent"] = compare(path, "VIEW_3D", ("HEATMAP", "REFINED"))
     values.opacity = 1.0
+    overlay = clicks.area("VIEW_3D").spaces.active.overlay
+    overlay.show_overlays = False
+    path = yield from shot("overlay-hidden")
+    seen["hidden"] = compare(path, "VIEW_3D", ("HEATMAP", "REFINED"))
+    overlay.show_overlays = True
 
 
 def doubled():

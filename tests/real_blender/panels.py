@@ -13,7 +13,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Visit, module, side_box
+from visits import OUT, PACKAGE, Visit, module, open_panels, side_box, tabs
 
 SMALL = {
     "resolution": "DEPTH", "depth": 6, "light": "two-lights", "size": (48, 32), "cameras": "Far", "scope": "VISIBLE",
@@ -39,7 +39,7 @@ def prepare():
     settings = clicks.window().scene.patchnet
     for name, value in SMALL.items():
         setattr(settings, name, value)
-    open_all()
+    open_panels()
     if not clicks.area("VIEW_3D").spaces.active.show_region_ui:
         yield from clicks.key("N", *clicks.over_viewport())
     yield 0.5
@@ -51,20 +51,6 @@ def prepare():
     settings.light, settings.importance = "cycles", "IMAGE"
     settings.importance_image = "Mask"
     yield 0.3
-
-
-def tabs() -> list[type]:
-    """The panels of the tab."""
-    return [item for item in module("ui.panels").CLASSES if hasattr(item, "bl_category")]
-
-
-def open_all() -> None:
-    """All panels are open when they are drawn first; afterwards Blender remembers."""
-    for item in reversed(tabs()):
-        bpy.utils.unregister_class(item)
-    for item in tabs():
-        item.bl_options = set()
-        bpy.utils.register_class(item)
 
 
 def one_by_one():

@@ -31,6 +31,11 @@ def test_opacity_uncovers_the_viewport(seen: dict) -> None:
     assert (np.abs(on_screen - in_picture).max(axis=1) > 10).all()
 
 
+def test_show_overlays_hides_it(seen: dict) -> None:
+    on_screen, in_picture = np.array(seen["hidden"], int).swapaxes(0, 1)
+    assert (np.abs(on_screen - in_picture).max(axis=1) > 10).all()
+
+
 def test_pixel_under_the_mouse(seen: dict) -> None:
     (lines,) = seen["inspected"]
     assert lines[0] == "Pixel 14, 17"

@@ -26,6 +26,20 @@ def side_box() -> tuple[int, int, int, int]:
     return side.x, side.y, side.width, side.height
 
 
+def tabs() -> list[type]:
+    """The panels of the tab."""
+    return [item for item in module("ui.panels").CLASSES if hasattr(item, "bl_category")]
+
+
+def open_panels() -> None:
+    """All panels of the tab are open when they are drawn first; afterwards Blender remembers."""
+    for item in reversed(tabs()):
+        bpy.utils.unregister_class(item)
+    for item in tabs():
+        item.bl_options = set()
+        bpy.utils.register_class(item)
+
+
 class Heard:
     """Sayings of jobs since this was made. begun: their titles; labels: of their steps; told: their reports' texts.
 

@@ -14,7 +14,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, Heard, Visit, module, side_box
+from visits import OUT, Heard, Visit, module, open_panels, side_box
 
 SMALL = {"resolution": "DEPTH", "depth": 6, "samples": 1, "size": (48, 32), "cameras": "Far"}
 
@@ -72,6 +72,7 @@ def open_tab():
     settings = window.scene.patchnet
     for name, value in SMALL.items():
         setattr(settings, name, value)
+    open_panels()
     if not clicks.area("VIEW_3D").spaces.active.show_region_ui:
         yield from clicks.key("N", *clicks.over_viewport())
     yield 0.5

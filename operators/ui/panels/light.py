@@ -12,6 +12,7 @@ class PATCHNET_PT_light(SubPanel, bpy.types.Panel):
     """Light of the voxels, and where it comes from."""
 
     bl_label = "Light"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Settings, the button, what baking leaves out."""

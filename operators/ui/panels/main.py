@@ -33,7 +33,7 @@ class PATCHNET_PT_main(Tab, bpy.types.Panel):
         draw_setting(layout, context.scene.patchnet, "out")
         layout.operator("patchnet.estimate", icon="INFO")
         _draw_estimate(layout, context.scene)
-        draw_stale(layout, context.scene, "surface", "light", "view")
+        draw_stale(layout, context.scene, "surface", "light")  # of the view beside its button, in Preview
 
 
 def _draw_estimate(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:

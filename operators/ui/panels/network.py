@@ -14,6 +14,7 @@ class PATCHNET_PT_network(SubPanel, bpy.types.Panel):
     """The network that looks ahead."""
 
     bl_label = "Network"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings, the button, and the name of the encoder that made the codes."""
@@ -24,11 +25,11 @@ class PATCHNET_PT_network(SubPanel, bpy.types.Panel):
         if result is None or result.coded is None:
             return
         if result.encoder:
-            layout.label(text=f"Encoded by {result.encoder}", icon="INFO")
+            layout.label(text=f"Prepared by {result.encoder}", icon="INFO")
         before = result.made_with.get("codes")
         name = changed(context.scene.patchnet, before, "codes") if before is not None else ""
         if name:
-            layout.label(text=f"'{name}' changed: precompute again", icon="ERROR")
+            layout.label(text=f"'{name}' changed: prepare again", icon="ERROR")
 
 
 CLASSES = (PATCHNET_PT_network,)

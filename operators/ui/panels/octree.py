@@ -12,6 +12,7 @@ class PATCHNET_PT_octree(SubPanel, bpy.types.Panel):
     """Octree: which objects become voxels, and how fine ones."""
 
     bl_label = "Octree"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Settings, the button, what does not fit."""

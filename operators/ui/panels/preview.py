@@ -6,7 +6,8 @@ from __future__ import annotations
 import bpy
 
 from ...session import results
-from .tab import SubPanel, Tab, draw_budget, draw_setting, draw_settings, draw_stale, split
+from .advice import Advice, advice
+from .tab import SubPanel, Tab, draw_budget, draw_sentence, draw_setting, draw_settings, draw_stale, split
 
 
 class PATCHNET_PT_preview(SubPanel, bpy.types.Panel):
@@ -27,6 +28,17 @@ class PATCHNET_PT_preview(SubPanel, bpy.types.Panel):
         result = results.result_of(context.scene)
         if result is not None and result.pictures:
             layout.label(text="Pictures: see an Image Editor", icon="IMAGE_DATA")
+            for item in advice(result, values):
+                _draw_advice(layout, context, item)
+
+
+def _draw_advice(layout: bpy.types.UILayout, context: bpy.types.Context, item: Advice) -> None:
+    """Draw a sentence, and the button that does what it says."""
+    box = layout.box()
+    draw_sentence(box, context, item.text, "LIGHT_DATA")
+    if item.setting:
+        button = box.operator("wm.context_set_enum", text=item.button)
+        button.data_path, button.value = f"scene.patchnet.{item.setting}", item.value
 
 
 class PATCHNET_PT_importance(Tab, bpy.types.Panel):

@@ -14,6 +14,7 @@ class PATCHNET_PT_statistics(SubPanel, bpy.types.Panel):
     """Size, time and errors of the result."""
 
     bl_label = "Statistics"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Lines that were written when a step ended, what all of it takes, and the button that frees the memory."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 import bpy
@@ -18,6 +19,9 @@ else:
 
 # What empty text settings mean.
 _WHEN_EMPTY = {"out": "No Files", "weights": "Shipped", "cameras": "Active Camera"}
+# Of a line in a region: mean width of a character where Blender's texts are not scaled, and characters that icon and
+# margins take.
+_CHARACTER_PX, _MARGIN, _SHORTEST = 6.5, 8, 24
 _ADVICE = {
     "surface": ("voxelize again", "octree"),
     "light": ("bake again", "light"),
@@ -53,9 +57,15 @@ def draw_settings(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, s
 
 
 def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, name: str) -> None:
-    """Draw a setting, with its list of images where it names one."""
+    """Draw a setting, with its list of images where it names one, and the sides of pictures each in pixels."""
     if name == "importance_image":
         layout.prop_search(values, name, bpy.data, "images")
+    elif name == "size":
+        column = layout.column(align=True)
+        column.prop(values, "size_x")
+        column.prop(values, "size_y", text="Y")
+    elif name == "cameras":
+        layout.prop(values, name, placeholder=_WHEN_EMPTY[name], icon="CAMERA_DATA")
     else:
         layout.prop(values, name, placeholder=_WHEN_EMPTY.get(name, ""))
 
@@ -66,6 +76,16 @@ def draw_budget(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> 
     row.active = not values.spp
     draw_setting(row, values, "budget")
     draw_setting(layout, values, "spp")
+
+
+def draw_sentence(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
+    """Draw a sentence in as many lines as the region is wide, the first with an icon."""
+    region, scale = context.region, context.preferences.system.ui_scale  # which is 0 without a window
+    width = region.width / scale if region is not None and scale else 0.0
+    column = layout.column(align=True)
+    for line in textwrap.wrap(text, max(int(width / _CHARACTER_PX) - _MARGIN, _SHORTEST)):
+        column.label(text=line, icon=icon)
+        icon = "BLANK1"
 
 
 def draw_stale(layout: bpy.types.UILayout, scene: bpy.types.Scene, *steps: str) -> None:

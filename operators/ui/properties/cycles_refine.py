@@ -41,12 +41,13 @@ class CyclesRefineProperties:
         CyclesSettings.tile,
         CYCLES_TILE,
         soft_min=4,
+        subtype="PIXEL",
     )
     cycles_regions: number("Max Regions", "Regions at most", CyclesSettings.most, CYCLES_REGIONS, soft_max=32)
     cycles_compare: BoolProperty(
-        name="Compare with a Full Render",
-        description="Also render the whole picture with as many samples, and a reference with four times as many, and "
-        "measure time and errors of both: takes far longer",
+        name="Compare to Full",
+        description="Compare with a full render: also render the whole picture with as many samples, and a reference "
+        "with four times as many, and measure time and errors of both: takes far longer",
         default=CyclesSettings.compare,
     )
 

@@ -30,7 +30,7 @@ class DisplayProperties(LevelProperties):
         description="What stands for a voxel",
         items=[
             (CUBES, "Cubes", "A cube of the voxel's size"),
-            (POINTS, "Points", "A sphere that fits into the voxel: lighter to draw"),
+            (POINTS, "Points", "A sphere that fits into the voxel: lighter to draw, but gray in Solid shading"),
         ],
         default=CUBES,
         options=OF_ONE_CALL,

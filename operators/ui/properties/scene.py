@@ -9,11 +9,13 @@ from bpy.props import PointerProperty
 from .cycles_refine import CyclesRefineProperties
 from .display import DisplayProperties
 from .output import AnimationProperties
+from .picture_size import PictureSizeProperties
 from .stages import JobProperties
 
 
 class PatchNetSettings(
     JobProperties,
+    PictureSizeProperties,
     AnimationProperties,
     DisplayProperties,
     CyclesRefineProperties,

@@ -11,7 +11,8 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, In
 
 from ....patchnet_addon.runtime.bounds import SHARE, Bounds
 from ...schema.setting import Kind, Setting
-from ...schema.table import rows
+from ...schema.table import CAMERAS, rows
+from .camera_search import camera_candidates
 
 OF_ONE_CALL = {"SKIP_SAVE"}  # an operator forgets the value, so that the scene's counts for its next call
 
@@ -56,6 +57,8 @@ def property_of(row: Setting) -> Any:
     if row.kind is Kind.CHOICE:
         return EnumProperty(**words, items=list(row.choices), default=row.default, **more)
     if row.kind is Kind.TEXT:
+        if row.stage == CAMERAS:
+            more |= {"search": camera_candidates, "search_options": {"SUGGESTION"}}
         return StringProperty(**words, **more)
     if row.kind in (Kind.FILE, Kind.FOLDER):
         return relative_path(row.label, row.description, "FILE_PATH" if row.kind is Kind.FILE else "DIR_PATH")

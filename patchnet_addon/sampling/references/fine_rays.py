@@ -28,7 +28,7 @@ def _score_4(buffers: PixelBuffers) -> np.ndarray:
 FINE_RAY = Strategy(
     name="fine-ray",
     title="One finer ray",
-    description="Luminance difference to one ray through the pixel's centre with the footprint of a patch's voxels",
+    description="Luminance difference to one ray through the pixel's center with the footprint of a patch's voxels",
     needs=frozenset({FINE}),
     score=_score,
     quantity=_QUANTITY,

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Settings of the panel and arguments of `patchnet run` are the same, with the same defaults; what differs is named."""
+
+import argparse
+from pathlib import Path
+
+import bpy
+import pytest
+
+from patchnet.commands import run
+from patchnet.commands.shared.job_arguments import job_settings
+from patchnet.operators.schema.table import TABLE
+from patchnet.operators.settings.groups import ViewSettings
+from patchnet.operators.ui import panels
+from patchnet.operators.ui.preferences import PatchNetPreferences
+from patchnet.operators.ui.presets_menu import PATCHNET_PT_presets
+from patchnet.operators.ui.properties import scene_settings
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.tests.blender.drawn import drawn
+from patchnet.tests.blender.job_scene import build
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+# Properties of the panel that an argument of another name sets; all others have the argument's name, or the table's.
+OF_ARGUMENT = {
+    "--depth": {"resolution", "depth"},
+    "--size": {"size_x", "size_y"},
+    "--device": {"network_device"},
+    "--mask-image": {"importance", "importance_image"},
+    "--mask-group": {"importance", "importance_group"},
+    "--frames": {"frame_start", "frame_end", "frame_step"},  # the scene's own
+    "--overwrite": {"skip_existing"},
+}
+ONLY_COMMAND = {
+    "--mask": "a file; in Blender it is opened as an image",
+    "--colormap": "in the preferences, since it belongs to a user",
+}
+ONLY_PANEL = {
+    "level": "`patchnet export --level`: voxels are exported from the run's octree",
+    "display": "of an object in the viewport",
+    "limit": "of an object in the viewport",
+}
+
+
+def parser() -> argparse.ArgumentParser:
+    return run.add_parser(argparse.ArgumentParser().add_subparsers())
+
+
+def arguments() -> set[str]:
+    """Arguments of `patchnet run`, each by its first spelling."""
+    return {action.option_strings[0] for action in parser()._actions if action.option_strings} - {"-h"}
+
+
+def properties_of(argument: str) -> set[str]:
+    """Properties of the panel that an argument sets."""
+    by_table = {row.argument: row.name for row in TABLE.values() if row.argument}
+    name = by_table.get(argument, argument.removeprefix("--").replace("-", "_"))
+    return OF_ARGUMENT.get(argument, {name})
+
+
+def drawn_settings() -> set[str]:
+    """Names of the settings that the tab's panels show, whatever is chosen in them."""
+    values, texts = bpy.context.scene.patchnet, set()
+    for light in ("cycles", "two-lights"):
+        for resolution in ("AUTO", "FIT", "DEPTH", "VOXEL_SIZE"):
+            for importance in ("NONE", "IMAGE", "VERTEX_GROUP"):
+                values.light, values.resolution, values.importance = light, resolution, importance
+                for panel in panels.CLASSES:
+                    texts |= set(drawn(panel)) if panel is not PATCHNET_PT_presets else set()
+    frames = {"frame_start", "frame_end", "frame_step"}
+    return {text for text in texts if text in values.bl_rna.properties or text in frames}
+
+
+def test_every_argument_is_in_the_panel() -> None:
+    build()
+    shown = drawn_settings()
+    missing = {item: properties_of(item) - shown for item in arguments() - set(ONLY_COMMAND)}
+    assert not {item: names for item, names in missing.items() if names}
+    assert set(ONLY_COMMAND) <= arguments(), "an exception that is none any more"
+    assert "colormap" in PatchNetPreferences.__annotations__
+
+
+def test_every_setting_of_the_panel_is_an_argument() -> None:
+    build()
+    settable = set().union(*(properties_of(item) for item in arguments()))
+    assert drawn_settings() - settable == set(ONLY_PANEL)
+
+
+def test_every_setting_of_a_scene_is_in_the_panel() -> None:
+    build()
+    names = {item.identifier for item in bpy.context.scene.patchnet.bl_rna.properties} - {"rna_type", "name"}
+    assert names - drawn_settings() == {"size"}, "whose two sides are shown"
+
+
+def test_defaults_are_the_same() -> None:
+    build()
+    bpy.context.scene.property_unset("patchnet")
+    given = job_settings(parser().parse_args(["scene.blend"]), Path("out"))
+    assert given.view.size == (192, 192)  # square pictures, while the panel's follow the render's aspect
+    scene = scene_settings(bpy.context.scene).changed(budget=ViewSettings.budget)
+    assert given.compute.torch_device == scene.compute.torch_device == "auto"
+    assert given.changed(size=scene.view.size, out=None, network_device="AUTO") == scene
+
+
+def test_arguments_that_only_the_panel_had() -> None:
+    def given(*words: str) -> object:
+        return job_settings(parser().parse_args(["scene.blend", *words]), Path("out"))
+
+    assert given("--bake-device", "gpu").compute.device == "GPU" and given().compute.device == "AUTO"
+    assert given("--no-color").light.color is False and given("--color").light.color is given().light.color is True
+    assert given("--mask-image", "Mask").view.importance.image == "Mask"
+    assert given("--mask-group", "Head").view.importance.vertex_group == "Head"
+    with pytest.raises(SettingError, match="Importance needs one source"):
+        given("--mask-image", "Mask", "--mask-group", "Head")
