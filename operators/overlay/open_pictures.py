@@ -97,6 +97,13 @@ def _new_window(context: bpy.types.Context) -> tuple[bpy.types.Window, bpy.types
     return None
 
 
+def fit_editor(context: bpy.types.Context, area: bpy.types.Area) -> None:
+    """Fit the whole picture into an editor of any window."""
+    for window in context.window_manager.windows:
+        if area in window.screen.areas.values():
+            _fit(window, area)
+
+
 def _fit(window: bpy.types.Window, area: bpy.types.Area) -> None:
     """Fit the whole picture into the editor."""
     region = next((item for item in area.regions if item.type == "WINDOW"), None)

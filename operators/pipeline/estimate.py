@@ -19,12 +19,13 @@ from ..scene.cameras import choose_cameras
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
-from ..settings.groups import LightSettings, SurfaceSettings
+from ..settings.groups import SurfaceSettings
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
 from ..state.watch import read_state
 from .encoder import encoder_text
-from .stages import lookahead_of
+from .job_work import JobFigures, Rates, pixels_of, texels_of, time_line, work_of
+from .stages import GridChoice, lookahead_of
 
 _BYTES_PER_CODED = 12.2 + 2.2 * 20  # what finds its codes, and codes that it shares with neighbours
 
@@ -38,6 +39,7 @@ class Estimate:
     leaves, octree_bytes, codes_bytes, peak_bytes: of building it; free_bytes: what may be used.
     lookahead_share: of hit pixels in the camera with least of it, None where no camera sees anything.
     texels, paths: of the bake, both 0 without one; paths of one side of the surface.
+    seconds: of the whole job, by stage. time_line: their sum in words.
     device, encoder: what will compute, in words. made_for: surface and views, in words.
     settings: values of the scene's settings. state: of the scene. stale_because: what changed since, "" if nothing did.
     """
@@ -57,6 +59,8 @@ class Estimate:
     device: str
     encoder: str
     made_for: tuple[str, str]
+    seconds: dict[str, float] = field(default_factory=dict)
+    time_line: str = ""
     settings: dict[str, Any] = field(default_factory=dict)
     state: SceneState | None = None
     stale_because: str = ""
@@ -95,7 +99,10 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
     grid = Grid.around(bounds, depth)
     texels = 0
     if light.is_baked:
-        texels = yield from _texels(source, grid, light)
+        texels = yield from texels_of(source, GridChoice(grid), settings)
+    rates = Rates()
+    work = work_of(JobFigures(source.triangle_count, leaves, texels, pixels_of(cameras)), settings)
+    seconds = rates.seconds(work)
     found = Estimate(
         depth=depth,
         wanted=automatic.wanted,
@@ -112,6 +119,8 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
         device=device,
         encoder=encoder_text(settings.compute),
         made_for=_made_for(source, cameras),
+        seconds=seconds,
+        time_line=time_line(seconds, rates, at_most=surface.fit),
     )
     found.lines = estimate_lines(found)
     return found
@@ -128,16 +137,6 @@ def _depth(surface: SurfaceSettings, bounds: Any, automatic: int) -> int:
     if surface.voxel_size_world is not None:
         return Grid.with_voxel_size(bounds, surface.voxel_size_world).depth
     return min(automatic, MAX_DEPTH)
-
-
-def _texels(source: SceneMesh, grid: Grid, light: LightSettings) -> Steps[int]:
-    """Texels of the bake; of fitted leaves as if all were on the deepest level, which is the most it can be."""
-    from ...patchnet_addon.lightmap.charts import texels_wanted
-    from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
-    from ..cycles.bake.bake import MAX_TEXELS
-
-    texel_world = texel_sizes(source, grid, None, light.texel_voxels)
-    return (yield from texels_wanted(source, texel_world, MAX_TEXELS))
 
 
 def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> tuple[str, str]:
@@ -167,4 +166,6 @@ def estimate_lines(found: Estimate) -> list[str]:
         lines.append(f"Paths of a side: {count_text(found.paths)}")
         lines.append(f"Bake on: {found.device}")
     lines.append(f"Codes: {found.encoder}")
+    if found.time_line:
+        lines.append(found.time_line)
     return lines
