@@ -2,12 +2,14 @@
 """Pictures that a job shows before it is done: the first rays, also before light is baked, heatmap, refinement."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
 
 from patchnet.operators import overlay
+from patchnet.operators.overlay import unfinished as unfinished_image
 from patchnet.operators.pipeline import unfinished
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.pipeline.unfinished import STAND_IN, Unfinished
@@ -57,3 +59,30 @@ def test_two_lights_need_no_stand_in_and_nobody_looking_no_pictures(weights: Pat
     np.testing.assert_array_equal(alone.views[0].refined.luminance, result.views[0].refined.luminance)
     with overlay.unfinished_pictures(bpy.context) as meanwhile:
         assert meanwhile is None, "in background"
+
+
+def test_the_image_of_a_job_goes_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As beside a window: it takes every picture's size, is never saved, and leaves nothing, also after an error."""
+    build()
+    before = scene_snapshot()
+    beside_a_window = SimpleNamespace(app=SimpleNamespace(background=False), data=bpy.data, types=bpy.types)
+    monkeypatch.setattr(unfinished_image, "bpy", beside_a_window)
+    for error in (None, RuntimeError):
+        try:
+            with overlay.unfinished_pictures(bpy.context) as meanwhile:
+                assert meanwhile is not None
+                for width, height in ((24, 16), (16, 24)):
+                    seen = Unfinished("Eye", "preview", np.random.default_rng(1).random((height, width, 3)))
+                    meanwhile(seen)
+                    image = bpy.data.images[unfinished_image.NAME]
+                    page = seen.page()
+                    assert tuple(image.size) == page.shape[1::-1] and image.is_runtime_data
+                    pixels = np.array(image.pixels[:]).reshape(*page.shape[:2], 4)
+                    np.testing.assert_allclose(pixels[..., :3], page, atol=0.51 / 255)
+                if error is not None:
+                    raise error
+        except RuntimeError:
+            pass
+        assert unfinished_image.NAME not in bpy.data.images
+        assert_unchanged(before)
+        meanwhile(seen)  # a step that comes too late finds nothing to write to
