@@ -24,7 +24,7 @@ INPUTS := pyproject.toml setup.py constraints.txt
 .PHONY: demo test test-blender lint docs zip zip-platform clean system environment environment-5.2 environment-docs
 
 demo: environment
-	$(VENV)/bin/patchnet demo --out out/demo
+	$(VENV)/bin/patchnet demo --reference --out out/demo
 
 test: environment
 	.ci/test $(VENV)/bin/python

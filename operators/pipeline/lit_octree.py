@@ -43,7 +43,8 @@ class Recipe:
     still be; None chooses them. cameras: those that the depth is chosen for; None takes those of the settings.
     depsgraph: read instead of the context's. baking: context in which Cycles bakes. rotation: seed of a random rotation
     of the lit surface, 0 for none. bisect: axis and share of a plane at which the lit surface is cut open, None for
-    none; not with a rotation. provenance: entries of the octree's file beside its own.
+    none; not with a rotation. after_grid: what is done once surface and grid are known. provenance:
+    entries of the octree's file beside its own.
     """
 
     unlit: bool = False
@@ -53,6 +54,7 @@ class Recipe:
     baking: Callable[[], AbstractContextManager[None]] = nullcontext
     rotation: int = 0
     bisect: tuple[int, float] | None = None
+    after_grid: Callable[[SceneMesh, GridChoice], Steps[None]] | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
 
 
@@ -93,6 +95,8 @@ def build_lit_octree(
         state = _state(context, recipe)
     with clock.stage("depth"):
         choice = yield from _choice(context, source, settings, recipe)
+    if recipe.after_grid is not None:
+        yield from recipe.after_grid(source, choice)
     with recipe.baking():
         with clock.stage("light"):
             assumed: tuple[str, ...] = ()

@@ -176,12 +176,27 @@ _VIEWS = (
         argument="--budget", help="share of active pixels to refine, 0 to 1",
     ),
     Setting(
+        "refined_samples", "Refined Samples",
+        "Mean samples of the pixels that Budget refines, spread by priority: 16, 64 or 256 in each, and 1,024 where "
+        "the mean is above 256",
+        VIEW, Kind.NUMBER, 64.0, bounds.REFINED_SAMPLES,
+        argument="--refined-samples", help="mean samples of refined pixels, 16 to 1024, by priority",
+        widget={"soft_max": 256.0, "precision": 0},
+    ),
+    Setting(
         "spp", "Pixel Samples",
         "Mean samples per active pixel, spread by priority: 1, 4, 16, 64, 256 or 1,024 in each; 0 refines the share "
-        "that Budget says with 1,024",
+        "that Budget says",
         VIEW, Kind.AUTOMATIC, None, bounds.SPP,
         argument="--spp", help="mean samples per active pixel, 1 to 1024, by priority, instead of a share", unit="MEAN",
         widget={"soft_max": 64.0},
+    ),
+    Setting(
+        "reference", "In All Previews",
+        "Preview Selection and Render Preview, too, trace 32 x 32 rays in every pixel and measure the error of all "
+        "strategies against them: takes far longer",
+        VIEW, Kind.SWITCH, False, effect=Effect.PERHAPS,
+        argument="--reference", help="also trace 32 x 32 rays in every pixel, and state the errors of all strategies",
     ),
     Setting(
         "heatmap_maximum", "Heatmap Max", "Priority at the end of the heatmap's legend; 0 takes the strategy's own",

@@ -62,8 +62,8 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
     if OTHER_PYTHON:
         torch_python: StringProperty(
             name="Python with torch",
-            description="Program of a Python that has torch, such as /opt/venv/bin/python: it then prepares look-ahead. "
-            "Empty for Blender's own Python, with the same result",
+            description="Program of a Python that has torch, such as /opt/venv/bin/python: it then prepares "
+            "look-ahead. Empty for Blender's own Python, with the same result",
             subtype="FILE_PATH",
             update=_forget_python,
         )

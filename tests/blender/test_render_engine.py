@@ -20,6 +20,7 @@ from patchnet.patchnet_addon.runtime.errors import StoppedError
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.runtime.worker import computed
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
@@ -68,6 +69,16 @@ def test_passes_are_what_the_tracer_computes(scene: bpy.types.Scene) -> None:
     world = np.where(hits.hit[~mask], 0.0, 1.0)[:, None] * np.array(WORLD) * 0.5
     assert np.allclose(combined[~mask, :3], light[:, None] + world, atol=1e-6)
     assert (combined[:, 3] == 1.0).all()
+
+
+def test_refined_pixels_have_as_many_samples_as_the_scene_says(scene: bpy.types.Scene) -> None:
+    scene.patchnet.refined_samples = 100.0
+    counts = rendered(scene)["Sample Count"][..., 0]
+    buffers = expected(scene)
+    chosen = STRATEGIES[scene.patchnet.strategy]
+    samples = rank(chosen, buffers, scene.patchnet.budget).refined_samples(100.0)
+    assert set(samples.tolist()) == {1, 64, 256} and 90.0 < samples[samples > 1].mean() <= 100.0
+    np.testing.assert_array_equal(counts, buffers.picture(samples))
 
 
 def test_refined_pixels_are_the_reference_over_a_transparent_film(scene: bpy.types.Scene) -> None:
