@@ -24,7 +24,8 @@ def add_settings(parser: argparse.ArgumentParser, *names: str) -> None:
 
     for row in (TABLE[name] for name in names):
         if row.kind is Kind.SWITCH:
-            parser.add_argument(row.argument, action="store_true", help=row.help)
+            action = "store_false" if row.default else "store_true"
+            parser.add_argument(row.argument, dest=row.parsed, action=action, help=row.help)
         elif row.kind is Kind.CHOICE:
             values = [value for value, _, _ in row.choices]
             parser.add_argument(row.argument, choices=values, default=row.default, help=f"{row.help} ({row.default})")
@@ -48,12 +49,12 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(
         parser, "--voxel-size", bounds.VOXEL_SIZE, help="side of the finest voxels in world units, instead of a depth"
     )
-    add_settings(parser, "light", "samples", "texel_voxels", "exposure", "cameras")
+    add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure", "cameras")
     add_number(
         parser, "--size", bounds.SIZE_PX, nargs=2, default=(192, 192), metavar=("W", "H"),
         help="pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution (192 192)",
     )  # fmt: skip
-    add_settings(parser, "color", "both_sides", "budget", "spp")
+    add_settings(parser, "color", "both_sides", "gloss", "budget", "spp")
     parser.add_argument("--strategy", default="patchnet-plus", help="what is refined first (patchnet-plus)")
     add_settings(parser, "unrefined")
     parser.add_argument(
@@ -110,7 +111,7 @@ def given_settings(args: argparse.Namespace) -> dict[str, Any]:
 
     found = {}
     for row in TABLE.values():
-        name = row.argument.removeprefix("--").replace("-", "_")
+        name = row.parsed
         if not name or not hasattr(args, name):
             continue
         value = getattr(args, name)

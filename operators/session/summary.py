@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ...patchnet_addon.octree.exposure import exposure_text
+
 if TYPE_CHECKING:
     from .scene_result import SceneResult
 
@@ -26,6 +28,7 @@ def summary(result: SceneResult) -> list[str]:
         f"Depth {'up to ' if result.layout else ''}{octree.depth}, voxel side {octree.grid.voxel_size_world:.4g}",
         f"{octree.leaf_count:,} voxels, {octree.node_count:,} nodes",
         f"Light: {_LIGHTS.get(result.light, result.light)}",
+        *([exposure_text(octree)] if "exposure" in octree.provenance else []),
     ]
     if result.coded is not None:
         lines.append(f"{len(result.coded.codes):,} codes{f', by {result.encoder}' if result.encoder else ''}")
