@@ -12,7 +12,7 @@ from .shared.arguments import add_out
 from .shared.cycles import print_cycles
 from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
 from .shared.job_arguments import add_job_arguments, job_settings, require_blender
-from .shared.lines import say_note, say_result
+from .shared.lines import say_exposure, say_note, say_result
 from .shared.scene_argument import add_scene, open_given, scene_path
 
 if TYPE_CHECKING:
@@ -86,6 +86,7 @@ def print_result(result: JobResult, settings: JobSettings) -> None:
         f"Octree: depth {depth}, {octree['leaves']:,} voxels, {octree['nodes']:,} nodes, "
         f"{(octree['bytes'] + octree['codes_bytes']) / 2**20:.1f} MiB with codes"
     )
+    say_exposure(result.coded.octree)
     for view in result.report["frames"]:
         _print_view(view, settings.view)
     views = [_view_figures(view) for view in result.report["frames"]]

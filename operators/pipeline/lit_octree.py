@@ -20,6 +20,7 @@ from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
+from ..cycles.bake.gloss_passes import seen_through, with_view
 from ..scene.cameras import choose_cameras, track_cameras
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
@@ -88,10 +89,14 @@ def build_lit_octree(
     own.
     """
     recipe = recipe or Recipe()
+    if settings.light.is_baked and not recipe.unlit:
+        settings = replace(settings, light=with_view(context, settings.light, settings.view.cameras))
     with clock.stage("read"):
         yield Progress(0, 1, "Reading the scene")
         depsgraph = recipe.depsgraph or context.evaluated_depsgraph_get()
         source = read_scene(depsgraph, settings.surface.scope)
+        if settings.light.is_baked:
+            source = seen_through(source, settings.light.gloss)
         state = _state(context, recipe)
     with clock.stage("depth"):
         choice = yield from _choice(context, source, settings, recipe)

@@ -146,6 +146,8 @@ def lit(
     atlas = yield from bake_luminance(
         context, source, texel_world, light, device=compute.device, kept=kept, depsgraph=depsgraph
     )
+    if light.denoise:
+        atlas = yield from computed(lambda: _denoised(atlas, source), Progress(0, 1, "Denoising light"))
     shade = yield from computed(lambda: _baked(atlas, source), Progress(0, 1, _TEXTURES))
     return shade, (*coarse, *atlas.warnings, *((NO_LIGHT,) if light.daylight else ()))
 
@@ -172,6 +174,12 @@ def _texel_sizes(source: SceneMesh, choice: GridChoice, light: LightSettings) ->
     from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
 
     return texel_sizes(source, choice.grid, choice.layout, light.texel_voxels)
+
+
+def _denoised(atlas: Atlas, source: MeshSource) -> Atlas:
+    from ...patchnet_addon.lightmap.denoised_atlas import denoised_atlas
+
+    return denoised_atlas(atlas, source)
 
 
 def _baked(atlas: Atlas, source: MeshSource) -> ShadingFn:
@@ -239,7 +247,8 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
     if all(_is_black(material) for material in source.materials):
         values[BLACK_SURFACE] = True  # for a sentence about black pictures
     if light == CYCLES:
-        values |= {"samples": settings.light.samples, "texel_voxels": settings.light.texel_voxels}
+        light_of_bake = settings.light
+        values |= {name: getattr(light_of_bake, name) for name in ("samples", "texel_voxels", "gloss", "denoise")}
     return values
 
 

@@ -90,7 +90,8 @@ class ViewportPreview:
         column = np.arange(camera.width_px) * columns // camera.width_px
         row = np.arange(camera.height_px) * rows // camera.height_px
         square = (row[:, None] * columns + column).ravel()
-        picture.colors[:] = hit_colors(picture.octree, hits)[square]
+        seen = hit_colors(picture.octree, hits) + picture.octree.color_above_white(hits.node)
+        picture.colors[:] = seen[square]
         picture.alpha[:] = hits.hit[square]
 
     def _keep_pace(self, took: float, slice_s: float) -> None:

@@ -22,6 +22,7 @@ SELECTED, VISIBLE = "SELECTED", "VISIBLE"
 DEPTH, VOXEL_SIZE, FIT = "DEPTH", "VOXEL_SIZE", "FIT"
 CYCLES, TWO_LIGHTS = "cycles", "two-lights"
 CPU, GPU = "CPU", "GPU"
+GLOSS_AUTO, GLOSS_OFF, GLOSS_ABOVE, GLOSS_CAMERA = "auto", "off", "above", "camera"
 NOTHING, IMAGE, VERTEX_GROUP = "NONE", "IMAGE", "VERTEX_GROUP"
 # Stages of a job.
 OCTREE, LIGHT, CODES, CAMERAS, VIEW, IMPORTANCE, OUTPUT = (
@@ -89,6 +90,12 @@ _LIGHT = (
         counts=_baked, argument="--samples", help="Cycles samples per baked texel", widget={"soft_max": 256},
     ),
     Setting(
+        "denoise", "Denoise",
+        "Average baked light with that of the texels around, where they differ by no more than its noise. Shadows, "
+        "edges and textures stay",
+        LIGHT, Kind.SWITCH, True, counts=_baked, argument="--denoise", help="take the noise out of baked light",
+    ),
+    Setting(
         "texel_voxels", "Texel Size",
         "Side of a baked texel in finest voxels: smaller texels take longer and show finer shadows",
         LIGHT, Kind.NUMBER, 2.0, bounds.TEXEL_VOXELS, counts=_baked,
@@ -100,6 +107,18 @@ _LIGHT = (
         "side that normals show. Leaves and other cut-outs always hold the mean",
         LIGHT, Kind.SWITCH, False, counts=_baked,
         argument="--both-sides", help="opaque sheets have the mean of both sides (the side that normals show)",
+    ),
+    Setting(
+        "gloss", "Gloss", "Whose reflections are baked, and from where they are seen; clear glass is see-through",
+        LIGHT, Kind.CHOICE, GLOSS_AUTO,
+        choices=(
+            (GLOSS_AUTO, "Automatic", "Of metals and mirrors, which would be black: as the active camera sees them, "
+             "where it is now, or as seen from above where other cameras look, too"),
+            (GLOSS_OFF, "Off", "Diffuse light and emission alone: metals and mirrors are black, glass is opaque"),
+            (GLOSS_ABOVE, "From Above", "Of all materials, as seen from above the surface"),
+            (GLOSS_CAMERA, "From Camera", "Of all materials, as the active camera sees it where it is now"),
+        ),
+        counts=_baked, argument="--gloss", help="whose reflections are baked, and from where they are seen",
     ),
     Setting(
         "device", "Bake Device", "What Cycles bakes on", LIGHT, Kind.CHOICE, AUTO,

@@ -71,23 +71,32 @@ class LightSettings:
     kind: "cycles" bakes global illumination with `samples` per texel, "two-lights" is methods 7.3.
     exposure: factor on luminance; None chooses it by the surface (methods 7.1).
     both_sides: of opaque sheets, voxels hold the mean of both sides; else the light of the side that normals show.
+    gloss: whose reflections are baked, and from where they are seen: auto, off, above, camera.
+    denoise: baked light is averaged with that around it, as far as it differs by its noise (methods 7.2g).
     color: keep colour beside luminance, for pictures and exports; two bytes a node (methods 7.2d).
     texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
     daylight: whether sun and sky are added for the bake; None adds them to a scene without light.
+    from_camera: whether gloss is seen from the active camera; None: as `gloss` and the job's cameras say.
     """
 
     kind: str = field(default=TABLE["light"].default, metadata={_FLAT: "light"})
     samples: int = TABLE["samples"].default
     exposure: float | None = None
     both_sides: bool = TABLE["both_sides"].default
+    gloss: str = TABLE["gloss"].default
+    denoise: bool = TABLE["denoise"].default
     color: bool = TABLE["color"].default
     texel_voxels: float = TABLE["texel_voxels"].default
     daylight: bool | None = None
+    from_camera: bool | None = None
 
     def __post_init__(self) -> None:
         _check_numbers(self)
         if self.kind not in (CYCLES, TWO_LIGHTS):
             raise SettingError(f"There is no light {self.kind!r}: choose {CYCLES} or {TWO_LIGHTS}")
+        known = [value for value, _, _ in TABLE["gloss"].choices]
+        if self.gloss not in known:
+            raise SettingError(f"There is no gloss {self.gloss!r}: choose one of {', '.join(known)}")
 
     @property
     def is_baked(self) -> bool:

@@ -50,8 +50,9 @@ class Pace:
 class AdaptivePicture:
     """Picture of P pixels, row 0 at the bottom, and what is known of them so far.
 
-    colors: (P, 3) float32, linear as the octree's, weighed by alpha over black. alpha: (P,) float32, share of the rays
-    that met something. samples: (P,) int32, rays per pixel; 0 where nothing is traced yet.
+    colors: (P, 3) float32, linear as the octree's with what is above white, weighed by alpha over black.
+    alpha: (P,) float32, share of the rays that met something.
+    samples: (P,) int32, rays per pixel; 0 where nothing is traced yet.
     buffers, score: set once every pixel was traced: what strategies look at, and (P,) float32 scores.
     """
 
@@ -151,7 +152,10 @@ class AdaptivePicture:
     def _show(self, start: int, band: PixelBuffers) -> None:
         rows = slice(start, start + len(band.preview))
         seen = band.shown_color
-        self.colors[rows] = band.shown[:, None] if seen is None else seen
+        above = self.octree.color_above_white(band.hits.node)
+        if band.shows_predicted and band.prediction is not None:
+            above *= band.prediction.coverage[:, None]
+        self.colors[rows] = (band.shown[:, None] if seen is None else seen) + above
         self.alpha[rows] = band.shown_alpha
         self.samples[rows] = 1
 

@@ -122,7 +122,8 @@ def test_luminance_is_the_same_with_and_without_colour(light: str) -> None:
     assert (gray.provenance["color"], colored.provenance["color"]) == (False, True)
     assert gray.exposure == colored.exposure
     for name, values in octree_arrays(gray).items():
-        np.testing.assert_array_equal(octree_arrays(colored)[name], values, err_msg=name)
+        if name != "bright_colors":
+            np.testing.assert_array_equal(octree_arrays(colored)[name], values, err_msg=name)
 
 
 def test_pictures_agree_with_cycles_in_each_region(tmp_path: Path) -> None:
