@@ -4,6 +4,7 @@
 #   make test     lint, types and all tests
 #   make lint     lint and types alone
 #   make test-blender   the extension in a real Blender 5.2, with a window: BLENDER=/path/to/blender, or one is fetched
+#   make docs     the site of the documentation into out/docs; its tutorial runs in Blender meanwhile
 #   make zip      the extension with its wheels into dist/: a zip for each platform and Python
 #   make zip-platform   one zip a platform with the wheels of Blender 4.5 and 5.2, for extensions.blender.org
 #   make clean    remove results and builds, keep the environments
@@ -16,12 +17,14 @@ VENV := .venv
 STAMP := $(VENV)/.installed
 VENV_52 := .venv-5.2
 STAMP_52 := $(VENV_52)/.installed
+VENV_DOCS := .venv-docs
+STAMP_DOCS := $(VENV_DOCS)/.installed
 INPUTS := pyproject.toml setup.py constraints.txt
 
-.PHONY: demo test test-blender lint zip zip-platform clean system environment environment-5.2
+.PHONY: demo test test-blender lint docs zip zip-platform clean system environment environment-5.2 environment-docs
 
 demo: environment
-	$(VENV)/bin/patchnet demo --out out/demo
+	$(VENV)/bin/patchnet demo --reference --out out/demo
 
 test: environment
 	.ci/test $(VENV)/bin/python
@@ -33,6 +36,11 @@ test-blender: environment
 lint: environment
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/mypy
+
+# Every page is read and the tutorial is run in every build; a warning, such as a link to nowhere, fails it.
+docs: environment-docs
+	$(VENV_DOCS)/bin/sphinx-build --fail-on-warning --keep-going --fresh-env -d out/docs-build docs out/docs
+	@echo "the site is in out/docs: open out/docs/index.html"
 
 zip: environment
 	$(VENV)/bin/python .ci/build_extension.py --out dist --wheels all --platform all
@@ -46,6 +54,7 @@ clean:
 
 environment: $(STAMP)
 environment-5.2: $(STAMP_52)
+environment-docs: $(STAMP_DOCS)
 
 # The libraries that Blender loads, and Python's venv: checked every time, installed only when missing.
 system:
@@ -57,3 +66,7 @@ $(STAMP): $(INPUTS) | system
 # Blender 5.2 speaks Python 3.13. Without torch on purpose: Blender users have none.
 $(STAMP_52): $(INPUTS) | system
 	.ci/make-environment 3.13 $(VENV_52) "blender,test"
+
+# Sphinx has requirements of its own, which neither tests nor users need.
+$(STAMP_DOCS): $(INPUTS) | system
+	.ci/make-environment 3.11 $(VENV_DOCS) "blender,docs"

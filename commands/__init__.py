@@ -63,10 +63,10 @@ def main(
     from .shared.lines import say_error
 
     words = sys.argv[1:] if argv is None else list(argv)
-    modules = {name: importlib.import_module(f".{name.replace('-', '_')}", __name__) for name in names or NAMES}
+    modules = modules_of(names or NAMES)
     try:
         log.set_up(_log_format(words), level)
-        args = _parser(modules, program).parse_args(words)
+        args = make_parser(modules, program).parse_args(words)
         log.start(args.command, arguments=words)
         with prompt_interrupt():
             return int(modules[args.command].run(args))
@@ -86,6 +86,11 @@ def main(
         return EXIT_UNEXPECTED
 
 
+def modules_of(names: Iterable[str] = NAMES) -> dict[str, ModuleType]:
+    """Modules of sub-commands, by name."""
+    return {name: importlib.import_module(f".{name.replace('-', '_')}", __name__) for name in names}
+
+
 class _Parser(argparse.ArgumentParser):
     """Argument parser that reports what it does not understand as an event where programs listen."""
 
@@ -99,8 +104,8 @@ class _Parser(argparse.ArgumentParser):
         self.exit(EXIT_ERROR)
 
 
-def _parser(modules: dict[str, ModuleType], program: str) -> argparse.ArgumentParser:
-    """Parser of the whole command line, with one sub-parser a module."""
+def make_parser(modules: dict[str, ModuleType], program: str = "patchnet") -> argparse.ArgumentParser:
+    """Parser of the whole command line, with one sub-parser a module; docs/make_commands.py reads it."""
     parser = _Parser(prog=program, description="See where a coarse view of a scene is wrong, and refine there first.")
     _add_log_format(parser)
     subparsers = parser.add_subparsers(dest="command", metavar="SUB-COMMAND", required=True)

@@ -17,6 +17,7 @@ import json
 from .benches import (
     bake,
     decode,
+    denoise,
     depths,
     device,
     encode,
@@ -29,12 +30,13 @@ from .benches import (
     trace,
     train,
     voxel_grids,
+    walkthrough,
 )
 
 BENCHES = {
     "voxelize": voxel_grids, "depths": depths, "open": opening, "nodes": nodes, "scene": scene, "fit": fit,
-    "bake": bake, "encode": encode, "decode": decode, "trace": trace, "frame": frame,
-    "device": device, "first-use": first_use, "train": train,
+    "bake": bake, "denoise": denoise, "encode": encode, "decode": decode, "trace": trace, "frame": frame,
+    "device": device, "first-use": first_use, "train": train, "walkthrough": walkthrough,
 }  # fmt: skip
 
 

@@ -7,13 +7,15 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.outputs import check_outputs
 from ..patchnet_addon.runtime.progress import drain
-from .shared.arguments import add_out, named_file
+from .shared.arguments import add_number, add_out, named_file
 from .shared.lines import say_result
 
 SPLIT, LOOK_AHEAD = FIGURES = ("split", "look-ahead")
+FAILURES = "failures"
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -23,9 +25,13 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         help="draw figures of the paper from our own scenes",
         description="Draw a split rendering and refinement patterns of the shuttle, and a table of San Miguel from "
         "several distances with one to three levels of look-ahead, as .png, .svg and .json. Scenes are read from the "
-        "folder PATCHNET_SCENES.",
+        "folder PATCHNET_SCENES. With octree files: where on their tracks the network is farthest from the patch.",
     )
-    parser.add_argument("--only", choices=FIGURES, help="draw one figure (both)")
+    parser.add_argument("failures", nargs="*", type=Path, metavar="OCTREE", help="octree files to draw failures of")
+    parser.add_argument("--only", choices=FIGURES, help="draw one figure of the paper (both)")
+    add_number(
+        parser, "--every", bounds.TRACK_FRAMES, default=50, help="of the frames that failures are looked for in (50)"
+    )
     parser.add_argument(
         "--octrees", type=Path, metavar="DIR", help="folder where octrees and codes are found and kept (OUT/octrees)"
     )
@@ -43,6 +49,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Draw and say where; returns 0; raises PatchNetError."""
+    if args.failures:
+        return _draw_failures(args)
     from ..patchnet_addon.network.weights import load_weights
     from ..training.benchmarks.figures import check_figure
     from ..training.evaluation.figures_of_paper.figures import (
@@ -75,6 +83,23 @@ def run(args: argparse.Namespace) -> int:
         if LOOK_AHEAD in paths:
             drawn += drain(make_look_ahead(paths[LOOK_AHEAD], shown, args.out), bars.show)
     say_result(f"{args.out}: {', '.join(path.name for path in drawn)}", file=args.out, figures=list(names))
+    return 0
+
+
+def _draw_failures(args: argparse.Namespace) -> int:
+    from ..patchnet_addon.network.weights import load_weights
+    from ..patchnet_addon.runtime.file_kinds import PNG, SVG
+    from ..training.evaluation.failures import make_failures
+    from .shared.progress_bars import ProgressBars
+
+    if args.only or args.networks or len(args.weights) > 1:
+        raise SettingError("Octree files are for the figure of failures alone: leave out --only and --networks")
+    weights = args.weights[0] if args.weights else None
+    check_outputs({args.out / f"{FAILURES}.png": PNG, args.out / f"{FAILURES}.svg": SVG}, args.weights, folder=args.out)
+    args.out.mkdir(parents=True, exist_ok=True)
+    with ProgressBars() as bars:
+        drawn = drain(make_failures(args.failures, load_weights(weights), args.every, args.out), bars.show)
+    say_result(f"{args.out}: {', '.join(path.name for path in drawn)}", file=args.out, figures=[FAILURES])
     return 0
 
 

@@ -54,6 +54,7 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
     from ..patchnet_addon.network.weights import load_weights
 
     if header.kind == "octree":
+        from ..patchnet_addon.octree.exposure import exposure_text
         from ..patchnet_addon.octree.file import load_octree
 
         octree = load_octree(path)
@@ -61,6 +62,7 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
         return [
             f"depth {octree.depth}, {octree.leaf_count:,} voxels of side {octree.grid.voxel_size_world:.4g}, "
             f"{octree.node_count:,} nodes",
+            exposure_text(octree).lower(),
             f"{octree.nbytes / 2**20:.1f} MiB of nodes, look-ahead at {share:.1%} of them",
             f"in color, {octree.chroma.nbytes / 2**20:.1f} MiB of it"
             if octree.chroma is not None

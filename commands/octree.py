@@ -13,8 +13,8 @@ from ..patchnet_addon.runtime.stage_clock import StageClock
 from .shared.arguments import add_number, add_out
 from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
 from .shared.job_arguments import add_settings, given_settings, require_blender
-from .shared.lines import make_parent, say_note, say_result
-from .shared.own_scenes import DEMO, ROOM, open_or_build
+from .shared.lines import make_parent, say_exposure, say_note, say_result
+from .shared.own_scenes import OWN, open_or_build
 from .shared.quiet import quiet_stdout
 from .shared.scene_argument import add_scene, scene_path
 from .shared.views import add_views, say_unseen, view_cameras
@@ -36,7 +36,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room")
     parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
     add_views(parser)
-    add_settings(parser, "light", "samples", "texel_voxels", "exposure", "color", "both_sides", "device")
+    add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure", "color", "both_sides", "gloss")
+    add_settings(parser, "device")
     parser.set_defaults(color=False)  # training and experiments read luminance alone
     add_number(
         parser, "--rotate", bounds.SEED, default=0, metavar="SEED",
@@ -95,6 +96,7 @@ def run(args: argparse.Namespace) -> int:
     if args.view:
         say_unseen(octree, view_cameras(args))
     text = f"{args.out}: depth {octree.depth}, {octree.leaf_count:,} voxels, {octree.nbytes / 2**20:.1f} MiB"
+    say_exposure(octree)
     say_result(text, file=args.out, depth=octree.depth, leaves=octree.leaf_count)
     if args.timings:
         print(json.dumps(clock.as_json()))
@@ -136,7 +138,7 @@ def check_out(args: argparse.Namespace) -> None:
     from ..patchnet_addon.runtime.file_kinds import OCTREE, REPORT
     from ..patchnet_addon.runtime.outputs import check_outputs
 
-    given = [] if args.scene is None or str(args.scene) in (DEMO, ROOM) else [args.scene]
+    given = [] if args.scene is None or str(args.scene) in OWN else [args.scene]
     inputs, folder = [*scene_inputs(), *given], None if args.frames is None else args.out
     check_outputs({args.out: OCTREE} if folder is None else {folder / REPORT_NAME: REPORT}, inputs, folder=folder)
 

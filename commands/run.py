@@ -5,18 +5,19 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..patchnet_addon.runtime.errors import SettingError
 from .shared.arguments import add_out
 from .shared.cycles import print_cycles
 from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
 from .shared.job_arguments import add_job_arguments, job_settings, require_blender
-from .shared.lines import say_note, say_result
+from .shared.lines import say_exposure, say_note, say_result
 from .shared.scene_argument import add_scene, open_given, scene_path
 
 if TYPE_CHECKING:
     from ..operators.pipeline.run import JobResult
+    from ..operators.settings.groups import ViewSettings
     from ..operators.settings.job_settings import JobSettings
 
 DEFAULT_OUT = "out"
@@ -27,7 +28,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "run",
         help="refine the views of a scene where a coarse picture is wrong",
-        description="Voxelize a scene, bake its light, look ahead with PatchNet, refine its views, and report errors.",
+        description="Voxelize a scene, bake its light, look ahead with PatchNet, refine its views, and report.",
     )
     add_scene(parser, ".blend, .glb, .gltf, .obj, .ply, .stl, .fbx or .usd file")
     parser.add_argument("--scope", choices=("visible", "selected"), default="visible", help="which objects (visible)")
@@ -76,9 +77,7 @@ def run_with_bars(settings: JobSettings) -> JobResult:
 
 
 def print_result(result: JobResult, settings: JobSettings) -> None:
-    """Warnings, the octree, and what is left of the error by strategy."""
-    from ..patchnet_addon.sampling.report import shown_errors, shown_figures
-
+    """Warnings, the octree, the views, and with a reference what is left of the error by strategy."""
     for warning in result.warnings:
         say_note(warning)
     octree = result.report["octree"]
@@ -87,28 +86,50 @@ def print_result(result: JobResult, settings: JobSettings) -> None:
         f"Octree: depth {depth}, {octree['leaves']:,} voxels, {octree['nodes']:,} nodes, "
         f"{(octree['bytes'] + octree['codes_bytes']) / 2**20:.1f} MiB with codes"
     )
-    wanted = settings.view
+    say_exposure(result.coded.octree)
     for view in result.report["frames"]:
-        width, height = view["size"]
-        shown = shown_figures(view)
-        print(
-            f"{view['camera']} {width} x {height}: look-ahead on {view['lookahead_share']:.1%} of hits, "
-            f"error {shown['mse_unrefined']:.2e}, after refining {wanted.budget:.0%} of {view['active_pixels']}:"
-        )
-        for name, value in sorted(shown["mse"].items(), key=lambda item: item[1]):
-            marker = " <" if name == wanted.strategy else ""
-            print(f"  {name:<24} {value:.2e}{marker}")
-        pictures = {"preview": view["mse_unrefined"], "predicted": view["predicted"]["mse_unrefined"]}
-        pictures |= {f"{side} x {side} rays": error for side, error in view["uniform"].items() if side != "1"}
-        print(f"  Unrefined: {', '.join(f'{name} {error:.2e}' for name, error in pictures.items())}")
-        if "spp" in view:
-            spp = view["spp"]
-            print(
-                f"  With {spp['spent']:.4g} samples per pixel by priority ({wanted.strategy}) {spp['mse']:.2e}; "
-                f"as many rays as a share {spp['mse_of_share']:.2e}"
-            )
-        print_cycles(view.get("cycles"))
-    errors = [(view["camera"], *shown_errors(view, wanted.strategy)) for view in result.report["frames"]]
-    views = [{"camera": camera, "mse_unrefined": before, "mse": after} for camera, before, after in errors]
+        _print_view(view, settings.view)
+    views = [_view_figures(view) for view in result.report["frames"]]
     figures = {"depth": octree["depth"], "leaves": octree["leaves"], "views": views}
     say_result(f"Results are in {settings.out}", file=settings.out, **figures)
+
+
+def _print_view(view: dict[str, Any], wanted: ViewSettings) -> None:
+    from ..patchnet_addon.sampling.report import has_errors
+
+    width, height = view["size"]
+    title = f"{view['camera']} {width} x {height}: look-ahead on {view['lookahead_share']:.1%} of hits"
+    refined = view["refined"]
+    spread = ", ".join(f"{int(count):,} in {pixels:,}" for count, pixels in refined["pixels"].items() if pixels)
+    if has_errors(view):
+        _print_errors(view, wanted, title)
+    else:
+        print(title)
+    print(f"  {refined['spent']:.4g} samples per active pixel by priority ({wanted.strategy}): {spread} pixels")
+    if "mse" in refined:
+        print(f"  Error then {refined['mse']:.2e}; as many rays as a share of 1,024 each {refined['mse_of_share']:.2e}")
+    print_cycles(view.get("cycles"))
+
+
+def _print_errors(view: dict[str, Any], wanted: ViewSettings, title: str) -> None:
+    """Error of every strategy, and of pictures that none refines."""
+    from ..patchnet_addon.sampling.report import shown_figures
+
+    shown = shown_figures(view)
+    print(
+        f"{title}, error {shown['mse_unrefined']:.2e}, after refining {wanted.budget:.0%} of {view['active_pixels']}:"
+    )
+    for name, value in sorted(shown["mse"].items(), key=lambda item: item[1]):
+        print(f"  {name:<24} {value:.2e}{' <' if name == wanted.strategy else ''}")
+    pictures = {"preview": view["mse_unrefined"], "predicted": view["predicted"]["mse_unrefined"]}
+    pictures |= {f"{side} x {side} rays": error for side, error in view.get("uniform", {}).items() if side != "1"}
+    print(f"  Unrefined: {', '.join(f'{name} {error:.2e}' for name, error in pictures.items())}")
+
+
+def _view_figures(view: dict[str, Any]) -> dict[str, Any]:
+    """Figures of a view for programs."""
+    from ..patchnet_addon.sampling.report import shown_errors
+
+    errors = shown_errors(view)
+    stated = {} if errors is None else {"mse_unrefined": errors[0], "mse": errors[1]}
+    return {"camera": view["camera"], "spent": view["refined"]["spent"], **stated}

@@ -11,7 +11,7 @@ from ..patchnet_addon.runtime import bounds
 from .shared.arguments import add_number, add_out
 from .shared.job_arguments import add_settings, given_settings, require_blender
 from .shared.lines import say_note, say_result
-from .shared.own_scenes import DEMO, ROOM, open_or_build
+from .shared.own_scenes import OWN, open_or_build
 from .shared.scene_argument import add_scene
 
 if TYPE_CHECKING:
@@ -22,12 +22,14 @@ _COLUMNS = ("silhouettes", "creases", "shadows", "textures", "smooth")
 
 def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
     """Arguments of `patchnet verify-light`."""
+    from ..operators.schema.table import GLOSS_OFF, TABLE
+
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "verify-light",
         help="compare the light in the voxels with Cycles",
         description="Render a scene with Cycles (diffuse and emission) and its octree from the same cameras, compare.",
     )
-    add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room", str)
+    add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room; glossy-room", str)
     add_number(parser, "--depth", bounds.DEPTH, required=True, help="octree depth")
     parser.add_argument(
         "--cameras", default="", help="names with commas between, all, auto, or a number of cameras to place (active)"
@@ -41,7 +43,12 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         metavar=("W", "H"),
         help="pixels; 0 follows the render aspect",
     )
-    add_settings(parser, "both_sides", "light", "texel_voxels")
+    add_settings(parser, "both_sides", "light", "denoise", "texel_voxels")
+    gloss = [value for value, _, _ in TABLE["gloss"].choices]
+    parser.add_argument(
+        "--gloss", choices=gloss, default=GLOSS_OFF,
+        help="gloss that is baked; but for off, the render has all light, too, not diffuse and emission alone (off)",
+    )  # fmt: skip
     add_number(parser, "--samples", bounds.SAMPLES, default=64, help="Cycles samples per baked texel (64)")
     add_number(
         parser,
@@ -71,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     from .shared.quiet import quiet_stdout
 
     settings = check_settings(args)
-    given = [] if args.scene in (None, DEMO, ROOM) else [Path(args.scene)]
+    given = [] if args.scene in (None, *OWN) else [Path(args.scene)]
     check_outputs({args.out / name: kind for name, kind in check_files(()).items()}, given, folder=args.out)
     open_or_build(args.scene)
     folders = camera_folders_of(settings)

@@ -220,7 +220,9 @@ def section(name: str, kind: type) -> Iterator[str]:
         )
     yield ""
     if note.line:
-        yield f'    blender -b scene.blend --python-exit-code 1 --python-expr "import bpy; {note.line}"'
+        yield "```sh"  # not indented, which would make it part of the list above
+        yield f'blender -b scene.blend --python-exit-code 1 --python-expr "import bpy; {note.line}"'
+        yield "```"
         yield ""
     if own := [item for item in items if item.identifier not in scene]:
         yield from table(own)

@@ -36,7 +36,7 @@ class PATCHNET_OT_refine_with_cycles(
         wanted = cycles_settings(context, self)
         octree, scope = results.codes_of(context.scene).octree, results.voxels_of(context.scene).scope
         check_light(octree)
-        seen = yield from look(context, settings, compare=False)
+        seen = yield from look(context, settings, compare=settings.view.reference)
         view = yield from refine_view(context, seen, wanted, sun=settings.light.daylight)
         show_cycles(view)
         if scope == SELECTED:

@@ -4,14 +4,15 @@
 from __future__ import annotations
 
 import atexit
+from types import ModuleType
 
 import bpy
 
+from ..patchnet_addon.network.devices import OTHER_PYTHON
 from . import (
     add_demo_scene,
     bake_animation,
     bake_light,
-    check_python,
     clear_cache,
     clear_results,
     compare,
@@ -33,6 +34,13 @@ from .jobs import job_operator
 from .scene_access import overrides, unread_file
 from .session import kept_results, scene_session, staleness
 from .ui import panels, preferences, presets_menu, properties
+
+if OTHER_PYTHON:
+    from . import check_python
+
+    _OTHER_PYTHON: tuple[ModuleType, ...] = (check_python,)
+else:
+    _OTHER_PYTHON = ()
 
 # Have register() and unregister() of their own.
 _BEFORE = (
@@ -65,7 +73,7 @@ _OPERATORS = (
     presets_menu,
     measure_cache,
     clear_cache,
-    check_python,
+    *_OTHER_PYTHON,
     copy_diagnostics,
 )
 _CLASSES = tuple(item for module in (*_OPERATORS, panels) for item in module.CLASSES)

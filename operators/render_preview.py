@@ -31,13 +31,14 @@ class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace, score, refine, show."""
-        result = yield from look(context, settings, compare=False)
+        result = yield from look(context, settings, compare=settings.view.reference)
         for warning in result.warnings:
             tell(self, "WARNING", warning)
-        error, left = result.errors
-        wanted = settings.view
+        wanted, errors = settings.view, result.errors
         refined = f"{wanted.budget:.0%} of the active pixels" if wanted.spp is None else f"with {wanted.budget_text}"
-        return f"{result.camera.name}: error {error:.2e}, {left:.2e} after refining {refined}"
+        if errors is None:
+            return f"{result.camera.name}: refined {refined}, {result.report['refined']['spent']:.3g} samples a pixel"
+        return f"{result.camera.name}: error {errors[0]:.2e}, {errors[1]:.2e} after refining {refined}"
 
 
 def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) -> Steps[View]:
@@ -54,9 +55,10 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     depsgraph = context.evaluated_depsgraph_get()
     camera = choose_cameras(depsgraph, settings.view.cameras, settings.view.size, bounds)[0]
     clock = StageClock()
-    with clock.stage("views"):
+    device = decoding_device(settings.compute)
+    with clock.stage("views"), overlay.unfinished_pictures(context) as meanwhile:
         result = yield from view(
-            coded, camera, settings.view, before.scope, compare=compare, device=decoding_device(settings.compute)
+            coded, camera, settings.view, before.scope, compare=compare, device=device, meanwhile=meanwhile
         )
     results.keep(
         context.scene, seen(replace(before, seconds=before.seconds | clock.seconds), result, compared=compare), "view"

@@ -21,7 +21,7 @@ class PATCHNET_OT_run_all(
     JobOperator,
     bpy.types.Operator,
 ):
-    """Voxelize, bake, look ahead and refine, with a report of what every strategy reaches"""
+    """Voxelize, bake, look ahead, and refine the view of the camera where its preview is wrong"""
 
     bl_idname = "patchnet.run_all"
     bl_label = "Preview Selection"
@@ -31,7 +31,8 @@ class PATCHNET_OT_run_all(
         from .pipeline.run import run_job
 
         self._file = settings.out
-        result = yield from run_job(context, settings)
+        with overlay.unfinished_pictures(context) as meanwhile:
+            result = yield from run_job(context, settings, meanwhile)
         first = result.views[0]
         results.keep(
             context.scene,
@@ -47,7 +48,7 @@ class PATCHNET_OT_run_all(
                     state=result.state,
                 ),
                 first,
-                compared=True,
+                compared=settings.view.reference,
             ),
             "octree",
             "light",
@@ -57,10 +58,10 @@ class PATCHNET_OT_run_all(
         overlay.show(context, result.views, settings.view)
         for warning in result.warnings:
             tell(self, "WARNING", warning)
-        error, left = first.errors
+        errors = "" if first.errors is None else "; {}: error {:.2e} -> {:.2e}".format(first.camera.name, *first.errors)
         where = f", files in {settings.out}" if settings.out else ""
         count = f"{len(result.views)} view{'s' if len(result.views) != 1 else ''}"
-        return f"{count}; {first.camera.name}: error {error:.2e} -> {left:.2e}{where}"
+        return f"{count}{errors}{where}"
 
 
 CLASSES = (PATCHNET_OT_run_all,)

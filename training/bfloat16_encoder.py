@@ -34,12 +34,15 @@ class Bfloat16Encoder(torch.autograd.Function):
 
         blocks: (M, B) float32. The others as in `CornerLayer`.
         """
-        rows = blocks.bfloat16().index_select(0, pair_block)
+        narrow = blocks.bfloat16()
+        rows = torch.empty(len(pair_block), blocks.shape[1], dtype=torch.bfloat16)
         matrices = [matrix.bfloat16() for matrix in layers[::2]]
         first = slices.bfloat16()
         products = torch.empty(len(rows), first.shape[2], dtype=torch.bfloat16)
         for s in range(SLICES):
-            torch.mm(rows[starts[s] : starts[s + 1]], first[s], out=products[starts[s] : starts[s + 1]])
+            here = slice(starts[s], starts[s + 1])  # its rows are in the processor's cache when they are multiplied
+            of_slice = torch.index_select(narrow, 0, pair_block[here], out=rows[here])
+            torch.mm(of_slice, first[s], out=products[here])
         hidden = [add_pairs(products, starts, pair_corner, bias, corners)]
         for matrix, added in zip(matrices, layers[1::2], strict=True):
             hidden.append(add_bias(hidden[-1] @ matrix.t(), added))

@@ -27,7 +27,9 @@ class Learner:
         kind, encoder = KINDS[settings.network], ENCODERS[settings.encoder]
         weights = Weights.random(settings.seed, lookahead=lookahead, kind=kind, encoder=encoder)
         self.model, self.mean = (SlicedNet(weights).to(self.device) for _ in range(2))
-        self.optimizer = torch.optim.Adam(self.model.trained(), settings.learning_rate, betas=(0.9, 0.999), fused=True)
+        # Lists once: to walk through the modules at every step takes as long as some of its products.
+        self._trained, self._means = (list[Tensor](net.trained()) for net in (self.model, self.mean))
+        self.optimizer = torch.optim.Adam(self._trained, settings.learning_rate, betas=(0.9, 0.999), fused=True)
         self.steps = 0
         self.seconds = 0.0  # of training so far, over all interruptions
 
@@ -39,19 +41,22 @@ class Learner:
         """
         with float32_products(self.device, tf32=self.settings.precision == TF32):
             predicted = self.model(batch, dtype)
-            coverage, luminance, seen = errors(predicted, batch)
-            loss = coverage + self.settings.luminance_weight * luminance * seen
-            if self.settings.loss == SQUARED:
+            squared = self.settings.loss == SQUARED
+            with torch.set_grad_enabled(not squared):
+                coverage, luminance, seen = errors(predicted, batch)
+            if squared:
                 loss = squared_errors(predicted, batch, self.settings.luminance_weight)
+            else:
+                loss = coverage + self.settings.luminance_weight * luminance * seen
             loss = share * loss
-            gradients = torch.autograd.grad(loss, self.model.trained())
+            gradients = torch.autograd.grad(loss, self._trained)
         return list(gradients), share * torch.stack([coverage, luminance * seen, seen]).detach()
 
     def step(self, parts: list[list[Tensor]], rate: float) -> None:
         """Take one step at learning rate `rate` along the sum of the gradients of the parts of a step."""
         for group in self.optimizer.param_groups:
             group["lr"] = rate
-        for parameter, *gradients in zip(self.model.trained(), *parts, strict=True):
+        for parameter, *gradients in zip(self._trained, *parts, strict=True):
             parameter.grad = torch.stack(gradients).sum(0) if len(gradients) > 1 else gradients[0]
         self._clip()
         self.optimizer.step()
@@ -61,17 +66,16 @@ class Learner:
     def _clip(self) -> None:
         if not self.settings.clip:
             return
-        gradients = [parameter.grad for parameter in self.model.trained() if parameter.grad is not None]
+        gradients = [parameter.grad for parameter in self._trained if parameter.grad is not None]
         norm = torch.nn.utils.get_total_norm(gradients)
         if self.device.type == "cuda" or norm > self.settings.clip:  # a GPU would be waited for, to save one pass
-            torch.nn.utils.clip_grads_with_norm_(self.model.trained(), self.settings.clip, norm)
+            torch.nn.utils.clip_grads_with_norm_(self._trained, self.settings.clip, norm)
 
     def _update_mean(self) -> None:
         # Early on the mean would remember the random start, so its memory grows with the run.
         decay = min(self.settings.average, (1 + self.steps) / (10 + self.steps)) if self.settings.average else 0.0
         with torch.no_grad():
-            for mean, value in zip(self.mean.trained(), self.model.trained(), strict=True):
-                mean.lerp_(value, 1.0 - decay)
+            torch._foreach_lerp_(self._means, self._trained, 1.0 - decay)
 
     def state(self) -> dict[str, Any]:
         """All that `load` needs to go on exactly, on whatever device."""

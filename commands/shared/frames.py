@@ -68,11 +68,13 @@ def print_frames(result: AnimationResult, out: Path) -> None:
 
 
 def _figures(entry: dict[str, Any]) -> str:
-    from ...patchnet_addon.sampling.report import shown_figures
+    from ...patchnet_addon.sampling.report import shown_errors
 
     octree = entry["octree"]
     figures = [f"depth {octree['depth']}, {octree['leaves']:,} voxels"]
     for view in entry["views"]:
-        errors = shown_figures(view)
-        figures.append(f"{view['camera']} error {errors['mse_unrefined']:.2e} -> {errors['mse']:.2e}")
+        errors = shown_errors(view)
+        samples = f"{view['refined']['spent']:.3g} samples a pixel"
+        error = "" if errors is None else f", error {errors[0]:.2e} -> {errors[1]:.2e}"
+        figures.append(f"{view['camera']} {samples}{error}")
     return "; ".join(figures)

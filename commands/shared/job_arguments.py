@@ -52,12 +52,12 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(
         parser, "--voxel-size", bounds.VOXEL_SIZE, help="side of the finest voxels in world units, instead of a depth"
     )
-    add_settings(parser, "light", "samples", "texel_voxels", "exposure", "cameras")
+    add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure", "cameras")
     add_number(
         parser, "--size", bounds.SIZE_PX, nargs=2, default=(192, 192), metavar=("W", "H"),
         help="pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution (192 192)",
     )  # fmt: skip
-    add_settings(parser, "color", "both_sides", "device", "budget", "spp")
+    add_settings(parser, "color", "both_sides", "gloss", "device", "budget", "refined_samples", "spp", "reference")
     parser.add_argument("--strategy", default="patchnet-plus", help="what is refined first (patchnet-plus)")
     add_settings(parser, "unrefined")
     parser.add_argument(
@@ -93,7 +93,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
     return JobSettings.of(
         **given_settings(args),
         scope=SELECTED if getattr(args, "scope", "visible") == "selected" else VISIBLE,
-        depth=_depth(args.depth),
+        depth=depth_of(args.depth),
         voxel_size_world=args.voxel_size,
         fit=args.depth == "fit",
         size=tuple(args.size),
@@ -136,7 +136,8 @@ def given_settings(args: argparse.Namespace) -> dict[str, Any]:
     return found
 
 
-def _depth(text: str) -> int | None:
+def depth_of(text: str) -> int | None:
+    """Depth that was given, None for auto and fit; raises SettingError for what is neither."""
     if text in ("auto", "fit"):
         return None
     if not re.fullmatch(r"[+-]?\d+", text):

@@ -6,16 +6,27 @@ from __future__ import annotations
 import logging
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.log import event, is_json
+
+if TYPE_CHECKING:
+    from ...patchnet_addon.octree.octree import Octree
 
 
 def say_result(text: str, **fields: Any) -> None:
     """Print what was made; `fields` for programs: file, frame, and figures."""
     print(text)
     event("result", text, **fields)
+
+
+def say_exposure(octree: Octree) -> None:
+    """Print the factor that luminance was multiplied with, and how to choose it."""
+    from ...patchnet_addon.octree.exposure import exposure_text
+
+    automatic = octree.provenance.get("exposure") == "automatic"
+    print(f"{exposure_text(octree)}{', --exposure chooses another one' if automatic else ''}")
 
 
 def say_note(text: str) -> None:

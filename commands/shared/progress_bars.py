@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Progress of a job on stderr: one bar a step, plain lines where there is no tqdm (Blender), or events of the log."""
+"""Progress of a job on stderr: one bar for all of it, or one a step.
+
+Plain lines where there is no tqdm (Blender), or events of the log.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,10 @@ from typing import Any
 from ...patchnet_addon.runtime.log import is_json
 from ...patchnet_addon.runtime.progress import Progress
 from ...patchnet_addon.runtime.progress_log import ProgressLog
-from ...patchnet_addon.runtime.remaining import Remaining
+from ...patchnet_addon.runtime.remaining import Remaining, left_text
 
 _FORMAT = "{desc} {bar} {n:3.0f} % {elapsed}{postfix}"
+_WHOLE = "the whole job"
 _PAUSE_S = 10.0  # between two lines of one step
 
 
@@ -56,14 +60,14 @@ class _Lines:
             return
         text = progress.label
         if progress.label == self._label:
-            left = self._remaining.text()
+            left = self._remaining.text() if progress.left_s is None else left_text(progress.left_s)
             text += f": {progress.fraction:.0%}{', ' if left else ''}{left}"
         self._label, self._said = progress.label, now
         print(text, file=sys.stderr, flush=True)
 
 
 class _Bars:
-    """Progress bars, one a step; a step that is named anew gets a new one."""
+    """Progress bars: one for a whole job once it is known how far that is, else one a step, or a step named anew."""
 
     def __init__(self) -> None:
         self._bar: Any = None
@@ -73,6 +77,9 @@ class _Bars:
     def show(self, progress: Progress) -> None:
         from tqdm import tqdm
 
+        if progress.left_s is not None and progress.whole is not None and progress.frame is None:
+            self._show_whole(progress)
+            return
         restarted = self._bar is not None and 100.0 * progress.fraction < self._bar.n - 1.0
         if progress.label != self._label or self._bar is None or restarted:
             self.close(finished=True)
@@ -81,6 +88,18 @@ class _Bars:
         self._remaining.see(progress)
         self._bar.set_postfix_str(self._remaining.text(), refresh=False)
         self._bar.update(max(100.0 * progress.fraction - self._bar.n, 0.0))
+
+    def _show_whole(self, progress: Progress) -> None:
+        """Move the one bar of the job, whose step stands before it."""
+        from tqdm import tqdm
+
+        if self._bar is None or self._label != _WHOLE:
+            self.close(finished=True)
+            self._label = _WHOLE
+            self._bar = tqdm(total=100.0, bar_format=_FORMAT)
+        self._bar.set_description_str(f"{progress.label:<36}", refresh=False)
+        self._bar.set_postfix_str(", ".join(filter(None, (left_text(progress.left_s), progress.note))), refresh=False)
+        self._bar.update(max(100.0 * (progress.whole or 0.0) - self._bar.n, 0.0))
 
     def close(self, finished: bool) -> None:
         if self._bar is not None:

@@ -13,6 +13,7 @@ import bpy
 
 from ...patchnet_addon.runtime.file_kinds import FileKind
 from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.sampling.report import has_errors
 from ..importance.pixels import importance_key
 from ..pipeline.camera_folders import view_folders
 from ..pipeline.output_files import job_files, job_inputs, scene_inputs
@@ -91,8 +92,9 @@ class JobMaker(FrameMaker):
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
         """Pictures of the cameras that are named, or of all that are the active one at some frame."""
-        names = self._settings.view.cameras or _active_cameras(context.scene)
-        return job_files(view_folders(context.scene, names).values(), self._settings.view.cycles)
+        wanted = self._settings.view
+        folders = view_folders(context.scene, wanted.cameras or _active_cameras(context.scene)).values()
+        return job_files(folders, wanted.cycles, reference=wanted.has_reference)
 
     def inputs(self) -> list[Path]:
         """Files that are read, with weights and a painted mask."""
@@ -145,6 +147,10 @@ def _summary(result: JobResult) -> dict[str, Any]:
 
 
 def _view_summary(view: dict[str, Any], strategy: str) -> dict[str, Any]:
-    names: Sequence[str] = ("camera", "folder", "size", "lookahead_share", "mse_unrefined", "unrefined")
+    names: Sequence[str] = ("camera", "folder", "size", "lookahead_share", "unrefined", "refined")
+    found = {name: view[name] for name in names}
+    if not has_errors(view):
+        return found
     predicted = {"mse_unrefined": view["predicted"]["mse_unrefined"], "mse": view["predicted"]["mse"][strategy]}
-    return {name: view[name] for name in names} | {"mse": view["mse"][strategy], "predicted": predicted}
+    errors = {"mse_unrefined": view["mse_unrefined"], "mse": view["mse"][strategy], "predicted": predicted}
+    return found | errors

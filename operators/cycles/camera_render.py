@@ -37,6 +37,7 @@ _DIRECT, _INDIRECT, _COLOR = (
     ("DiffCol", "Diffuse Color"),
 )
 _EMISSION = ("Emit", "Emission")
+_NO_DIFFUSE = 0.02  # of diffuse colour: a surface below shows gloss, or what is behind it
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +78,13 @@ def baked_light(channels: dict[str, np.ndarray]) -> np.ndarray:
     layers = _layers(channels)
     diffuse = (_color(layers, _DIRECT) + _color(layers, _INDIRECT)) * _color(layers, _COLOR)
     return np.nan_to_num(diffuse + _color(layers, _EMISSION))
+
+
+def baked_light_with_gloss(channels: dict[str, np.ndarray]) -> np.ndarray:
+    """(H, W, 3) float32: `baked_light`, but all light where a surface has next to no diffuse colour, as metals."""
+    layers = _layers(channels)
+    glossy = _color(layers, _COLOR).max(axis=-1, keepdims=True) < _NO_DIFFUSE
+    return np.where(glossy, combined_light(channels), baked_light(channels))
 
 
 def combined_light(channels: dict[str, np.ndarray]) -> np.ndarray:

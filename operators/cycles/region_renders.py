@@ -22,8 +22,8 @@ from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.sampling.regions import Region
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene_access.window_job import check_no_job, when_job_ended, window_is_alive
-from ..settings.cycles_settings import COMBINED
-from .camera_render import add_passes, baked_light, combined_light
+from ..settings.cycles_settings import COMBINED, DIFFUSE, WITH_GLOSS
+from .camera_render import add_passes, baked_light, baked_light_with_gloss, combined_light
 from .daylight import daylight
 from .render_call import rendered
 from .scene_copy import prepared
@@ -36,6 +36,7 @@ OVERHEAD_PATHS = 1_500
 PART_S = 1.0
 FIRST_PATHS = 50_000
 TILE_SIDE_IN_WINDOW = 256
+_LIGHTS = {DIFFUSE: baked_light, WITH_GLOSS: baked_light_with_gloss, COMBINED: combined_light}
 _INSIDE = 0.25  # of a pixel, so that borders, which Blender keeps as float32 shares, are cut to the right one
 
 
@@ -49,7 +50,7 @@ class RegionRenders:
     def __init__(self, scene: bpy.types.Scene, path: Path, camera: Camera, light: str) -> None:
         self._scene, self._path = scene, path
         self._size = camera.width_px, camera.height_px
-        self._light = combined_light if light == COMBINED else baked_light
+        self._light = _LIGHTS[light]
         self.seconds = self.sync_seconds = 0.0
 
     def sample(self, samples: int, seed: int) -> None:

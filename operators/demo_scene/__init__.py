@@ -2,6 +2,6 @@
 """Demo scenes built by script: a courtyard full of things that a coarse view gets wrong, and a closed room."""
 
 from .courtyard import build_courtyard, save_demo_scene
-from .room import build_room
+from .room import build_glossy_room, build_room
 
-__all__ = ["build_courtyard", "build_room", "save_demo_scene"]
+__all__ = ["build_courtyard", "build_glossy_room", "build_room", "save_demo_scene"]

@@ -23,6 +23,8 @@ def principled(
     roughness: float = 0.9,
     specular: float = 0.15,
     emission: float = 0.0,
+    metallic: float = 0.0,
+    transmission: float = 0.0,
 ) -> bpy.types.Material:
     """Material of an sRGB colour, an image, or both multiplied; `alpha` cuts by the image."""
     material = bpy.data.materials.new(name)
@@ -35,6 +37,8 @@ def principled(
     shader.location, output.location = (0, 0), (300, 0)
     shader.inputs["Roughness"].default_value = roughness
     shader.inputs["Specular IOR Level"].default_value = specular
+    shader.inputs["Metallic"].default_value = metallic
+    shader.inputs["Transmission Weight"].default_value = transmission
     rgba = (*linear(colour if colour is not None else (1, 1, 1)), 1.0)
     shader.inputs["Base Color"].default_value = rgba
     material.diffuse_color = rgba

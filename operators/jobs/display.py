@@ -7,7 +7,7 @@ import bpy
 
 from ...patchnet_addon.runtime.progress import Progress
 from ...patchnet_addon.runtime.progress_log import ProgressLog
-from ...patchnet_addon.runtime.remaining import Remaining
+from ...patchnet_addon.runtime.remaining import Remaining, left_text
 
 
 class JobDisplay:
@@ -40,9 +40,12 @@ class JobDisplay:
         if fraction != self.fraction:
             self.fraction = fraction
             _redraw(context, "UI")
-        left = (self._remaining if progress.whole is None else self._whole_remaining).text()
+        if progress.left_s is not None:
+            left = left_text(progress.left_s)
+        else:
+            left = (self._remaining if progress.whole is None else self._whole_remaining).text()
         remaining = "".join(f", {text}" for text in (left, progress.note) if text)
-        text = f"PatchNet: {progress.label} {round(100 * progress.fraction)} %{remaining}   (Esc stops)"
+        text = f"PatchNet: {progress.label} {round(100 * fraction)} %{remaining}   (Esc stops)"
         if text != self._text:  # each new one draws the window again, which must not slow down what computes
             self._text = text
             context.window_manager.progress_update(round(100 * fraction))

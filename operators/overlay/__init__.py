@@ -18,6 +18,7 @@ from ..session.shown_view import view_to_show
 from ..session.views import keep_view
 from ..settings.groups import ViewSettings
 from . import drag_wipe, handlers, inspect_pixels, open_pictures, overlay_settings, panel, toggle
+from .unfinished import unfinished_pictures as unfinished_pictures
 
 if TYPE_CHECKING:
     from ..pipeline.views import View

@@ -19,6 +19,7 @@ from .layout import Rect, beside, sides_of_wipe, tick_values
 from .overlay_settings import NOTHING, overlay_settings
 from .textures import texture_of
 
+NO_REFERENCE = "No reference yet: Compare Strategies traces it"
 _LEGEND_PX = 190
 _BAR_PX = 9
 _GAP_PX = 8
@@ -67,6 +68,8 @@ def _draw_overlay(context: bpy.types.Context, found: Framed, rect: Rect) -> None
     whole = free_rect(context.area, context.region)
     left, right = sides_of_wipe(rect, values.wipe) if values.use_wipe else (rect, rect._replace(left=rect.right))
     sides = [(values.picture, left)] + ([(values.other, right)] if values.use_wipe else [])
+    missing = [name for name, _ in sides if name != NOTHING and not view.has(name)]
+    sides = [(NOTHING if name in missing else name, part) for name, part in sides]
     for name, part in sides:
         if name != NOTHING:
             texture = texture_of(view, name, look.maximum, look.colormap)
@@ -80,9 +83,10 @@ def _draw_overlay(context: bpy.types.Context, found: Framed, rect: Rect) -> None
     if values.legend:
         for index, (name, part) in enumerate(sides):
             _draw_side(look, name, seen, right_side=index == 1, shown=not part.meet(whole).empty)
-    stale = views.why_stale(context.scene, view)
-    if stale:
-        _draw_mark(f"Out of date: {stale}", seen, look.scale, values.legend)
+    if stale := views.why_stale(context.scene, view):
+        _draw_mark(f"Out of date: {stale}", "Out of date", seen, look.scale, values.legend)
+    elif missing:
+        _draw_mark(NO_REFERENCE, "No reference", seen, look.scale, values.legend)
 
 
 def _draw_side(look: _Look, name: str, seen: Rect, *, right_side: bool, shown: bool) -> None:
@@ -124,12 +128,13 @@ def _draw_legend(look: _Look, legend: tuple[float, str], seen: Rect, right_side:
     paint.write(quantity, ground.left + (ground.right - ground.left - width) / 2, ground.bottom + 0.6 * gap, scale)
 
 
-def _draw_mark(text: str, seen: Rect, scale: float, below_title: bool) -> None:
+def _draw_mark(text: str, short: str, seen: Rect, scale: float, below_title: bool) -> None:
+    """Draw a warning below the title, or `short` where there is no room for the `text`."""
     gap = _GAP_PX * scale
     width, height = paint.box_size([text], scale)
     down = gap + (height + gap if below_title else 0.0) + height
     if width + 2 * gap > seen.width:
-        text = "Out of date"
+        text = short
     paint.box([(text, paint.WARNING)], (seen.left + gap, seen.top - down), scale)
 
 

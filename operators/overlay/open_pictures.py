@@ -11,9 +11,10 @@ from ..scene_access.own import is_own
 from ..ui.preferences import OPEN_NEVER, OPEN_WINDOW, preferences
 
 
-def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> bool:
+def open_picture(context: bpy.types.Context, image: bpy.types.Image, *, new_window: bool = True) -> bool:
     """Show `image` in a free Image Editor, or as the preferences have it; whether it is or will be; not in background.
 
+    new_window: whether one may open where no editor is free.
     A new window opens a moment later: an operator in whose event it opened would not be let go of by its own window.
     """
     chosen = preferences(context).open_pictures
@@ -25,11 +26,11 @@ def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> bool:
     found = next(_free_editors(manager), None)
     if found is not None:
         _show(*found, image)
-    elif chosen == OPEN_WINDOW:
+    elif new_window and chosen == OPEN_WINDOW:
         _waiting.append(image.name)
         if not bpy.app.timers.is_registered(_open_windows):
             bpy.app.timers.register(_open_windows, first_interval=0.0)
-    return found is not None or chosen == OPEN_WINDOW
+    return found is not None or (new_window and chosen == OPEN_WINDOW)
 
 
 def unregister() -> None:
@@ -95,6 +96,13 @@ def _new_window(context: bpy.types.Context) -> tuple[bpy.types.Window, bpy.types
             area.ui_type = "IMAGE_EDITOR"
             return window, area
     return None
+
+
+def fit_editor(context: bpy.types.Context, area: bpy.types.Area) -> None:
+    """Fit the whole picture into an editor of any window."""
+    for window in context.window_manager.windows:
+        if area in window.screen.areas.values():
+            _fit(window, area)
 
 
 def _fit(window: bpy.types.Window, area: bpy.types.Area) -> None:

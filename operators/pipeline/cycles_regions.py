@@ -19,8 +19,8 @@ from ...patchnet_addon.sampling.regions import Region, choose_regions, region_ma
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
 from ..cycles.region_renders import OVERHEAD_PATHS, region_renders
-from ..schema.table import CYCLES
-from ..settings.cycles_settings import REFERENCE_FACTOR, CyclesSettings
+from ..schema.table import CYCLES, GLOSS_OFF
+from ..settings.cycles_settings import DIFFUSE, REFERENCE_FACTOR, WITH_GLOSS, CyclesSettings
 from .cycles_figures import Renders, cycles_report, shown_light, squared_errors
 from .views import View
 
@@ -69,7 +69,7 @@ def cycles_view(
     choosing = Progress(0, 1, f"{camera.name}: choosing regions")
     regions = yield from computed(lambda: _chosen(priority, settings), choosing)
     added = not has_light(context.evaluated_depsgraph_get()) if sun is None else sun
-    renders = yield from _rendered(context, camera, regions, settings, added)
+    renders = yield from _rendered(context, camera, regions, _with_gloss(octree, settings), added)
     exposure = octree.exposure
     return (
         yield from computed(
@@ -96,6 +96,12 @@ def refine_view(
     return (yield from steps)
 
 
+def _with_gloss(octree: Octree, settings: CyclesSettings) -> tuple[CyclesSettings, str]:
+    """Settings, and the light that is rendered: of metals and glass all, if the voxels show their gloss."""
+    glossy = settings.light == DIFFUSE and octree.provenance.get("gloss", GLOSS_OFF) != GLOSS_OFF
+    return settings, WITH_GLOSS if glossy else settings.light
+
+
 def check_light(octree: Octree) -> None:
     """Raise SettingError if what Cycles renders could not stand beside this octree."""
     if octree.provenance.get("light") != CYCLES:
@@ -108,14 +114,19 @@ def _chosen(priority: np.ndarray, settings: CyclesSettings) -> Sequence[Region]:
 
 
 def _rendered(
-    context: bpy.types.Context, camera: Camera, regions: Sequence[Region], settings: CyclesSettings, sun: bool
+    context: bpy.types.Context,
+    camera: Camera,
+    regions: Sequence[Region],
+    rendered: tuple[CyclesSettings, str],
+    sun: bool,
 ) -> Steps[Renders]:
     """Render the regions, then, to measure against, the whole picture and the reference.
 
     The whole picture comes from a scene copy of its own, so that it pays for all it needs; the reference finds the
     scene read.
     """
-    wanted = camera, settings.samples, settings.seed, settings.light
+    settings, light = rendered
+    wanted = camera, settings.samples, settings.seed, light
     black = np.zeros((camera.height_px, camera.width_px, 3), np.float32)
     result = Renders(black)
     if regions:

@@ -6,15 +6,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...patchnet_addon.network.devices import AUTO, CPU, device_title, found_device, torch_has_gpu
+from ...patchnet_addon.network.devices import AUTO, CPU, OTHER_PYTHON, device_title, found_device, torch_has_gpu
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import SettingError
 from ..settings.groups import NETWORK_DEVICE, ComputeSettings
 
 if TYPE_CHECKING:  # it brings numba
     from ...patchnet_addon.network.encode import Encoder
+    from ...patchnet_addon.network.other_python import OtherPythonEncoder
 
 _OWN = "own kernels on the CPU"
 
@@ -37,7 +39,6 @@ def chosen_encoder(weights: Weights, compute: ComputeSettings) -> Iterator[Encod
     """
     from ...patchnet_addon.codes.encode import make_encoder
     from ...patchnet_addon.network.convolutions import convolving_encoder
-    from ...patchnet_addon.network.other_python import OtherPythonEncoder
 
     if (own := convolving_encoder(weights, compute.torch_device)) is not None:
         yield Encoding(own, "torch")
@@ -46,7 +47,7 @@ def chosen_encoder(weights: Weights, compute: ComputeSettings) -> Iterator[Encod
     wanted = compute.torch_device
     if compute.torch_python is not None:
         try:
-            other = OtherPythonEncoder(compute.torch_python, weights, wanted)
+            other = _encoder_in(compute.torch_python, weights, wanted)
         except SettingError as error:
             if wanted not in (AUTO, CPU):
                 raise
@@ -58,6 +59,15 @@ def chosen_encoder(weights: Weights, compute: ComputeSettings) -> Iterator[Encod
     device = found_device(wanted, NETWORK_DEVICE)
     text = _OWN if device == CPU else f"torch on {device_title(device)}"
     yield Encoding(make_encoder(weights, device=device), text, warnings)
+
+
+def _encoder_in(python: Path, weights: Weights, device: str) -> OtherPythonEncoder:
+    """Start the encoder in another Python; raises SettingError if it cannot, or where this build leaves it out."""
+    if not OTHER_PYTHON:
+        raise SettingError(f"{python} cannot encode: PatchNet of extensions.blender.org uses no other Python")
+    from ...patchnet_addon.network.other_python import OtherPythonEncoder
+
+    return OtherPythonEncoder(python, weights, device)
 
 
 def decoding_device(compute: ComputeSettings) -> str:

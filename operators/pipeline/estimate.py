@@ -20,12 +20,13 @@ from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
 from ..scene_access.lengths import length_text
-from ..settings.groups import LightSettings, SurfaceSettings
+from ..settings.groups import SurfaceSettings
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
 from ..state.watch import read_state
 from .encoder import encoder_text
-from .stages import lookahead_of
+from .job_work import JobFigures, Rates, pixels_of, texels_of, time_line, work_of
+from .stages import GridChoice, lookahead_of
 
 _BYTES_PER_CODED = 12.2 + 2.2 * 20  # what finds its codes, and codes that it shares with neighbours
 
@@ -39,6 +40,7 @@ class Estimate:
     leaves, octree_bytes, codes_bytes, peak_bytes: of building it; free_bytes: what may be used.
     lookahead_share: of hit pixels in the camera with least of it, None where no camera sees anything.
     texels, paths: of the bake, both 0 without one; paths of one side of the surface.
+    seconds: of the whole job, by stage. time_line: their sum in words.
     device, encoder: what will compute, in words. made_for: surface and views, in words.
     settings: values of the scene's settings. state: of the scene. stale_because: what changed since, "" if nothing did.
     """
@@ -58,6 +60,8 @@ class Estimate:
     device: str
     encoder: str
     made_for: tuple[str, str]
+    seconds: dict[str, float] = field(default_factory=dict)
+    time_line: str = ""
     settings: dict[str, Any] = field(default_factory=dict)
     state: SceneState | None = None
     stale_because: str = ""
@@ -98,7 +102,10 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
     grid = Grid.around(bounds, depth)
     texels = 0
     if light.is_baked:
-        texels = yield from _texels(source, grid, light)
+        texels = yield from texels_of(source, GridChoice(grid), settings)
+    rates = Rates()
+    work = work_of(JobFigures(source.triangle_count, leaves, texels, pixels_of(cameras)), settings)
+    seconds = rates.seconds(work)
     return Estimate(
         depth=depth,
         wanted=automatic.wanted,
@@ -115,6 +122,8 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
         device=device,
         encoder=encoder_text(settings.compute),
         made_for=_made_for(source, cameras),
+        seconds=seconds,
+        time_line=time_line(seconds, rates, at_most=surface.fit),
     )
 
 
@@ -129,16 +138,6 @@ def _depth(surface: SurfaceSettings, bounds: Any, automatic: int) -> int:
     if surface.voxel_size_world is not None:
         return Grid.with_voxel_size(bounds, surface.voxel_size_world).depth
     return min(automatic, MAX_DEPTH)
-
-
-def _texels(source: SceneMesh, grid: Grid, light: LightSettings) -> Steps[int]:
-    """Texels of the bake; of fitted leaves as if all were on the deepest level, which is the most it can be."""
-    from ...patchnet_addon.lightmap.charts import texels_wanted
-    from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
-    from ..cycles.bake.bake import MAX_TEXELS
-
-    texel_world = texel_sizes(source, grid, None, light.texel_voxels)
-    return (yield from texels_wanted(source, texel_world, MAX_TEXELS))
 
 
 def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> tuple[str, str]:
@@ -168,4 +167,6 @@ def estimate_lines(found: Estimate, voxel_side: str) -> list[str]:
         lines.append(f"Samples of light: {count_text(found.paths)}")
         lines.append(f"Bake on: {found.device}")
     lines.append(f"Network on: {found.encoder}")
+    if found.time_line:
+        lines.append(found.time_line)
     return lines

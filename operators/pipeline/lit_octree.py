@@ -20,6 +20,7 @@ from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
+from ..cycles.bake.gloss_passes import seen_through, with_view
 from ..scene.cameras import choose_cameras, track_cameras
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
@@ -43,7 +44,8 @@ class Recipe:
     still be; None chooses them. cameras: those that the depth is chosen for; None takes those of the settings.
     depsgraph: read instead of the context's. baking: context in which Cycles bakes. rotation: seed of a random rotation
     of the lit surface, 0 for none. bisect: axis and share of a plane at which the lit surface is cut open, None for
-    none; not with a rotation. provenance: entries of the octree's file beside its own.
+    none; not with a rotation. after_grid: what is done once surface and grid are known. provenance:
+    entries of the octree's file beside its own.
     """
 
     unlit: bool = False
@@ -53,6 +55,7 @@ class Recipe:
     baking: Callable[[], AbstractContextManager[None]] = nullcontext
     rotation: int = 0
     bisect: tuple[int, float] | None = None
+    after_grid: Callable[[SceneMesh, GridChoice], Steps[None]] | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
 
 
@@ -86,13 +89,19 @@ def build_lit_octree(
     own.
     """
     recipe = recipe or Recipe()
+    if settings.light.is_baked and not recipe.unlit:
+        settings = replace(settings, light=with_view(context, settings.light, settings.view.cameras))
     with clock.stage("read"):
         yield Progress(0, 1, "Reading the scene")
         depsgraph = recipe.depsgraph or context.evaluated_depsgraph_get()
         source = read_scene(depsgraph, settings.surface.scope)
+        if settings.light.is_baked:
+            source = seen_through(source, settings.light.gloss)
         state = _state(context, recipe)
     with clock.stage("depth"):
         choice = yield from _choice(context, source, settings, recipe)
+    if recipe.after_grid is not None:
+        yield from recipe.after_grid(source, choice)
     with recipe.baking():
         with clock.stage("light"):
             assumed: tuple[str, ...] = ()

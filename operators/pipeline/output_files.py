@@ -11,7 +11,7 @@ import bpy
 from ...patchnet_addon.network.weights import default_weights_path
 from ...patchnet_addon.runtime.file_kinds import CODES, EXR, OCTREE, PNG, REPORT, FileKind
 from ...patchnet_addon.runtime.outputs import check_outputs
-from ..scene_access.images import PICTURES, PRIORITY_NAME
+from ..scene_access.images import OF_REFERENCE, PICTURES, PRIORITY_NAME
 from ..settings.cycles_settings import CyclesSettings
 from ..settings.job_settings import JobSettings
 from .cycles_pictures import cycles_file_names
@@ -20,10 +20,14 @@ from .reports import REPORT_NAME
 OCTREE_NAME, CODES_NAME, OVERVIEW_NAME = "octree.safetensors", "codes.safetensors", "overview.png"
 
 
-def job_files(folders: Iterable[str], cycles: CyclesSettings | None) -> dict[str, FileKind]:
-    """Kind of each file of a job by its path in the output folder; `folders` are those of the cameras."""
+def job_files(folders: Iterable[str], cycles: CyclesSettings | None, *, reference: bool = False) -> dict[str, FileKind]:
+    """Kind of each file of a job by its path in the output folder; `folders` are those of the cameras.
+
+    reference: whether views have one, and pictures of errors.
+    """
     files = {OCTREE_NAME: OCTREE, CODES_NAME: CODES, OVERVIEW_NAME: PNG, REPORT_NAME: REPORT}
-    names = [f"{name}.png" for name in PICTURES] + (cycles_file_names(cycles.compare) if cycles is not None else [])
+    pictures = [name for name in PICTURES if reference or name not in OF_REFERENCE]
+    names = [f"{name}.png" for name in pictures] + (cycles_file_names(cycles.compare) if cycles is not None else [])
     for folder in folders:
         files |= {f"{folder}/{name}": PNG for name in names} | {f"{folder}/{PRIORITY_NAME}": EXR}
     return files

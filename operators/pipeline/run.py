@@ -16,6 +16,7 @@ from ...patchnet_addon.codes.file import save_codes
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import save_octree
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
+from ...patchnet_addon.runtime.job_time import JobTime, with_time
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.patchnet_plus import estimators_warning
@@ -31,12 +32,14 @@ from .camera_folders import view_folders
 from .cycles_pictures import save_cycles
 from .cycles_regions import CyclesView, refine_view
 from .encoder import decoding_device
+from .job_work import AGAIN, Rates, planned_work
 from .kernels_beside import compiling_beside
 from .lit_octree import Recipe, build_lit_octree, fit_cameras
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs
 from .output_folder import output_folder
 from .reports import write_report
-from .stages import encode, load_network
+from .stages import GridChoice, encode, load_network
+from .unfinished import Meanwhile, first_look, stand_in_look
 from .versions import machine, versions
 from .views import View, overview, save_view, view
 
@@ -61,20 +64,25 @@ class JobResult:
     state: SceneState | None = None
 
 
-def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResult]:
+def run_job(context: bpy.types.Context, settings: JobSettings, meanwhile: Meanwhile | None = None) -> Steps[JobResult]:
     """Read, voxelize, light and encode the scene, then look at it through every camera; write files if wanted.
 
+    meanwhile: shows pictures as soon as they are there, the first one before light is baked; None where nobody looks.
     The scene is as before afterwards, and nothing is written if a step fails. Raises PatchNetError.
     """
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
     folders = view_folders(context.scene, settings.view.cameras)
-    files, inputs = job_files(folders.values(), settings.view.cycles), job_inputs(settings)
+    wanted = settings.view
+    files, inputs = job_files(folders.values(), wanted.cycles, reference=wanted.has_reference), job_inputs(settings)
     output = output_folder(settings.out, files, inputs) if settings.out else nullcontext()
     # Pages stay until the files are there.
     with compiling_beside(), BakePageCache() as kept, output as folder:
         weights = load_network(settings.network)
-        result = yield from _compute(context, settings, weights, StageClock(), kept)
+        plan = _Plan(settings)
+        making = _compute(context, settings, weights, plan, kept, meanwhile)
+        result = yield from with_time(making, plan.time, lambda: plan.clock.present)
+        plan.learn()
         for item in result.views:
             item.report["folder"] = folders[item.camera.name]
         if folder is not None:
@@ -83,10 +91,38 @@ def run_job(context: bpy.types.Context, settings: JobSettings) -> Steps[JobResul
     return result
 
 
+class _Plan:
+    """Time of a job: what it should take by what this machine took for others, and what it takes.
+
+    resumed: whether pages of its bake were there already, so that its seconds tell nothing.
+    """
+
+    def __init__(self, settings: JobSettings) -> None:
+        self.clock, self.time, self.resumed = StageClock(), JobTime(AGAIN), False
+        self._settings, self._rates = settings, Rates()
+        self._work: dict[str, float] = {}
+
+    def make(self, source: SceneMesh, choice: GridChoice, cameras: Sequence[Camera]) -> Steps[None]:
+        """Plan the job, now that surface and grid are known."""
+        self._work = yield from planned_work(source, choice, cameras, self._settings)
+        self.time.expect(self._rates.seconds(self._work))
+
+    def learn(self) -> None:
+        """Keep what the stages took, for estimates; not of those that compiled kernels or found their work done."""
+        unlike = self.time.compiled | ({"light"} if self.resumed else set())
+        self._rates.learn({name: units for name, units in self._work.items() if name not in unlike}, self.clock.seconds)
+
+
 def _compute(
-    context: bpy.types.Context, settings: JobSettings, weights: Weights, clock: StageClock, kept: BakePageCache
+    context: bpy.types.Context,
+    settings: JobSettings,
+    weights: Weights,
+    plan: _Plan,
+    kept: BakePageCache,
+    meanwhile: Meanwhile | None,
 ) -> Steps[JobResult]:
     device = decoding_device(settings.compute)  # before anything is baked
+    clock = plan.clock
     cameras: list[Camera] = []
     surface, wanted = settings.surface, settings.view
 
@@ -96,14 +132,28 @@ def _compute(
         )
         return fit_cameras(context, settings, source) if surface.track else cameras
 
-    made = yield from build_lit_octree(context, settings, clock, kept, Recipe(cameras=fit_to))
+    def after_grid(source: SceneMesh, choice: GridChoice) -> Steps[None]:
+        with clock.stage("depth"):
+            yield from plan.make(source, choice, cameras)
+        if meanwhile is not None and settings.light.is_baked:
+            with clock.stage("first look"):
+                yield from stand_in_look(source, choice, settings, cameras[0], meanwhile)
+
+    made = yield from build_lit_octree(context, settings, clock, kept, Recipe(cameras=fit_to, after_grid=after_grid))
+    plan.resumed = bool(kept.found)
+    if meanwhile is not None:
+        with clock.stage("first look"):
+            yield from first_look(made.octree, cameras[0], meanwhile)
     with clock.stage("codes"):
         coded, encoding = yield from encode(made.octree, weights, settings.compute)
     views: list[View] = []
     cycles: list[CyclesView] = []
     for camera in cameras:
         with clock.stage("views"):
-            views.append((yield from view(coded, camera, wanted, surface.scope, compare=True, device=device)))
+            looking = view(
+                coded, camera, wanted, surface.scope, compare=wanted.reference, device=device, meanwhile=meanwhile
+            )
+            views.append((yield from looking))
         if wanted.cycles is not None:
             with clock.stage("cycles"):
                 sun = settings.light.daylight

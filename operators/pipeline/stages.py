@@ -43,11 +43,15 @@ NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 
 @dataclass(frozen=True, eq=False)
 class GridChoice:
-    """Grid of the octree, the levels of its leaves (None: all on the deepest), and what they lack in sentences."""
+    """Grid of the octree, the levels of its leaves (None: all on the deepest), and what they lack in sentences.
+
+    leaves: about how many there are; 0 where nobody counted.
+    """
 
     grid: Grid
     layout: LeafLevels | None = None
     warnings: tuple[str, ...] = ()
+    leaves: int = 0
 
 
 def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
@@ -63,7 +67,7 @@ def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetti
 
 def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
     """Choose a grid with all leaves on one level."""
-    from ...patchnet_addon.lod.depth import choose_depth, coarse_octree
+    from ...patchnet_addon.lod.depth import choose_depth, coarse_octree, estimate
 
     surface, memory, color = settings.surface, settings.compute.memory_bytes, settings.light.color
     bounds_world = surface.bounds_world(source)
@@ -71,7 +75,7 @@ def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSetti
     if surface.voxel_size_world is not None:
         grid = Grid.with_voxel_size(bounds_world, surface.voxel_size_world)
         choose_depth(coarse, cameras, grid.depth, memory, color=color)
-        return GridChoice(grid)
+        return GridChoice(grid, leaves=estimate(coarse, grid.depth, color=color)[0])
     # A given depth asks for no look-ahead, and needs no weights yet.
     lookahead = lookahead_of(settings.network) if surface.depth is None else DEFAULT_LOOKAHEAD
     choice = choose_depth(coarse, cameras, surface.depth, memory, color=color, lookahead=lookahead)
@@ -82,7 +86,7 @@ def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSetti
             "look-ahead; fit the octree to the cameras, or choose smaller pictures or fewer objects",
         )
     grid = Grid.around(bounds_world, choice.depth)
-    return GridChoice(grid, None, warnings)
+    return GridChoice(grid, None, warnings, estimate(coarse, choice.depth, color=color)[0])
 
 
 def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
@@ -103,7 +107,7 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
             f"The cameras need leaves down to level {fitted.wanted}, more than memory or depth allow: about "
             f"{fitted.lookahead_share:.0%} of pixels will have look-ahead; choose smaller pictures or fewer cameras",
         )
-    return GridChoice(replace(grid, depth=fitted.layout.deepest), fitted.layout, warnings)
+    return GridChoice(replace(grid, depth=fitted.layout.deepest), fitted.layout, warnings, fitted.leaves)
 
 
 def unlit(source: MeshSource, light: LightSettings) -> Steps[ShadingFn]:
@@ -130,8 +134,7 @@ def lit(
     rotation: seed of the direction of two lights, 0 for their usual one.
     """
     if not light.is_baked:
-        shining = computed(lambda: _two_lights(source, light, rotation), Progress(0, 1, _TEXTURES))
-        return (yield from shining), ()
+        return (yield from two_lights(source, light, rotation)), ()
     from ..cycles.bake import bake_luminance
 
     coarse = light_warnings(source, choice.grid)
@@ -143,6 +146,8 @@ def lit(
     atlas = yield from bake_luminance(
         context, source, texel_world, light, device=compute.device, kept=kept, depsgraph=depsgraph
     )
+    if light.denoise:
+        atlas = yield from computed(lambda: _denoised(atlas, source), Progress(0, 1, "Denoising light"))
     shade = yield from computed(lambda: _baked(atlas, source), Progress(0, 1, _TEXTURES))
     return shade, (*coarse, *atlas.warnings, *((NO_LIGHT,) if light.daylight else ()))
 
@@ -151,6 +156,11 @@ def _albedo(source: MeshSource, light: LightSettings) -> ShadingFn:
     from ...patchnet_addon.surface.albedo import albedo_shade
 
     return albedo_shade(source, color=light.color)
+
+
+def two_lights(source: MeshSource, light: LightSettings, rotation: int = 0) -> Steps[ShadingFn]:
+    """Surface in the paper's two lights, from the usual direction or that of a seed."""
+    return computed(lambda: _two_lights(source, light, rotation), Progress(0, 1, _TEXTURES))
 
 
 def _two_lights(source: MeshSource, light: LightSettings, rotation: int) -> ShadingFn:
@@ -164,6 +174,12 @@ def _texel_sizes(source: SceneMesh, choice: GridChoice, light: LightSettings) ->
     from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
 
     return texel_sizes(source, choice.grid, choice.layout, light.texel_voxels)
+
+
+def _denoised(atlas: Atlas, source: MeshSource) -> Atlas:
+    from ...patchnet_addon.lightmap.denoised_atlas import denoised_atlas
+
+    return denoised_atlas(atlas, source)
 
 
 def _baked(atlas: Atlas, source: MeshSource) -> ShadingFn:
@@ -231,7 +247,8 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
     if all(_is_black(material) for material in source.materials):
         values[BLACK_SURFACE] = True  # for a sentence about black pictures
     if light == CYCLES:
-        values |= {"samples": settings.light.samples, "texel_voxels": settings.light.texel_voxels}
+        light_of_bake = settings.light
+        values |= {name: getattr(light_of_bake, name) for name in ("samples", "texel_voxels", "gloss", "denoise")}
     return values
 
 

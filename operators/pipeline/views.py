@@ -38,6 +38,7 @@ from ...patchnet_addon.tracing.camera import Camera
 from ..importance.pixels import pixel_importance
 from ..scene_access.images import ERROR_MAXIMUM, PICTURES, PRIORITY_NAME, save_exr, save_png
 from ..settings.groups import ViewSettings
+from .unfinished import Meanwhile, Unfinished, first_look, shown_meanwhile
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +70,12 @@ class View:
         return self.ranking.buffers
 
     @property
-    def errors(self) -> tuple[float, float]:
-        """Mean squared error over active pixels of what unrefined pixels show, and of the refined picture."""
-        return shown_errors(self.report, self.strategy)
+    def errors(self) -> tuple[float, float] | None:
+        """Mean squared error over active pixels of what unrefined pixels show, and of the refined picture.
+
+        None without a reference.
+        """
+        return shown_errors(self.report)
 
     @property
     def priority(self) -> np.ndarray:
@@ -80,48 +84,95 @@ class View:
 
 
 def view(
-    coded: CodedOctree, camera: Camera, settings: ViewSettings, scope: str, *, compare: bool, device: str = CPU
+    coded: CodedOctree,
+    camera: Camera,
+    settings: ViewSettings,
+    scope: str,
+    *,
+    compare: bool,
+    device: str = CPU,
+    meanwhile: Meanwhile | None = None,
 ) -> Steps[View]:
-    """Preview, predicted picture, priority, refinement, reference and errors of one camera.
+    """Preview, predicted picture, priority and refinement of one camera.
 
-    scope: which objects were voxelized, for importance that is painted on them. compare: measure all strategies, the
-    exact oracles too, not only the chosen one, and uniform pictures. All strategies rank by what the settings'
-    importance makes of their scores. device: what decodes, see `predict`. Raises SettingError if what was painted, or
-    the device, is not there.
+    scope: which objects were voxelized, for importance that is painted on them. compare: also trace the reference of
+    all pixels and measure what all strategies, the exact oracles too, and uniform pictures leave of the error. All
+    strategies rank by what the settings' importance makes of their scores. device: what decodes, see `predict`.
+    meanwhile: shows the preview as soon as it is traced, the heatmap, and the picture while it is refined. Raises
+    SettingError if what was painted, or the device, is not there.
     """
     chosen = strategy(settings.strategy)
-    strategies = list(STRATEGIES.values()) if compare else [chosen, STRATEGIES["optimal"]]
-    tracing = run_in_worker(
-        lambda: trace_view(coded.octree, camera, strategies, coded=coded, device=device, unrefined=PREDICTED),
-        Progress(0, 1, "Tracing the preview"),
-    )
-    buffers = yield from labelled(tracing, f"{camera.name}: {{}}")
+    if meanwhile is not None:
+        yield from first_look(coded.octree, camera, meanwhile)
+    buffers = yield from _traced(coded, camera, [chosen], device, reference=False)
     if settings.importance is not None:
         looked_up = pixel_importance(settings.importance, scope, coded.octree.grid, buffers)
         buffers = replace(buffers, importance=(yield from labelled(looked_up, f"{camera.name}: {{}}")))
-    measuring = Progress(0, 1, f"{camera.name}: Measuring errors")
-    rankings = yield from computed(lambda: _rankings(buffers, strategies, settings.budget), measuring)
-    refined = yield from _refined(coded.octree, camera, rankings[settings.unrefined][chosen.name], settings.spp)
-    made = yield from computed(lambda: _measured(coded.octree, camera, rankings, refined, settings), measuring)
+    buffers = replace(buffers, unrefined=settings.unrefined)
+    ranking = yield from computed(
+        lambda: rank(chosen, buffers, settings.budget), Progress(0, 1, f"{camera.name}: Ranking pixels")
+    )
+    if meanwhile is not None:
+        meanwhile(_heatmap(ranking, camera, settings))
+    refined = yield from _refined(coded.octree, camera, ranking, settings, meanwhile)
+    strategies = list(STRATEGIES.values()) if compare else [chosen]
+    if compare:
+        known = yield from _traced(coded, camera, strategies, device, reference=True)
+        buffers = replace(known, importance=buffers.importance, unrefined=settings.unrefined)
+    measuring = Progress(0, 1, f"{camera.name}: {'Preparing pictures' if not compare else 'Measuring errors'}")
+    made = yield from computed(
+        lambda: _measured(coded.octree, camera, _rankings(buffers, strategies, ranking), refined, settings), measuring
+    )
     if compare:
         uniform = run_in_worker(lambda: uniform_report(coded.octree, camera, buffers), measuring)
         made.report["uniform"] = yield from labelled(uniform, f"{camera.name}: {{}}")
     return made
 
 
-def _rankings(buffers: PixelBuffers, strategies: Sequence[Strategy], budget: float) -> dict[str, dict[str, Ranking]]:
-    """Rankings by strategy, of what is wrong in each picture that unrefined pixels may show."""
-    views = {name: replace(buffers, unrefined=name) for name in UNREFINED}
-    return {name: {item.name: rank(item, view, budget) for item in strategies} for name, view in views.items()}
-
-
-def _refined(octree: Octree, camera: Camera, ranking: Ranking, spp: float | None) -> Steps[RefinedPicture]:
-    """Spend the budget on a ranked view: samples per pixel where there are any, else its share of the pixels."""
-    if spp is None:
-        return refined_by_share(ranking)
+def _traced(
+    coded: CodedOctree, camera: Camera, strategies: Sequence[Strategy], device: str, *, reference: bool
+) -> Steps[PixelBuffers]:
+    """What strategies and the predicted picture need of a view, and its reference if wanted."""
     tracing = run_in_worker(
-        lambda: refined_by_samples(octree, camera, ranking, spp), Progress(0, 1, "Refining by priority")
+        lambda: trace_view(
+            coded.octree, camera, strategies, coded=coded, reference=reference, device=device, unrefined=PREDICTED
+        ),
+        Progress(0, 1, "Tracing the preview"),
     )
+    return (yield from labelled(tracing, f"{camera.name}: {{}}"))
+
+
+def _rankings(buffers: PixelBuffers, strategies: Sequence[Strategy], chosen: Ranking) -> dict[str, dict[str, Ranking]]:
+    """Rankings by strategy, of what is wrong in each picture that unrefined pixels may show.
+
+    Without a reference only the one that is there, `chosen`.
+    """
+    if buffers.reference is None:
+        return {buffers.unrefined: {chosen.strategy.name: chosen}}
+    views = {name: replace(buffers, unrefined=name) for name in UNREFINED}
+    return {name: {item.name: rank(item, view, chosen.budget) for item in strategies} for name, view in views.items()}
+
+
+def _heatmap(ranking: Ranking, camera: Camera, settings: ViewSettings) -> Unfinished:
+    maximum = settings.heatmap_maximum or ranking.strategy.maximum
+    urgent = ranking.buffers.picture(ranking.priority)
+    return Unfinished(camera.name, "heatmap", colormap(urgent / np.float32(maximum), settings.colormap))
+
+
+def _refined(
+    octree: Octree, camera: Camera, ranking: Ranking, settings: ViewSettings, meanwhile: Meanwhile | None
+) -> Steps[RefinedPicture]:
+    """Spend the budget on a ranked view: samples per pixel where there are any, else its share of the pixels."""
+    begun: list[RefinedPicture] = []
+
+    def make() -> Steps[RefinedPicture]:
+        if settings.spp is None:
+            return refined_by_share(octree, camera, ranking, settings.refined_samples, begun=begun.append)
+        return refined_by_samples(octree, camera, ranking, settings.spp, begun=begun.append)
+
+    tracing = run_in_worker(make, Progress(0, 1, "Refining by priority"))
+    if meanwhile is not None:
+        tracing = shown_meanwhile(tracing, begun, ranking.buffers, camera.name, meanwhile)
     return (yield from labelled(tracing, f"{camera.name}: {{}}"))
 
 
@@ -137,14 +188,16 @@ def _measured(
 
     chosen = rankings[settings.unrefined][settings.strategy]
     buffers = chosen.buffers
-    assert buffers.reference is not None
-    unseen = why_unseen(octree, camera, buffers.hits, max(float(buffers.preview.max()), float(buffers.reference.max())))
-    paper, predicted = (list(rankings[name].values()) for name in (PREVIEW, PREDICTED))
-    report = view_report(paper[0].buffers, camera.name, settings.budget, paper)
+    seen = (buffers.preview, refined.luminance, *([] if buffers.reference is None else [buffers.reference]))
+    unseen = why_unseen(octree, camera, buffers.hits, max(float(values.max()) for values in seen))
+    paper = list(rankings.get(PREVIEW, {}).values())
+    report = view_report(paper[0].buffers if paper else buffers, camera.name, settings.budget, paper)
     report["unrefined"] = settings.unrefined
-    report["predicted"] = predicted_report(predicted[0].buffers, predicted)
-    if settings.spp is not None:
-        report["spp"] = samples_report(chosen, refined, settings.spp)
+    if buffers.reference is not None:
+        predicted = list(rankings[PREDICTED].values())
+        report["predicted"] = predicted_report(predicted[0].buffers, predicted)
+    asked = {"samples": settings.refined_samples} if settings.spp is None else {"spp": settings.spp}
+    report["refined"] = asked | samples_report(chosen, refined)
     if settings.importance is not None:
         report["refinable_pixels"] = refinable(buffers)
     made = View(octree, camera, chosen, refined, {}, report, () if unseen is None else (unseen,))
@@ -154,47 +207,56 @@ def _measured(
 def _pictures(made: View, settings: ViewSettings) -> dict[str, np.ndarray]:
     """Pictures of a view; those with a legend are magnified, the others are as many pixels as the camera has.
 
-    Those that show light are in colour if the octree is. The overlay stays gray, so that red means one thing.
+    Those that show light are in colour if the octree is. The overlay stays gray, so that red means one thing. The
+    reference and errors against it only where there is one.
     """
     name, ranking, refined = made.camera.name, made.ranking, made.refined
-    buffers, chosen = ranking.buffers, ranking.strategy
-    assert buffers.reference is not None and buffers.predicted is not None
-    before, after = (np.abs(values - buffers.reference) for values in (buffers.shown, refined.luminance))
-    picture, ramp = buffers.picture, settings.colormap
+    buffers, chosen, ramp = ranking.buffers, ranking.strategy, settings.colormap
+    assert buffers.predicted is not None
+    picture = buffers.picture
     maximum = settings.heatmap_maximum or chosen.maximum
     below, urgent = picture(buffers.shown), picture(ranking.priority)
     first = picture(ranking.urgency(refined.refined_count))
     gray = {"preview": buffers.preview, "predicted": buffers.predicted, "refined": refined.luminance}
     colors = {"preview": buffers.preview_color, "predicted": buffers.predicted_color, "refined": refined.colors}
-    gray["reference"], colors["reference"] = buffers.reference, buffers.reference_color
+    if buffers.reference is not None:
+        gray["reference"], colors["reference"] = buffers.reference, buffers.reference_color
     looks = {item: gray[item] if color is None else color for item, color in colors.items()}
-    return {
+    pictures = {
         **{item: shown(picture(values)) for item, values in looks.items()},
         "priority": colormap(urgent / np.float32(maximum), ramp),
         "heatmap": heatmap(urgent, maximum, chosen.quantity, map_name=ramp, title=f"{name}: {chosen.name}"),
         "order": tint(below, first),
         "overlay": overlay(below, first, settings.budget_text, title=f"{name}: order of refinement"),
-        "error": error_picture(
-            picture(before), picture(after), ERROR_MAXIMUM, made.errors, map_name=ramp, unrefined=settings.unrefined
-        ),
     }
+    if buffers.reference is not None and made.errors is not None:
+        before, after = (picture(np.abs(values - buffers.reference)) for values in (buffers.shown, refined.luminance))
+        pictures["error"] = error_picture(
+            before, after, ERROR_MAXIMUM, made.errors, map_name=ramp, unrefined=settings.unrefined
+        )
+    return pictures
 
 
 def overview(views: Sequence[View]) -> np.ndarray:
-    """Overview of all cameras in one picture: a row each, from the preview to the reference."""
-    columns = ("preview", "predicted", "priority", "order", "refined", "reference")
-    rows = [[item.pictures[name] for name in columns] for item in views]
+    """Overview of all cameras in one picture: a row each, from the preview to the refined picture, or the reference."""
+    titles = {
+        "preview": "preview", "predicted": "predicted", "priority": "priority", "order": "refined first: red",
+        "refined": "refined",
+    }  # fmt: skip
+    if all("reference" in item.pictures for item in views):
+        titles["reference"] = "reference"
+    rows = [[item.pictures[name] for name in titles] for item in views]
     names = []
     for item in views:
-        before, after = item.errors
-        names.append(f"{item.camera.name}: mse {before:.5f} -> {after:.5f}")
-    titles = ("preview", "predicted", "priority", "refined first: red", "refined", "reference")
-    return contact_sheet(rows, names, titles)
+        errors = item.errors
+        names.append(item.camera.name + ("" if errors is None else f": mse {errors[0]:.5f} -> {errors[1]:.5f}"))
+    return contact_sheet(rows, names, tuple(titles.values()))
 
 
 def save_view(result: View, folder: Path) -> None:
     """Write the view's pictures into `folder`, a new one."""
     folder.mkdir()
     for name in PICTURES:
-        save_png(folder / f"{name}.png", result.pictures[name])
+        if name in result.pictures:
+            save_png(folder / f"{name}.png", result.pictures[name])
     save_exr(folder / PRIORITY_NAME, result.priority)

@@ -23,6 +23,7 @@ from ..pipeline.lit_octree import Recipe, build_lit_octree
 from ..pipeline.stages import encode, load_network
 from ..scene_access.own import quiet
 from ..scene_access.temporary import scene_copy
+from ..schema.table import GLOSS_CAMERA
 from ..session import results
 from ..session.kept_results import result_or_kept
 from ..session.scene_result import SceneResult
@@ -47,6 +48,8 @@ def octree_of_frame(
     warn: takes sentences about what had to be assumed or left out where one is made.
     animation: other frames follow. Raises PatchNetError.
     """
+    if animation:  # frames that are made alone would see other reflections
+        settings = settings.changed(from_camera=settings.light.gloss == GLOSS_CAMERA)
     scene = depsgraph.scene.original
     session, result = session_of(scene), result_or_kept(scene)
     if result is not None:

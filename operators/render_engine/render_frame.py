@@ -54,7 +54,8 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     try:
         pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)
         _warn_of_unseen(engine, picture)
-        pull(engine, output.shown_meanwhile(picture.refine(wanted.budget, spp=wanted.spp)), 0.5, 1.0)
+        refining = picture.refine(wanted.budget, spp=wanted.spp, refined=wanted.refined_samples)
+        pull(engine, output.shown_meanwhile(refining), 0.5, 1.0)
     finally:  # a render that was stopped shows how far it came
         output.end()
 

@@ -92,14 +92,15 @@ class Viewport:
         world = None if context.scene.render.film_transparent else world_color(context.scene.world)
         background = None if world is None else world.tobytes()
         rect = None if strokes is None else camera_rect(context)
-        wanted = values.strategy, values.unrefined, values.budget, values.spp
+        wanted = values.strategy, values.unrefined, values.budget, values.refined_samples, values.spp
         state = (id(result), *wanted, background, self.mask.version, rect, *_view(camera))
         if state != self._state or self._preview is None:
             importance = None if strokes is None else partial(strokes.weights, result.octree.grid, rect=rect)
             picture = AdaptivePicture(
                 result.octree, camera, strategy(values.strategy), result.coded, importance, values.unrefined
             )
-            self._state, self._preview = state, ViewportPreview(picture, values.budget, world, values.spp or None)
+            preview = ViewportPreview(picture, values.budget, world, values.spp or None, values.refined_samples)
+            self._state, self._preview = state, preview
             self._asked = time.perf_counter()  # the first picture comes soon
         return self._preview
 

@@ -30,13 +30,21 @@ class ViewportPreview:
     """
 
     def __init__(
-        self, picture: AdaptivePicture, budget: float, world: np.ndarray | None, spp: float | None = None
+        self,
+        picture: AdaptivePicture,
+        budget: float,
+        world: np.ndarray | None,
+        spp: float | None = None,
+        refined: float = _FINE_SIDE**2,
     ) -> None:
-        """Prepare for a picture; spp: mean samples per active pixel instead of the share `budget`."""
+        """Prepare for a picture; spp: mean samples per active pixel instead of the share `budget`.
+
+        refined: mean samples of the pixels in that share.
+        """
         self.picture = picture
         self.status = ""
         self.done = False
-        self._world, self._budget, self._spp = world, budget, spp
+        self._world, self._budget, self._spp, self._refined = world, budget, spp, refined
         self.pace = Pace(*_FIRST_PACE)
         self.steps = self._all()
 
@@ -70,7 +78,7 @@ class ViewportPreview:
         yield Progress(0, 1, "Tracing the preview")
         yield from self.picture.trace(self.pace)
         for side in (_QUICK_SIDE, _FINE_SIDE):
-            yield from self.picture.refine(self._budget, side, self.pace, spp=self._spp)
+            yield from self.picture.refine(self._budget, side, self.pace, spp=self._spp, refined=self._refined)
 
     def _trace_coarsely(self) -> None:
         """Fill the picture with large squares of single rays; what `samples` says stays 0 there."""
@@ -82,7 +90,8 @@ class ViewportPreview:
         column = np.arange(camera.width_px) * columns // camera.width_px
         row = np.arange(camera.height_px) * rows // camera.height_px
         square = (row[:, None] * columns + column).ravel()
-        picture.colors[:] = hit_colors(picture.octree, hits)[square]
+        seen = hit_colors(picture.octree, hits) + picture.octree.color_above_white(hits.node)
+        picture.colors[:] = seen[square]
         picture.alpha[:] = hits.hit[square]
 
     def _keep_pace(self, took: float, slice_s: float) -> None:

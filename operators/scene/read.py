@@ -14,6 +14,7 @@ from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError,
 from ...patchnet_addon.surface.mesh import Material
 from ..schema.table import SELECTED, VISIBLE
 from ..state.unsteady import origin_of_corners
+from .gloss import Gloss, read_gloss
 from .images import ImageReader
 from .layer_names import layer_names
 from .light_links import LightLinks
@@ -43,10 +44,11 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMes
     parts = reader.parts()
     if not parts:
         raise EmptySelectionError(". ".join([_nothing(scope), *missing_libraries()]))
-    materials, warnings = reader.materials()
+    materials, gloss, warnings = reader.materials()
     in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
     warnings = missing_files(in_use, depsgraph.scene.world) + warnings
-    return SceneMesh(parts, materials, tuple(reader.material_names), warnings, tuple(reader.light_links.distinct))
+    links = tuple(reader.light_links.distinct)
+    return SceneMesh(parts, materials, tuple(reader.material_names), warnings, links, gloss)
 
 
 def _nothing(scope: str) -> str:
@@ -144,16 +146,17 @@ class _Reader:
             )
         return tuple(parts)
 
-    def materials(self) -> tuple[tuple[Material, ...], list[str]]:
-        """Materials in the order of their indices, and sentences about what was simplified."""
-        images, warnings, result = ImageReader(), [], []
+    def materials(self) -> tuple[tuple[Material, ...], tuple[Gloss, ...], list[str]]:
+        """Materials and their gloss in the order of their indices, and sentences about what was simplified."""
+        images, warnings, result, gloss = ImageReader(), [], [], []
         library = {material.name_full: material for material in bpy.data.materials}
         for name in self.material_names:
             material, warning = read_material(library[name], images) if name else (Material("default"), None)
             result.append(material)
+            gloss.append(read_gloss(library[name], images) if name else Gloss(diffuse=0.8))
             if warning:
                 warnings.append(warning)
-        return tuple(result), warnings
+        return tuple(result), tuple(gloss), warnings
 
 
 @contextmanager

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...patchnet_addon.runtime.errors import GeometryError
 from ...patchnet_addon.surface.mesh import Material, TriangleBatch
+from .gloss import Gloss
 from .light_links import Links
 from .local_mesh import LocalMesh
 
@@ -120,6 +121,7 @@ class SceneMesh:
     material_names: Blender's (full) name for each of `materials`, "" where a surface has none.
     warnings: sentences about what is missing or was simplified.
     light_links: receiver collections of lamps that objects are in.
+    gloss: of each of `materials`.
     """
 
     parts: tuple[MeshInstances, ...]
@@ -127,6 +129,7 @@ class SceneMesh:
     material_names: tuple[str, ...]
     warnings: list[str]
     light_links: tuple[Links, ...]
+    gloss: tuple[Gloss, ...] = ()
     bounds_world: np.ndarray = field(init=False)  # (2, 3) float64
     triangle_count: int = field(init=False)
 

@@ -18,6 +18,7 @@ from .own import OWNER
 
 # Pictures of a view, each a file and a Blender image, in the order in which a user would look at them.
 PICTURES = ("preview", "predicted", "heatmap", "overlay", "refined", "reference", "error")
+OF_REFERENCE = ("reference", "error")  # those of views with a reference alone
 PRIORITY_NAME = "priority.exr"
 ERROR_MAXIMUM = 0.5  # luminance error at the end of an error picture's legend
 
@@ -36,12 +37,18 @@ def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.type
     if image is None:
         image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=raw, is_data=raw)
         image[OWNER] = name
-    elif tuple(image.size) != (width, height):
+    write_pixels(image, picture)
+    image.pack()
+    return image
+
+
+def write_pixels(image: bpy.types.Image, picture: np.ndarray) -> None:
+    """Give an image the size of a picture and its pixels."""
+    height, width = picture.shape[:2]
+    if tuple(image.size) != (width, height):
         image.scale(width, height)
     image.pixels.foreach_set(_rgba(picture))
-    image.pack()
     image.update()
-    return image
 
 
 def drop_image(name: str) -> None:

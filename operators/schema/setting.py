@@ -44,8 +44,8 @@ class Setting:
     name: of the property of scenes and operators. label, description: as the panel shows them. stage: of the job.
     bounds: of a number. choices: (value, label, description) of a CHOICE. field_name: its flat name in `JobSettings`,
     if that is another one. effect: on the result. counts: whether it matters beside the other values. argument: of the
-    command line, "" for none or for one that means something else; help, unit: of it. widget: further options of the
-    property.
+    command line, "" for none or for one that means something else, --no-NAME of a switch that is on; help, unit: of it.
+    widget: further options of the property.
     """
 
     name: str

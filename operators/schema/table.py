@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ...patchnet_addon.network.devices import OTHER_PYTHON
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
 from ...patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
@@ -21,6 +22,7 @@ SELECTED, VISIBLE = "SELECTED", "VISIBLE"
 DEPTH, VOXEL_SIZE, FIT = "DEPTH", "VOXEL_SIZE", "FIT"
 CYCLES, TWO_LIGHTS = "cycles", "two-lights"
 CPU, GPU = "CPU", "GPU"
+GLOSS_AUTO, GLOSS_OFF, GLOSS_ABOVE, GLOSS_CAMERA = "auto", "off", "above", "camera"
 NOTHING, IMAGE, VERTEX_GROUP = "NONE", "IMAGE", "VERTEX_GROUP"
 # Stages of a job.
 OCTREE, LIGHT, CODES, CAMERAS, VIEW, IMPORTANCE, OUTPUT = (
@@ -88,6 +90,12 @@ _LIGHT = (
         counts=_baked, argument="--samples", help="Cycles samples per baked texel", widget={"soft_max": 256},
     ),
     Setting(
+        "denoise", "Denoise",
+        "Average baked light with that of the texels around, where they differ by no more than its noise. Shadows, "
+        "edges and textures stay",
+        LIGHT, Kind.SWITCH, True, counts=_baked, argument="--denoise", help="take the noise out of baked light",
+    ),
+    Setting(
         "texel_voxels", "Texel Size",
         "Side of a baked texel in finest voxels: smaller texels take longer and show finer shadows",
         LIGHT, Kind.NUMBER, 2.0, bounds.TEXEL_VOXELS, counts=_baked,
@@ -99,6 +107,18 @@ _LIGHT = (
         "side that normals show. Leaves and other cut-outs always hold the mean",
         LIGHT, Kind.SWITCH, False, counts=_baked,
         argument="--both-sides", help="opaque sheets have the mean of both sides (the side that normals show)",
+    ),
+    Setting(
+        "gloss", "Gloss", "Whose reflections are baked, and from where they are seen; clear glass is see-through",
+        LIGHT, Kind.CHOICE, GLOSS_AUTO,
+        choices=(
+            (GLOSS_AUTO, "Automatic", "Of metals and mirrors, which would be black: as the active camera sees them, "
+             "where it is now, or as seen from above where other cameras look, too"),
+            (GLOSS_OFF, "Off", "Diffuse light and emission alone: metals and mirrors are black, glass is opaque"),
+            (GLOSS_ABOVE, "From Above", "Of all materials, as seen from above the surface"),
+            (GLOSS_CAMERA, "From Camera", "Of all materials, as the active camera sees it where it is now"),
+        ),
+        counts=_baked, argument="--gloss", help="whose reflections are baked, and from where they are seen",
     ),
     Setting(
         "device", "Bake Device", "What Cycles bakes on", LIGHT, Kind.CHOICE, AUTO,
@@ -135,8 +155,8 @@ _NETWORK = (
         "network_device", "Network On", "What the network encodes and decodes on; results differ by rounding alone",
         CODES, Kind.CHOICE, AUTO,
         choices=(
-            (AUTO, "Automatic", "A GPU where torch has one, else CPU; the Python of the preferences encodes if one is "
-             "named"),
+            (AUTO, "Automatic", "A GPU where torch has one, else CPU"
+             + ("; the Python of the preferences encodes if one is named" if OTHER_PYTHON else "")),
             (CPU, "CPU", "All cores of the CPU, without torch if none is there"),
             (GPU, "GPU", "An NVIDIA GPU through torch; an error if there is none"),
         ),
@@ -175,12 +195,27 @@ _VIEWS = (
         argument="--budget", help="share of active pixels to refine, 0 to 1",
     ),
     Setting(
+        "refined_samples", "Refined Samples",
+        "Mean samples of the pixels that Budget refines, spread by priority: 16, 64 or 256 in each, and 1,024 where "
+        "the mean is above 256",
+        VIEW, Kind.NUMBER, 64.0, bounds.REFINED_SAMPLES,
+        argument="--refined-samples", help="mean samples of refined pixels, 16 to 1024, by priority",
+        widget={"soft_max": 256.0, "precision": 0},
+    ),
+    Setting(
         "spp", "Pixel Samples",
         "Mean samples per active pixel, spread by priority: 1, 4, 16, 64, 256 or 1,024 in each; 0 refines the share "
-        "that Budget says with 1,024",
+        "that Budget says",
         VIEW, Kind.AUTOMATIC, None, bounds.SPP,
         argument="--spp", help="mean samples per active pixel, 1 to 1024, by priority, instead of a share", unit="MEAN",
         widget={"soft_max": 64.0},
+    ),
+    Setting(
+        "reference", "In All Previews",
+        "Preview Selection and Render Preview, too, trace 32 x 32 rays in every pixel and measure the error of all "
+        "strategies against them: takes far longer",
+        VIEW, Kind.SWITCH, False, effect=Effect.PERHAPS,
+        argument="--reference", help="also trace 32 x 32 rays in every pixel, and state the errors of all strategies",
     ),
     Setting(
         "heatmap_maximum", "Heatmap Max", "Priority at the end of the heatmap's legend; 0 takes the strategy's own",

@@ -28,9 +28,15 @@ def image_name(camera: str, name: str) -> str:
 
 
 def show_images(view: View, shown: ShownView) -> dict[str, bpy.types.Image]:
-    """Create or update all images of a view; raw ones are float, Non-Color; a quantity that is unknown has none."""
+    """Create or update all images of a view; raw ones are float, Non-Color; a quantity that is unknown has none, as the
+    reference where there is none, and errors against it."""
     camera = view.camera.name
-    images = {name: show_image(image_name(camera, name), view.pictures[name]) for name in PICTURES}
+    images = {}
+    for name in PICTURES:
+        if name in view.pictures:
+            images[name] = show_image(image_name(camera, name), view.pictures[name])
+        else:
+            drop_image(image_name(camera, name))
     for name in RAW:
         if name in shown.values:
             images[name] = show_image(image_name(camera, name), shown.values[name], raw=True)

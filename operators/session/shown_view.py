@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 PREVIEW, PREDICTED, HEATMAP, REFINED, REFERENCE = "PREVIEW", "PREDICTED", "HEATMAP", "REFINED", "REFERENCE"
 PREVIEW_ERROR, PREDICTED_ERROR, REFINED_ERROR = "PREVIEW_ERROR", "PREDICTED_ERROR", "REFINED_ERROR"
+ERRORS = (PREVIEW_ERROR, PREDICTED_ERROR, REFINED_ERROR)
 TITLES = {
     HEATMAP: "Heatmap",
     PREVIEW: "Preview",
@@ -45,7 +46,8 @@ class ShownView:
     """Values of each pixel of a view.
 
     camera: what it looked through. values: quantity -> (H, W) float32, raw; level is -1 where nothing was met.
-    looks: PREVIEW, PREDICTED, REFINED, REFERENCE -> (H, W, 3) uint8, as a screen shows them. strategy: name.
+    looks: PREVIEW, PREDICTED, REFINED, REFERENCE -> (H, W, 3) uint8, as a screen shows them. Without a reference that,
+    and errors against it, are missing. strategy: name.
     maximum: priority at the end of the legend as the view was made. chosen_maximum: the scene's setting then.
     octree: that it shows, which may be gone. number: of no other view in this process.
     """
@@ -68,6 +70,10 @@ class ShownView:
         """Priority at the end of the legend, now that the scene's setting is `chosen` (0: the strategy's own)."""
         return self.maximum if chosen == self.chosen_maximum else chosen or strategy(self.strategy).maximum
 
+    def has(self, name: str) -> bool:
+        """Return whether there is the picture, one of TITLES."""
+        return name in self.looks or name == HEATMAP or (name in ERRORS and REFERENCE in self.looks)
+
     def picture(self, name: str, maximum: float, ramp: str) -> np.ndarray:
         """(H, W, 3) float32, sRGB in [0, 1]: one of TITLES; maximum: of the heatmap; ramp: a colour map."""
         if name in self.looks:
@@ -80,7 +86,7 @@ class ShownView:
         if name == HEATMAP:
             return self.values[PRIORITY], maximum
         *pictures, reference = (self.values[item] for item in LUMINANCES)
-        shown = dict(zip((PREVIEW_ERROR, PREDICTED_ERROR, REFINED_ERROR), pictures, strict=True))
+        shown = dict(zip(ERRORS, pictures, strict=True))
         return np.abs(shown[name] - reference), ERROR_MAXIMUM
 
     def legend(self, name: str, maximum: float) -> tuple[float, str] | None:
@@ -99,7 +105,7 @@ class ShownView:
             f"Pixel {column}, {row}",
             f"Priority {value[PRIORITY]:.4g} of {maximum:.3g}",
             f"Coverage {'not computed' if coverage is None else format(coverage, '.3f')}",
-            *(f"{name.capitalize()} {value[name]:.4f}" for name in LUMINANCES),
+            *(f"{name.capitalize()} {value[name]:.4f}" for name in LUMINANCES if name in value),
             f"Level {level}" if level >= 0 else "Level none: background",
             f"Samples {round(value[SAMPLES])}",
         ]
@@ -108,18 +114,19 @@ class ShownView:
 def view_to_show(view: View, settings: ViewSettings, chosen_maximum: float) -> ShownView:
     """Select what overlay and inspection need of a view that was made with `settings`."""
     buffers, refined = view.buffers, view.refined
-    assert buffers.predicted is not None and buffers.reference is not None
+    assert buffers.predicted is not None
     pictures = buffers.preview, buffers.predicted, refined.luminance, buffers.reference
     flat = {
         LEVEL: np.where(buffers.hit, buffers.hits.level, -1),
-        **dict(zip(LUMINANCES, pictures, strict=True)),
+        **{name: values for name, values in zip(LUMINANCES, pictures, strict=True) if values is not None},
         SAMPLES: refined.samples,
     }
     known = buffers.prediction or buffers.exact
     if known is not None:
         flat[COVERAGE] = np.where(buffers.hit, known.coverage, 0.0)
     values = {name: np.ascontiguousarray(buffers.picture(item), np.float32) for name, item in flat.items()}
-    looks = {name: to_bytes(view.pictures[name.lower()]) for name in (PREVIEW, PREDICTED, REFINED, REFERENCE)}
+    shown = [name for name in (PREVIEW, PREDICTED, REFINED, REFERENCE) if name.lower() in view.pictures]
+    looks = {name: to_bytes(view.pictures[name.lower()]) for name in shown}
     maximum = settings.heatmap_maximum or view.ranking.strategy.maximum
     return ShownView(
         view.camera,

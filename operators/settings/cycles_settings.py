@@ -10,6 +10,7 @@ from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling.regions import DEFAULT_MOST, DEFAULT_TILE
 
 DIFFUSE, COMBINED = "diffuse", "combined"
+WITH_GLOSS = "with-gloss"  # what DIFFUSE renders beside voxels with gloss
 REFERENCE_FACTOR = 4  # samples of the reference over those of what is judged
 
 
@@ -18,9 +19,9 @@ class CyclesSettings:
     """Settings of a refinement by Cycles.
 
     budget: share of the picture's pixels. samples: paths per pixel. tile: side of the tiles that regions are made of,
-    in pixels. most: regions at most. light: DIFFUSE is diffuse light and emission, which the voxels show too; COMBINED
-    is all light, gloss and glass included. compare: also render the whole picture, and a reference of more samples with
-    another seed, and measure.
+    in pixels. most: regions at most. light: DIFFUSE is diffuse light and emission, and all light of metals and glass if
+    the voxels have gloss; COMBINED is all light everywhere. compare: also render the whole picture, and a reference of
+    more samples with another seed, and measure.
     """
 
     budget: float = 0.2

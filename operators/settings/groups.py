@@ -14,6 +14,7 @@ from ...patchnet_addon.network.devices import CUDA, read_device
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling.predicted import check_unrefined
 from ...patchnet_addon.sampling.registry import strategy
+from ...patchnet_addon.sampling.strategy import REFERENCE
 from ...patchnet_addon.surface.mesh import MeshSource
 from ..importance.painted import Importance
 from ..scene_access.devices import DEVICES
@@ -70,23 +71,32 @@ class LightSettings:
     kind: "cycles" bakes global illumination with `samples` per texel, "two-lights" is methods 7.3.
     exposure: factor on luminance; None chooses it by the surface (methods 7.1).
     both_sides: of opaque sheets, voxels hold the mean of both sides; else the light of the side that normals show.
+    gloss: whose reflections are baked, and from where they are seen: auto, off, above, camera.
+    denoise: baked light is averaged with that around it, as far as it differs by its noise (methods 7.2g).
     color: keep colour beside luminance, for pictures and exports; two bytes a node (methods 7.2d).
     texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
     daylight: whether sun and sky are added for the bake; None adds them to a scene without light.
+    from_camera: whether gloss is seen from the active camera; None: as `gloss` and the job's cameras say.
     """
 
     kind: str = field(default=TABLE["light"].default, metadata={_FLAT: "light"})
     samples: int = TABLE["samples"].default
     exposure: float | None = None
     both_sides: bool = TABLE["both_sides"].default
+    gloss: str = TABLE["gloss"].default
+    denoise: bool = TABLE["denoise"].default
     color: bool = TABLE["color"].default
     texel_voxels: float = TABLE["texel_voxels"].default
     daylight: bool | None = None
+    from_camera: bool | None = None
 
     def __post_init__(self) -> None:
         _check_numbers(self)
         if self.kind not in (CYCLES, TWO_LIGHTS):
             raise SettingError(f"There is no light {self.kind!r}: choose {CYCLES} or {TWO_LIGHTS}")
+        known = [value for value, _, _ in TABLE["gloss"].choices]
+        if self.gloss not in known:
+            raise SettingError(f"There is no gloss {self.gloss!r}: choose one of {', '.join(known)}")
 
     @property
     def is_baked(self) -> bool:
@@ -111,8 +121,9 @@ class ViewSettings:
     cameras: names, or ("all",), or ("auto",); empty for the scene's active camera.
     size: pictures in pixels; a height of 0 follows the render aspect, (0, 0) is the render resolution.
     unrefined: what pixels show that are not refined, "preview" or "predicted" (methods 3.12b).
-    budget: share of active pixels to refine. spp: mean samples per active pixel, spread by priority (methods 7.25b);
-    None refines the share. heatmap_maximum: None takes the strategy's own.
+    budget: share of active pixels to refine. refined_samples: mean samples of these, spread by priority. spp: mean
+    samples per active pixel instead (methods 7.25b); None refines the share. reference: whether whole jobs measure the
+    errors of all strategies against 32x32 rays in every pixel. heatmap_maximum: None takes the strategy's own.
     importance: what was painted to matter; None where all pixels matter alike.
     cycles: how Cycles renders the worst regions over the preview; None renders none.
     """
@@ -120,7 +131,9 @@ class ViewSettings:
     cameras: tuple[str, ...] = ()
     size: tuple[int, int] = TABLE["size"].default
     budget: float = TABLE["budget"].default
+    refined_samples: float = TABLE["refined_samples"].default
     spp: float | None = None
+    reference: bool = TABLE["reference"].default
     strategy: str = TABLE["strategy"].default
     unrefined: str = TABLE["unrefined"].default
     heatmap_maximum: float | None = None
@@ -134,6 +147,11 @@ class ViewSettings:
         _check_numbers(self)
         if self.colormap not in COLORMAPS:
             raise SettingError(f"There is no color map {self.colormap!r}: choose one of {', '.join(COLORMAPS)}")
+
+    @property
+    def has_reference(self) -> bool:
+        """Return whether a job's views have a reference: asked for, or since the strategy ranks by it."""
+        return self.reference or REFERENCE in strategy(self.strategy).needs
 
     @property
     def budget_text(self) -> str:

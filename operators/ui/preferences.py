@@ -10,6 +10,7 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
 from ...patchnet_addon.image.colormaps import COLORMAPS
+from ...patchnet_addon.network.devices import OTHER_PYTHON
 from ...patchnet_addon.runtime.bounds import KEPT_GIB as KEPT
 from ...patchnet_addon.runtime.heap import reuse_freed_memory
 from ...patchnet_addon.runtime.log import set_up
@@ -58,13 +59,14 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
         step=100,
         precision=1,
     )
-    torch_python: StringProperty(
-        name="Python with torch",
-        description="Program of a Python that has torch, such as /opt/venv/bin/python: it then prepares look-ahead. "
-        "Empty for Blender's own Python, with the same result",
-        subtype="FILE_PATH",
-        update=_forget_python,
-    )
+    if OTHER_PYTHON:
+        torch_python: StringProperty(
+            name="Python with torch",
+            description="Program of a Python that has torch, such as /opt/venv/bin/python: it then prepares "
+            "look-ahead. Empty for Blender's own Python, with the same result",
+            subtype="FILE_PATH",
+            update=_forget_python,
+        )
     colormap: EnumProperty(
         name="Color Map",
         description="Colors of the heatmap and the error picture",
@@ -102,10 +104,13 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
         row.operator("patchnet.measure_cache", text="Measure")
         row.operator("patchnet.clear_cache", text="Clear", icon="TRASH")
         layout.prop(self, "kept_gib")
-        layout.prop(self, "torch_python", placeholder="Without torch")
-        row = layout.row()
-        row.label(text=kept.python or ("Not checked" if self.torch_python else "Look-ahead is prepared without torch"))
-        row.operator("patchnet.check_python", text="Check")
+        if OTHER_PYTHON:
+            layout.prop(self, "torch_python", placeholder="Without torch")
+            row = layout.row()
+            row.label(
+                text=kept.python or ("Not checked" if self.torch_python else "Look-ahead is prepared without torch")
+            )
+            row.operator("patchnet.check_python", text="Check")
         for name in ("colormap", "open_pictures", "log_level"):
             layout.prop(self, name)
         layout.operator("patchnet.copy_diagnostics", icon="COPYDOWN")
@@ -129,7 +134,8 @@ def preferences(context: bpy.types.Context) -> Preferences:
     if addon is None or addon.preferences is None:
         return Preferences()
     values = addon.preferences
-    return Preferences(**{field.name: getattr(values, field.name) for field in fields(Preferences)})
+    names = [field.name for field in fields(Preferences) if hasattr(values, field.name)]
+    return Preferences(**{name: getattr(values, name) for name in names})
 
 
 def apply_preferences(context: bpy.types.Context) -> None:

@@ -13,7 +13,7 @@ from bpy.props import StringProperty
 _FOLDER = "patchnet"
 _VALUES = (
     "resolution", "depth", "voxel_size", "track", "light", "samples", "texel_voxels", "color", "size", "strategy",
-    "unrefined", "budget", "spp",
+    "unrefined", "budget", "refined_samples", "spp",
 )  # fmt: skip
 
 

@@ -103,6 +103,9 @@ def check_camera(
     white = replace(octree, luminance=np.full_like(octree.luminance, round(LUMINANCE_SCALE)))
     coverage = (yield from supersample(white, camera, min(_COVERAGE_RAYS, settings.rays))).reshape(shape)
     halves = yield from render_halves(context, camera, settings.render_samples)
+    if settings.compares_all_light:
+        first, second = halves
+        halves = replace(first, luminance=first.combined), replace(second, luminance=second.combined)
     report = _figures(mine, coverage, halves, octree.exposure) | _placed(camera)
     cycles = np.clip(octree.exposure * _mean(halves), 0.0, 1.0).astype(np.float32)
     return CameraCheck(camera, cycles, mine, report)

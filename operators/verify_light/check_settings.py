@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
+from ..schema.table import GLOSS_OFF
 from ..settings.job_settings import JobSettings
 
 
@@ -25,6 +26,11 @@ class CheckSettings:
     render_samples: int = 256
     rays: int = int(bounds.RAYS.high)
     difference: float = 0.2
+
+    @property
+    def compares_all_light(self) -> bool:
+        """Return whether the render has all light: where gloss is baked; else it has diffuse light and emission."""
+        return self.job.light.is_baked and self.job.light.gloss != GLOSS_OFF
 
     def __post_init__(self) -> None:
         if not self.job.surface.has_given_depth:

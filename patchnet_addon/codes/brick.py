@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..octree.octree import POPCOUNT, Octree
+from ..runtime.bits import lowest_one
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.kernels import device
+from ..runtime.kernels import device, lean_device
 from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 
 EMPTY = -1
@@ -70,7 +71,8 @@ def fill_block(nodes, node, lookahead, cells):
 
     From the voxel down, level by level: the first of the cells that a node fills holds it until it is divided.
     """
-    if nodes.child_mask[node] == 0:
+    masks, first_children = nodes.child_mask, nodes.first_child  # taken out here once: each time counts references
+    if masks[node] == 0:
         cells[:] = node
         return len(cells)
     cells[:] = -1
@@ -84,13 +86,13 @@ def fill_block(nodes, node, lookahead, cells):
             for y in range(0, side, width):
                 for x in range(0, side, width):
                     corner = x + side * (y + side * z)
-                    count += _divide(nodes, side, width >> 1, corner, cells)
+                    count += _divide(masks, first_children, side, width >> 1, corner, cells)
         width >>= 1
     return count
 
 
-@device
-def _divide(nodes, side, half, corner, cells):
+@lean_device
+def _divide(masks, first_children, side, half, corner, cells):  # type: ignore[no-untyped-def]
     """Give what the node at a corner of a block fills to its eight parts, `half` cells wide; how many are occupied.
 
     A leaf is all of its parts.
@@ -98,18 +100,17 @@ def _divide(nodes, side, half, corner, cells):
     node = np.int64(cells[corner])
     if node < 0:
         return 0
-    mask = np.int64(nodes.child_mask[node])
-    is_leaf = mask == 0
-    if is_leaf:
-        mask = np.int64(255)
-    part = node if is_leaf else np.int64(nodes.first_child[node])
+    mask, part, step = np.int64(masks[node]), np.int64(first_children[node]), 1
+    if mask == 0:
+        mask, part, step = np.int64(255), node, 0
     cells[corner] = -1
     count = 0
-    for octant in range(8):
-        if (mask >> octant) & 1:
-            cells[corner + half * ((octant & 1) + side * (((octant >> 1) & 1) + side * (octant >> 2)))] = part
-            part += 0 if is_leaf else 1
-            count += 1
+    while mask != 0:
+        octant = lowest_one(mask)
+        mask &= mask - 1
+        cells[corner + half * ((octant & 1) + side * (((octant >> 1) & 1) + side * (octant >> 2)))] = part
+        part += step
+        count += 1
     return count
 
 

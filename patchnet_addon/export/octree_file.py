@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from ..octree.file import save_octree
 from ..octree.octree import Octree
 from ..octree.voxel_cloud import voxel_counts
@@ -25,6 +27,7 @@ def truncated(octree: Octree, level: int) -> Octree:
     count = int(octree.level_start[level + 1])
     child_mask = octree.child_mask[:count].copy()
     child_mask[octree.level(level)] = 0
+    bright = 0 if octree.bright_nodes is None else int(np.searchsorted(octree.bright_nodes, count))
     return replace(
         octree,
         grid=replace(octree.grid, depth=level),
@@ -35,6 +38,8 @@ def truncated(octree: Octree, level: int) -> Octree:
         luminance=octree.luminance[:count],
         normal=octree.normal[:count],
         chroma=None if octree.chroma is None else octree.chroma[:count],
+        bright_nodes=None if octree.bright_nodes is None else octree.bright_nodes[:bright],
+        bright_colors=None if octree.bright_colors is None else octree.bright_colors[:bright],
         _keys={},
     )
 

@@ -20,7 +20,7 @@ from .irradiance import irradiance_of_materials
 from .texture_detail import hue_detail, texture_detail
 
 COLOR_CHANNELS = 4  # of texels with colour
-_MIN_OPACITY = 1e-3
+MIN_OPACITY = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +29,15 @@ class Atlas:
 
     charts: where its triangles lie. texels: (pages * side * side, 2) float32, luminance weighed by opacity, and
     opacity, as the renderer saw it at the texel; with colour (.., 4), red and blue weighed by opacity too.
-    samples: paths a texel. warnings: sentences about what was left out.
+    noise: (pages * side * side,) float32, half of what two halves of the bake differ by, of luminance weighed by
+    opacity; None where it is not known. samples: paths a texel. warnings: sentences about what was left out.
     """
 
     charts: Charts
     texels: np.ndarray
     samples: int = 0
     warnings: tuple[str, ...] = ()
+    noise: np.ndarray | None = None
 
 
 def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:
@@ -58,15 +60,15 @@ def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:
 
     @functools.cache
     def irradiance() -> np.ndarray:
-        return irradiance_of_materials(atlas.charts, atlas.texels, table, source, _MIN_OPACITY)
+        return irradiance_of_materials(atlas.charts, atlas.texels, table, source, MIN_OPACITY)
 
     def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
         albedo, opacity = surface_of_fragments(table, batch, fragments)
         triangles = fragments.triangle.astype(np.int64) + batch.first_triangle
         values = lookup(atlas.charts, atlas.texels, triangles, fragments.barycentric)
-        lost = (values[:, 1] <= _MIN_OPACITY) & (opacity > 0.0)
+        lost = (values[:, 1] <= MIN_OPACITY) & (opacity > 0.0)
         values[lost] = _triangle_values(atlas, triangles[lost])
-        seen = values[:, 1] > _MIN_OPACITY
+        seen = values[:, 1] > MIN_OPACITY
         luminance = np.where(seen, values[:, 0] / np.where(seen, values[:, 1], 1.0), 0.0).astype(np.float32)
         luminance *= texture_detail(atlas.charts, table, batch, fragments, albedo, opacity)
         lost = ~seen & (opacity > 0.0)

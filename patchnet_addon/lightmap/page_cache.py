@@ -35,7 +35,11 @@ class BakePageCache:
     """
 
     def __init__(self, root: Path | None = None) -> None:
-        """Keep pages below `root`: folder of all bakes, by default in the user's cache folder."""
+        """Keep pages below `root`: folder of all bakes, by default in the user's cache folder.
+
+        found: how many pages were there, and needed no bake.
+        """
+        self.found = 0
         self._root = root or user_cache_folder() / BAKES
         self._folders: list[Path] = []
         self._writes = True
@@ -80,6 +84,7 @@ class BakePageCache:
             return None
         if texels is None or texels.shape != (texel_count, channels) or texels.dtype != np.float32:
             return None
+        self.found += 1
         return texels
 
     def save(self, page: int, texels: np.ndarray) -> None:

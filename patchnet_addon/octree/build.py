@@ -12,7 +12,8 @@ import numpy as np
 from ..runtime.errors import GeometryError
 from ..runtime.progress import Steps
 from ..surface.mesh import MeshSource, ShadingFn
-from .exposure import quantile_exposure
+from .above_white import light_above_white
+from .emitters import Emitters, exposure_without_emitters
 from .grid import Grid
 from .leaf_levels import LeafLevels
 from .levels import luminance_of_level, number_children, red_blue_of_level, stored_chroma, stored_luminance
@@ -36,17 +37,22 @@ def build_octree(
     layout: levels of the leaves, at most the grid's depth; None puts all on that. Levels without leaves below the
     finest leaf are left out.
     exposure: factor on luminance before it is clamped to [0, 1] at the leaves; None chooses it so that the
-    99.5 % quantile of leaf luminance becomes 1 (methods 7.1).
+    99.5 % quantile of leaf luminance becomes 1, but for leaves with emitters (methods 7.1). What is above 1 is kept
+    apart (methods 7.1b).
     block_fragments: about how many fragments are added up at a time; this bounds memory and changes nothing else.
     Raises GeometryError when no opaque surface is left.
     """
-    parts = yield from voxelize(source, grid, shade, subtrees, layout=layout, block_fragments=block_fragments)
+    emitters = Emitters(source)
+    watch = emitters.note if exposure is None and emitters.anything else None
+    parts = yield from voxelize(
+        source, grid, shade, subtrees, layout=layout, block_fragments=block_fragments, watch=watch
+    )
     parts = [part for part in parts if len(part.root_keys)]
     if not parts:
         raise GeometryError(
             "No opaque surface is left to voxelize: all triangles have zero area or are fully transparent"
         )
-    return _joined(parts, grid, exposure, provenance or {})
+    return _joined(parts, grid, exposure, provenance or {}, emitters)
 
 
 def octree_from_leaves(
@@ -60,18 +66,25 @@ def octree_from_leaves(
     return _joined([subtrees(leaves, 0)], grid, exposure, provenance or {})
 
 
-def _joined(parts: list[Subtrees], grid: Grid, exposure: float | None, provenance: dict[str, Any]) -> Octree:
+def _joined(
+    parts: list[Subtrees],
+    grid: Grid,
+    exposure: float | None,
+    provenance: dict[str, Any],
+    emitters: Emitters | None = None,
+) -> Octree:
     """Octree of blocks in Morton order; `parts` is emptied, so that nothing is held twice for long."""
     colored = parts[0].leaf_chroma[0].shape[1] > 0
     parts[:0] = [_above(parts)]
     depth = max(part.root_level + len(part.child_mask) for part in parts) - 1
     light = [_of_level(parts, level, lambda part: part.leaf_luminance, np.float32) for level in range(depth + 1)]
-    exposure = quantile_exposure(np.concatenate(light)) if exposure is None else float(exposure)
     masks = [_of_level(parts, level, lambda part: part.child_mask, np.uint8) for level in range(depth + 1)]
+    exposure = exposure_without_emitters(masks, light, emitters) if exposure is None else float(exposure)
     areas = [_of_level(parts, level, lambda part: part.area_world, np.float32) for level in range(depth + 1)]
     normals = [_of_level(parts, level, lambda part: part.normal, np.int8) for level in range(depth + 1)]
     hues = [_of_level(parts, level, lambda part: part.leaf_chroma, np.uint8) for level in range(depth + 1)]
     parts.clear()
+    bright, above = light_above_white(masks, areas, light, hues if colored else [], exposure)
     luminance, chroma = _luminance(masks, areas, light, hues if colored else [], exposure)
     child_mask = np.concatenate(masks)
     return Octree(
@@ -83,6 +96,8 @@ def _joined(parts: list[Subtrees], grid: Grid, exposure: float | None, provenanc
         luminance=_emptied(luminance),
         normal=_emptied(normals).reshape(-1, 3),
         chroma=_emptied(chroma) if colored else None,
+        bright_nodes=bright if len(bright) else None,
+        bright_colors=above if len(bright) else None,
         exposure=exposure,
         provenance=provenance,
     )

@@ -26,7 +26,8 @@ _DTYPES = {
     "luminance": np.uint16,
     "normal": np.int8,
 }
-_OPTIONAL_DTYPES = {"chroma": np.uint8}  # files without colour do not have it, and older readers pass over it
+# Files without colour, or without light above white, do not have these, and older readers pass over them.
+_OPTIONAL_DTYPES = {"chroma": np.uint8, "bright_nodes": np.uint32, "bright_colors": np.float32}
 
 
 def octree_arrays(octree: Octree) -> dict[str, np.ndarray]:
@@ -90,7 +91,7 @@ def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
     count = arrays["child_mask"].size
     shapes = dict.fromkeys(("child_mask", "first_child", "area_world", "luminance"), (count,)) | {
         "level_start": (depth + 2,), "normal": (count, 3)
-    } | {name: (count, 2) for name in _OPTIONAL_DTYPES if name in arrays}  # fmt: skip
+    } | ({"chroma": (count, 2)} if "chroma" in arrays else {})  # fmt: skip
     if arrays["level_start"].shape != shapes["level_start"]:
         return "its levels do not add up to its nodes"
     if any(arrays[name].shape != shape for name, shape in shapes.items()):
@@ -103,7 +104,21 @@ def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
     # Positive numbers are in order of their bits, and infinity, NaN and negative numbers follow.
     if arrays["area_world"].view(np.uint32).max() >= _INFINITY_BITS:
         return "an area is not a positive number"
+    if problem := _bright_problem(arrays, count):
+        return problem
     return _children_problem(start.tolist(), arrays["child_mask"], arrays["first_child"])
+
+
+def _bright_problem(arrays: dict[str, Any], count: int) -> str:
+    """Find what contradicts that light above white belongs to nodes, each once and in order; else an empty text."""
+    nodes, colors = arrays.get("bright_nodes"), arrays.get("bright_colors")
+    if nodes is None and colors is None:
+        return ""
+    if nodes is None or colors is None or nodes.ndim != 1 or colors.shape != (len(nodes), 3):
+        return "its light above white is incomplete"
+    if (nodes[1:] <= nodes[:-1]).any() or (len(nodes) and nodes[-1] >= count):
+        return "a node with light above white is out of order"
+    return "" if np.isfinite(colors).all() and (colors >= 0.0).all() else "light above white is not a positive number"
 
 
 def _children_problem(start: list[int], mask: np.ndarray, first: np.ndarray) -> str:

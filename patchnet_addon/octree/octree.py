@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from ..cells.morton import morton_decode, morton_encode
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
+from .above_white import NOTHING_ABOVE, AboveWhite, colors_at, with_bits
 from .grid import Grid
 from .nodes import Nodes
 
@@ -31,6 +33,8 @@ class Octree:
     normal: (n, 3) int8, mean normal, 127 = 1, not renormalised (methods 7.2).
     chroma: (n, 2) uint8, shares of red and of blue in the mean colour over that surface, 255 = 1 (methods 7.2d); None
     without colour.
+    bright_nodes, bright_colors: (b,) uint32, ascending, and (b, 3) float32: nodes with light above white, and the
+    linear colour that the clamp has taken from them (methods 7.1b); None where nothing is above white.
     exposure: factor that luminance was multiplied with before it was clamped to [0, 1].
     provenance: how the octree was made (scene, light, settings, versions), plain JSON values.
     """
@@ -43,6 +47,8 @@ class Octree:
     luminance: np.ndarray
     normal: np.ndarray
     chroma: np.ndarray | None = None
+    bright_nodes: np.ndarray | None = None
+    bright_colors: np.ndarray | None = None
     exposure: float = 1.0
     provenance: dict[str, Any] = field(default_factory=dict)
     _keys: dict[int, np.ndarray] = field(default_factory=dict, repr=False)
@@ -71,7 +77,14 @@ class Octree:
     def nbytes(self) -> int:
         """Bytes of the node arrays."""
         arrays = (self.child_mask, self.first_child, self.area_world, self.luminance, self.normal, self.chroma)
-        return sum(array.nbytes for array in arrays if array is not None)
+        return sum(array.nbytes for array in (*arrays, self.bright_nodes, self.bright_colors) if array is not None)
+
+    @cached_property
+    def above_white(self) -> AboveWhite:
+        """Light above white, for kernels."""
+        if self.bright_nodes is None or self.bright_colors is None:
+            return NOTHING_ABOVE
+        return with_bits(self.bright_nodes, self.bright_colors, self.node_count)
 
     def free_keys(self) -> None:
         """Forget the cells that `keys` has computed; it computes them again."""
@@ -138,6 +151,10 @@ class Octree:
         if self.chroma is None:
             return np.repeat(luminance[:, None], 3, axis=1)
         return decoded_colors(luminance, self.chroma[nodes])
+
+    def color_above_white(self, nodes: np.ndarray) -> np.ndarray:
+        """Linear colours (N, 3) float32 that the clamp took from nodes (N,); 0 for misses (-1)."""
+        return colors_at(self.above_white, nodes)
 
     def normal_float(self, nodes: np.ndarray | slice) -> np.ndarray:
         """Mean normals (N, 3) float32, length at most 1."""

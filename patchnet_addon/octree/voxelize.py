@@ -22,6 +22,7 @@ from .grid import Grid
 from .leaf_levels import LeafLevels
 
 Kept = TypeVar("Kept")
+Watch = Callable[[int, TriangleBatch, Fragments, np.ndarray], None]
 
 # Fragments whose leaves are added up at a time; a leaf takes about 75 bytes while that lasts.
 BLOCK_FRAGMENTS = 24_000_000
@@ -58,6 +59,7 @@ def voxelize(
     *,
     layout: LeafLevels | None = None,
     block_fragments: int = BLOCK_FRAGMENTS,
+    watch: Watch | None = None,
 ) -> Steps[list[Kept]]:
     """Clip every triangle of `source` against the leaf cells and integrate what `shade` says of the pieces.
 
@@ -65,13 +67,13 @@ def voxelize(
     About `block_fragments` fragments are added up at a time; where there are more, the triangles are read again for
     each pass over blocks of space, in Morton order. Each core has its own blocks of a pass. `keep` gets the leaves of
     these, level by level, coarse first, and the level of the blocks, and says what is kept of them; it and `shade` are
-    called in threads. The leaves do not depend on this division, nor on the order of triangles, as far as `shade`
-    does not.
+    called in threads, as is `watch`, which hears of all fragments: their level, batch and luminance. The leaves do not
+    depend on this division, nor on the order of triangles, as far as `shade` does not.
     """
     passes = plan_passes(source, grid, layout or LeafLevels.uniform(grid.depth), block_fragments, usable_cores())
     kept = []
     for number, ranges in enumerate(passes):
-        shares = [_Share(blocks, grid, shade) for blocks in ranges]
+        shares = [_Share(blocks, grid, shade, watch) for blocks in ranges]
         done, total = number * source.triangle_count, len(passes) * source.triangle_count
         for report in _on_all_cores(shares, source):
             yield Progress(done + report, total, "Voxelizing")
@@ -87,10 +89,11 @@ def all_leaves(leaves: list[LeafSums], _block_level: int) -> list[LeafSums]:
 class _Share:
     """Share of a pass that one core computes: the leaves of some blocks."""
 
-    def __init__(self, blocks: BlockRange, grid: Grid, shade: ShadingFn) -> None:
+    def __init__(self, blocks: BlockRange, grid: Grid, shade: ShadingFn, watch: Watch | None) -> None:
         self.block_level = blocks.layout.block_level
         self._grid = grid
         self._shade = shade
+        self._watch = watch
         self._cells = blocks.cells()
         self._leaves = {level: LeafAccumulator(grid.side_world / (1 << level)) for level in self._cells}
 
@@ -101,6 +104,8 @@ class _Share:
                 if not len(fragments):
                     continue
                 luminance, opacity, *color = self._shade(batch, fragments)
+                if self._watch is not None:
+                    self._watch(level, batch, fragments, luminance)
                 self._leaves[level].add(fragments, luminance, opacity, normals, *color)
 
     def take(self) -> list[LeafSums]:

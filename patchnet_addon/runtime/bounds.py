@@ -90,6 +90,7 @@ SIZE_PX = Bounds("Picture size", 0, 16384, True, "choose a number of pixels in t
 VIEW_PX = Bounds("Picture size", 1, 16384, True, "choose a number of pixels in this range")
 BUDGET = Bounds("Budget", 0, 1, advice="give the share of active pixels to refine")
 SPP = Bounds("Samples per pixel", 1, 1024, advice="give the mean over the active pixels")
+REFINED_SAMPLES = Bounds("Samples per refined pixel", 16, 1024, advice="give the mean over the refined pixels")
 HEATMAP_MAXIMUM = Bounds("Heatmap maximum", 1e-9, _LARGEST)
 RAYS = Bounds("Rays per pixel side", 1, 32, True)
 FRAME = Bounds("Frame", -LAST_FRAME, LAST_FRAME, True)

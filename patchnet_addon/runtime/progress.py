@@ -19,7 +19,7 @@ class Progress:
     """Progress of the step called `label`: `done` of `total` units are finished.
 
     waiting: a thread, or a job of Blender's, is at work for the step, on what the step has put there: ask again later.
-    whole: share of all steps that is done, 0 to 1, where a caller counts them.
+    whole: share of all steps that is done, 0 to 1, where a caller counts them. left_s: seconds until all are, then.
     frame: of the animation that the step belongs to; `step` is then the label without it.
     note: why it takes longer than usual, or "".
     """
@@ -32,6 +32,7 @@ class Progress:
     frame: int | None = None
     step: str = ""
     note: str = ""
+    left_s: float | None = None
 
     @property
     def fraction(self) -> float:

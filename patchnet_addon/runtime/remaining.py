@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from .job_time import duration_text
 from .progress import Progress
 
 _MIN_SHARE = 0.02  # of the step, before which no estimate is made
@@ -46,10 +47,9 @@ class Remaining:
     def text(self) -> str:
         """Remaining time in words: "about 40 s left", or ""."""
         seconds = self.seconds()
-        if seconds is None or seconds < 1.0:
-            return ""
-        if seconds < 100.0:
-            return f"about {seconds:.0f} s left"
-        if seconds < 100.0 * 60.0:
-            return f"about {seconds / 60.0:.0f} min left"
-        return f"about {seconds / 3600.0:.1f} h left"
+        return left_text(seconds)
+
+
+def left_text(seconds: float | None) -> str:
+    """Seconds left in words: "about 40 s left"; "" where they are not known, or next to none."""
+    return "" if seconds is None or seconds < 1.0 else f"about {duration_text(seconds)} left"

@@ -32,12 +32,14 @@ class StageClock:
 
     def __init__(self, *, memory: bool = False) -> None:
         self.stages: dict[str, Stage] = {}
+        self.present = ""  # name of the stage that was entered last
         self._memory = memory
         self._peak: int | None = None
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Measure the block; one that ends with an error leaves nothing."""
+        self.present = name
         before = self._begin() if self._memory else None
         start = time.perf_counter()
         yield

@@ -19,9 +19,9 @@ from ..tracing.camera import Camera
 from ..tracing.part import camera_part
 from .pixel_buffers import PixelBuffers
 from .predicted import PREVIEW
-from .refine import priority, refined_count, refinement_order
+from .refine import priority, refinement_order
 from .registry import STRATEGIES
-from .sample_counts import runs_of_equal_counts, samples_in_order
+from .sample_counts import refined_in_order, runs_of_equal_counts, samples_in_order
 from .strategy import Strategy
 from .trace import trace_view
 
@@ -50,8 +50,9 @@ class Pace:
 class AdaptivePicture:
     """Picture of P pixels, row 0 at the bottom, and what is known of them so far.
 
-    colors: (P, 3) float32, linear as the octree's, weighed by alpha over black. alpha: (P,) float32, share of the rays
-    that met something. samples: (P,) int32, rays per pixel; 0 where nothing is traced yet.
+    colors: (P, 3) float32, linear as the octree's with what is above white, weighed by alpha over black.
+    alpha: (P,) float32, share of the rays that met something.
+    samples: (P,) int32, rays per pixel; 0 where nothing is traced yet.
     buffers, score: set once every pixel was traced: what strategies look at, and (P,) float32 scores.
     """
 
@@ -107,26 +108,36 @@ class AdaptivePicture:
         self.buffers, self.score, self._order = ranked
 
     def refine(
-        self, budget: float, side: int = REFINED_SIDE, pace: Pace | None = None, *, spp: float | None = None
+        self,
+        budget: float,
+        side: int = REFINED_SIDE,
+        pace: Pace | None = None,
+        *,
+        spp: float | None = None,
+        refined: float = REFINED_SIDE**2,
     ) -> Steps[None]:
-        """Refine the share `budget` of the active pixels with side x side rays, those of highest priority first.
+        """Refine the share `budget` of the active pixels, those of highest priority first.
 
-        spp: mean samples per active pixel instead of the budget, spread by priority (methods 7.25b); no pixel gets more
-        than side x side rays, and those that have theirs already are left alone. Pixels of importance 0 keep their one
-        ray, also where a budget would reach them. Raises SettingError for a budget or a mean outside its bounds.
+        refined: mean samples of these pixels, spread over them by priority. spp: mean samples per active pixel instead
+        of the budget (methods 7.25b). No pixel gets more than side x side rays, and those that have theirs already are
+        left alone. Pixels of importance 0 keep their one ray, also where a budget would reach them. Raises SettingError
+        for a budget or a mean outside its bounds.
         """
-        assert self.buffers is not None and self._order is not None
-        if spp is None:
-            groups = [(side, self._order[: refined_count(self.buffers, budget, len(self._order))])]
-        else:
-            groups = [(count, pixels[self.samples[pixels] != count**2]) for count, pixels in self._chosen(spp, side)]
-        yield from in_batches(groups, pace or Pace(), self._take)
-
-    def _chosen(self, spp: float, side: int) -> Iterator[tuple[int, np.ndarray]]:
-        """Rays per pixel side, and the pixels that get so many."""
         buffers, order, ranked_by = self.buffers, self._order, self.priority
         assert buffers is not None and order is not None and ranked_by is not None
-        counts = samples_in_order(buffers, ranked_by, order, spp)
+        if spp is None:
+            counts = refined_in_order(buffers, ranked_by, order, budget, refined)
+        else:
+            counts = samples_in_order(buffers, ranked_by, order, spp)
+        groups = self._chosen(counts, side)
+        yield from in_batches(
+            [(rays, pixels[self.samples[pixels] != rays**2]) for rays, pixels in groups], pace or Pace(), self._take
+        )
+
+    def _chosen(self, counts: np.ndarray, side: int) -> Iterator[tuple[int, np.ndarray]]:
+        """Rays per pixel side, `side` at most, and the pixels that get so many."""
+        order = self._order
+        assert order is not None
         return ((rays, order[run]) for rays, run in runs_of_equal_counts(np.minimum(counts, side**2)))
 
     def _ranked(self, bands: list[PixelBuffers]) -> Steps[tuple[PixelBuffers, np.ndarray, np.ndarray]]:
@@ -141,7 +152,10 @@ class AdaptivePicture:
     def _show(self, start: int, band: PixelBuffers) -> None:
         rows = slice(start, start + len(band.preview))
         seen = band.shown_color
-        self.colors[rows] = band.shown[:, None] if seen is None else seen
+        above = self.octree.color_above_white(band.hits.node)
+        if band.shows_predicted and band.prediction is not None:
+            above *= band.prediction.coverage[:, None]
+        self.colors[rows] = (band.shown[:, None] if seen is None else seen) + above
         self.alpha[rows] = band.shown_alpha
         self.samples[rows] = 1
 

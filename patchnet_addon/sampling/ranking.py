@@ -10,7 +10,7 @@ import numpy as np
 from .errors import left_after
 from .pixel_buffers import PixelBuffers
 from .refine import priority, refined_count, refinement_order
-from .sample_counts import samples_in_order
+from .sample_counts import refined_in_order, samples_in_order
 from .strategy import Strategy
 
 
@@ -47,6 +47,15 @@ class Ranking:
         """
         counts = np.ones(len(self.score), np.int32)
         counts[self.order] = samples_in_order(self.buffers, self.priority, self.order, mean)
+        return counts
+
+    def refined_samples(self, mean: float) -> np.ndarray:
+        """(P,) int32: samples of each pixel where those of `mask` have `mean` on average, by priority (methods 7.25b).
+
+        All others have one. Raises SettingError for a mean outside 16 to 1024.
+        """
+        counts = np.ones(len(self.score), np.int32)
+        counts[self.order] = refined_in_order(self.buffers, self.priority, self.order, self.budget, mean)
         return counts
 
     @property

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Refined picture of a view that has its reference: by a share of its pixels, or by samples per pixel."""
+"""Refined picture of a view: a share of its pixels, or all by samples per pixel, traced as its ranking says."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,6 @@ from ..tracing.camera import Camera
 from .adaptive import REFINED_SIDE, Pace, in_batches
 from .errors import left_after
 from .ranking import Ranking
-from .refine import refined_colors, refined_picture
 from .sample_counts import COUNTS, runs_of_equal_counts
 
 
@@ -35,28 +35,47 @@ class RefinedPicture:
         return int(np.count_nonzero(self.samples > 1))
 
 
-def refined_by_share(ranking: Ranking) -> RefinedPicture:
-    """Take the reference for the share of the pixels that the ranking's budget refines."""
-    buffers, mask = ranking.buffers, ranking.mask
-    colored = buffers.shown_color is not None and buffers.reference_color is not None
-    return RefinedPicture(
-        luminance=refined_picture(buffers, mask),
-        colors=refined_colors(buffers, mask) if colored else None,
-        samples=np.where(mask, REFINED_SIDE**2, 1).astype(np.int32),
-    )
+Begun = Callable[[RefinedPicture], None]
+
+
+def refined_by_share(
+    octree: Octree,
+    camera: Camera,
+    ranking: Ranking,
+    mean: float,
+    pace: Pace | None = None,
+    begun: Begun | None = None,
+) -> Steps[RefinedPicture]:
+    """Trace the share of a view's pixels that its ranking's budget refines, with `mean` samples each on average.
+
+    begun: is given the picture at first, whose pixels then are refined in place. Raises SettingError for a mean outside
+    16 to 1024.
+    """
+    return (yield from _traced(octree, camera, ranking, ranking.refined_samples(mean), pace, begun))
 
 
 def refined_by_samples(
-    octree: Octree, camera: Camera, ranking: Ranking, mean: float, pace: Pace | None = None
+    octree: Octree,
+    camera: Camera,
+    ranking: Ranking,
+    mean: float,
+    pace: Pace | None = None,
+    begun: Begun | None = None,
 ) -> Steps[RefinedPicture]:
     """Trace `mean` samples per active pixel of a ranked view, spread by priority (methods 7.25b).
 
-    Raises SettingError for a mean outside 1 to 1024.
+    begun: as for `refined_by_share`. Raises SettingError for a mean outside 1 to 1024.
     """
+    return (yield from _traced(octree, camera, ranking, ranking.samples(mean), pace, begun))
+
+
+def _traced(
+    octree: Octree, camera: Camera, ranking: Ranking, samples: np.ndarray, pace: Pace | None, begun: Begun | None
+) -> Steps[RefinedPicture]:
+    """Picture whose pixels have `samples` (P,), which fall in the ranking's order."""
     from ..tracing.pixels import supersample_pixels
 
     buffers, order = ranking.buffers, ranking.order
-    samples = ranking.samples(mean)
     luminance = buffers.shown.copy()
     colors = None if buffers.shown_color is None else buffers.shown_color.copy()
 
@@ -66,26 +85,29 @@ def refined_by_samples(
         if colors is not None:
             colors[pixels] = means.colors
 
+    refined = RefinedPicture(luminance, colors, samples)
+    if begun is not None:
+        begun(refined)
     groups = [(side, order[run]) for side, run in runs_of_equal_counts(samples[order])]
     yield from in_batches(groups, pace or Pace(), take)
-    return RefinedPicture(luminance, colors, samples)
+    return refined
 
 
-def samples_report(ranking: Ranking, refined: RefinedPicture, mean: float) -> dict[str, Any]:
-    """Figures of a picture that `refined_by_samples` made for a `mean`, as plain JSON values; over active pixels.
+def samples_report(ranking: Ranking, refined: RefinedPicture) -> dict[str, Any]:
+    """Figures of a refined picture, as plain JSON values; over active pixels.
 
-    spent: mean samples. pixels: with each number of samples. mse: the error left. mse_of_share: what is left by 32x32
-    rays in as many pixels as the same rays pay for, the preview's own not counted.
+    spent: mean samples. pixels: with each number of samples. With a reference, mse: the error left; mse_of_share: what
+    is left by 32x32 rays in as many pixels as the same rays pay for, the preview's own not counted.
     """
     buffers, order = ranking.buffers, ranking.order
-    assert buffers.reference is not None
     samples, active = refined.samples[order], max(len(order), 1)
-    error = (refined.luminance[order].astype(np.float64) - buffers.reference[order]) ** 2
-    share = int(samples[samples > 1].sum(dtype=np.int64)) / REFINED_SIDE**2 / active
-    return {
-        "budget": mean,
+    report: dict[str, Any] = {
         "spent": float(samples.sum(dtype=np.int64) / active),
         "pixels": {str(count): int(np.count_nonzero(samples == count)) for count in COUNTS},
-        "mse": float(error.sum() / active),
-        "mse_of_share": float(left_after(buffers, order, [share])[0]),
     }
+    if buffers.reference is not None:
+        error = (refined.luminance[order].astype(np.float64) - buffers.reference[order]) ** 2
+        share = int(samples[samples > 1].sum(dtype=np.int64)) / REFINED_SIDE**2 / active
+        report["mse"] = float(error.sum() / active)
+        report["mse_of_share"] = float(left_after(buffers, order, [share])[0])
+    return report

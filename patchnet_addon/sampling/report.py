@@ -14,13 +14,16 @@ from .predicted import PREDICTED
 from .ranking import Ranking
 
 
-def shown_errors(report: dict[str, Any], strategy: str) -> tuple[float, float]:
-    """Errors in a view's report of the picture that was asked for: unrefined, and refined by the chosen strategy.
+def shown_errors(report: dict[str, Any]) -> tuple[float, float] | None:
+    """Errors in a view's report of the picture that was asked for: unrefined, and refined; None without a reference."""
+    if not has_errors(report):
+        return None
+    return float(shown_figures(report)["mse_unrefined"]), float(report["refined"]["mse"])
 
-    The second is that of its samples per pixel, if it has them.
-    """
-    errors = shown_figures(report)
-    return errors["mse_unrefined"], float(report["spp"]["mse"] if "spp" in report else errors["mse"][strategy])
+
+def has_errors(report: dict[str, Any]) -> bool:
+    """Return whether a view's report states errors, which its reference tells."""
+    return "mse" in report
 
 
 def shown_figures(report: dict[str, Any]) -> dict[str, Any]:
@@ -44,19 +47,18 @@ def _unrefined_mse(buffers: PixelBuffers) -> float:
 
 
 def view_report(buffers: PixelBuffers, camera_name: str, budget: float, rankings: Iterable[Ranking]) -> dict[str, Any]:
-    """Errors of one view, unrefined and after `budget` by every strategy (methods 5). It needs its reference.
+    """Figures of one view; with a reference its errors, unrefined and after `budget` by every strategy (methods 5).
 
-    mse values are over active pixels; psnr_db belongs to the unrefined picture.
+    mse values are over active pixels, and refined ones have the reference; psnr_db belongs to the unrefined picture.
     """
-    unrefined = _unrefined_mse(buffers)
-    return {
+    report = {
         "camera": camera_name,
         "size": [buffers.width, buffers.height],
         "active_pixels": int(np.count_nonzero(buffers.active)),
         "hit_pixels": int(np.count_nonzero(buffers.hit)),
         "lookahead_share": buffers.lookahead_share,
         "budget": budget,
-        "mse_unrefined": unrefined,
-        "psnr_unrefined_db": psnr(unrefined) if unrefined > 0 else None,
-        "mse": {ranking.strategy.name: ranking.mse[1] for ranking in rankings},
     }
+    if buffers.reference is None:
+        return report
+    return report | predicted_report(buffers, rankings)

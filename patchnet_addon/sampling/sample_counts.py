@@ -2,7 +2,8 @@
 """Allocation of samples: a mean number of samples per active pixel, spread over them by priority (methods 7.25b).
 
 A pixel gets 1, 4, 16, 64, 256 or 1024 samples: one, or a square of 2 to 32 a side. Going from one count to the next is
-an upgrade, and the budget buys those upgrades that are expected to lower the squared error most per sample.
+an upgrade, and the budget buys those upgrades that are expected to lower the squared error most per sample. Where a
+share of the pixels is refined, their samples are bought alike, from 16 each.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..runtime.bounds import SPP
+from ..runtime.bounds import REFINED_SAMPLES, SPP
 from .pixel_buffers import PixelBuffers
-from .refine import refinable
+from .refine import refinable, refined_count
 
 SIDES = (1, 2, 4, 8, 16, 32)  # samples per pixel side
 COUNTS = np.array(SIDES, np.int32) ** 2
@@ -33,15 +34,21 @@ class _Upgrades:
         The rest is alike in all pixels. Errors are those against the last count, the reference.
         """
         left, told = np.array(error), np.array(by_priority)
-        self.counts = counts
+        self.counts, self._error, self._told = counts, error, by_priority
         self.cost = np.diff(counts).astype(np.int64)
         self.base = -np.diff(left * (1.0 - told)) / self.cost
         self.slope = -np.diff(left * told) / self.cost
+
+    def between(self, least: int, most: int) -> _Upgrades:
+        """Upgrades of pixels that have `least` samples at first, and `most` at last."""
+        part = slice(*np.searchsorted(self.counts, [least, most + 1]))
+        return _Upgrades(self.counts[part], self._error[part], self._told[part])
 
 
 # Measured on octrees. Four samples are no better than what the network expects, so a predicted pixel gets 16 or none.
 _OF_PREVIEW = _Upgrades(COUNTS, [1.0, 0.33, 0.055, 0.004, 0.0005, 0.0], [0.75, 0.5, 0.25, 0.125, 0.0625, 0.0])
 _OF_PREDICTED = _Upgrades(np.delete(COUNTS, 1), [1.0, 0.2, 0.015, 0.002, 0.0], [0.75, 0.5, 0.25, 0.125, 0.0])
+LEAST_REFINED, MOST_REFINED = int(REFINED_SAMPLES.low), 256  # samples of refined pixels; 1,024 by choice
 _LITTLE = np.finfo(np.float64).tiny  # below every priority that a score gives
 _LARGEST = 1e100  # of priorities, so that their sum is finite
 _ROUNDED = 1.0 + 1e-12  # gives back what rounding took from a mean that is a total over a count
@@ -56,11 +63,27 @@ def sample_counts(priorities: np.ndarray, mean: float, *, predicted: bool = Fals
     budget pays for no further upgrade. Raises SettingError for a mean outside 1 to 1024.
     """
     SPP.check(mean)
-    counts = np.ones(len(priorities), np.int32)
+    return _bought(priorities, mean, _OF_PREDICTED if predicted else _OF_PREVIEW)
+
+
+def refined_counts(priorities: np.ndarray, mean: float, *, predicted: bool = False) -> np.ndarray:
+    """(N,) int32: samples of N refined pixels whose `priorities` (N,) fall, for at most `mean` each on average.
+
+    As `sample_counts`, but each has 16 at least, and 256 at most unless the mean is above that. Raises SettingError
+    for a mean outside 16 to 1024.
+    """
+    REFINED_SAMPLES.check(mean)
+    most = MOST_REFINED if mean <= MOST_REFINED else int(COUNTS[-1])
+    return _bought(priorities, mean, (_OF_PREDICTED if predicted else _OF_PREVIEW).between(LEAST_REFINED, most))
+
+
+def _bought(priorities: np.ndarray, mean: float, upgrades: _Upgrades) -> np.ndarray:
+    """(A,) int32: samples of pixels after those `upgrades` that at most `mean` samples a pixel pay for."""
+    least = int(upgrades.counts[0])
+    counts = np.full(len(priorities), least, np.int32)
     urgent = np.minimum(priorities[: np.count_nonzero(priorities > 0)].astype(np.float64), _LARGEST)
-    if len(urgent):
-        spare = int(mean * len(priorities) * _ROUNDED) - len(priorities)
-        upgrades = _OF_PREDICTED if predicted else _OF_PREVIEW
+    if len(urgent) and len(upgrades.cost):
+        spare = int(mean * len(priorities) * _ROUNDED) - least * len(priorities)
         for level, length in enumerate(_upgraded(urgent / urgent.mean(), spare, upgrades), start=1):
             counts[:length] = upgrades.counts[level]
     return counts
@@ -76,6 +99,21 @@ def samples_in_order(buffers: PixelBuffers, priorities: np.ndarray, order: np.nd
     ranked, matter = priorities[order].astype(np.float64), refinable(buffers)
     ranked[:matter], ranked[matter:] = np.maximum(ranked[:matter], _LITTLE), 0.0
     return sample_counts(ranked, mean, predicted=buffers.shows_predicted)
+
+
+def refined_in_order(
+    buffers: PixelBuffers, priorities: np.ndarray, order: np.ndarray, budget: float, mean: float
+) -> np.ndarray:
+    """(A,) int32: samples of the active pixels of a view in their `order` (A,) where a share of them is refined.
+
+    budget: that share. mean: samples of each refined pixel, spread over them by `priorities` (P,); the others have one.
+    Raises SettingError for a budget outside 0 to 1, or a mean outside 16 to 1024.
+    """
+    counts = np.ones(len(order), np.int32)
+    refined = refined_count(buffers, budget, len(order))
+    urgent = np.maximum(priorities[order[:refined]].astype(np.float64), _LITTLE)
+    counts[:refined] = refined_counts(urgent, mean, predicted=buffers.shows_predicted)
+    return counts
 
 
 def runs_of_equal_counts(counts: np.ndarray) -> Iterator[tuple[int, slice]]:

@@ -17,7 +17,8 @@ from .supersample import MAX_SIDE, MEANS, NO_CHROMA, block_order, mean_of_rays
 class PixelMeans:
     """Means over side x side rays of N pixels, over a black background.
 
-    luminance: (N,) float32, as `supersample` computes it. colors: (N, 3) float32 linear, gray without colour.
+    luminance: (N,) float32, as `supersample` computes it. colors: (N, 3) float32 linear, gray without colour, with what
+    is above white, which luminance is without.
     coverage: (N,) float32, share of the rays that met something.
     """
 
@@ -37,7 +38,8 @@ def supersample_pixels(octree: Octree, camera: Camera, pixels: np.ndarray, side:
     pixels = np.asarray(pixels, np.int64)
     order = block_order(pixels, camera.width_px, side)
     found = np.empty((len(pixels), MEANS), np.float32)
-    mean_of_rays(octree.nodes, (octree.luminance, chroma), unit, pixels[order], (side, 0.0, octree.depth), found)
+    light = octree.luminance, chroma, octree.above_white
+    mean_of_rays(octree.nodes, light, unit, pixels[order], (side, 0.0, octree.depth), found)
     means = np.empty_like(found)
     means[order] = found
     return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..octree.above_white import NOTHING_ABOVE, AboveWhite
 from ..octree.nodes import Nodes
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bits import lowest_one
@@ -74,7 +75,12 @@ def _supersampled(
         pixels = pixels[block_order(pixels, camera.width_px, side)]
         means = np.empty((len(pixels), MEANS), np.float32)
         mean_of_rays(
-            octree.nodes, (octree.luminance, chroma), unit, pixels, (side, float(background), octree.depth), means
+            octree.nodes,
+            (octree.luminance, chroma, NOTHING_ABOVE),  # errors are of what is clamped
+            unit,
+            pixels,
+            (side, float(background), octree.depth),
+            means,
         )
         luminance[pixels] = means[:, 0]
         if len(chroma):
@@ -95,7 +101,7 @@ def block_order(pixels: np.ndarray, width_px: int, side: int) -> np.ndarray:
 
 def mean_of_rays(
     nodes: Nodes,
-    light: tuple[np.ndarray, np.ndarray],
+    light: tuple[np.ndarray, np.ndarray, AboveWhite],
     camera: CameraUnit,
     pixels: np.ndarray,
     sampling: tuple[int, float, int],
@@ -103,10 +109,10 @@ def mean_of_rays(
 ) -> None:
     """Write what side x side rays of each pixel (N,) see into `means` (N, MEANS) float32.
 
-    light: luminance and chroma of the nodes. sampling: side, background, depth of the octree.
+    light: luminance and chroma of the nodes, and what is above white. sampling: side, background, depth of the octree.
 
     Means are those of luminance, red, green, blue, and the share of the rays that met something. Without chroma (0, 2),
-    red, green and blue are the luminance.
+    red, green and blue are the luminance. What is above white is added to red, green and blue alone.
     """
     run_parts(_means_of_runs, -(-len(pixels) // _RUN), nodes, light, camera, pixels, sampling, means)
 
@@ -172,7 +178,7 @@ def _aim_pixel(camera, tile, pixel, corner, side, spot):  # type: ignore[no-unty
 @lean_device
 def _add_ray(camera, tile, ray, light, sums):  # type: ignore[no-untyped-def]
     """Add what a ray has met to the sums: stored luminance, whose sum is exact, colours, and the number of hits."""
-    luminance, chroma = light
+    luminance, chroma, above = light
     node = node_seen(camera, tile, COARSE, ray)
     if node >= 0:
         sums[0] += luminance[node]
@@ -183,6 +189,22 @@ def _add_ray(camera, tile, ray, light, sums):  # type: ignore[no-untyped-def]
             sums[1] += red
             sums[2] += green
             sums[3] += blue
+        if len(above.bits) and above.bits[node >> 3] >> (node & 7) & 1:
+            _add_above_white(above, node, sums)
+
+
+@lean_device
+def _add_above_white(above, node, sums):  # type: ignore[no-untyped-def]
+    """Add the light above white of a node that has some."""
+    first, last = 0, len(above.nodes) - 1
+    while first < last:
+        middle = (first + last) >> 1
+        if above.nodes[middle] < node:
+            first = middle + 1
+        else:
+            last = middle
+    for channel in range(3):
+        sums[1 + channel] += above.colors[first, channel]
 
 
 @lean_device
@@ -194,5 +216,5 @@ def _write_means(sums, light, sampling, means):  # type: ignore[no-untyped-def]
     seen = sums[0] / LUMINANCE_SCALE + missed
     means[0] = seen / rays
     for channel in range(1, 4):
-        means[channel] = (sums[channel] + missed if len(light[1]) else seen) / rays
+        means[channel] = (sums[channel] + (missed if len(light[1]) else seen)) / rays
     means[4] = sums[4] / rays

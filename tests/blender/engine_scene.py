@@ -23,6 +23,7 @@ def build_for_engine(weights: Path, folder: Path) -> bpy.types.Scene:
     scene = bpy.context.scene
     values = scene.patchnet
     values.weights, values.light, values.resolution, values.depth = str(weights), "two-lights", "DEPTH", 6
+    values.refined_samples = 1024.0  # so that refined pixels are those of the reference
     scene.world = bpy.data.worlds.new("World")
     if bpy.app.version < (5, 0, 0):
         scene.world.use_nodes = True

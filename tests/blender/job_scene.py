@@ -8,6 +8,13 @@ import bpy
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 
 SMALL = {"depth": 7, "size": (24, 16)}
+# A stand-in for the program Blender, where it is a Python module.
+SHIM = """#!/bin/sh
+test "$1 $2" = "--command patchnet" || exit 99
+shift 2
+exec {python} -c 'import os, sys, bpy; from patchnet.commands.blender_command import execute
+code = execute(sys.argv[1:]); sys.stdout.flush(); os._exit(code)' "$@"
+"""
 QUICK = ["--light", "two-lights", "--size", "16", "16", "--depth", "5"]  # words of a command
 
 

@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operator reference is what the operators are, and every line that it shows runs."""
+"""References of operators and commands are what they are, every line shown runs, and so does the page of a scene."""
 
+import ast
 import re
 from pathlib import Path
+from typing import Any
 
 import bpy
 import pytest
 
-from patchnet.docs import make_operators
+from patchnet.docs import make_commands, make_operators
 from patchnet.tests.blender.job_scene import build
 
 pytestmark = pytest.mark.usefixtures("registered")
 
 DOCS = Path(make_operators.__file__).parent
 LINES = {name: note.line for name, note in make_operators.NOTES.items() if note.line}
-LINK = re.compile(r"\]\((?!https?:)([^)#\s]+)|src=\"([^\"]+)\"")
 
 
 def test_operators_page_is_what_the_script_makes() -> None:
@@ -41,8 +42,44 @@ def test_lines_of_the_page_run(name: str, tmp_path: Path, monkeypatch: pytest.Mo
         assert (tmp_path / path).exists()
 
 
-@pytest.mark.parametrize("page", [DOCS.parent / "README.md", *sorted(DOCS.glob("*.md"))], ids=lambda page: page.name)
-def test_links_lead_somewhere(page: Path) -> None:
-    for groups in LINK.findall(page.read_text(encoding="utf-8")):
-        target = next(text for text in groups if text)
-        assert (page.parent / target).exists(), target
+def test_commands_page_is_what_the_script_makes() -> None:
+    assert make_commands.PAGE.read_text(encoding="utf-8") == make_commands.page(), (
+        "run python docs/make_commands.py and commit docs/commands.md"
+    )
+
+
+def cells(page: Path) -> list[str]:
+    """Code of the cells of a page that runs, without their options."""
+    found = re.findall(
+        r"^```\{code-cell\} python\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+    )
+    return [re.sub(r"^:.*\n", "", cell, flags=re.MULTILINE) for cell in found]
+
+
+def run_cell(code: str, names: dict[str, Any]) -> Any:
+    """Run a cell as a notebook does; the value of its last line if that is an expression, else None."""
+    body = ast.parse(code).body
+    last = body.pop() if isinstance(body[-1], ast.Expr) else None
+    exec(compile(ast.Module(body, []), "cell", "exec"), names)
+    return eval(compile(ast.Expression(last.value), "cell", "eval"), names) if isinstance(last, ast.Expr) else None
+
+
+def test_page_of_a_scene_runs() -> None:
+    code = cells(DOCS / "first-scene.md")
+    whole = "\n".join(code)
+    small = {
+        "patchnet.register()": "pass",  # the fixture did it
+        "resolution_y = 300": "resolution_y = 16",
+        "(96, 96)": "(16, 16)",
+        '"CPU", 16, False': '"CPU", 1, False',
+    }
+    assert all(whole.count(words) == 1 for words in small)
+    for words, others in small.items():
+        code = [cell.replace(words, others) for cell in code]
+    names: dict[str, Any] = {}
+    values = [run_cell(cell, names) for cell in code]
+    pictures = [value for value in values if hasattr(value, "_repr_png_")]
+    assert len(pictures) == 6 and all(picture._repr_png_().startswith(b"\x89PNG") for picture in pictures)
+    rows = names["table"].rows
+    assert rows[0].error < names["table"].unrefined
+    assert names["result_of"](names["scene"]) is None

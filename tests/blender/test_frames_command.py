@@ -39,7 +39,9 @@ def test_run(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.Cap
     words = ["run", str(scene_file), "--out", str(out), "--weights", str(weights), *QUICK]
     assert commands.main([*words, "--frames", "1,3"]) == 0
     printed = capsys.readouterr().out
-    assert "Frame 1: depth 5, " in printed and "Eye error" in printed and "2 frames made; results are in" in printed
+    assert (
+        "Frame 1: depth 5, " in printed and "samples a pixel" in printed and "2 frames made; results are in" in printed
+    )
     assert sorted(path.name for path in out.iterdir()) == ["frame-0001", "frame-0003", "report.json"]
     assert {"octree.safetensors", "codes.safetensors", "report.json", "overview.png", "Eye", "frame.json"} == {
         path.name for path in (out / "frame-0003").iterdir()
@@ -55,6 +57,8 @@ def test_run(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.Cap
     assert "0 frames made, 2 were there" in capsys.readouterr().out
     assert commands.main([*words, "--frames", "3", "--overwrite"]) == 0
     assert times(out)[2] > before[1] and times(out)[0] == before[0]
+    assert commands.main([*words, "--frames", "3", "--reference"]) == 0
+    assert ", error " in capsys.readouterr().out, "another frame: it has errors"
     assert commands.main([*words, "--frames", "1-3", "--budget", "0.7"]) == 0
     assert "3 frames made;" in capsys.readouterr().out
 

@@ -28,7 +28,7 @@ WIDTH, HEIGHT = SMALL["size"]
 
 def look(weights: Path, importance: Importance | None, **values: object) -> View:
     settings = JobSettings.of(
-        **{"light": "two-lights", "weights": weights, **SMALL, "importance": importance, **values}
+        **{"light": "two-lights", "weights": weights, **SMALL, "importance": importance, "reference": True, **values}
     )
     return drain(run_job(bpy.context, settings)).views[0]
 

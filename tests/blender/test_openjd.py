@@ -13,18 +13,12 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet.tests.blender.job_scene import build, saved
+from patchnet.tests.blender.job_scene import SHIM, build, saved
 
 pytest.importorskip("openjd.cli", reason="openjd-cli is not installed")
 ROOT = Path(__file__).resolve().parents[2]
 TEMPLATE = ROOT / "docs" / "openjd" / "patchnet.yaml"
 OPENJD = [sys.executable, "-m", "openjd"]
-SHIM = """#!/bin/sh
-test "$1 $2" = "--command patchnet" || exit 99
-shift 2
-exec {python} -c 'import os, sys, bpy; from patchnet.commands.blender_command import execute
-code = execute(sys.argv[1:]); sys.stdout.flush(); os._exit(code)' "$@"
-"""
 
 
 @pytest.fixture

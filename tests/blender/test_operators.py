@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from patchnet.operators.pipeline.run import run_job
-from patchnet.operators.scene_access.images import PICTURES, show_image
+from patchnet.operators.scene_access.images import OF_REFERENCE, PICTURES, show_image
 from patchnet.operators.session import results
 from patchnet.operators.session.result_images import image_name
 from patchnet.operators.session.scene_session import open_sessions
@@ -26,10 +26,8 @@ from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapsh
 
 pytestmark = pytest.mark.usefixtures("scene")
 
-FILES = {
-    "preview.png", "predicted.png", "heatmap.png", "overlay.png", "priority.exr", "refined.png", "reference.png",
-    "error.png",
-}  # fmt: skip
+FILES = {"preview.png", "predicted.png", "heatmap.png", "overlay.png", "priority.exr", "refined.png"}
+WITHOUT_REFERENCE = [name for name in PICTURES if name not in OF_REFERENCE]
 
 
 def pixels(image: bpy.types.Image) -> np.ndarray:
@@ -39,7 +37,7 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
 
 
 def run_small(**settings: object) -> set[str]:
-    return bpy.ops.patchnet.run_all(**{"light": "two-lights", **SMALL, **settings})
+    return bpy.ops.patchnet.run_all(**{"light": "two-lights", "reference": True, **SMALL, **settings})
 
 
 def test_steps_one_by_one(scene: bpy.types.Scene) -> None:
@@ -57,7 +55,7 @@ def test_steps_one_by_one(scene: bpy.types.Scene) -> None:
     assert_unchanged(before)
     assert bpy.ops.patchnet.render_preview(size=(24, 16)) == {"FINISHED"}
     assert results.voxels_of(scene).lookahead_share > 0.95
-    for name in PICTURES:
+    for name in WITHOUT_REFERENCE:
         assert bpy.data.images[image_name("Eye", name)].colorspace_settings.name == "sRGB"
     raw = bpy.data.images["PatchNet Eye priority"]
     assert tuple(raw.size) == (24, 16) and raw.is_float and raw.colorspace_settings.name == "Non-Color"
@@ -69,7 +67,7 @@ def test_operator_and_script_do_the_same(scene: bpy.types.Scene, weights: Path) 
     assert run_small() == {"FINISHED"}
     shown = {name: pixels(bpy.data.images[image_name("Eye", name)])[..., :3] for name in PICTURES}
     raw = pixels(bpy.data.images["PatchNet Eye priority"])[..., 0]
-    settings = JobSettings.of(depth=7, size=(24, 16), light="two-lights", weights=weights)
+    settings = JobSettings.of(depth=7, size=(24, 16), light="two-lights", weights=weights, reference=True)
     view = drain(run_job(bpy.context, settings)).views[0]
     np.testing.assert_array_equal(raw, view.priority)
     for name, picture in shown.items():
@@ -100,11 +98,34 @@ def test_run_all_with_cycles(scene: bpy.types.Scene, tmp_path: Path, weights: Pa
     assert all(seconds >= 0 for seconds in report["timings_s"].values())
     (frame,) = report["frames"]
     assert frame["camera"] == "Eye" and frame["size"] == [24, 16] and frame["budget"] == pytest.approx(0.3)
-    assert set(frame["mse"]) == set(STRATEGIES)
-    assert all(frame["mse"]["optimal"] <= value <= frame["mse_unrefined"] for value in frame["mse"].values())
+    assert not {"mse", "mse_unrefined", "predicted", "uniform"} & set(frame) and "mse" not in frame["refined"]
+    assert frame["refined"]["samples"] == 64.0 and 10.0 < frame["refined"]["spent"] < 20.0
     image = bpy.data.images.load(str(out / "Eye" / "priority.exr"))
     assert image.is_float and tuple(image.size) == (24, 16)
     np.testing.assert_array_equal(pixels(image)[..., 0], refinement)
+
+
+def test_the_reference_is_traced_where_it_is_asked_for(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """And goes with its files and images when the next job has none."""
+    out = tmp_path / "out"
+    raw = image_name("Eye", "reference luminance")
+    for wanted in (True, False):
+        assert run_small(reference=wanted, out=str(out)) == {"FINISHED"}
+        assert {path.name for path in (out / "Eye").iterdir()} == FILES | (
+            {f"{name}.png" for name in OF_REFERENCE} if wanted else set()
+        )
+        for name in OF_REFERENCE:
+            assert (image_name("Eye", name) in bpy.data.images) == wanted
+        assert (raw in bpy.data.images) == wanted
+        result, (frame,) = results.voxels_of(scene), json.loads((out / "report.json").read_text())["frames"]
+        assert (result.errors is not None) == (result.comparison is not None) == ("mse" in frame) == wanted
+        if wanted:
+            assert set(frame["mse"]) == set(STRATEGIES)
+            assert all(frame["mse"]["optimal"] <= value <= frame["mse_unrefined"] for value in frame["mse"].values())
+    assert bpy.ops.patchnet.compare(size=SMALL["size"]) == {"FINISHED"}
+    assert results.voxels_of(scene).comparison is not None and raw in bpy.data.images
+    assert run_small(reference=False, strategy="optimal") == {"FINISHED"}, "it ranks by the reference, so that is there"
+    assert raw in bpy.data.images and results.voxels_of(scene).comparison is None
 
 
 def test_pictures_are_written_as_they_are_shown(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -33,12 +33,12 @@ SIZE = (24, 16)
 def made() -> tuple[View, ViewSettings]:
     """A view of the small scene; nothing of it is kept yet."""
     build()
-    wanted = ViewSettings(size=SIZE, budget=0.4)
+    wanted = ViewSettings(size=SIZE, budget=0.4, refined_samples=1024.0)
     scene = bpy.context.scene
     bpy.ops.patchnet.voxelize(depth=6)
     bpy.ops.patchnet.precompute_codes()
     camera = tracing_camera(scene.camera, scene, SIZE)
-    return drain(view(results.codes_of(scene), camera, wanted, "VISIBLE", compare=False)), wanted
+    return drain(view(results.codes_of(scene), camera, wanted, "VISIBLE", compare=True)), wanted
 
 
 def window_matrix(camera: bpy.types.Object, size: tuple[int, int]) -> np.ndarray:
@@ -162,6 +162,21 @@ def test_what_is_known_of_a_pixel(made: tuple[View, ViewSettings]) -> None:
     assert said[0] == f"Pixel {column}, {row}" and said[-1] == "Samples 1024"
     assert said[1] == f"Priority {result.priority[row, column]:.4g} of 0.25"
     assert said[2] == f"Coverage {buffers.picture(buffers.prediction.coverage)[row, column]:.3f}"
+
+
+def test_a_view_without_a_reference(made: tuple[View, ViewSettings]) -> None:
+    """It has all but that and errors against it, which the overlay says instead."""
+    result, wanted = made
+    shown = shown_view.view_to_show(result, wanted, 0.0)
+    assert all(shown.has(name) for name in shown_view.TITLES)
+    plain = drain(view(results.codes_of(bpy.context.scene), result.camera, wanted, "VISIBLE", compare=False))
+    assert plain.errors is None and plain.buffers.reference is None
+    np.testing.assert_array_equal(plain.refined.luminance, result.refined.luminance)
+    np.testing.assert_array_equal(plain.priority, result.priority)
+    blind = shown_view.view_to_show(plain, wanted, 0.0)
+    missing = {name for name in shown_view.TITLES if not blind.has(name)}
+    assert missing == {"REFERENCE", "PREVIEW_ERROR", "PREDICTED_ERROR", "REFINED_ERROR"}
+    assert not any("Reference" in line for line in blind.describe_pixel(3, 3, 0.25))
 
 
 def test_heatmap_ends_at_the_configured_maximum(made: tuple[View, ViewSettings]) -> None:

@@ -36,7 +36,7 @@ def everything() -> str:
 
 
 def small_preview(**values: object) -> SceneResult:
-    assert bpy.ops.patchnet.run_all(**{"light": "two-lights", **SMALL, **values}) == {"FINISHED"}
+    assert bpy.ops.patchnet.run_all(**{"light": "two-lights", "reference": True, **SMALL, **values}) == {"FINISHED"}
     return results.voxels_of(bpy.context.scene)
 
 

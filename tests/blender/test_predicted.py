@@ -44,7 +44,8 @@ def seen(scene: bpy.types.Scene, *, color: bool = False, **wanted: object) -> Vi
     bpy.ops.patchnet.voxelize(depth=6)
     bpy.ops.patchnet.precompute_codes()
     camera = tracing_camera(scene.camera, scene, SIZE)
-    steps = view(results.codes_of(scene), camera, ViewSettings(size=SIZE, **wanted), "VISIBLE", compare=True)
+    settings = ViewSettings(size=SIZE, refined_samples=1024.0, **wanted)
+    steps = view(results.codes_of(scene), camera, settings, "VISIBLE", compare=True)
     return drain(steps)
 
 
@@ -65,11 +66,11 @@ def test_a_job_refines_what_it_shows(scene: bpy.types.Scene, color: bool) -> Non
 def test_figures_of_the_preview_stay_beside_the_others(scene: bpy.types.Scene) -> None:
     plain, found = seen(scene), seen(scene, unrefined="predicted")
     report, predicted = found.report, found.report["predicted"]
-    assert report == plain.report | {"unrefined": "predicted"}
+    assert report == plain.report | {"unrefined": "predicted", "refined": report["refined"]}
     error = (found.buffers.predicted.astype(float) - found.buffers.reference)[found.buffers.active] ** 2
     assert predicted["mse_unrefined"] == pytest.approx(error.mean()) and predicted["mse"].keys() == report["mse"].keys()
-    assert found.errors == (predicted["mse_unrefined"], predicted["mse"][DEFAULT])
-    assert plain.errors == (report["mse_unrefined"], report["mse"][DEFAULT])
+    assert found.errors == pytest.approx((predicted["mse_unrefined"], predicted["mse"][DEFAULT]))
+    assert plain.errors == pytest.approx((report["mse_unrefined"], report["mse"][DEFAULT]))
     assert report["uniform"]["1"] == pytest.approx(report["mse_unrefined"]) and set(report["uniform"]) == set("1234")
     table = comparison_of(found)
     assert table.unrefined == predicted["mse_unrefined"] and {row.error for row in table.rows} == set(
@@ -82,7 +83,7 @@ def test_samples_are_spent_on_what_is_shown(scene: bpy.types.Scene) -> None:
     samples, single = found.refined.samples, found.refined.samples == 1
     assert set(samples.tolist()) <= {1, 16, 64, 256, 1024} and samples[found.buffers.active].mean() <= 5.0
     np.testing.assert_array_equal(found.refined.luminance[single], found.buffers.predicted[single])
-    assert found.errors == (found.report["predicted"]["mse_unrefined"], found.report["spp"]["mse"])
+    assert found.errors == (found.report["predicted"]["mse_unrefined"], found.report["refined"]["mse"])
 
 
 def test_overlay_has_the_predicted_picture_and_its_error(scene: bpy.types.Scene) -> None:
@@ -116,7 +117,7 @@ def test_operators_and_panels_have_the_setting(scene: bpy.types.Scene) -> None:
 
 
 def test_command(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["run", str(scene_file), "--weights", str(weights), *QUICK]
+    words = ["run", str(scene_file), "--weights", str(weights), *QUICK, "--reference"]
     frames = {}
     for name in ("preview", "predicted"):
         out = tmp_path / name
@@ -128,7 +129,9 @@ def test_command(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest
         shown = frames[name] if name == "preview" else frames[name]["predicted"]
         assert f"error {shown['mse_unrefined']:.2e}, after refining 30%" in printed
         assert f"predicted {frames[name]['predicted']['mse_unrefined']:.2e}, 2 x 2 rays" in printed
-    assert frames["predicted"] == frames["preview"] | {"unrefined": "predicted"}
+    assert frames["predicted"] == frames["preview"] | {
+        "unrefined": "predicted", "refined": frames["predicted"]["refined"],
+    }  # fmt: skip
     pictures = {name: (tmp_path / name / "Eye" / "refined.png").read_bytes() for name in frames}
     assert pictures["preview"] != pictures["predicted"]
     with pytest.raises(SystemExit, match="2"):
@@ -164,6 +167,7 @@ def image_of(path: Path) -> np.ndarray:
 def test_frames_have_it_too(scene_file: Path, tmp_path: Path, weights: Path) -> None:
     out = tmp_path / "out"
     words = ["run", str(scene_file), "--weights", str(weights), *QUICK, "--frames", "1", "--out", str(out)]
+    words.append("--reference")
     assert commands.main([*words, "--unrefined", "predicted"]) == 0
     (frame,) = json.loads((out / "report.json").read_text())["frames"]
     (own,) = json.loads((out / "frame-0001" / "report.json").read_text())["frames"]

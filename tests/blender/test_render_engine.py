@@ -20,10 +20,13 @@ from patchnet.patchnet_addon.runtime.errors import StoppedError
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.runtime.worker import computed
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
 from patchnet.tests.blender.engine_scene import HEIGHT, WIDTH, WORLD, build_for_engine, passes_in, rendered
+from patchnet.tests.blender.job_scene import box, principled
 
 
 @pytest.fixture(autouse=True)
@@ -42,6 +45,11 @@ def expected(scene: bpy.types.Scene) -> PixelBuffers:
     camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
     chosen = [STRATEGIES[scene.patchnet.strategy], STRATEGIES["patchnet"]]
     return drain(trace_view(kept(scene).octree, camera, chosen, coded=kept(scene).coded))
+
+
+def above_white(scene: bpy.types.Scene, buffers: PixelBuffers) -> np.ndarray:
+    """(P,): what the clamp has taken from the voxels that the preview shows."""
+    return kept(scene).octree.color_above_white(buffers.hits.node)[:, 0]
 
 
 def test_passes_are_what_the_tracer_computes(scene: bpy.types.Scene) -> None:
@@ -64,10 +72,20 @@ def test_passes_are_what_the_tracer_computes(scene: bpy.types.Scene) -> None:
     length = np.linalg.norm(found["Normal"], axis=-1).ravel()
     assert np.allclose(length[hits.hit], 1.0, atol=1e-5) and not length[~hits.hit].any()
     combined = found["Combined"].reshape(-1, 4)
-    light = buffers.preview[~mask] / kept(scene).octree.exposure
+    light = (buffers.preview + above_white(scene, buffers))[~mask] / kept(scene).octree.exposure
     world = np.where(hits.hit[~mask], 0.0, 1.0)[:, None] * np.array(WORLD) * 0.5
     assert np.allclose(combined[~mask, :3], light[:, None] + world, atol=1e-6)
     assert (combined[:, 3] == 1.0).all()
+
+
+def test_refined_pixels_have_as_many_samples_as_the_scene_says(scene: bpy.types.Scene) -> None:
+    scene.patchnet.refined_samples = 100.0
+    counts = rendered(scene)["Sample Count"][..., 0]
+    buffers = expected(scene)
+    chosen = STRATEGIES[scene.patchnet.strategy]
+    samples = rank(chosen, buffers, scene.patchnet.budget).refined_samples(100.0)
+    assert set(samples.tolist()) == {1, 64, 256} and 90.0 < samples[samples > 1].mean() <= 100.0
+    np.testing.assert_array_equal(counts, buffers.picture(samples))
 
 
 def test_refined_pixels_are_the_reference_over_a_transparent_film(scene: bpy.types.Scene) -> None:
@@ -78,10 +96,35 @@ def test_refined_pixels_are_the_reference_over_a_transparent_film(scene: bpy.typ
     mask = refine(buffers, STRATEGIES["ss-variance"].scores(buffers), 0.5)
     combined = found["Combined"].reshape(-1, 4)
     exposure = kept(scene).octree.exposure
-    assert np.allclose(combined[mask, 0], buffers.reference[mask] / exposure, rtol=1e-5, atol=1e-6)
+    camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
+    refined = supersample_pixels(kept(scene).octree, camera, np.flatnonzero(mask))
+    assert np.array_equal(refined.luminance, buffers.reference[mask])
+    assert np.allclose(combined[mask, :3], refined.colors / exposure, rtol=1e-5, atol=1e-6)
     assert np.array_equal(combined[~mask, 3], buffers.hit[~mask].astype(np.float32))
     partly = combined[mask, 3]
     assert ((partly > 0.0) & (partly < 1.0)).any()
+
+
+def test_a_lamp_keeps_its_light_and_the_room_its_exposure(scene: bpy.types.Scene) -> None:
+    """A strip that shines with 5.79, far above white, in a room whose brightest is below 1."""
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
+    strip = box("Strip", (-0.9, -1.5, -0.2), (0.9, -1.45, 0.2), 0.0)
+    rendered(scene)
+    without = kept(scene).octree.exposure
+    shader = principled("Strip")
+    shader.inputs["Emission Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    shader.inputs["Emission Strength"].default_value = 5.79
+    strip.update_tag()
+    found = rendered(scene)
+    octree = kept(scene).octree
+    assert 1.0 / octree.exposure < 2.0 and octree.exposure == pytest.approx(without, rel=0.05)
+    unrefined = found["Combined"][found["Sample Count"][..., 0] == 1]
+    assert unrefined[..., :3].max() == pytest.approx(5.79, rel=2e-3)
+    scene.patchnet.budget = 1.0
+    found = rendered(scene)
+    refined = found["Combined"][found["Sample Count"][..., 0] > 1]
+    assert refined[..., :3].max() == pytest.approx(5.79, rel=2e-3)
+    assert f"Exposure {octree.exposure:.4g} (automatic)" in kept(scene).summary
 
 
 def test_depth_and_normal_are_those_of_cycles(scene: bpy.types.Scene) -> None:

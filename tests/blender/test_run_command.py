@@ -44,7 +44,10 @@ def test_run_writes_what_it_promises(
     scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    assert run(scene_file, out, weights, "--cameras", "all", "--strategy", "ss-variance", "--budget", "0.5") == 0
+    assert (
+        run(scene_file, out, weights, "--cameras", "all", "--strategy", "ss-variance", "--budget", "0.5", "--reference")
+        == 0
+    )
     report = json.loads((out / "report.json").read_text())
     assert report["strategy"] == "ss-variance"
     assert [frame["camera"] for frame in report["frames"]] == ["Eye"]

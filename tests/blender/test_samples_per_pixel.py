@@ -51,9 +51,9 @@ def seen(scene: bpy.types.Scene, wanted: ViewSettings, *, color: bool = False) -
 @pytest.mark.parametrize("color", [False, True])
 def test_a_job_traces_the_samples_that_it_says(scene: bpy.types.Scene, color: bool) -> None:
     found = seen(scene, ViewSettings(size=SIZE, spp=6.0), color=color)
-    buffers, refined, report = found.buffers, found.refined, found.report["spp"]
+    buffers, refined, report = found.buffers, found.refined, found.report["refined"]
     active = buffers.active
-    assert report["budget"] == 6.0 and 5.9 < report["spent"] <= 6.0
+    assert report["spp"] == 6.0 and 5.9 < report["spent"] <= 6.0
     assert report["spent"] == pytest.approx(refined.samples[active].mean())
     assert report["pixels"] == {str(n): int((refined.samples[active] == n).sum()) for n in (1, 4, 16, 64, 256, 1024)}
     for side in (2, 4):
@@ -67,9 +67,11 @@ def test_a_job_traces_the_samples_that_it_says(scene: bpy.types.Scene, color: bo
     error = (refined.luminance.astype(float) - buffers.reference)[active] ** 2
     assert found.errors == (found.report["mse_unrefined"], report["mse"])
     assert report["mse"] == pytest.approx(error.mean()) and report["mse"] < found.report["mse_unrefined"]
-    other = seen(scene, ViewSettings(size=SIZE), color=color)
-    assert "spp" not in other.report and other.report["mse"] == found.report["mse"], "strategies compare by their share"
-    assert other.errors[1] == other.report["mse"][DEFAULT]
+    other = seen(scene, ViewSettings(size=SIZE, refined_samples=1024.0), color=color)
+    assert "spp" not in other.report["refined"] and other.report["mse"] == found.report["mse"], (
+        "strategies compare by their share"
+    )
+    assert other.errors[1] == pytest.approx(other.report["mse"][DEFAULT])
     for name in ("preview", "priority", "reference"):
         np.testing.assert_array_equal(other.pictures[name], found.pictures[name])
     for name in ("order", "refined", "error"):
@@ -87,20 +89,20 @@ def test_pixels_say_their_samples(scene: bpy.types.Scene) -> None:
 
 
 def test_panel_and_figures(scene: bpy.types.Scene, capfd: pytest.CaptureFixture[str]) -> None:
-    assert bpy.ops.patchnet.run_all(light="two-lights", **SMALL) == {"FINISHED"}
+    assert bpy.ops.patchnet.run_all(light="two-lights", reference=True, **SMALL) == {"FINISHED"}
     by_share = results.voxels_of(scene).errors
     scene.patchnet.spp = 4.0
     assert "'Pixel Samples' changed: render again" in drawn(PATCHNET_PT_preview)
     assert {"budget", "spp"} <= set(drawn(PATCHNET_PT_preview))
     assert {"budget", "spp"} <= set(drawn(engine_panels.PATCHNET_PT_render_refinement))
-    assert bpy.ops.patchnet.render_preview(size=SMALL["size"]) == {"FINISHED"}
+    assert bpy.ops.patchnet.render_preview(size=SMALL["size"], reference=True) == {"FINISHED"}
     assert "after refining with 4 samples per pixel" in capfd.readouterr().out
     result = results.voxels_of(scene)
     assert result.errors[0] == by_share[0] and result.errors[1] != by_share[1]
     assert f"Error {result.errors[0]:.2e}, refined {result.errors[1]:.2e}" in "\n".join(drawn(PATCHNET_PT_statistics))
     assert bpy.ops.patchnet.compare(size=SMALL["size"]) == {"FINISHED"}
     assert "Mean squared error, budget 30%" in drawn(PATCHNET_PT_compare)
-    assert bpy.ops.patchnet.render_preview(size=SMALL["size"], spp=0.0) == {"FINISHED"}, "0 is a share again"
+    assert bpy.ops.patchnet.render_preview(size=SMALL["size"], reference=True, spp=0.0) == {"FINISHED"}, "0 is again"
     assert results.voxels_of(scene).errors == by_share
 
 
@@ -132,15 +134,16 @@ def test_every_preset_says_which_budget(scene: bpy.types.Scene) -> None:
 def test_command(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     words = ["run", str(scene_file), "--out", str(out), "--weights", str(weights), *QUICK]
-    assert commands.main([*words, "--spp", "4", "--log-format", "json"]) == 0
+    assert commands.main([*words, "--spp", "4", "--reference", "--log-format", "json"]) == 0
     (frame,) = json.loads((out / "report.json").read_text())["frames"]
-    assert frame["spp"]["budget"] == 4.0 and 3.5 < frame["spp"]["spent"] <= 4.0
+    assert frame["refined"]["spp"] == 4.0 and 3.5 < frame["refined"]["spent"] <= 4.0
     assert set(frame["mse"]) == set(STRATEGIES) and frame["budget"] == 0.3
     printed, lines = capsys.readouterr()
-    assert f"With {frame['spp']['spent']:.4g} samples per pixel by priority" in printed
-    assert f"{frame['spp']['mse']:.2e}; as many rays as a share {frame['spp']['mse_of_share']:.2e}" in printed
+    refined = frame["refined"]
+    assert f"{refined['spent']:.4g} samples per active pixel by priority" in printed
+    assert f"{refined['mse']:.2e}; as many rays as a share of 1,024 each {refined['mse_of_share']:.2e}" in printed
     (said,) = [json.loads(line) for line in lines.splitlines() if '"views"' in line]
-    assert said["views"][0]["mse"] == frame["spp"]["mse"]
+    assert said["views"][0]["mse"] == refined["mse"]
 
 
 @pytest.mark.parametrize("value", ["0.5", "0", "1025", "many"])

@@ -16,7 +16,13 @@ from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.ranking import Ranking, rank
 from patchnet.patchnet_addon.sampling.refined_picture import refined_by_samples, refined_by_share, samples_report
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.patchnet_addon.sampling.sample_counts import COUNTS, SIDES, runs_of_equal_counts, sample_counts
+from patchnet.patchnet_addon.sampling.sample_counts import (
+    COUNTS,
+    SIDES,
+    refined_counts,
+    runs_of_equal_counts,
+    sample_counts,
+)
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing import pixels as tracing_pixels
 from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
@@ -276,15 +282,65 @@ def test_ends_of_the_range_are_preview_and_reference() -> None:
 def test_figures_of_a_report() -> None:
     picture, ranking, buffers = view()
     refined = drain(refined_by_samples(picture.octree, picture.camera, ranking, 9.0))
-    found = samples_report(ranking, refined, 9.0)
+    found = samples_report(ranking, refined)
     active = buffers.active
-    assert found["budget"] == 9.0 and found["spent"] == pytest.approx(refined.samples[active].mean())
+    assert found["spent"] == pytest.approx(refined.samples[active].mean())
     assert sum(found["pixels"].values()) == active.sum() and list(found["pixels"]) == [str(count) for count in COUNTS]
     error = (refined.luminance.astype(float) - buffers.reference)[active] ** 2
     assert found["mse"] == pytest.approx(error.mean(), rel=1e-12)
-    by_share = refined_by_share(rank(CHOSEN, buffers, refined.samples[refined.samples > 1].sum() / 1024 / active.sum()))
+    share = refined.samples[refined.samples > 1].sum() / 1024 / active.sum()
+    by_share = drain(refined_by_share(picture.octree, picture.camera, rank(CHOSEN, buffers, share), 1024.0))
     error = (by_share.luminance.astype(float) - buffers.reference)[active] ** 2
-    assert found["mse_of_share"] == pytest.approx(error.mean(), rel=1e-12)
+    assert found["mse_of_share"] == pytest.approx(error.mean(), rel=1e-6)
+    blind = rank(CHOSEN, replace(buffers, reference=None), 0.3)
+    assert samples_report(blind, refined) == {name: found[name] for name in ("spent", "pixels")}
+
+
+def refined_counts_reference(priorities: np.ndarray, mean: float) -> np.ndarray:
+    """Upgrade by upgrade as `sample_counts_reference`, from 16 samples on, to 256 or, for a larger mean, 1,024."""
+    last = 4 if mean <= 256 else 5
+    levels = np.full(len(priorities), 2)
+    spare = int(mean * len(priorities) * (1 + 1e-12)) - 16 * len(priorities)
+    for _, level, pixel, cost in upgrades(priorities):
+        follows = levels[pixel] == level < last and (pixel == 0 or levels[pixel - 1] > level)
+        if cost <= spare and follows:
+            levels[pixel] += 1
+            spare -= cost
+    return COUNTS[levels]
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    count=st.integers(0, 40),
+    mean=st.one_of(st.sampled_from([16.0, 64.0, 256.0, 256.5, 1024.0]), st.floats(16, 1024), st.floats(16, 80)),
+)
+@settings(max_examples=200, deadline=None)
+def test_refined_pixels_against_one_upgrade_after_another(seed: int, count: int, mean: float) -> None:
+    priorities = falling(seed, count, zeros=0.0)
+    np.testing.assert_array_equal(refined_counts(priorities, mean), refined_counts_reference(priorities, mean))
+
+
+def test_refined_pixels_have_16_to_256_samples_and_1024_by_choice() -> None:
+    priorities = falling(5, 999, zeros=0.0)
+    assert (refined_counts(priorities, 16.0) == 16).all() and (refined_counts(priorities, 256.0) == 256).all()
+    assert (refined_counts(priorities, 1024.0) == 1024).all()
+    for mean, seen in ((40.0, {16, 64}), (100.0, {64, 256}), (600.0, {256, 1024})):
+        for predicted in (False, True):
+            counts = refined_counts(priorities, mean, predicted=predicted)
+            assert set(counts.tolist()) == seen and 0.95 * mean < counts.mean() <= mean and (np.diff(counts) <= 0).all()
+    with pytest.raises(SettingError, match=r"Samples per refined pixel 8\.0 is outside 16 to 1024"):
+        refined_counts(priorities, 8.0)
+
+
+def test_a_share_is_refined_alike_by_jobs_and_renders() -> None:
+    picture, ranking, buffers = view()
+    drain(picture.refine(0.3, refined=64.0))
+    refined = drain(refined_by_share(picture.octree, picture.camera, ranking, 64.0))
+    np.testing.assert_array_equal(refined.samples, picture.samples)
+    np.testing.assert_array_equal(refined.luminance, picture.colors[:, 0])
+    np.testing.assert_array_equal(refined.samples > 1, ranking.mask)
+    every = drain(refined_by_share(picture.octree, picture.camera, ranking, 1024.0))
+    np.testing.assert_array_equal(every.luminance, np.where(ranking.mask, buffers.reference, buffers.preview))
 
 
 @pytest.mark.parametrize("mean", [2.0, 8.0, 32.0])
@@ -293,5 +349,5 @@ def test_less_error_is_left_than_by_a_share_of_as_many_rays(seed: int, mean: flo
     octree, eye = random_octree(seed, depth=7, count=4000), camera(46, 34)
     buffers = drain(trace_view(octree, eye, [CHOSEN]))
     ranking = rank(CHOSEN, buffers, 0.3)
-    found = samples_report(ranking, drain(refined_by_samples(octree, eye, ranking, mean)), mean)
+    found = samples_report(ranking, drain(refined_by_samples(octree, eye, ranking, mean)))
     assert found["mse"] < 0.8 * found["mse_of_share"]

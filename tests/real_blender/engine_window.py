@@ -64,7 +64,7 @@ def preview():
     watched(viewports)
     values = clicks.window().scene.patchnet
     values.resolution, values.depth, values.scope = "DEPTH", 7, "VISIBLE"
-    values.light, values.color, values.budget = "two-lights", True, 0.005
+    values.light, values.color, values.budget, values.refined_samples = "two-lights", True, 0.005, 1024.0
     for step in ("voxelize", "bake_light", "precompute_codes"):
         getattr(bpy.ops.patchnet, step)()
     yield from clicks.wait_for(lambda: viewports and viewports[0]._preview is not None, "a preview begins")

@@ -35,7 +35,7 @@ def prepare() -> clicks.Session:
     scene = clicks.window().scene
     values = scene.patchnet
     values.resolution, values.depth, values.scope, values.light = "DEPTH", 6, "VISIBLE", "two-lights"
-    values.color, values.strategy = True, "ss-variance"
+    values.color, values.strategy, values.refined_samples = True, "ss-variance", 1024.0
     wall = scene.objects["Back wall"]
     wall.vertex_groups.new(name="Matters").add(range(len(wall.data.vertices)), 1.0, "REPLACE")
     bpy.context.view_layer.update()

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from patchnet.commands import _parser, furnish
+from patchnet.commands import furnish, make_parser
 from patchnet.commands.evaluate import _scenes
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
@@ -69,7 +69,7 @@ def test_missing_composed_file_says_how_to_make_it(tmp_path: Path, monkeypatch: 
         made = f"make it by `patchnet {scene.composed} --out {tmp_path / scene.file}`"
         with pytest.raises(SceneError, match=re.escape(made)):
             scene.path()
-        _parser({"furnish": furnish}, "patchnet").parse_args([*scene.composed.split(), "--out", scene.file])
+        make_parser({"furnish": furnish}).parse_args([*scene.composed.split(), "--out", scene.file])
         (tmp_path / scene.file).touch()
         assert scene.is_there() and scene.path() == tmp_path / scene.file
 

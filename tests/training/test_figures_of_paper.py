@@ -18,8 +18,8 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.evaluation.crops import Crop, crops_of_difference, window_sums
 from patchnet.training.evaluation.figures_of_paper import tables
-from patchnet.training.evaluation.figures_of_paper.crops import Crop, crops_of_difference, window_sums
 from patchnet.training.evaluation.figures_of_paper.distances import distance_view, pooled_values
 from patchnet.training.evaluation.figures_of_paper.figures import make_split
 from patchnet.training.evaluation.figures_of_paper.split import PATTERNS, split_view

@@ -31,6 +31,7 @@ from ...settings.groups import LightSettings
 from ...state.watch import check_unchanged
 from .bake_key import bake_key, scene_key
 from .baker import Baker
+from .gloss_passes import place_of_view
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ....patchnet_addon.lightmap.atlas import Atlas
@@ -58,8 +59,9 @@ def bake_luminance(
 
     texel_world: side of a texel, about that of a leaf, one for all or (T,); texels grow if there would be more than
     MAX_TEXELS.
-    light: its `samples` are paths a texel and side; with `color` the atlas has it (`Atlas.texels`); with `both_sides`
-    those of opaque sheets are lit; with `daylight` sun and sky of ours shine in place of the scene's world.
+    light: its `samples` are paths a texel and side; with `denoise` the atlas knows its noise; with `color` it has some
+    (`Atlas.texels`); with `both_sides` those of opaque sheets are lit; `gloss` says whose reflections are baked; with
+    `daylight` sun and sky of ours shine in place of the scene's world.
     device: one of `DEVICES`; automatic is a GPU where the preferences of Cycles enable one.
     kept: finished pages are taken from there and left there.
     depsgraph: what `source` was read from, for the pages' key; None takes the context's.
@@ -77,7 +79,8 @@ def bake_luminance(
     pages = np.zeros((charts.page_count, charts.page_side**2, channels), np.float32)
     if kept is not None:
         yield Progress(0, 1, "Looking for finished pages")
-        switches = (light.color, light.both_sides, bakes_on_gpu(context, device), bool(light.daylight))
+        switches: tuple[object, ...] = (light.color, light.both_sides, light.denoise, bakes_on_gpu(context, device))
+        switches += (bool(light.daylight), light.gloss, place_of_view(context.scene, light))
         kept.open(bake_key(scene, source, charts, light.samples, seed, switches))
         if there := len(kept.pages()):
             yield Progress(there, charts.page_count, f"Resuming: {there} of {charts.page_count} pages are there")
@@ -91,7 +94,10 @@ def bake_luminance(
         else:
             pages[page] = finished
     yield Progress(charts.page_count, charts.page_count, "Baking light")
-    return Atlas(charts, pages.reshape(-1, channels), light.samples, (*baker.warnings, *_coarse(charts)))
+    texels, warnings = pages.reshape(-1, channels), (*baker.warnings, *_coarse(charts))
+    if not light.denoise:
+        return Atlas(charts, texels, light.samples, warnings)
+    return Atlas(charts, texels[:, :-1], light.samples, warnings, noise=texels[:, -1])
 
 
 def _charts(source: SceneMesh, texel_world: float | np.ndarray, samples: int, side: int) -> Steps[Charts]:

@@ -22,9 +22,10 @@ from ...scene_access.window_job import BAKE, as_job
 from .page_mesh import CHART_LAYER
 
 _STOPPED = "Cycles stopped baking the light of the scene: start it again, it goes on where it was"
+_DIFFUSE = {"DIRECT", "INDIRECT", "DIFFUSE", "EMIT"}
+_GLOSSY = {"GLOSSY", "TRANSMISSION"}
 _ARGUMENTS: dict[str, Any] = {
     "type": "COMBINED",
-    "pass_filter": {"DIRECT", "INDIRECT", "DIFFUSE", "EMIT"},
     "margin": 0,
     "use_clear": True,
     "use_selected_to_active": False,
@@ -36,12 +37,16 @@ _ARGUMENTS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class BakeTarget:
-    """Object to bake into the active images of its materials, and the scene and view layer that light it."""
+    """Object to bake into the active images of its materials, and the scene and view layer that light it.
+
+    gloss: bake what is reflected and passes through, too.
+    """
 
     scene: bpy.types.Scene
     layer: bpy.types.ViewLayer
     item: bpy.types.Object
     image: bpy.types.Image
+    gloss: bool = False
 
 
 def bake_now(context: bpy.types.Context, target: BakeTarget) -> None:
@@ -95,7 +100,8 @@ def _called(context: bpy.types.Context, target: BakeTarget, how: str) -> set[str
     override |= {"active_object": item, "object": item, "selected_objects": [item]}
     try:
         with interrupts_wait(), context.temp_override(**override):
-            result: set[str] = bpy.ops.object.bake(how, **_ARGUMENTS)
+            filters = _DIFFUSE | _GLOSSY if target.gloss else _DIFFUSE
+            result: set[str] = bpy.ops.object.bake(how, pass_filter=filters, **_ARGUMENTS)
     except RuntimeError as cause:
         reason = str(cause).strip().removeprefix("Error: ")
         raise SceneError(f"Cycles cannot bake the light of the scene ({reason})") from cause

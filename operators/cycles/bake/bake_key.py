@@ -22,7 +22,7 @@ _CODE = ("operators.cycles.bake.bake",)  # and what it imports
 
 
 def bake_key(
-    scene: str, source: SceneMesh, charts: Charts, samples: int, seed: int, switches: tuple[bool, ...] = ()
+    scene: str, source: SceneMesh, charts: Charts, samples: int, seed: int, switches: tuple[object, ...] = ()
 ) -> str:
     """32 hex digits over surface, charts, samples, and all of the scene that a bake could show, by its `scene_key`.
 

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -27,6 +29,7 @@ from .bake_call import BakeTarget, bake_as_job, bake_now
 from .bake_materials import bake_materials
 from .bake_scene import cycles_settings, page_image, page_mesh, page_object
 from .closed_runs import ClosedPieces
+from .gloss_passes import baked_with_gloss, gloss_warnings, view_of_bake
 from .light_links import lit_as
 from .object_data import attributes_needed, lost_inputs
 from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
@@ -36,12 +39,23 @@ _DARK_SIDE = 0.02  # of the brighter side: enclosed
 _DIM = 0.02  # of the median light on a page: perhaps an enclosed side, into which a little light finds its way
 
 
+class _Passes(NamedTuple):
+    """Passes of one bake: what shines through a surface from behind, or all but that, and gloss or none."""
+
+    through: bool
+    gloss: bool
+
+
+_DIFFUSE, _GLOSSY, _THROUGH = _Passes(False, False), _Passes(False, True), _Passes(True, False)
+
+
 class Baker:
     """Baker of pages' sides; holds nothing of Blender's between two calls but the context.
 
     With `both_sides` of the light, backs of opaque sheets count like fronts; else, and always with materials that cull
     backfaces, only where fronts get no light. With its `daylight`, sun and sky of ours shine, not the scene's world.
-    channels: of its texels, 2, or 4 with colour, see `Atlas`. warnings: sentences about what cannot be baked.
+    channels: of its texels, 2, or 4 with colour, see `Atlas`, and with `denoise` the noise, half of what two halves of
+    the paths differ by. warnings: sentences about what cannot be baked.
     paths_traced: how many paths the last page took.
     """
 
@@ -62,9 +76,13 @@ class Baker:
         self._source = source
         self._charts = charts
         self._seed = seed
-        self.channels = COLOR_CHANNELS if light.color else 2
+        self._colored = light.color
+        self._halves = 2 if light.denoise else 1
+        self.channels = (COLOR_CHANNELS if light.color else 2) + (self._halves == 2)
         self._on_gpu = bakes_on_gpu(context, device)
         self._with_daylight = bool(light.daylight)
+        self._light, self._with_gloss = light, baked_with_gloss(source, light.gloss)
+        self._shown = np.array([shows(material) for material in source.materials])
         self._closed = ClosedPieces()
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
         self._attributes = attributes_needed(used)
@@ -76,11 +94,12 @@ class Baker:
             self._one_sided |= np.array([is_opaque(material) for material in source.materials]) & ~self._translucent
         self.paths_traced = 0
         turned = source.turned_materials
-        self.warnings = tuple(
+        lost = tuple(
             _lost(material.name, nodes)
             for material in used
             if (nodes := lost_inputs(material, material.name_full in turned, charts.page_count > 1))
         )
+        self.warnings = (*lost, *gloss_warnings(source, light))
         # Far less than a voxel, but well above the rounding of single precision coordinates.
         reach = float(np.abs(source.bounds_world).max())
         self._offset_world = max(1e-3 * charts.texel_world, LIFT_SHARE * reach)
@@ -105,8 +124,9 @@ class Baker:
         return texels
 
     def triangles(self, page: int) -> PageTriangles:
-        """Triangles on a page."""
-        return page_triangles(self._source, self._charts, page, self._closed, self._attributes)
+        """Triangles on a page that show anything."""
+        part = page_triangles(self._source, self._charts, page, self._closed, self._attributes)
+        return part.only(self._shown[part.materials])
 
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
         """(N,) bool: triangles whose back was left out and may be what is seen.
@@ -146,32 +166,37 @@ class Baker:
 
         With colour, red and blue weighed by opacity are there too.
 
-        Objects that other lamps shine on are baked apart, and so is what shines through a surface from behind.
+        Objects that other lamps shine on are baked apart, and so is what shines through a surface from behind, and what
+        is baked with gloss.
         """
         sides = [np.zeros((self._charts.page_side**2, self.channels), np.float32) for _ in range(2)]
         for number in np.unique(np.concatenate([fronts.links, backs.links])):
             links = self._source.light_links[number]
-            front, back = (part.only(part.links == number) for part in (fronts, backs))
-            for index, side in enumerate((yield from self._bake(page, front, back, links, False, at))):
-                sides[index] += side
-            front, back = (part.only(self._translucent[part.materials]) for part in (front, back))
-            if len(front) or len(back):
-                for index, side in enumerate((yield from self._bake(page, front, back, links, True, at))):
-                    side[:, 1] = 0.0  # opacity counts once
+            linked = [part.only(part.links == number) for part in (fronts, backs)]
+            for what in (_DIFFUSE, _GLOSSY, _THROUGH):
+                chosen = self._translucent if what.through else self._with_gloss == what.gloss
+                front, back = (part.only(chosen[part.materials]) for part in linked)
+                if not len(front) and not len(back):
+                    continue
+                for index, side in enumerate((yield from self._bake(page, front, back, links, what, at))):
+                    if what.through:
+                        side[:, 1] = 0.0  # opacity counts once
                     sides[index] += side
         return sides
 
     def _bake(
-        self, page: int, fronts: PageTriangles, backs: PageTriangles, links: Links, through: bool, at: Progress
+        self, page: int, fronts: PageTriangles, backs: PageTriangles, links: Links, what: _Passes, at: Progress
     ) -> Steps[list[np.ndarray]]:
-        """Bake as `bake` does, of objects that are the same receivers of light: what shines through, or all but that.
+        """Bake as `bake` does, of objects that are the same receivers of light, some passes of their light.
 
         In a window, what is baked stays in the scene while steps wait; reports are `at`.
         """
         names = self._source.material_names
         samples, size = int(self._charts.page_samples[page]), self._charts.page_size[page]
+        halves = min(self._halves, samples)  # what has one path is baked once
+        samples = -(-samples // halves)
         texels = yield from computed(lambda: sum(self._texels(page, part) for part in (fronts, backs)), at)
-        self.paths_traced += samples * texels
+        self.paths_traced += samples * halves * texels
         stack = ExitStack()
         try:
             stack.enter_context(object_mode(self._context))
@@ -179,31 +204,47 @@ class Baker:
             if self._with_daylight:
                 stack.enter_context(daylight(scene))
             stack.enter_context(cycles_settings(scene, samples, self._seed, self._on_gpu))
+            stack.enter_context(view_of_bake(scene, self._light))
             # One image for both: Cycles reads the scene once for each.
-            image = stack.enter_context(page_image(size, 2 if len(fronts) and len(backs) else 1))
+            sides = (len(fronts) > 0) + (len(backs) > 0)
+            image = stack.enter_context(page_image(size, sides * halves))
             materials, parts = [], []
             for part, back in ((fronts, False), (backs, True)):
                 used, mine = np.unique(part.materials, return_inverse=True)
-                part = part.on_image(image.size[1] // int(size[1]), upper=back)
-                parts.append(replace(part, materials=mine.reshape(-1).astype(np.int32)))
+                part = replace(part, materials=mine.reshape(-1).astype(np.int32))
+                first = halves if back and sides == 2 else 0
+                parts.append(joined([part.on_image(sides * halves, first + half) for half in range(halves)]))
                 own = [names[number] for number in used]
-                materials.append(stack.enter_context(bake_materials(own, image, back, through)))
+                materials.append(stack.enter_context(bake_materials(own, image, back, what.through)))
             mesh = stack.enter_context(page_mesh())
-            lift_world = -self._offset_world if through else self._offset_world
+            lift_world = -self._offset_world if what.through else self._offset_world
             turned = parts[1].turned(len(materials[0]))
             fill_mesh(mesh, joined([parts[0], turned]), [*materials[0], *materials[1]], lift_world)
             item = stack.enter_context(page_object(scene, mesh))
             stack.enter_context(lit_as(item, links))
-            target = BakeTarget(scene, scene.view_layers[self._context.view_layer.name], item, image)
+            layer = scene.view_layers[self._context.view_layer.name]
+            target = BakeTarget(scene, layer, item, image, what.gloss)
             if window_is_alive():
                 yield from bake_as_job(self._context, target, at)
             else:
                 bake_now(self._context, target)
-            sides = _shine(image, int(size[1]), self._charts.page_side, self.channels)
-            dark = np.zeros_like(sides[0])
-            return [sides[0] if len(fronts) else dark, sides[-1] if len(backs) else dark]
+            baked = _shine(image, int(size[1]), self._charts.page_side, 4 if self._colored else 2)
+            lit = [self._merged_halves(baked[first : first + halves]) for first in range(0, len(baked), halves)]
+            dark = np.zeros_like(lit[0])
+            return [lit[0] if len(fronts) else dark, lit[-1] if len(backs) else dark]
         finally:
             when_job_ended(stack.close)
+
+    def _merged_halves(self, halves: Sequence[np.ndarray]) -> np.ndarray:
+        """Mean (side * side, C) of one or two halves of the paths, with the noise if it is wanted.
+
+        One path alone says nothing of its noise, which is then taken for as large as the light.
+        """
+        mean: np.ndarray = np.mean(halves, axis=0, dtype=np.float32)
+        if self._halves == 1:
+            return mean
+        noise = (halves[0][:, 0] - halves[-1][:, 0]) / 2.0 if len(halves) > 1 else mean[:, 0]
+        return np.column_stack([mean, noise])
 
     def _texels(self, page: int, part: PageTriangles) -> int:
         """Count the texels of `part` on its page."""
@@ -226,6 +267,11 @@ def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> lis
     if channels > 2:
         pages[:, :height, :width, 2:] = np.maximum(pixels[..., (0, 2)], 0.0)
     return list(pages.reshape(len(pages), -1, channels))
+
+
+def shows(material: Material) -> bool:
+    """Return whether a surface shows anything: clear glass does not."""
+    return material.alpha > 0.0 or material.alpha_texture is not None
 
 
 def is_opaque(material: Material) -> bool:

@@ -54,10 +54,9 @@ class PageTriangles:
             layers={name: values[chosen] for name, values in self.layers.items()},
         )
 
-    def on_image(self, pages: int, *, upper: bool) -> PageTriangles:
-        """Move the charts onto an image of so many pages above each other: on the upper or the lower one."""
-        bottom = (pages - 1) / pages if upper else 0.0
-        uvs = (self.chart_uvs * np.array([1.0, 1.0 / pages]) + np.array([0.0, bottom])).astype(np.float32)
+    def on_image(self, pages: int, place: int) -> PageTriangles:
+        """Move the charts onto an image of so many pages above each other: on the one at `place`, 0 is the lowest."""
+        uvs = (self.chart_uvs * np.array([1.0, 1.0 / pages]) + np.array([0.0, place / pages])).astype(np.float32)
         return replace(self, chart_uvs=uvs)
 
     def turned(self, material_shift: int) -> PageTriangles:

@@ -7,7 +7,7 @@ import bpy
 
 from ...session import results
 from ...session.scene_result import Comparison
-from .tab import SubPanel, draw_stale, split
+from .tab import SubPanel, draw_setting, draw_stale, split
 
 
 class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
@@ -20,6 +20,7 @@ class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
         """Draw the button, and the table of the last comparison."""
         layout = split(self.layout)
         layout.operator("patchnet.compare", icon="SORTSIZE")
+        draw_setting(layout, context.scene.patchnet, "reference")
         result = results.result_of(context.scene)
         if result is None or result.comparison is None:
             layout.label(text="Not compared yet", icon="INFO")

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bpy
 
+from ...schema.table import CYCLES, GLOSS_OFF
 from .tab import SubPanel, Tab, draw_settings, draw_stale, split
 
 
@@ -20,7 +21,8 @@ class PATCHNET_PT_light(SubPanel, bpy.types.Panel):
         draw_settings(layout, context.scene.patchnet, "light")
         layout.operator("patchnet.bake_light", icon="LIGHT")
         draw_stale(layout, context.scene, "light")
-        layout.label(text="Diffuse light only, no gloss", icon="INFO")
+        if context.scene.patchnet.light == CYCLES and context.scene.patchnet.gloss == GLOSS_OFF:
+            layout.label(text="Diffuse light only, no gloss", icon="INFO")
 
 
 class PATCHNET_PT_animation(Tab, bpy.types.Panel):

@@ -75,6 +75,9 @@ def draw_budget(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> 
     row = layout.row()
     row.active = not values.spp
     draw_setting(row, values, "budget")
+    row = layout.row()
+    row.active = not values.spp
+    draw_setting(row, values, "refined_samples")
     draw_setting(layout, values, "spp")
 
 

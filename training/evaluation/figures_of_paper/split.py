@@ -18,8 +18,8 @@ from ....patchnet_addon.sampling.references.registry import EVALUATED
 from ....patchnet_addon.sampling.refine import refined_picture
 from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera
+from ..crops import Crop, crops_of_difference
 from ..patterns import PATTERN_BUDGET
-from .crops import Crop, crops_of_difference
 
 PATTERNS = ("patchnet", "patchnet-behind", "ss-variance", "ws-lut", "fine-ray", "optimal")
 OURS, OTHER = "patchnet-behind", "ss-variance"  # whose refined pictures are shown beside each other

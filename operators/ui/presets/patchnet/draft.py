@@ -14,4 +14,5 @@ settings.size = (96, 0)
 settings.strategy = "patchnet-plus-1"
 settings.unrefined = "preview"
 settings.budget = 0.3
+settings.refined_samples = 64.0
 settings.spp = 0.0

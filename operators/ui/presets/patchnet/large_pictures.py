@@ -15,4 +15,5 @@ settings.size = (0, 0)
 settings.strategy = "patchnet-plus"
 settings.unrefined = "preview"
 settings.budget = 0.3
+settings.refined_samples = 64.0
 settings.spp = 0.0

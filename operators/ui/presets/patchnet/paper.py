@@ -14,4 +14,5 @@ settings.size = (130, 130)
 settings.strategy = "patchnet"
 settings.unrefined = "preview"
 settings.budget = 0.3
+settings.refined_samples = 1024.0
 settings.spp = 0.0

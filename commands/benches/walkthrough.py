@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Walk of a camera through a scene: the engine PatchNet, with its bake, against Cycles, frame by frame.
+
+PatchNet bakes once and then renders each frame with its default budget; Cycles renders each frame anew, denoised where
+its build can. Errors of both are against many samples. A few frames are rendered, and all of the walk extrapolated from
+their medians: the text says so.
+"""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Any
+
+from ...patchnet_addon.runtime import bounds
+from ..shared.arguments import add_number
+from ..shared.job_arguments import require_blender
+
+if TYPE_CHECKING:
+    from ...operators.verify_light.walkthrough import Walk
+    from ...training.benchmarks.timing import Comparison
+
+HELP = "a walk of a camera, with the bake, against Cycles frame by frame: who is ahead from which frame on"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of `patchnet bench walkthrough`."""
+    parser.add_argument(
+        "--scene", default="demo",
+        help="demo: the courtyard; room; sponza and other names of the catalogue, in PATCHNET_SCENES; or a scene file "
+        "(demo)",
+    )  # fmt: skip
+    add_number(parser, "--frames", bounds.TRACK_FRAMES, default=250, help="frames of the walk (250)")
+    add_number(parser, "--size", bounds.VIEW_PX, nargs=2, default=(960, 540), help="pixels of each (960 540)")
+    parser.add_argument("--depth", default="fit", help="of the octree, or fit: fine where the walk sees it (fit)")
+    add_number(parser, "--samples", bounds.SAMPLES, default=8, help="of a baked texel (8)")
+    add_number(parser, "--timed", bounds.REPEATS, default=10, help="frames of PatchNet that are timed (10)")
+    add_number(parser, "--cycles-timed", bounds.REPEATS, default=3, help="frames of Cycles that are timed (3)")
+    add_number(parser, "--cycles-samples", bounds.CYCLES_SAMPLES, default=32, help="of Cycles' frames (32)")
+    add_number(parser, "--judged", bounds.REPEATS, default=2, help="frames whose errors are measured (2)")
+    add_number(parser, "--error-size", bounds.VIEW_PX, nargs=2, default=(240, 135), help="pixels of these (240 135)")
+    add_number(parser, "--truth", bounds.CYCLES_SAMPLES, default=1024, help="samples that they are judged by (1024)")
+
+
+def measure(args: argparse.Namespace) -> Comparison:
+    """Seconds and errors of both; raises PatchNetError."""
+    require_blender()
+    import bpy
+
+    from ...operators.cycles.daylight import daylight, has_light
+    from ...operators.verify_light.walkthrough import Plan, walk, walk_cameras
+    from ...patchnet_addon.runtime.progress import drain
+    from ..shared.own_scenes import open_or_build
+    from ..shared.progress_bars import ProgressBars
+    from ..shared.quiet import quiet_stdout
+
+    settings = _settings(args)
+    with quiet_stdout(), ProgressBars() as bars:
+        open_or_build(_scene(args.scene))
+        with _registered():
+            cameras = walk_cameras(_keys(tuple(args.size)), args.frames, tuple(args.size))
+            timed, cycles, judged = (_spread(args.frames, n) for n in (args.timed, args.cycles_timed, args.judged))
+            plan = Plan(cameras, timed, cycles, judged, tuple(args.error_size), args.cycles_samples, args.truth)
+            lit = has_light(bpy.context.evaluated_depsgraph_get())
+            with nullcontext() if lit else daylight(bpy.context.scene):
+                found = drain(walk(bpy.context, settings, plan), bars.show)
+    return _compared(args, found)
+
+
+def _settings(args: argparse.Namespace) -> Any:
+    from ...operators.settings.job_settings import JobSettings
+    from ..shared.job_arguments import depth_of
+
+    return JobSettings.of(
+        depth=depth_of(args.depth), fit=args.depth == "fit", samples=args.samples, color=True, size=tuple(args.size)
+    )
+
+
+def _scene(name: str) -> str:
+    """File of a scene of the catalogue, else what was given; raises SceneError where the file is not there."""
+    from ...training.evaluation.catalogue import SCENES
+
+    return str(SCENES[name].path()) if name in SCENES else name
+
+
+def _registered() -> Any:
+    """Block in which Blender knows the render engine."""
+    from contextlib import contextmanager
+
+    import bpy
+
+    from ...operators import registration
+
+    @contextmanager
+    def block() -> Any:
+        known = hasattr(bpy.types.Scene, "patchnet")
+        if not known:
+            registration.register()
+        try:
+            yield
+        finally:
+            if not known:
+                registration.unregister()
+
+    return block()
+
+
+def _keys(size: tuple[int, int]) -> list[Any]:
+    """Cameras that the walk passes: the scene's own in the order of their names' distance, or those that frame it."""
+    import bpy
+    import numpy as np
+
+    from ...operators.scene.cameras import choose_cameras
+    from ...operators.scene.read import read_scene
+
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    surface = read_scene(depsgraph, "VISIBLE").bounds_world
+    own = [item for item in bpy.context.scene.objects if item.type == "CAMERA"]
+    cameras = choose_cameras(depsgraph, ("all",) if len(own) > 1 else ("auto",), size, surface)
+    middle = surface.mean(axis=0)
+    return sorted(cameras, key=lambda camera: -float(np.linalg.norm(np.asarray(camera.position_world) - middle)))
+
+
+def _spread(frames: int, count: int) -> list[int]:
+    """Frames in the middles of `count` even parts of the walk."""
+    count = min(count, frames)
+    return [int((index + 0.5) * frames / count) for index in range(count)]
+
+
+def _compared(args: argparse.Namespace, found: Walk) -> Comparison:
+    from statistics import fmean
+
+    from ...training.benchmarks.timing import Comparison
+
+    ours, peer = found.frame_s
+    setup = sum(found.setup_s.values())
+    details = {
+        "scene": args.scene,
+        "frames": args.frames,
+        "size": list(args.size),
+        "depth": found.depth,
+        "leaves": found.leaves,
+        "setup_s": found.setup_s,
+        "frames_s": {"patchnet": found.ours_s, "cycles": found.cycles_s},
+        "total_s": {"patchnet": setup + args.frames * ours, "cycles": args.frames * peer},
+        "cycles_samples": args.cycles_samples,
+        "denoised": found.denoised,
+        "ahead_from": found.ahead_from,
+        "truth": args.truth,
+        "error_size": list(args.error_size),
+        "mse": {"patchnet": fmean(found.ours_mse), "cycles": fmean(found.cycles_mse)},
+        "judged": len(found.ours_mse),
+    }
+    return Comparison("walkthrough", ours, peer, peer / ours, details, unit="s per frame")
+
+
+def text(values: dict[str, Any]) -> str:
+    """Figures of both in a table, and what they mean for a walk."""
+    from ...training.benchmarks.tables import markdown_table
+
+    setup, frames = sum(values["setup_s"].values()), values["frames"]
+    counts = [len(values["frames_s"][name]) for name in ("patchnet", "cycles")]
+    cycles = f"Cycles, {values['cycles_samples']} samples{', denoised' if values['denoised'] else ''}"
+    rows = [
+        [name, f"{once:.1f}", f"{frame:.2f}", f"{values['total_s'][key]:.0f}", f"{1e4 * values['mse'][key]:.1f}"]
+        for name, key, once, frame in (
+            ("PatchNet", "patchnet", setup, values["ours"]), (cycles, "cycles", 0.0, values["peer"]),
+        )
+    ]  # fmt: skip
+    ahead = values["ahead_from"]
+    stages = ", ".join(f"{name} {seconds:.1f}" for name, seconds in values["setup_s"].items())
+    end = "PatchNet is never ahead" if ahead is None else f"PatchNet is ahead from {ahead} frames on"
+    return (
+        f"{values['scene']}, {frames} frames of {values['size'][0]} x {values['size'][1]}; depth {values['depth']}, "
+        f"{values['leaves']:,} voxels ({stages} s)\n\n"
+        + markdown_table(["", "once, s", "a frame, s", f"{frames} frames, s", "mse x 10,000"], rows)
+        + f"\n\n{end}; afterwards {values['ratio']:.1f} times as fast a frame.\n"
+        f"Frames: medians of {counts[0]} and {counts[1]} that were rendered; totals are extrapolated from these. "
+        f"Errors: all light, gloss included, of {values['judged']} frames of {values['error_size'][0]} x "
+        f"{values['error_size'][1]} against {values['truth']:,} samples."
+    )

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sphinx extension for links to files of the repository that are no pages.
+
+Pages link to code as `../patchnet_addon/octree/build.py#L24`, which GitHub shows. On the site each such file becomes a
+page with its text, highlighted and with a place for every line: `source/patchnet_addon/octree/build.py.html#L24`.
+Links to README lead to the front page, which shows its first part.
+"""
+
+from __future__ import annotations
+
+import html
+import posixpath
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pygments import highlight
+from pygments.formatters import HtmlFormatter
+from pygments.lexers import guess_lexer_for_filename
+from pygments.util import ClassNotFound
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+SHOWN = {".py", ".yaml", ".js", ".sh", ".toml", ".txt", ""}
+LINK = re.compile(r"\[(?P<text>[^\]\n]+)\]\((?P<target>[^)\s:#]+)(?P<line>#L\d+)?\)")
+
+
+def source_file(target: str) -> Path | None:
+    """File of the repository that a page in docs links to, if its text is to be a page; else nothing."""
+    path = (DOCS / target).resolve()
+    if path.is_file() and path.is_relative_to(ROOT) and path.suffix in SHOWN:
+        return path.relative_to(ROOT)
+    return None
+
+
+def rewritten(text: str, found: set[Path]) -> str:
+    """Text of a page whose links to files lead to pages with their text; the files are added to `found`."""
+
+    def link(match: re.Match[str]) -> str:
+        file = source_file(match["target"])
+        if file is None:
+            return match[0]
+        found.add(file)
+        shown = html.escape(match["text"].strip("`"))
+        return f'<a href="source/{file.as_posix()}.html{match["line"] or ""}">{shown}</a>'
+
+    text = re.sub(r"\]\(\.\./README\.md(#[\w-]+)?\)", r"](index.md\1)", text)
+    return LINK.sub(link, text.replace("](../CHANGELOG.md)", "](changelog.md)"))
+
+
+def read_page(app: Any, page: str, source: list[str]) -> None:
+    """Rewrite the links of a page that Sphinx has read."""
+    source[0] = rewritten(source[0], app.env.repository_files)
+
+
+def read_included(_app: Any, path: Path, _page: str, source: list[str]) -> None:
+    """Rewrite what the front page shows of README, whose links and pictures count from the repository's root."""
+    if path.name == "README.md":
+        text = re.sub(r'(\]\(|src=")docs/', r"\1", source[0])
+        source[0] = text.replace("](#for-developers)", "](command-line.md#install)")
+
+
+def start(app: Any) -> None:
+    """Begin with no file; all pages are read in every build."""
+    app.env.repository_files = set()
+
+
+def source_pages(app: Any) -> Iterator[tuple[str, dict[str, Any], str]]:
+    """Pages with the text of each file that is linked to."""
+    for file in sorted(app.env.repository_files):
+        text = (ROOT / file).read_text(encoding="utf-8")
+        formatter = HtmlFormatter(linenos="inline", linespans="L", cssclass="highlight source-file")
+        try:
+            lexer = guess_lexer_for_filename(file.name, text)
+        except ClassNotFound:
+            lexer = guess_lexer_for_filename("file.txt", text)
+        # Pygments names a line L-24; the pages say L24, as GitHub does.
+        body = re.sub(r'id="L-(\d+)"', r'id="L\1"', highlight(text, lexer, formatter))
+        title = html.escape(file.as_posix())
+        context = {"title": title, "body": f"<h1>{title}</h1>\n{body}", "parents": [], "meta": {}}
+        yield posixpath.join("source", file.as_posix()), context, "page.html"
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Connect to Sphinx."""
+    app.connect("builder-inited", start)
+    app.connect("source-read", read_page)
+    app.connect("include-read", read_included)
+    app.connect("html-collect-pages", source_pages)
+    return {"parallel_read_safe": False, "parallel_write_safe": True}

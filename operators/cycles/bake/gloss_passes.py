@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Gloss in a bake: which materials get it, from where it is seen, and what cannot be shown of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ....patchnet_addon.runtime.errors import SceneError
+from ...scene.scene_mesh import SceneMesh
+from ...scene_access.overrides import changed
+from ...schema.table import GLOSS_AUTO, GLOSS_CAMERA, GLOSS_OFF
+from ...settings.groups import LightSettings
+
+_MOST_NAMES = 5  # in a sentence
+_TINTED = 0.2  # share of light that passes, from which on a material that is no clear glass is one to speak of
+
+
+def baked_with_gloss(source: SceneMesh, setting: str) -> np.ndarray:
+    """(M,) bool: materials of `source` whose gloss is baked, too."""
+    if setting == GLOSS_OFF:
+        return np.zeros(len(source.materials), bool)
+    if setting == GLOSS_AUTO:
+        return np.array([gloss.is_glossy for gloss in source.gloss], bool)
+    return np.array([gloss.glossy > 0.0 or gloss.clear > 0.0 for gloss in source.gloss], bool)
+
+
+def seen_through(source: SceneMesh, setting: str) -> SceneMesh:
+    """Surface without what is clear glass, unless nothing else is there, or gloss is off."""
+    clear = [gloss.is_clear for gloss in source.gloss]
+    if setting == GLOSS_OFF or not any(clear) or all(clear):
+        return source
+    materials = tuple(
+        replace(material, alpha=0.0, alpha_texture=None) if through else material
+        for material, through in zip(source.materials, clear, strict=True)
+    )
+    return replace(source, materials=materials)
+
+
+def with_view(context: bpy.types.Context, light: LightSettings, cameras: Sequence[str]) -> LightSettings:
+    """Settings that say whether gloss is seen from the active camera.
+
+    cameras: names of those that the job looks through, none for the active one. Automatic takes its view if nobody else
+    looks: then metals and mirrors are right in it. Raises SceneError where it is wanted and not there.
+    """
+    if light.from_camera is not None:
+        return light
+    camera = context.scene.camera
+    if light.gloss == GLOSS_CAMERA and camera is None:
+        raise SceneError(
+            f"Scene '{context.scene.name}' has no active camera from which gloss is seen: add one, or choose another "
+            "Gloss"
+        )
+    alone = camera is not None and set(cameras) <= {camera.name}
+    return replace(light, from_camera=light.gloss == GLOSS_CAMERA or (light.gloss == GLOSS_AUTO and alone))
+
+
+@contextmanager
+def view_of_bake(scene: bpy.types.Scene, light: LightSettings) -> Iterator[None]:
+    """See what is baked from above the surface, or from the scene's camera, within the block."""
+    view = "ACTIVE_CAMERA" if light.from_camera and scene.camera is not None else "ABOVE_SURFACE"
+    with changed(scene.render.bake, view_from=view):
+        yield
+
+
+def place_of_view(scene: bpy.types.Scene, light: LightSettings) -> tuple[float, ...]:
+    """Place of the camera that the bake is seen from, for its key; empty where it is seen from above."""
+    if not light.from_camera or scene.camera is None:
+        return ()
+    return tuple(float(value) for row in scene.camera.matrix_world for value in row)
+
+
+def gloss_warnings(source: SceneMesh, light: LightSettings) -> tuple[str, ...]:
+    """Sentences about materials that the voxels do not show as a render does."""
+    if not any(gloss.is_glossy or gloss.clear > _TINTED for gloss in source.gloss):
+        return ()
+    kinds = list(zip(source.material_names, source.gloss, strict=False))
+    clear = [name for name, gloss in kinds if gloss.is_clear]
+    rest = [(name, gloss) for name, gloss in kinds if not gloss.is_clear]
+    tinted = [name for name, gloss in rest if gloss.clear > _TINTED]
+    if light.gloss == GLOSS_OFF:
+        dark = [name for name, gloss in kinds if gloss.is_glossy]
+        return _named(dark, "baked without gloss, and looks black: choose Gloss: Automatic (--gloss auto)")
+    sharp = [name for name, gloss in rest if gloss.is_glossy and gloss.is_sharp and name not in tinted]
+    if light.from_camera:
+        mirrors = "baked with reflections as the active camera sees them: they are wrong from elsewhere"
+    else:
+        mirrors = (
+            "baked with reflections as seen from above the surface, not as cameras see them: choose Gloss: From Camera "
+            "(--gloss camera) for one view, or Refine with Cycles, Passes: Combined"
+        )
+    return (
+        *_named(sharp, mirrors),
+        *_named(clear, "see-through: what it reflects and bends is not shown; Refine with Cycles shows it"),
+        *_named(tinted, "baked as if it were opaque, with what shines through: one does not see through it"),
+    )
+
+
+def _named(names: Iterable[str], what: str) -> tuple[str, ...]:
+    """Sentence that names materials; none for none."""
+    listed = [f"'{name}'" for name in names if name]
+    if not listed:
+        return ()
+    more = f" and {len(listed) - _MOST_NAMES} more" if len(listed) > _MOST_NAMES else ""
+    return (f"Material {', '.join(listed[:_MOST_NAMES])}{more} is {what}",)

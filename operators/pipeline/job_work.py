@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Work of a job's stages in units, and the seconds that they take on this machine, by jobs that it has done."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import secrets
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ...patchnet_addon.runtime.cache_folder import user_cache_folder
+from ...patchnet_addon.runtime.job_time import duration_text
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.worker import run_in_worker
+from ...patchnet_addon.tracing.camera import Camera
+from ..scene.scene_mesh import SceneMesh
+from ..settings.job_settings import JobSettings
+from .stages import GridChoice
+
+FILE_NAME = "rates.json"
+AGAIN = frozenset({"first look", "views", "cycles"})  # stages that a job enters several times
+_KEPT = 0.7  # of what earlier jobs weigh, when the next one was measured
+_REFERENCE_RAYS = 2 * 32**2  # and the other strategies, about
+_VIEW_RAYS = 60  # what first rays, finer ones and the network take, in rays of a refined pixel
+# Seconds a unit on two cores of a server, for the first job on a machine.
+_ELSEWHERE = {
+    "read": 2e-6, "depth": 1e-5, "first look": 2e-6, "light": 5e-6, "voxelize": 1.5e-6, "codes": 2e-6, "views": 2e-8,
+    "cycles": 2e-6,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class JobFigures:
+    """Figures of a job that its time depends on.
+
+    triangles: of the surface. leaves: of the octree. texels: of the bake, 0 without one. pixels: of all cameras.
+    """
+
+    triangles: int
+    leaves: int
+    texels: int
+    pixels: int
+
+
+def pixels_of(cameras: Sequence[Camera]) -> int:
+    """Pixels of all cameras."""
+    return sum(camera.pixel_count for camera in cameras)
+
+
+def work_of(figures: JobFigures, settings: JobSettings) -> dict[str, float]:
+    """Units of work of each stage, in the order in which a job has them; one that is not there has none."""
+    view, light = settings.view, settings.light
+    rays = view.spp or 1.0 + view.budget * view.refined_samples
+    cycles = 0.0 if view.cycles is None else figures.pixels * view.cycles.budget * view.cycles.samples
+    if view.cycles is not None and view.cycles.compare:
+        cycles += 5.0 * figures.pixels * view.cycles.samples
+    surface = figures.triangles + 100_000.0
+    return {
+        "read": surface,
+        "depth": surface,
+        "light": figures.texels * (light.samples + 4.0),
+        "voxelize": figures.leaves + surface,
+        "codes": float(figures.leaves),
+        "views": figures.pixels * (_VIEW_RAYS + rays + (_REFERENCE_RAYS if view.has_reference else 0.0)),
+        "cycles": cycles,
+    }
+
+
+class Rates:
+    """Seconds a unit of each stage on this machine, from the jobs that were done; those of another one before that.
+
+    They stand in the cache folder. A file that cannot be read or written is none: times are then less exact.
+    """
+
+    def __init__(self) -> None:
+        """Read what is known."""
+        self._path = user_cache_folder() / FILE_NAME
+        self._sums: dict[str, tuple[float, float]] = {}
+        try:
+            known = json.loads(self._path.read_text(encoding="utf-8"))
+            self._sums = {str(name): (float(seconds), float(units)) for name, (seconds, units) in known.items()}
+        except (OSError, ValueError, TypeError, AttributeError):
+            self._sums = {}
+
+    @property
+    def measured(self) -> bool:
+        """Return whether a job was done here."""
+        return bool(self._sums)
+
+    def seconds(self, work: dict[str, float]) -> dict[str, float]:
+        """Expected seconds of each stage."""
+        return {name: units * self._rate(name) for name, units in work.items()}
+
+    def _rate(self, name: str) -> float:
+        seconds, units = self._sums.get(name, (0.0, 0.0))
+        return seconds / units if seconds > 0.0 and units > 0.0 else _ELSEWHERE[name]
+
+    def learn(self, work: dict[str, float], seconds: dict[str, float]) -> None:
+        """Take the seconds of stages that were done; large jobs weigh more than small ones, late ones more than old."""
+        for name, units in work.items():
+            if units > 0.0 and seconds.get(name, 0.0) > 0.0:
+                before = self._sums.get(name, (0.0, 0.0))
+                self._sums[name] = _KEPT * before[0] + seconds[name], _KEPT * before[1] + units
+        temporary = self._path.with_name(f".{secrets.token_hex(4)}.{FILE_NAME}")
+        try:
+            temporary.write_text(json.dumps(self._sums), encoding="utf-8")
+            os.replace(temporary, self._path)
+        except OSError as cause:
+            logging.getLogger("patchnet").info("Rates of this machine cannot be kept: %s", cause)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+def time_line(seconds: dict[str, float], rates: Rates, *, at_most: bool = False) -> str:
+    """Sentence on the time of a whole job."""
+    about = "at most" if at_most else "about"
+    text = f"Takes {about} {duration_text(sum(seconds.values()))}"
+    return text if rates.measured else f"{text} (measured elsewhere)"
+
+
+def planned_work(
+    source: SceneMesh, choice: GridChoice, cameras: Sequence[Camera], settings: JobSettings
+) -> Steps[dict[str, float]]:
+    """Work of a job whose surface and grid are known."""
+    label = "Counting texels"
+
+    def counted() -> Steps[int]:
+        yield Progress(0, 1, label)
+        return (yield from texels_of(source, choice, settings))
+
+    texels = 0
+    if settings.light.is_baked:
+        texels = yield from run_in_worker(counted, Progress(0, 1, label))
+    return work_of(JobFigures(source.triangle_count, choice.leaves, texels, pixels_of(cameras)), settings)
+
+
+def texels_of(source: SceneMesh, choice: GridChoice, settings: JobSettings) -> Steps[int]:
+    """Texels that a bake of these leaves wants."""
+    from ...patchnet_addon.lightmap.charts import texels_wanted
+    from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
+    from ..cycles.bake.bake import MAX_TEXELS
+
+    sizes: Any = texel_sizes(source, choice.grid, choice.layout, settings.light.texel_voxels)
+    return (yield from texels_wanted(source, sizes, MAX_TEXELS))

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Unfinished pictures of a view while a job works: the first rays, the heatmap, the refinement as it goes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...patchnet_addon.image.contact_sheet import contact_sheet
+from ...patchnet_addon.image.tone import shown
+from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.worker import computed
+from ...patchnet_addon.tracing.camera import Camera
+from ..scene.scene_mesh import SceneMesh
+from ..schema.table import TWO_LIGHTS
+from ..settings.job_settings import JobSettings
+from .stages import GridChoice, build, two_lights
+
+if TYPE_CHECKING:
+    from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+    from ...patchnet_addon.sampling.refined_picture import RefinedPicture
+
+STAND_IN_DEPTH = 8  # at most, of the voxels that stand in for those whose light is not there yet
+_SHOWN_S = 1.0  # between two looks at a picture that is being refined
+STAND_IN = "two lights, until baked"
+
+
+@dataclass(frozen=True, eq=False)
+class Unfinished:
+    """Picture (h, w, 3), encoded colours, of what is there of a camera's view; title: what it is, and what it lacks."""
+
+    camera: str
+    title: str
+    picture: np.ndarray
+
+    def page(self) -> np.ndarray:
+        """(H, W, 3): the picture under its titles, so that nobody takes it for the result."""
+        return contact_sheet([[self.picture]], [self.camera], [self.title])
+
+
+Meanwhile = Callable[[Unfinished], None]  # shows one, at once
+
+
+def first_look(octree: Octree, camera: Camera, meanwhile: Meanwhile, title: str = "preview") -> Steps[None]:
+    """Trace the first ray of every pixel, and show it under a title."""
+    tracing = Progress(0, 1, f"{camera.name}: Tracing the preview")
+    picture = yield from computed(lambda: _traced(octree, camera), tracing)
+    meanwhile(Unfinished(camera.name, title, picture))
+
+
+def _traced(octree: Octree, camera: Camera) -> np.ndarray:
+    from ...patchnet_addon.tracing.render import first_hits, hit_colors
+
+    hits = first_hits(octree, camera)
+    size = camera.height_px, camera.width_px
+    if octree.chroma is None:
+        return shown(hits.luminance.reshape(size))
+    return shown(hit_colors(octree, hits).reshape(*size, 3))
+
+
+def stand_in_look(
+    source: SceneMesh, choice: GridChoice, settings: JobSettings, camera: Camera, meanwhile: Meanwhile
+) -> Steps[None]:
+    """Show a camera's view before its light is baked: coarse voxels in the light of two lamps without shadows.
+
+    That takes no longer than coarse voxels do, and says which objects and which camera it is that Cycles bakes for.
+    """
+    grid = Grid.around(settings.surface.bounds_world(source), min(choice.grid.depth, STAND_IN_DEPTH))
+    shade = yield from two_lights(source, settings.light)
+    octree = yield from build(source, GridChoice(grid), shade, settings.changed(exposure=None), TWO_LIGHTS, {})
+    yield from first_look(octree, camera, meanwhile, STAND_IN)
+
+
+def shown_meanwhile(
+    steps: Steps[RefinedPicture], begun: list[RefinedPicture], buffers: PixelBuffers, name: str, meanwhile: Meanwhile
+) -> Steps[RefinedPicture]:
+    """Pass on the steps of a refinement; now and then the picture that they work on, once it has `begun`, is shown."""
+    last = time.monotonic()
+    try:
+        while True:
+            report = next(steps)
+            if begun and time.monotonic() - last > _SHOWN_S:
+                picture = begun[0].luminance if begun[0].colors is None else begun[0].colors
+                meanwhile(Unfinished(name, f"refining, {report.fraction:.0%}", shown(buffers.picture(picture))))
+                last = time.monotonic()
+            yield report
+    except StopIteration as stop:
+        finished: RefinedPicture = stop.value
+        return finished
+    finally:
+        steps.close()

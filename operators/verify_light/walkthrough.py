@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Walk of a camera through a scene, rendered by the engine PatchNet and by Cycles: seconds, errors, who is ahead."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from statistics import median
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...patchnet_addon.image.exr import read_exr
+from ...patchnet_addon.runtime.interrupt import interrupts_wait
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.stage_clock import StageClock
+from ...patchnet_addon.surface.textures import luminance
+from ...patchnet_addon.tracing.camera import Camera
+from ..cycles.camera_render import combined_light
+from ..pipeline.lit_octree import Recipe, build_lit_octree
+from ..pipeline.stages import encode, load_network
+from ..scene_access.overrides import changed
+from ..scene_access.temporary import scene_copy, temporary
+from ..schema.table import VISIBLE
+from ..session import results
+from ..session.scene_result import SceneResult
+from ..settings.job_settings import JobSettings
+
+ENGINE = "PATCHNET"
+_FIT_EVERY = 10  # frames from one that the depth is fitted to, to the next
+_TRUTH_SEED = 1
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Plan of a walk.
+
+    cameras: of all frames. timed, cycles_timed, judged: frames whose seconds count, and whose errors do. error_size: of
+    the pictures that are judged, in pixels. samples, truth: of Cycles' frames, and of what both are judged by.
+    """
+
+    cameras: Sequence[Camera]
+    timed: Sequence[int]
+    cycles_timed: Sequence[int]
+    judged: Sequence[int]
+    error_size: tuple[int, int]
+    samples: int = 32
+    truth: int = 1024
+
+
+@dataclass
+class Walk:
+    """Findings of a walk: wall seconds of stages once, and of each timed frame; squared errors of judged frames.
+
+    denoised: whether Cycles' frames were, which depends on the build. leaves, depth: of the octree.
+    """
+
+    setup_s: dict[str, float] = field(default_factory=dict)
+    ours_s: list[float] = field(default_factory=list)
+    cycles_s: list[float] = field(default_factory=list)
+    ours_mse: list[float] = field(default_factory=list)
+    cycles_mse: list[float] = field(default_factory=list)
+    denoised: bool = False
+    depth: int = 0
+    leaves: int = 0
+
+    @property
+    def frame_s(self) -> tuple[float, float]:
+        """Median seconds of a frame, by PatchNet and by Cycles."""
+        return median(self.ours_s), median(self.cycles_s)
+
+    @property
+    def ahead_from(self) -> int | None:
+        """Frames from which PatchNet takes less in all, with its bake; None if it never does."""
+        return frames_until_ahead(sum(self.setup_s.values()), *self.frame_s)
+
+
+def frames_until_ahead(setup_s: float, ours_s: float, peer_s: float) -> int | None:
+    """Least N with setup + N ours <= N peer; None if there is none."""
+    return max(1, math.ceil(setup_s / (peer_s - ours_s))) if ours_s < peer_s else None
+
+
+def walk(context: bpy.types.Context, settings: JobSettings, plan: Plan) -> Steps[Walk]:
+    """Bake, build and encode for the whole walk, then render frames of it with both engines; raises PatchNetError.
+
+    Both render through Blender as F12 does, reading the scene included. The extension has to be registered.
+    """
+    found = Walk()
+    with scene_copy(context.scene) as scene, context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+        yield from _set_up(bpy.context, settings, plan, found)
+        with _moving_camera(scene) as item, tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
+            found.denoised = _prepare(scene, plan.samples)
+            yield from _timed(scene, item, plan, found)
+            yield from _judged(scene, item, plan, found, Path(folder))
+    return found
+
+
+def _set_up(context: bpy.types.Context, settings: JobSettings, plan: Plan, found: Walk) -> Steps[None]:
+    """Make the voxels that the engine renders from, and keep them for the scene."""
+    clock = StageClock()
+    cameras = [*plan.cameras[::_FIT_EVERY], plan.cameras[-1]]
+    made = yield from build_lit_octree(context, settings, clock, None, Recipe(cameras=lambda _: cameras))
+    with clock.stage("codes"):
+        coded, _ = yield from encode(made.octree, load_network(settings.network), settings.compute)
+    found.setup_s, found.depth, found.leaves = clock.seconds, made.octree.depth, made.octree.leaf_count
+    result = SceneResult(
+        octree=made.octree, scope=VISIBLE, layout=made.layout, light=made.light, coded=coded, state=made.state
+    )
+    results.keep(context.scene, result, "octree", "light", "codes")
+
+
+@contextmanager
+def _moving_camera(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
+    with (
+        temporary(bpy.data.cameras.new("PatchNet Walk")) as data,
+        temporary(bpy.data.objects.new("PatchNet Walk", data)) as item,
+    ):
+        scene.collection.objects.link(item)
+        scene.camera = item
+        yield item
+
+
+def _look(scene: bpy.types.Scene, item: bpy.types.Object, camera: Camera, size: tuple[int, int]) -> None:
+    """Let the scene look through a camera of the walk, at pictures of a size."""
+    axes = np.stack([camera.right, camera.up, -np.asarray(camera.forward), camera.position_world], axis=1)
+    item.matrix_world = Matrix([*axes.tolist(), [0.0, 0.0, 0.0, 1.0]])
+    item.data.sensor_fit, item.data.angle = "HORIZONTAL", 2.0 * math.atan(camera.half_x)
+    scene.render.resolution_x, scene.render.resolution_y = size
+
+
+def _prepare(scene: bpy.types.Scene, samples: int) -> bool:
+    """Set what both engines render with; whether Cycles denoises."""
+    render, cycles = scene.render, scene.cycles
+    render.resolution_percentage, render.film_transparent = 100, True
+    render.use_compositing = render.use_sequencer = render.use_border = render.use_multiview = False
+    image = render.image_settings
+    if hasattr(image, "media_type"):
+        image.media_type = "MULTI_LAYER_IMAGE"
+    image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "NONE"
+    scene.timeline_markers.clear()
+    cycles.samples, cycles.use_adaptive_sampling = samples, False
+    cycles.use_denoising = can_denoise()
+    if cycles.use_denoising:
+        cycles.denoiser = "OPENIMAGEDENOISE"
+    return bool(cycles.use_denoising)
+
+
+def can_denoise() -> bool:
+    """Return whether this build of Cycles has Open Image Denoise, which those of some distributions have not."""
+    try:
+        import _cycles  # type: ignore[import-not-found]
+    except ImportError:
+        return False
+    return bool(getattr(_cycles, "with_openimagedenoise", False))
+
+
+def _timed(scene: bpy.types.Scene, item: bpy.types.Object, plan: Plan, found: Walk) -> Steps[None]:
+    """Seconds of frames; each engine first renders one that does not count, for what it reads once."""
+    for engine, frames, seconds in ((ENGINE, plan.timed, found.ours_s), ("CYCLES", plan.cycles_timed, found.cycles_s)):
+        label = f"Rendering with {engine}"
+        first = [frames[0]] if engine == ENGINE else []
+        for at, frame in enumerate([*first, *frames]):
+            yield Progress(at, len(frames) + len(first), label)
+            camera = plan.cameras[frame]
+            _look(scene, item, camera, (camera.width_px, camera.height_px))
+            start = time.perf_counter()
+            _render(scene, engine)
+            if at >= len(first):
+                seconds.append(time.perf_counter() - start)
+
+
+def _judged(scene: bpy.types.Scene, item: bpy.types.Object, plan: Plan, found: Walk, folder: Path) -> Steps[None]:
+    """Errors of both against many samples, of luminance in the octree's exposure, clipped to [0, 1]."""
+    exposure = results.voxels_of(scene).octree.exposure
+    for at, frame in enumerate(plan.judged):
+        yield Progress(at, len(plan.judged), "Measuring errors")
+        _look(scene, item, plan.cameras[frame], plan.error_size)
+        pictures = [_seen(scene, engine, folder / "frame.exr") for engine in (ENGINE, "CYCLES")]
+        with ExitStack() as stack:
+            values = {"samples": plan.truth, "use_denoising": False, "seed": scene.cycles.seed + _TRUTH_SEED}
+            stack.enter_context(changed(scene.cycles, **values))
+            truth = _seen(scene, "CYCLES", folder / "frame.exr")
+        errors = [
+            float(np.mean((np.clip(exposure * item, 0, 1) - np.clip(exposure * truth, 0, 1)) ** 2)) for item in pictures
+        ]
+        found.ours_mse.append(errors[0])
+        found.cycles_mse.append(errors[1])
+
+
+def _seen(scene: bpy.types.Scene, engine: str, path: Path) -> np.ndarray:
+    """Luminance (H, W) of a render, linear, over black."""
+    scene.render.filepath, scene.render.use_file_extension = str(path), False
+    _render(scene, engine, write_still=True)
+    return luminance(combined_light(read_exr(path)))
+
+
+def _render(scene: bpy.types.Scene, engine: str, **how: bool) -> None:
+    scene.render.engine = engine
+    with interrupts_wait():
+        bpy.ops.render.render(scene=scene.name, **how)
+
+
+def walk_cameras(keys: Sequence[Camera], frames: int, size: tuple[int, int]) -> list[Camera]:
+    """Cameras of a walk from key to key, evenly in time and without a halt, with the lens of the first.
+
+    Positions and targets, which are 1 from the position, follow a Catmull-Rom spline.
+    """
+    times = np.linspace(0.0, len(keys) - 1.0, frames)
+    places = np.array([np.concatenate([key.position_world, np.asarray(key.forward)]) for key in keys])
+    along = _spline(places, times)
+    fov = 2.0 * math.atan(keys[0].half_x * size[1] / size[0]) if size[0] > size[1] else 2.0 * math.atan(keys[0].half_y)
+    return [
+        replace(
+            Camera.look_at(spot[:3], spot[:3] + spot[3:], fov=fov, size_px=size, name="Walk"),
+            clip_start=keys[0].clip_start,
+            clip_end=keys[0].clip_end,
+        )
+        for spot in along
+    ]
+
+
+def _spline(points: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Catmull-Rom spline (N, C) through points (K, C) at times 0 to K - 1."""
+    if len(points) == 1:
+        return np.repeat(points, len(times), axis=0)
+    tangents = np.gradient(points, axis=0)
+    piece = np.clip(times.astype(int), 0, len(points) - 2)
+    s = (times - piece)[:, None]
+    result: np.ndarray = (
+        (2 * s**3 - 3 * s**2 + 1) * points[piece]
+        + (s**3 - 2 * s**2 + s) * tangents[piece]
+        + (3 * s**2 - 2 * s**3) * points[piece + 1]
+        + (s**3 - s**2) * tangents[piece + 1]
+    )
+    return result

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Denoising of baked light on the surface itself, across texels and triangles (methods 7.2g).
+
+Texels near each other in space are averaged, whatever chart or page they lie on: those of the same material whose
+normals and planes agree, that no other surface stands between, and whose light differs by no more than its noise. The
+noise is known from two halves of the bake. Light is what falls on the surface: base colours are divided out before.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..runtime.kernels import kernel, lean_device
+from ..runtime.threads import run_parts
+
+REACH = 5.0  # texels, of the second pass; the first one, which finds out what differs, has REACH / 2
+MOST_IN_CELL = 96  # texels of one cell that a texel is averaged with: where triangles crowd, some stand for all
+MOST_WALLS = 512  # texels of one cell among which it looks for what stands between
+_CROSSING = 0.7  # cosine of normals, either way, below which another surface may stand between two texels
+_AGREES = 0.8  # cosine of normals from which on they are averaged at all
+_LOW, _HIGH = 0.02, 1.6  # heights, in texels, in which what stands between two texels is looked for
+_WIDE = 0.75  # its half width, in texels
+_MOST_BETWEEN = 64
+_SIGMAS = 1.5  # how many standard deviations of their difference two texels may be apart
+_CELLS = 27
+
+
+class Texels(NamedTuple):
+    """Texels of a surface that are denoised together, N of them, in the order of their cells.
+
+    points, normals: (N, 3) float32, world. size: (N,) float32, a texel's side. material: (N,) int32; equal ones mix.
+    light: (N, C) float32, of which the first is luminance: what falls on the surface. variance: (N,) float32, of the
+    luminance. weight: (N,) float32, how much the texel counts: its paths.
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    size: np.ndarray
+    material: np.ndarray
+    light: np.ndarray
+    variance: np.ndarray
+    weight: np.ndarray
+
+
+class Cells(NamedTuple):
+    """Cells of REACH texels: first texel of each (K + 1,) int64, and its neighbours (K, 27) int64, -1 for none."""
+
+    first: np.ndarray
+    around: np.ndarray
+
+
+def denoise_reference(texels: Texels, cells: Cells) -> np.ndarray:
+    """Reference of `denoise` in NumPy, texel by texel: (N, C)."""
+    guide = _filtered_reference(texels, cells, None, REACH / 2.0)
+    return _filtered_reference(texels, cells, guide, REACH)[:, 1:]
+
+
+def denoise(texels: Texels, cells: Cells) -> np.ndarray:
+    """Light (N, C) float32 without most of its noise."""
+    count, channels = texels.light.shape
+    guide = np.empty((count, 1 + channels), np.float32)
+    run_parts(_filter, len(cells.around), texels, cells, np.empty((0, 1 + channels), np.float32), REACH / 2.0, guide)
+    out = np.empty((count, 1 + channels), np.float32)
+    run_parts(_filter, len(cells.around), texels, cells, guide, REACH, out)
+    return out[:, 1:]
+
+
+def _filtered_reference(texels: Texels, cells: Cells, guide: np.ndarray | None, reach: float) -> np.ndarray:
+    """Variance and light (N, 1 + C) of one pass."""
+    out = np.empty((len(texels.size), 1 + texels.light.shape[1]))
+    for cell in range(len(cells.around)):
+        near = [np.arange(cells.first[c], cells.first[c + 1]) for c in cells.around[cell] if c >= 0]
+        others, walls = (
+            np.concatenate([part[:: -(-len(part) // most)] for part in near]) for most in (MOST_IN_CELL, MOST_WALLS)
+        )
+        for p in range(cells.first[cell], cells.first[cell + 1]):
+            q = np.append(others[others != p], p)
+            between = _between_reference(texels, reach, p, walls[walls != p])
+            weight = _weights_reference(texels, guide, reach, between, p, q)
+            out[p, 0] = (weight**2 * texels.variance[q]).sum() / weight.sum() ** 2
+            if guide is None:  # the noise of one texel, from all around: its own is a guess of one
+                out[p, 0] = (weight * texels.variance[q]).sum() / weight.sum() * (weight**2).sum() / weight.sum() ** 2
+            out[p, 1:] = (weight[:, None] * texels.light[q]).sum(axis=0) / weight.sum()
+    return out
+
+
+def _between_reference(texels: Texels, reach: float, p: int, q: np.ndarray) -> np.ndarray:
+    """Places (b, 3), as seen from p, of those of the texels q (n,) of other surfaces that stand on its plane."""
+    size, normal = float(texels.size[p]), texels.normals[p].astype(np.float64)
+    apart = texels.points[q].astype(np.float64) - texels.points[p]
+    height, cosine = apart @ normal, texels.normals[q].astype(np.float64) @ normal
+    crossing = (np.abs(cosine) < _CROSSING) & (height > _LOW * size) & (height < _HIGH * size)
+    return np.asarray(apart[crossing & ((apart**2).sum(axis=1) <= (reach * size) ** 2)][:_MOST_BETWEEN])
+
+
+def _weights_reference(
+    texels: Texels, guide: np.ndarray | None, reach: float, between: np.ndarray, p: int, q: np.ndarray
+) -> np.ndarray:
+    """Weights (n,) of texels q (n,) in the mean of the texel p, with what stands `between` (b, 3)."""
+    size, normal = float(texels.size[p]), texels.normals[p].astype(np.float64)
+    apart = texels.points[q].astype(np.float64) - texels.points[p]
+    height = apart @ normal
+    cosine = texels.normals[q].astype(np.float64) @ normal
+    distance = np.sqrt((apart**2).sum(axis=1))
+    weight = np.exp(-2.0 * (distance / (reach * size)) ** 2) * texels.weight[q] * np.maximum(cosine, 0.0) ** 8
+    good = (texels.material[q] == texels.material[p]) & (cosine >= _AGREES) & (distance <= reach * size)
+    good &= np.abs(height) <= 0.3 * size + 0.15 * distance
+    for b in between:
+        flat = apart - height[:, None] * normal
+        length = np.sqrt((flat**2).sum(axis=1))
+        along = flat @ b / np.maximum(length, 1e-30)
+        side = b - (b @ normal) * normal
+        across = np.sqrt(np.maximum(side @ side - along**2, 0.0))
+        good &= ~((along > 0.0) & (along < length) & (across < _WIDE * size))
+    if guide is not None:
+        difference = (guide[q, 1] - guide[p, 1]) ** 2
+        noise = guide[q, 0] + guide[p, 0]
+        weight = weight * np.exp(-difference / np.maximum(2.0 * _SIGMAS**2 * noise, 1e-30))
+    return np.where(good | (q == p), weight, 0.0)
+
+
+@kernel
+def _filter(first, last, texels, cells, guide, reach, out):  # type: ignore[no-untyped-def]
+    """Write variance and light of the texels of some cells."""
+    between = np.empty((_MOST_BETWEEN, 3))
+    sums = np.empty(3 + texels.light.shape[1])  # weight, its square, variance, light
+    for cell in range(first, last):
+        for p in range(cells.first[cell], cells.first[cell + 1]):
+            count = _find_between(texels, cells, cell, p, reach, between)
+            _add_around(texels, cells, cell, p, reach, guide, (between, count), sums)
+            if len(guide):
+                out[p, 0] = sums[2] / (sums[0] * sums[0])
+            else:
+                out[p, 0] = sums[2] / sums[0] * sums[1] / (sums[0] * sums[0])
+            for channel in range(texels.light.shape[1]):
+                out[p, 1 + channel] = sums[3 + channel] / sums[0]
+
+
+@lean_device
+def _apart(texels, p, q):  # type: ignore[no-untyped-def]
+    """Place of q as seen from p, its height above the plane of p, and the cosine of their normals."""
+    x = float(texels.points[q, 0]) - float(texels.points[p, 0])
+    y = float(texels.points[q, 1]) - float(texels.points[p, 1])
+    z = float(texels.points[q, 2]) - float(texels.points[p, 2])
+    nx, ny, nz = float(texels.normals[p, 0]), float(texels.normals[p, 1]), float(texels.normals[p, 2])
+    height = x * nx + y * ny + z * nz
+    cosine = texels.normals[q, 0] * nx + texels.normals[q, 1] * ny + texels.normals[q, 2] * nz
+    return x, y, z, height, cosine
+
+
+@lean_device
+def _find_between(texels, cells, cell, p, reach, between):  # type: ignore[no-untyped-def]
+    """Write the places, in the plane of p, of texels of other surfaces that stand on it; returns how many."""
+    size = float(texels.size[p])
+    farthest = (reach * size) ** 2
+    nx, ny, nz = float(texels.normals[p, 0]), float(texels.normals[p, 1]), float(texels.normals[p, 2])
+    count = 0
+    for neighbour in range(_CELLS):
+        near = cells.around[cell, neighbour]
+        if near < 0:
+            continue
+        begin, end = cells.first[near], cells.first[near + 1]
+        step = -(-(end - begin) // MOST_WALLS)
+        for q in range(begin, end, step):
+            if q == p:
+                continue
+            x, y, z, height, cosine = _apart(texels, p, q)
+            if abs(cosine) >= _CROSSING or height <= _LOW * size or height >= _HIGH * size:
+                continue
+            if x * x + y * y + z * z > farthest:
+                continue
+            if count < _MOST_BETWEEN:
+                between[count, 0] = x - height * nx
+                between[count, 1] = y - height * ny
+                between[count, 2] = z - height * nz
+                count += 1
+    return count
+
+
+@lean_device
+def _is_hidden(x, y, z, found, size):  # type: ignore[no-untyped-def]
+    """Return whether something stands between the texel and a place (x, y, z) in its plane."""
+    between, count = found
+    length = math.sqrt(x * x + y * y + z * z)
+    for index in range(count):
+        bx, by, bz = between[index, 0], between[index, 1], between[index, 2]
+        along = (x * bx + y * by + z * bz) / max(length, 1e-30)
+        if along <= 0.0 or along >= length:
+            continue
+        across = bx * bx + by * by + bz * bz - along * along
+        if across < (_WIDE * size) ** 2:
+            return True
+    return False
+
+
+@lean_device
+def _add_around(texels, cells, cell, p, reach, guide, found, sums):  # type: ignore[no-untyped-def]
+    """Sum weights, variance and light of the texels around p that agree with it."""
+    size = float(texels.size[p])
+    farthest = (reach * size) ** 2
+    nx, ny, nz = float(texels.normals[p, 0]), float(texels.normals[p, 1]), float(texels.normals[p, 2])
+    sums[:] = 0.0
+    _add(texels, p, float(texels.weight[p]), guide, sums)
+    for neighbour in range(_CELLS):
+        near = cells.around[cell, neighbour]
+        if near < 0:
+            continue
+        begin, end = cells.first[near], cells.first[near + 1]
+        step = -(-(end - begin) // MOST_IN_CELL)
+        for q in range(begin, end, step):
+            if q == p or texels.material[q] != texels.material[p]:
+                continue
+            x, y, z, height, cosine = _apart(texels, p, q)
+            squared = x * x + y * y + z * z
+            if cosine < _AGREES or squared > farthest:
+                continue
+            if abs(height) > 0.3 * size + 0.15 * math.sqrt(squared):
+                continue
+            if _is_hidden(x - height * nx, y - height * ny, z - height * nz, found, size):
+                continue
+            weight = math.exp(-2.0 * squared / farthest) * float(texels.weight[q]) * cosine**8
+            if len(guide):
+                difference = float(guide[q, 1]) - float(guide[p, 1])
+                noise = float(guide[q, 0]) + float(guide[p, 0])
+                weight *= math.exp(-difference * difference / max(2.0 * _SIGMAS * _SIGMAS * noise, 1e-30))
+            _add(texels, q, weight, guide, sums)
+
+
+@lean_device
+def _add(texels, q, weight, guide, sums):  # type: ignore[no-untyped-def]
+    sums[0] += weight
+    sums[1] += weight * weight
+    sums[2] += (weight * weight if len(guide) else weight) * float(texels.variance[q])
+    for channel in range(texels.light.shape[1]):
+        sums[3 + channel] += weight * float(texels.light[q, channel])

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Denoised atlas: texels as points on the surface, averaged with each other, and put back (methods 7.2g)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..octree.voxelize import triangle_areas_and_normals
+from ..surface.mesh import Fragments, MeshSource, TriangleBatch
+from ..surface.texture_color import color_of_fragments
+from ..surface.texture_lookup import surface_of_fragments
+from ..surface.textures import TextureTable
+from .atlas import COLOR_CHANNELS, MIN_OPACITY, Atlas
+from .chart_lookup import texel_owners
+from .charts import Charts
+from .denoise import REACH, Cells, Texels, denoise
+from .packing import SINGLE
+
+_LEAST_ALBEDO = 0.02  # darker base colours are not divided out
+_AXIS_BITS, _AXIS_CELLS = 19, 1 << 19
+
+
+class Placed(NamedTuple):
+    """Texels of one batch that are denoised, and their places in the atlas; albedo (n, C) is divided out."""
+
+    place: np.ndarray
+    albedo: np.ndarray
+    texels: Texels
+
+
+def denoised_atlas(atlas: Atlas, source: MeshSource) -> Atlas:
+    """Atlas whose texels are averaged with those around them that show the same light; one without `noise` stays.
+
+    Emitters keep their own light: what they shine with has no noise.
+    """
+    if atlas.noise is None:
+        return atlas
+    index, albedo, texels = placed_texels(atlas, source)
+    if not len(index):
+        return replace(atlas, noise=None)
+    order, cells = cells_of(texels.points, texels.size, atlas.charts.texel_world, source.bounds_world[0])
+    found = denoise(Texels(*(np.ascontiguousarray(column[order]) for column in texels)), cells)
+    index, albedo = index[order], albedo[order]
+    values = atlas.texels.copy()
+    columns = [0, 2, 3] if albedo.shape[1] > 1 else [0]
+    values[index[:, None], columns] = found * albedo * values[index, 1:2]
+    return replace(atlas, texels=values, noise=None)
+
+
+def placed_texels(atlas: Atlas, source: MeshSource) -> Placed:
+    """Texels of an atlas with `noise` that are denoised: all that met a surface and do not emit, in any order."""
+    table = TextureTable.from_materials(source.materials, color=atlas.texels.shape[1] == COLOR_CHANNELS)
+    parts = list(_placed(atlas, source, table, *_owned(atlas.charts)))
+    if not parts:
+        none = np.empty(0, np.float32)
+        return Placed(np.empty(0, np.int64), np.empty((0, 1), np.float32), Texels(*(none,) * len(Texels._fields)))
+    place, albedo = (np.concatenate([part[column] for part in parts]) for column in range(2))
+    texels = Texels(*(np.concatenate(column) for column in zip(*(part.texels for part in parts), strict=True)))
+    return Placed(place, albedo, texels)
+
+
+def _owned(charts: Charts) -> tuple[np.ndarray, np.ndarray]:
+    """Texels (n,) int64 of the atlas that belong to triangles, and these (n,) int32, in the order of triangles."""
+    side = charts.page_side**2
+    owners = [texel_owners(charts, page) for page in range(charts.page_count)]
+    index = np.concatenate([np.flatnonzero(own >= 0) + page * side for page, own in enumerate(owners)])
+    triangle = np.concatenate([own[own >= 0] for own in owners])
+    order = np.argsort(triangle, kind="stable")
+    return index[order], triangle[order]
+
+
+def _placed(
+    atlas: Atlas, source: MeshSource, table: TextureTable, index: np.ndarray, triangle: np.ndarray
+) -> Iterator[Placed]:
+    """Place the texels `index` of triangles (n,), ascending, batch by batch."""
+    charts, noise = atlas.charts, atlas.noise
+    assert noise is not None
+    for batch in source.batches():
+        first, last = np.searchsorted(triangle, [batch.first_triangle, batch.first_triangle + len(batch)])
+        mine, local = index[first:last], triangle[first:last].astype(np.int64) - batch.first_triangle
+        plain = table.materials.emission[batch.materials[local]] <= 0.0
+        keep = plain & (atlas.texels[mine, 1] > MIN_OPACITY)
+        mine, local = mine[keep], local[keep]
+        if not len(mine):
+            continue
+        areas, normals = triangle_areas_and_normals(batch.corners_world)
+        barycentric = _barycentric(charts, mine, local + batch.first_triangle)
+        numbers = local + batch.first_triangle
+        logs = charts.log_width[numbers].astype(np.float64) + charts.log_height[numbers]
+        area = areas[local] / np.where(charts.kind[numbers] == SINGLE, 1.0, np.exp2(logs) / 2.0)
+        values = atlas.texels[mine]
+        pieces = Fragments(np.zeros(len(mine), np.uint64), local.astype(np.int32), barycentric, area)
+        albedo = _albedo(table, batch, pieces, values.shape[1] == COLOR_CHANNELS)
+        shining = values[:, [0, 2, 3]] if albedo.shape[1] > 1 else values[:, :1]
+        light = shining / (albedo * values[:, 1:2])
+        variance = (noise[mine] / (albedo[:, 0] * values[:, 1])) ** 2
+        weight = charts.page_samples[charts.page[numbers]] * values[:, 1]
+        size = np.maximum(np.sqrt(area), charts.texel_world)
+        points = _points(batch, local, barycentric)
+        columns = (points, normals[local], size, batch.materials[local], light, variance, weight)
+        kinds = (np.float32, np.float32, np.float32, np.int32, np.float32, np.float32, np.float32)
+        yield Placed(mine, albedo, Texels(*(np.asarray(c, kind) for c, kind in zip(columns, kinds, strict=True))))
+
+
+def _barycentric(charts: Charts, texels: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Weights (n, 2) float32 of corners 1 and 2 at the centres of texels (n,) of triangles (n,)."""
+    row, column = np.divmod(texels % charts.page_side**2, charts.page_side)
+    corners = charts.corner_texels(triangles)
+    place = np.stack([column + 0.5, row + 0.5], axis=1) - corners[:, 0]
+    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
+    first = (place[:, 0] * two[:, 1] - place[:, 1] * two[:, 0]) / area
+    second = (one[:, 0] * place[:, 1] - one[:, 1] * place[:, 0]) / area
+    single = charts.kind[triangles] == SINGLE
+    return np.where(single[:, None], 1.0 / 3.0, np.stack([first, second], axis=1)).astype(np.float32)
+
+
+def _points(batch: TriangleBatch, triangles: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
+    """Points (n, 3) float64 of triangles (n,)."""
+    corners = batch.corners_world[triangles]
+    return np.asarray(
+        corners[:, 0]
+        + barycentric[:, :1] * (corners[:, 1] - corners[:, 0])
+        + barycentric[:, 1:] * (corners[:, 2] - corners[:, 0])
+    )
+
+
+def _albedo(table: TextureTable, batch: TriangleBatch, fragments: Fragments, colored: bool) -> np.ndarray:
+    """Base colour (n, 1) float32 of luminance, or (n, 3) of luminance, red, blue; 1 where there is next to none."""
+    luminance, _ = surface_of_fragments(table, batch, fragments)
+    if colored:
+        color = color_of_fragments(table, batch, fragments, luminance)
+        found = np.stack([luminance, color[:, 0], color[:, 2]], axis=1)
+    else:
+        found = luminance[:, None]
+    return np.where(found > _LEAST_ALBEDO, found, np.float32(1.0))
+
+
+def cells_of(points: np.ndarray, size: np.ndarray, least: float, origin: np.ndarray) -> tuple[np.ndarray, Cells]:
+    """Order (N,) of texels by cells, and these; texels of about one size share cells of REACH texels.
+
+    points: (N, 3) world. size: (N,), at least `least`. origin: (3,) the lowest corner of all.
+    """
+    kind = np.floor(np.log2(size / least) + 0.5).astype(np.int64)
+    side = REACH * least * np.exp2(kind + 0.5)
+    cell = np.clip(np.floor((points - origin) / side[:, None]).astype(np.int64), 0, _AXIS_CELLS - 3) + 1
+    keys = _key(kind, cell)
+    order = np.argsort(keys, kind="stable")
+    unique, start = np.unique(keys[order], return_index=True)
+    own_kind, own = kind[order][start], cell[order][start]
+    around = np.empty((len(unique), 27), np.int64)
+    for number, (x, y, z) in enumerate(np.ndindex(3, 3, 3)):
+        wanted = _key(own_kind, own + np.array([x, y, z]) - 1)
+        place = np.minimum(np.searchsorted(unique, wanted), len(unique) - 1)
+        around[:, number] = np.where(unique[place] == wanted, place, -1)
+    return order, Cells(np.append(start, len(keys)).astype(np.int64), around)
+
+
+def _key(kind: np.ndarray, cell: np.ndarray) -> np.ndarray:
+    """(N,) int64 of sizes (N,) and cells (N, 3)."""
+    return np.asarray(((kind << _AXIS_BITS | cell[:, 0]) << _AXIS_BITS | cell[:, 1]) << _AXIS_BITS | cell[:, 2])

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light above white: what the clamp of luminance to [0, 1] leaves out, of the few nodes that have some (methods 7.1b).
+
+Network, priorities and errors see the clamped luminance; a render adds this, so that lamps and suns on a wall come out
+as bright as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..surface.chroma import REC709, decoded_colors
+
+_POPCOUNT = np.array([value.bit_count() for value in range(256)], np.int64)
+_LEAST = 1.0 / 65535.0  # luminance: below it nothing is stored, as of luminance itself
+
+
+class AboveWhite(NamedTuple):
+    """Light above white as kernels read it.
+
+    bits: (n / 8,) uint8, whether a node has some, or (0,) if none has. nodes: (b,) uint32, ascending. colors: (b, 3)
+    float32, linear and exposed, what is to be added to the node's colour.
+    """
+
+    bits: np.ndarray
+    nodes: np.ndarray
+    colors: np.ndarray
+
+
+NOTHING_ABOVE = AboveWhite(np.empty(0, np.uint8), np.empty(0, np.uint32), np.empty((0, 3), np.float32))
+
+
+def with_bits(nodes: np.ndarray, colors: np.ndarray, node_count: int) -> AboveWhite:
+    """Light above white of `nodes` (b,) among `node_count`, with the bits by which most rays see that there is none."""
+    if not len(nodes):
+        return NOTHING_ABOVE
+    bits = np.zeros(-(-node_count // 8), np.uint8)
+    np.bitwise_or.at(bits, nodes >> np.uint32(3), (1 << (nodes & np.uint32(7))).astype(np.uint8))
+    return AboveWhite(bits, nodes, colors)
+
+
+def colors_at(above: AboveWhite, nodes: np.ndarray) -> np.ndarray:
+    """Light above white (N, 3) float32 of nodes (N,) int64; 0 where there is none, and for misses (-1)."""
+    colors = np.zeros((len(nodes), 3), np.float32)
+    if not len(above.nodes):
+        return colors
+    place = np.minimum(np.searchsorted(above.nodes, nodes), len(above.nodes) - 1)
+    found = above.nodes[place] == nodes
+    colors[found] = above.colors[place[found]]
+    return colors
+
+
+def light_above_white(
+    masks: Sequence[np.ndarray],
+    areas: Sequence[np.ndarray],
+    light: Sequence[np.ndarray],
+    hues: Sequence[np.ndarray],
+    exposure: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (b,) uint32, ascending, and colours (b, 3) float32 of what is above white in leaves and in their means.
+
+    All by level, coarse first: child masks (n,) and areas (n,) of its nodes, luminance (l,) before exposure and chroma
+    (l, 2) of its leaves; `hues` is empty without colour.
+    """
+    first = np.cumsum([0, *(len(mask) for mask in masks)])
+    nodes, colors = [], []
+    index, own = np.empty(0, np.int64), np.empty((0, 3))  # of one level, within it
+    for level in range(len(masks) - 1, -1, -1):
+        mask = masks[level]
+        inner, inner_colors = _means(mask, areas[level + 1], index, own) if len(index) else (index, own)
+        leaf = np.flatnonzero(light[level] * exposure > 1.0)
+        above = light[level][leaf] * exposure - 1.0
+        hue = hues[level].reshape(-1, 2)[leaf] if len(hues) else None
+        leaf_colors = np.repeat(above[:, None], 3, axis=1) if hue is None else decoded_colors(above, hue)
+        leaf = np.flatnonzero(mask == 0)[leaf] if len(light[level]) < len(mask) else leaf
+        order = np.argsort(np.concatenate([leaf, inner]))
+        index = np.concatenate([leaf, inner])[order]
+        own = np.concatenate([leaf_colors, inner_colors])[order]
+        kept = own @ REC709.astype(np.float64) >= _LEAST
+        nodes.append((index[kept] + first[level]).astype(np.uint32))
+        colors.append(own[kept].astype(np.float32))
+    return np.concatenate(nodes[::-1]), np.concatenate(colors[::-1])
+
+
+def _means(mask: np.ndarray, area: np.ndarray, index: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (p,) of a level with children that have light above white, and its area-weighted means (p, 3) over them.
+
+    mask: (n,) of the level. area: (c,) of the level below; index, own: its children (k,) with such light (k, 3).
+    """
+    counts = _POPCOUNT[mask]
+    ends = np.cumsum(counts)
+    parents, inverse = np.unique(np.searchsorted(ends, index, side="right"), return_inverse=True)
+    child, count = ends[parents] - counts[parents], counts[parents]
+    total = np.zeros(len(parents))
+    for octant in range(8):
+        there = octant < count
+        total[there] += area[child[there] + octant]
+    sums = [np.bincount(inverse.reshape(-1), area[index] * own[:, channel], len(parents)) for channel in range(3)]
+    return parents, np.stack(sums, axis=1) / total[:, None]

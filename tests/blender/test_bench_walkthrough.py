@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet bench walkthrough` renders frames with both engines, and says who is ahead from which frame on."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from patchnet.commands import main
+from patchnet.commands.benches import walkthrough
+from patchnet.operators.verify_light.walkthrough import frames_until_ahead, walk_cameras
+from patchnet.patchnet_addon.tracing.camera import Camera
+
+SMALL = ["--frames", "12", "--size", "48", "32", "--depth", "6", "--samples", "1", "--timed", "2"]
+FEW = ["--cycles-timed", "1", "--judged", "1", "--error-size", "24", "16", "--truth", "64"]
+
+
+def test_seconds_and_errors_of_both(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["bench", "walkthrough", *SMALL, *FEW, "--json"]
+    assert main(words) == 0
+    values = json.loads(capsys.readouterr().out.splitlines()[-1])
+    seconds = values["frames_s"]
+    assert len(seconds["patchnet"]) == 2 and len(seconds["cycles"]) == 1 and values["peer"] == seconds["cycles"][0]
+    assert values["ratio"] == pytest.approx(values["peer"] / values["ours"])
+    setup = sum(values["setup_s"].values())
+    assert set(values["setup_s"]) >= {"light", "voxelize", "codes"} and values["depth"] == 6
+    assert values["total_s"]["patchnet"] == pytest.approx(setup + 12 * values["ours"])
+    assert values["ahead_from"] == frames_until_ahead(setup, values["ours"], values["peer"])
+    assert 0.0 < values["mse"]["cycles"] < values["mse"]["patchnet"] < 0.1
+    said = walkthrough.text(values)
+    assert "totals are extrapolated" in said and "against 64 samples" in said
+
+
+def test_frames_until_one_is_ahead() -> None:
+    assert frames_until_ahead(100.0, 1.0, 11.0) == 10
+    assert frames_until_ahead(101.0, 1.0, 11.0) == 11
+    assert frames_until_ahead(0.5, 1.0, 11.0) == 1
+    assert frames_until_ahead(100.0, 11.0, 11.0) is None
+
+
+def test_a_walk_passes_its_keys_without_a_halt() -> None:
+    eyes = np.array([[0.0, -9.0, 3.0], [0.0, -6.0, 2.0], [1.0, -3.0, 1.5]])
+    keys = [Camera.look_at(eye, np.zeros(3), fov=0.8, size_px=(64, 36)) for eye in eyes]
+    cameras = walk_cameras(keys, 101, (64, 36))
+    places = np.array([camera.position_world for camera in cameras])
+    np.testing.assert_allclose(places[[0, 50, 100]], eyes, atol=1e-9)
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    assert steps.min() / steps.max() > 0.3 and len(cameras) == 101
+    for camera, key in zip((cameras[0], cameras[50]), keys, strict=False):
+        np.testing.assert_allclose(camera.forward, key.forward, atol=1e-6)
+        assert math.isclose(camera.half_x, key.half_x, rel_tol=1e-6)

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures that a job shows before it is done: the first rays, also before light is baked, heatmap, refinement."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet.operators import overlay
+from patchnet.operators.overlay import unfinished as unfinished_image
+from patchnet.operators.pipeline import unfinished
+from patchnet.operators.pipeline.run import run_job
+from patchnet.operators.pipeline.unfinished import STAND_IN, Unfinished
+from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.blender.job_scene import SMALL, build
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+
+@pytest.mark.parametrize("color", [False, True])
+def test_pictures_come_before_the_result(weights: Path, monkeypatch: pytest.MonkeyPatch, color: bool) -> None:
+    """In their order, those of each step before what takes long: the preview before codes, refinement as it goes."""
+    monkeypatch.setattr(unfinished, "_SHOWN_S", -1.0)
+    build()
+    before = scene_snapshot()
+    seen: list[Unfinished | str] = []
+    settings = JobSettings.of(samples=1, weights=weights, color=color, refined_samples=1024.0, **SMALL)
+    steps = run_job(bpy.context, settings, seen.append)
+    result = drain(steps, lambda report: seen.append(report.label))
+    shown = [item for item in seen if isinstance(item, Unfinished)]
+    titles = [item.title for item in shown]
+    assert titles[:4] == [STAND_IN, "preview", "preview", "heatmap"]
+    assert titles[4:] and all(title.startswith("refining, ") for title in titles[4:])
+    assert {item.camera for item in shown} == {"Eye"}
+    baking, encoding = (
+        next(at for at, item in enumerate(seen) if str(item).startswith(text)) for text in ("Baking", "Encoding")
+    )
+    assert seen.index(shown[0]) < baking < seen.index(shown[1]) < encoding
+    (view,) = result.views
+    np.testing.assert_allclose(shown[1].picture, view.pictures["preview"], atol=1e-6)
+    np.testing.assert_array_equal(shown[3].picture, view.pictures["priority"])
+    assert all(item.picture.shape == view.pictures["preview"].shape for item in shown)
+    stand_in, lit = (item.picture.mean(axis=-1) > 0 for item in shown[:2])
+    assert (stand_in == lit).mean() > 0.9 and not np.allclose(shown[0].picture, shown[1].picture)
+    assert shown[0].page().shape[0] > shown[0].picture.shape[0], "the title stands above it"
+    assert_unchanged(before)
+
+
+def test_two_lights_need_no_stand_in_and_nobody_looking_no_pictures(weights: Path) -> None:
+    build()
+    seen: list[Unfinished] = []
+    settings = JobSettings.of(light="two-lights", weights=weights, **SMALL)
+    result = drain(run_job(bpy.context, settings, seen.append))
+    assert all(item.title != STAND_IN for item in seen) and seen[0].title == "preview"
+    alone = drain(run_job(bpy.context, settings))
+    assert "first look" in result.report["timings_s"] and "first look" not in alone.report["timings_s"]
+    np.testing.assert_array_equal(alone.views[0].refined.luminance, result.views[0].refined.luminance)
+    with overlay.unfinished_pictures(bpy.context) as meanwhile:
+        assert meanwhile is None, "in background"
+
+
+def test_the_image_of_a_job_goes_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As beside a window: it takes every picture's size, is never saved, and leaves nothing, also after an error."""
+    build()
+    before = scene_snapshot()
+    beside_a_window = SimpleNamespace(app=SimpleNamespace(background=False), data=bpy.data, types=bpy.types)
+    monkeypatch.setattr(unfinished_image, "bpy", beside_a_window)
+    for error in (None, RuntimeError):
+        try:
+            with overlay.unfinished_pictures(bpy.context) as meanwhile:
+                assert meanwhile is not None
+                for width, height in ((24, 16), (16, 24)):
+                    seen = Unfinished("Eye", "preview", np.random.default_rng(1).random((height, width, 3)))
+                    meanwhile(seen)
+                    image = bpy.data.images[unfinished_image.NAME]
+                    page = seen.page()
+                    assert tuple(image.size) == page.shape[1::-1] and image.is_runtime_data
+                    pixels = np.array(image.pixels[:]).reshape(*page.shape[:2], 4)
+                    np.testing.assert_allclose(pixels[..., :3], page, atol=0.51 / 255)
+                if error is not None:
+                    raise error
+        except RuntimeError:
+            pass
+        assert unfinished_image.NAME not in bpy.data.images
+        assert_unchanged(before)
+        meanwhile(seen)  # a step that comes too late finds nothing to write to

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Metals, mirrors and glass in baked light: which materials they are, what is baked of them, and what is said."""
+
+from dataclasses import replace
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet.operators.cycles.bake import bake_luminance
+from patchnet.operators.cycles.bake.gloss_passes import gloss_warnings, seen_through, with_view
+from patchnet.operators.cycles.camera_render import baked_light, baked_light_with_gloss
+from patchnet.operators.demo_scene import build_glossy_room
+from patchnet.operators.scene.gloss import read_gloss
+from patchnet.operators.scene.images import ImageReader
+from patchnet.operators.scene.read import read_scene
+from patchnet.operators.settings.groups import LightSettings
+from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.operators.verify_light import CheckSettings, verify_light
+from patchnet.patchnet_addon.image.comparison import psnr
+from patchnet.patchnet_addon.lightmap.atlas import Atlas
+from patchnet.patchnet_addon.lightmap.chart_lookup import triangle_means
+from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.blender.light_scene import CUBE_FACES, SQUARE, material, shader
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.tests.blender.test_bake import mesh_object
+
+pytestmark = pytest.mark.usefixtures("empty_scene")
+SKY = np.array([0.2, 0.4, 0.8])
+WORLD = float(SKY @ (0.2126, 0.7152, 0.0722))
+
+
+def principled(name: str, **inputs: object) -> bpy.types.Material:
+    made, tree = material(name)
+    tree.links.new(shader(tree, "BsdfPrincipled", **inputs), tree.nodes["Material Output"].inputs["Surface"])
+    return made
+
+
+def mixed(name: str, share: float, **first: object) -> bpy.types.Material:
+    """So much diffuse in a metal."""
+    made, tree = material(name)
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    mix.inputs[0].default_value = share
+    tree.links.new(shader(tree, "BsdfGlossy", **first), mix.inputs[1])
+    tree.links.new(shader(tree, "BsdfDiffuse"), mix.inputs[2])
+    tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    return made
+
+
+def sky() -> None:
+    """The same light from everywhere, so that a perfect mirror shows it whatever looks at it."""
+    scene = bpy.context.scene
+    scene.world = bpy.data.worlds.new("Sky")
+    if bpy.app.version < (5, 0, 0):
+        scene.world.use_nodes = True
+    background = scene.world.node_tree.nodes["Background"]
+    background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (*SKY, 1.0), 1.0
+
+
+def baked(light: LightSettings) -> tuple[dict[str, float], Atlas]:
+    """Mean luminance of each object, and the atlas."""
+    bpy.context.view_layer.update()
+    light = with_view(bpy.context, light, ())
+    source = seen_through(read_scene(bpy.context.evaluated_depsgraph_get()), light.gloss)
+    atlas = drain(bake_luminance(bpy.context, source, 0.5, light))
+    means = triangle_means(atlas.charts, atlas.texels, np.arange(source.triangle_count))[:, 0]
+    found: dict[str, list[float]] = {}
+    for batch_name, mean in zip(names_of_triangles(source), means, strict=True):
+        found.setdefault(batch_name, []).append(float(mean))
+    return {name: float(np.mean(values)) for name, values in found.items()}, atlas
+
+
+def names_of_triangles(source) -> list[str]:
+    return [name for part in source.parts for name in part.objects for _ in range(len(part.mesh))]
+
+
+def plates() -> None:
+    """Plates side by side, each of a material of its own, under the sky."""
+    kinds = {
+        "Gold": principled("Gold", Metallic=1.0, Base_Color=(1, 1, 1, 1), Roughness=0.4),
+        "Mirror": principled("Mirror", Metallic=1.0, Base_Color=(1, 1, 1, 1), Roughness=0.0),
+        "Grey": principled("Grey", Base_Color=(0.5, 0.5, 0.5, 1), Specular_IOR_Level=0.5),
+        "Glass": principled("Glass", Transmission_Weight=1.0, Base_Color=(1, 1, 1, 1), Roughness=0.0),
+    }
+    for index, (name, kind) in enumerate(kinds.items()):
+        mesh_object(name, SQUARE, [(0, 1, 2, 3)], kind).location = (3.0 * index, 0.0, 0.0)
+    sky()
+
+
+def test_kinds_of_gloss() -> None:
+    images = ImageReader()
+    gold = read_gloss(principled("Gold", Metallic=1.0, Roughness=0.5), images)
+    assert gold.is_glossy and not gold.is_clear and not gold.is_sharp
+    assert read_gloss(principled("Chrome", Metallic=1.0, Roughness=0.05), images).is_sharp
+    assert not read_gloss(principled("Clay", Roughness=0.5), images).is_glossy
+    lamp = {"Metallic": 1.0, "Emission_Color": (1, 1, 1, 1), "Emission_Strength": 3.0}
+    assert not read_gloss(principled("Lamp", **lamp), images).is_glossy
+    glass = read_gloss(principled("Glass", Transmission_Weight=1.0, Roughness=0.0, Base_Color=(1, 1, 1, 1)), images)
+    assert glass.is_clear and glass.is_glossy
+    tinted = principled("Tinted", Transmission_Weight=1.0, Roughness=0.0, Base_Color=(0.2, 0.2, 0.2, 1))
+    frosted = principled("Frosted", Transmission_Weight=1.0, Roughness=0.6, Base_Color=(1, 1, 1, 1))
+    for kind in (tinted, frosted):
+        assert read_gloss(kind, images).is_glossy and not read_gloss(kind, images).is_clear
+    assert read_gloss(mixed("Mostly metal", 0.2), images).is_glossy
+    assert not read_gloss(mixed("Mostly clay", 0.8), images).is_glossy
+    piano = principled("Piano", Base_Color=(0.005, 0.005, 0.005, 1.0), Specular_IOR_Level=0.5)
+    assert read_gloss(piano, images).is_glossy, "what is black shows gloss alone"
+
+
+def test_metals_show_the_sky_and_what_is_not_shown_is_named() -> None:
+    plates()
+    bpy.context.view_layer.update()
+    before = scene_snapshot()
+    found, atlas = baked(LightSettings(samples=32))
+    assert_unchanged(before)
+    assert found["Mirror"] == pytest.approx(WORLD, rel=0.02)
+    assert found["Gold"] == pytest.approx(WORLD, rel=0.2)
+    assert found["Glass"] == 0.0, "it is not baked, since it is see-through"
+    text = " ".join(atlas.warnings)
+    assert "'Mirror'" in text and "'Glass' is see-through" in text and "'Gold'" not in text and "'Grey'" not in text
+    off, atlas = baked(LightSettings(samples=32, gloss="off"))
+    assert off["Mirror"] == off["Gold"] == 0.0
+    assert off["Grey"] == pytest.approx(found["Grey"], rel=0.02), "what has a diffuse part is baked as before"
+    assert any("'Gold', 'Mirror'" in warning and "looks black" in warning for warning in atlas.warnings)
+    above, _ = baked(LightSettings(samples=32, gloss="above"))
+    assert above["Grey"] > 1.02 * off["Grey"], "gloss of all materials"
+
+
+def test_a_camera_sees_other_reflections_than_what_is_above() -> None:
+    """A mirror below half a bright sky: its camera sees the bright half, the view from above sees none of it."""
+    mesh_object("Mirror", SQUARE, [(0, 1, 2, 3)], principled("Mirror", Metallic=1.0, Roughness=0.0))
+    lamp, tree = material("Lamp")
+    tree.links.new(shader(tree, "Emission", Strength=2.0), tree.nodes["Material Output"].inputs["Surface"])
+    mesh_object("Wall", [(x, 3.0, z) for x, z in ((-9, 0), (9, 0), (9, 9), (-9, 9))], [(0, 1, 2, 3)], lamp)
+    eye = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
+    eye.location = (0.0, -6.0, 2.0)
+    bpy.context.scene.collection.objects.link(eye)
+    with pytest.raises(SceneError, match="no active camera"):
+        with_view(bpy.context, LightSettings(gloss="camera"), ())
+    above, _ = baked(LightSettings(samples=4))
+    bpy.context.scene.camera = eye
+    seen, atlas = baked(LightSettings(samples=4))
+    assert above["Mirror"] < 0.01 and seen["Mirror"] == pytest.approx(1.6, rel=0.1)
+    assert any("as the active camera sees" in warning for warning in atlas.warnings)
+    assert not with_view(bpy.context, LightSettings(), ("Eye", "Other")).from_camera, "others look, too"
+    assert with_view(bpy.context, LightSettings(), ("Eye",)).from_camera
+
+
+def test_glass_is_see_through_unless_it_is_all_there_is() -> None:
+    cube = [(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
+    glass = principled("Glass", Transmission_Weight=1.0, Roughness=0.0, Base_Color=(1, 1, 1, 1))
+    mesh_object("Cube", cube, CUBE_FACES, glass)
+    alone = read_scene(bpy.context.evaluated_depsgraph_get())
+    assert seen_through(alone, "auto") is alone
+    mesh_object("Floor", SQUARE, [(0, 1, 2, 3)], principled("Clay"))
+    both = read_scene(bpy.context.evaluated_depsgraph_get())
+    alphas = {item.name: item.alpha for item in seen_through(both, "auto").materials}
+    assert alphas == {"Glass": 0.0, "Clay": 1.0}
+    assert seen_through(both, "off") is both
+    assert gloss_warnings(replace(both, gloss=()), LightSettings()) == ()
+
+
+def test_regions_by_cycles_show_metals_as_the_voxels_do() -> None:
+    """Where there is no diffuse colour, all light: the other pixel has gloss, too, and shows its diffuse light."""
+    values = {
+        "Combined": (0.9, 0.7),
+        "DiffDir": (0.0, 0.5),
+        "DiffInd": (0.0, 0.5),
+        "DiffCol": (0.0, 0.4),
+        "Emit": (0, 0),
+    }
+    channels = {
+        f"ViewLayer.{name}.{letter}": np.array([pixels], np.float32)
+        for name, pixels in values.items()
+        for letter in "RGB"
+    }
+    np.testing.assert_allclose(baked_light(channels)[0, :, 0], [0.0, 0.4])
+    np.testing.assert_allclose(baked_light_with_gloss(channels)[0, :, 0], [0.9, 0.4])
+
+
+def test_settings() -> None:
+    with pytest.raises(SettingError, match="auto, off, above, camera"):
+        LightSettings(gloss="sideways")
+
+
+def test_a_room_of_metal_and_glass_is_what_cycles_renders() -> None:
+    """Against all light of a render: 22 dB with gloss, though at a coarse depth, and less without it."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    build_glossy_room(bpy.context.scene)
+    bpy.context.view_layer.update()
+    checks = {}
+    for gloss in ("auto", "off"):
+        values = {"depth": 7, "size": (40, 40), "samples": 16, "gloss": gloss}
+        job = JobSettings.of(**values)
+        checks[gloss] = drain(verify_light(bpy.context, CheckSettings(job, render_samples=128, rays=8)))
+        assert checks[gloss].report["light"]["gloss"] == gloss
+    assert checks["auto"].report["cameras"][0]["psnr_db"] >= 22.0
+    ratio = checks["auto"].octree.exposure / checks["off"].octree.exposure
+    without = np.clip(checks["off"].cameras[0].octree * ratio, 0.0, 1.0)
+    assert psnr(without, checks["auto"].cameras[0].cycles) < 18.5

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Time of jobs by what this machine took for others: rates, plans and estimates."""
+
+import json
+from pathlib import Path
+
+import bpy
+import pytest
+
+from patchnet.operators.pipeline.estimate import estimate_job
+from patchnet.operators.pipeline.job_work import FILE_NAME, JobFigures, Rates, time_line, work_of
+from patchnet.operators.pipeline.run import run_job
+from patchnet.operators.settings.cycles_settings import CyclesSettings
+from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.patchnet_addon.runtime.progress import Progress, drain
+from patchnet.tests.blender.job_scene import SMALL, build
+
+FIGURES = JobFigures(triangles=1000, leaves=10_000, texels=5000, pixels=384)
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr("patchnet.operators.pipeline.job_work.user_cache_folder", lambda: tmp_path)
+    return tmp_path
+
+
+def test_work_follows_what_is_asked_for() -> None:
+    plain = work_of(FIGURES, JobSettings())
+    assert work_of(FIGURES, JobSettings.of(samples=36))["light"] == pytest.approx(plain["light"] * 40 / 12)
+    assert work_of(FIGURES, JobSettings.of(reference=True))["views"] > 20 * plain["views"]
+    assert work_of(FIGURES, JobSettings.of(refined_samples=1024.0))["views"] > 3 * plain["views"]
+    assert plain["cycles"] == 0.0 < work_of(FIGURES, JobSettings.of(cycles=CyclesSettings()))["cycles"]
+
+
+def test_rates_are_those_of_jobs_that_were_done(cache: Path) -> None:
+    work = work_of(FIGURES, JobSettings())
+    rates = Rates()
+    assert not rates.measured and "(measured elsewhere)" in time_line(rates.seconds(work), rates)
+    rates.learn(work, {"light": 12.0, "codes": 3.0})
+    again = Rates()
+    assert again.measured and again.seconds(work)["light"] == pytest.approx(12.0)
+    assert again.seconds({name: 2 * units for name, units in work.items()})["codes"] == pytest.approx(6.0)
+    again.learn({"light": 9 * work["light"]}, {"light": 54.0})
+    assert 54.0 < 9 * Rates().seconds(work)["light"] < 60.0, "the large job weighs more"
+    (cache / FILE_NAME).write_text("not JSON")
+    assert not Rates().measured
+    (cache / FILE_NAME).unlink()
+    (cache / FILE_NAME).mkdir()
+    Rates().learn(work, {"light": 1.0})
+    assert [path.name for path in cache.iterdir()] == [FILE_NAME], "what cannot be written is left"
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_job_says_how_far_it_is_and_the_estimate_says_the_same(cache: Path, weights: Path) -> None:
+    build()
+    settings = JobSettings.of(samples=1, weights=weights, **SMALL)
+    reports: list[Progress] = []
+    result = drain(run_job(bpy.context, settings), reports.append)
+    known = [report for report in reports if report.left_s is not None]
+    labels = {report.label.split()[0] for report in known}
+    assert {"Baking", "Voxelizing", "Encoding", "Eye:"} <= labels and known[-1].label == reports[-1].label
+    whole = [report.whole for report in known]
+    assert whole == sorted(whole) and whole[0] >= 0.0 and whole[-1] < 1.0
+    learned = json.loads((cache / FILE_NAME).read_text())
+    assert {"light", "voxelize", "views"} & set(learned) and "cycles" not in learned
+    for name, (seconds, _) in learned.items():
+        assert seconds == pytest.approx(result.report["timings_s"][name])
+    found = drain(estimate_job(bpy.context, settings))
+    assert found.time_line in found.lines and "elsewhere" not in found.time_line
+    figures = JobFigures(result.report["light"]["triangles"], found.leaves, found.texels, 384)
+    assert found.seconds == pytest.approx(Rates().seconds(work_of(figures, settings)))
+    for name, (seconds, _) in learned.items():
+        assert found.seconds[name] == pytest.approx(seconds, rel=0.05), "the same job again"
