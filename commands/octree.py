@@ -114,10 +114,14 @@ def _run_frames(args: argparse.Namespace, settings: JobSettings, recipe: Recipe)
 
 
 def _settings(args: argparse.Namespace) -> JobSettings:
+    from ..operators.schema.table import GLOSS_CAMERA
     from ..operators.settings.job_settings import JobSettings
 
     depth = None if args.depth == FIT else int(args.depth)
-    return JobSettings.of(**given_settings(args), depth=depth, fit=args.depth == FIT)
+    given = given_settings(args)
+    if args.gloss != GLOSS_CAMERA:  # an octree is for any camera
+        given["from_camera"] = False
+    return JobSettings.of(**given, depth=depth, fit=args.depth == FIT)
 
 
 def _recipe(args: argparse.Namespace) -> Recipe:

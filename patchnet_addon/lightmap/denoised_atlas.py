@@ -42,7 +42,7 @@ def denoised_atlas(atlas: Atlas, source: MeshSource) -> Atlas:
     index, albedo, texels = placed_texels(atlas, source)
     if not len(index):
         return replace(atlas, noise=None)
-    order, cells = cells_of(texels.points, texels.size, atlas.charts.texel_world, source.bounds_world[0])
+    order, cells = cells_of(texels.points, texels.size, atlas.charts.texel_world, np.zeros(3))
     found = denoise(Texels(*(np.ascontiguousarray(column[order]) for column in texels)), cells)
     index, albedo = index[order], albedo[order]
     values = atlas.texels.copy()
@@ -100,7 +100,8 @@ def _placed(
         variance = (noise[mine] / (albedo[:, 0] * values[:, 1])) ** 2
         weight = charts.page_samples[charts.page[numbers]] * values[:, 1]
         size = np.maximum(np.sqrt(area), charts.texel_world)
-        points = _points(batch, local, barycentric)
+        # From the surface's corner, so that single precision tells texels apart far from the origin, too.
+        points = _points(batch, local, barycentric) - source.bounds_world[0]
         columns = (points, normals[local], size, batch.materials[local], light, variance, weight)
         kinds = (np.float32, np.float32, np.float32, np.int32, np.float32, np.float32, np.float32)
         yield Placed(mine, albedo, Texels(*(np.asarray(c, kind) for c, kind in zip(columns, kinds, strict=True))))

@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Metals, mirrors and glass in baked light: which materials they are, what is baked of them, and what is said."""
 
+import io
+from contextlib import redirect_stderr
 from dataclasses import replace
+from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
+from patchnet import commands
 from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.cycles.bake.gloss_passes import gloss_warnings, seen_through, with_view
 from patchnet.operators.cycles.camera_render import baked_light, baked_light_with_gloss
@@ -20,6 +24,7 @@ from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.image.comparison import psnr
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.chart_lookup import triangle_means
+from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.light_scene import CUBE_FACES, SQUARE, material, shader
@@ -199,3 +204,22 @@ def test_a_room_of_metal_and_glass_is_what_cycles_renders() -> None:
     ratio = checks["auto"].octree.exposure / checks["off"].octree.exposure
     without = np.clip(checks["off"].cameras[0].octree * ratio, 0.0, 1.0)
     assert psnr(without, checks["auto"].cameras[0].cycles) < 18.5
+
+
+def test_command_of_octrees_bakes_for_any_camera(tmp_path: Path) -> None:
+    """Its file is looked at from anywhere, so automatic gloss is seen from above; what is wanted is done."""
+    plates()
+    eye = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
+    bpy.context.scene.collection.objects.link(eye)
+    bpy.context.scene.camera = eye
+    scene = tmp_path / "plates.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    for gloss, noise, said in (("auto", [], "above the surface"), ("camera", ["--no-denoise"], "active camera sees")):
+        out = tmp_path / f"{gloss}.safetensors"
+        words = ["octree", str(scene), "--depth", "4", "--samples", "2", "--gloss", gloss, *noise, "--out", str(out)]
+        error = io.StringIO()
+        with redirect_stderr(error):
+            assert commands.main(words) == 0
+        assert said in error.getvalue()
+        light = load_octree(out).provenance
+        assert (light["gloss"], light["denoise"]) == (gloss, not noise)

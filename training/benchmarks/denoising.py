@@ -50,9 +50,7 @@ def errors_by_region(noisy: Atlas, denoised: Atlas, reference: Atlas, source: Me
     and a half changes by more than 40 %; textured if its material has a base texture; else smooth.
     """
     placed = placed_texels(reference, source)
-    order, cells = cells_of(
-        placed.texels.points, placed.texels.size, reference.charts.texel_world, source.bounds_world[0]
-    )
+    order, cells = cells_of(placed.texels.points, placed.texels.size, reference.charts.texel_world, np.zeros(3))
     placed = Placed(placed.place[order], placed.albedo[order], Texels(*(column[order] for column in placed.texels)))
     regions = _regions(placed.texels, cells, TextureTable.from_materials(source.materials))
     place, area = placed.place, placed.texels.size.astype(np.float64) ** 2
