@@ -167,7 +167,7 @@ def test_contradictory_colour_is_refused(octree: Octree, chroma, tmp_path) -> No
 
 
 def test_info_says_whether_there_is_colour(gray: Octree, octree: Octree, tmp_path, capsys) -> None:
-    for made, text in ((gray, "luminance alone"), (octree, "in colour")):
+    for made, text in ((gray, "luminance alone"), (octree, "in color")):
         save_octree(made, tmp_path / "o.safetensors")
         assert commands.main(["info", str(tmp_path / "o.safetensors")]) == 0
         assert text in capsys.readouterr().out
