@@ -115,7 +115,7 @@ def gather_batch(
         bricks,
         linear,
     )
-    blocks = np.zeros((np.count_nonzero(bricks.counts), CHANNELS * 8**lookahead), np.float32)
+    blocks = np.empty((np.count_nonzero(bricks.counts), CHANNELS * 8**lookahead), np.float32)
     moved = np.full((count, 27), -1, np.int32)  # rows of `blocks` by position after the symmetry
     _write_blocks(
         forest.luminance,
@@ -220,6 +220,7 @@ def _write_blocks(luminance, normal, bricks, linear, symmetry, symmetries, with_
             if bricks.counts[v, block] == 0:
                 continue
             moved[v, symmetries.block[turn, block]] = row
+            blocks[row] = 0  # here, while the row is on its way to the cache
             for cell in range(bricks.nodes.shape[2]):
                 node = bricks.nodes[v, block, cell]
                 if node < 0:
