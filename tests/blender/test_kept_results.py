@@ -50,7 +50,7 @@ def test_result_is_there_when_the_file_is_opened_again(file: Path, monkeypatch: 
     assert after.made_with == before.made_with
     monkeypatch.setattr(baker, "bake_now", refuse)
     assert bpy.ops.patchnet.render_preview(size=(24, 16)) == {"FINISHED"}
-    assert len([image for image in bpy.data.images if "patchnet_result" in image]) == 14
+    assert len([image for image in bpy.data.images if "patchnet_result" in image]) == 11
     scene = bpy.context.scene
     scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
     bpy.ops.render.render()
