@@ -195,8 +195,11 @@ def test_render_shows_it(weights: Path, tmp_path: Path, transparent: bool) -> No
     left = ~ranking.mask
     pixels = found["Combined"].reshape(-1, 4)[left]
     alpha, light = buffers.shown_alpha[left], buffers.predicted[left] / result.octree.exposure
+    assert buffers.prediction is not None
+    above = result.octree.color_above_white(buffers.hits.node[left]) * buffers.prediction.coverage[left, None]
     world = np.zeros(3) if transparent else np.array(WORLD) * 0.5
-    np.testing.assert_allclose(pixels[:, :3], light[:, None] + (1 - alpha)[:, None] * world, atol=1e-5)
+    shown = light[:, None] + above / result.octree.exposure + (1 - alpha)[:, None] * world
+    np.testing.assert_allclose(pixels[:, :3], shown, atol=1e-5)
     np.testing.assert_allclose(pixels[:, 3], alpha if transparent else 1.0, atol=1e-6)
     assert ((alpha > 0) & (alpha < 1)).any(), "edges are soft before anything is refined"
 
