@@ -18,6 +18,7 @@ from ..patchnet_addon.network.weights import CHANNELS
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ..patchnet_addon.runtime.kernels import kernel
+from .bfloat16 import narrow_bits
 from .forest import Forest
 from .nearby import Nearby, gather_nearby
 from .samples import COVERAGE_SCALE, SIGNED, UNIT
@@ -34,7 +35,8 @@ class Batch:
     """V voxels with R views each.
 
     blocks: (M, B) float32, the occupied blocks of all voxels; cells z, y, x of occupancy, luminance, normal, B = 320
-    for a look-ahead of two levels. Luminance is 0 for networks that mix luminances, which see shape alone.
+    for a look-ahead of two levels. Luminance is 0 for networks that mix luminances, which see shape alone. uint16 is
+    the bits of bfloat16, for encoders whose products are of that type.
     slice_start: (9,) int64; pairs slice_start[s] to slice_start[s + 1] meet slice s (octant x + 2y + 4z of the patch).
     pair_block: (P,) int64 rows of `blocks`. pair_corner: (P,) int64 corner 8 v + c that the pair adds to.
     entry, direction, up: (V, R, 3) float32. ratio, coverage, luminance: (V, R) float32.
@@ -98,9 +100,10 @@ def gather_batch(
     lookahead: int = DEFAULT_LOOKAHEAD,
     *,
     nearby: bool = False,
+    narrow: bool = False,
 ) -> Batch:
     """Batch of voxels (V, 4) of octrees `tree` (V,) with their stored views (V, R, 12), drawn `lookahead` levels
-    ahead; `nearby`: with the luminances that a mixture needs."""
+    ahead; `nearby`: with the luminances that a mixture needs; `narrow`: with blocks in bits of bfloat16."""
     symmetries = _symmetries(lookahead)
     count = len(tree)
     bricks = Brick(np.empty((count, 27, 8**lookahead), np.int32), np.empty((count, 27), np.int32))
@@ -115,7 +118,9 @@ def gather_batch(
         bricks,
         linear,
     )
-    blocks = np.empty((np.count_nonzero(bricks.counts), CHANNELS * 8**lookahead), np.float32)
+    rows, width = np.count_nonzero(bricks.counts), CHANNELS * 8**lookahead
+    blocks = np.empty((0 if narrow else rows, width), np.float32)
+    bits = np.empty((rows if narrow else 0, width), np.uint16)
     moved = np.full((count, 27), -1, np.int32)  # rows of `blocks` by position after the symmetry
     _write_blocks(
         forest.luminance,
@@ -125,14 +130,14 @@ def gather_batch(
         augmentation.symmetry,
         symmetries,
         not nearby,
-        blocks,
+        (blocks, bits),
         moved,
     )
     start, pair_block, pair_corner = _list_pairs(moved, PAIR_POSITION)
     stored = _stored_views(views)
     moved_views = _move_views(stored, augmentation.symmetry, symmetries, linear)
     found = gather_nearby(forest, tree, voxel, stored[:4], linear) if nearby else None
-    return Batch(blocks, start, pair_block, pair_corner, *moved_views, nearby=found)
+    return Batch(bits if narrow else blocks, start, pair_block, pair_corner, *moved_views, nearby=found)
 
 
 def _stored_views(views: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -207,7 +212,10 @@ def _gather_nodes(nodes, luminance, root, voxel, remap, lookahead, bricks, linea
 
 
 @kernel
-def _write_blocks(luminance, normal, bricks, linear, symmetry, symmetries, with_luminance, blocks, moved):
+def _write_blocks(luminance, normal, bricks, linear, symmetry, symmetries, with_luminance, found, moved):
+    """Write each occupied block as a row of whichever of `found` has rows: float32, or the bits of bfloat16."""
+    blocks, bits = found
+    values = np.empty(blocks.shape[1], np.float32)
     row = 0
     for v in range(len(symmetry)):
         axis, sign = symmetries.axis, symmetries.sign
@@ -220,18 +228,23 @@ def _write_blocks(luminance, normal, bricks, linear, symmetry, symmetries, with_
             if bricks.counts[v, block] == 0:
                 continue
             moved[v, symmetries.block[turn, block]] = row
-            blocks[row] = 0  # here, while the row is on its way to the cache
+            values[:] = 0
             for cell in range(bricks.nodes.shape[2]):
                 node = bricks.nodes[v, block, cell]
                 if node < 0:
                     continue
                 at = CHANNELS * symmetries.cell[turn, cell]
-                blocks[row, at] = 1.0
+                values[at] = 1.0
                 if with_luminance:
-                    blocks[row, at + 1] = gain * luminance[node] + offset
-                blocks[row, at + 2] = sx * normal[node, ax]
-                blocks[row, at + 3] = sy * normal[node, ay]
-                blocks[row, at + 4] = sz * normal[node, az]
+                    values[at + 1] = gain * luminance[node] + offset
+                values[at + 2] = sx * normal[node, ax]
+                values[at + 3] = sy * normal[node, ay]
+                values[at + 4] = sz * normal[node, az]
+            if len(bits):
+                for k in range(len(values)):
+                    bits[row, k] = narrow_bits(values[k])
+            else:
+                blocks[row] = values
             row += 1
 
 

@@ -65,8 +65,8 @@ def _wide(value):
 
 
 @device
-def _narrow(value):
-    """Bits of the bfloat16 nearest to a finite float32, of two that are as near the even one."""
+def narrow_bits(value):
+    """Bits of the bfloat16 nearest to a finite float32, of two that are as near the even one, as uint16."""
     whole = np.float32(value).view(np.uint32)
     return np.uint16(np.uint32(whole + np.uint32(0x7FFF) + ((whole >> np.uint32(16)) & np.uint32(1))) >> np.uint32(16))
 
@@ -90,14 +90,14 @@ def _add_rows(products, rows, bias, result):
                 for k in range(len(bias)):
                     total[k] += _wide(row[k])
         for k in range(len(bias)):
-            result[corner, k] = _narrow(max(total[k], np.float32(0)))
+            result[corner, k] = narrow_bits(max(total[k], np.float32(0)))
 
 
 @kernel
 def _add_bias(products, bias):
     for row in range(len(products)):
         for k in range(len(bias)):
-            products[row, k] = _narrow(max(_wide(products[row, k]) + bias[k], np.float32(0)))
+            products[row, k] = narrow_bits(max(_wide(products[row, k]) + bias[k], np.float32(0)))
 
 
 @kernel

@@ -83,7 +83,8 @@ class ThreadCrew:
         return list(gradients), torch.stack(sums).sum(0)
 
     def _part(self, step: int, first: int, last: int, dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
-        batch = TensorBatch.of(self._plan.batch(step, first, last), self._learner.device)
+        narrow = dtype == torch.bfloat16 and self._learner.model.slices is not None  # as `Bfloat16Encoder` takes it
+        batch = TensorBatch.of(self._plan.batch(step, first, last, narrow=narrow), self._learner.device)
         return self._learner.gradients(batch, dtype, (last - first) / self._plan.voxels)
 
     def close(self) -> None:
@@ -167,15 +168,15 @@ class StepPlan:
         own = self.processes.part(len(rows))
         return rows[own], augmentation.part(own.start, own.stop)
 
-    def batch(self, step: int, first: int, last: int) -> Batch:
-        """Batch of voxels `first` to `last`, excluded, of this process's share of a step."""
+    def batch(self, step: int, first: int, last: int, *, narrow: bool = False) -> Batch:
+        """Batch of voxels `first` to `last`, excluded, of this process's share of a step; narrow: as of `Batch`."""
         if isinstance(self.corpus, Corpus):
             rows, augmentation = self.of_step(step)
-            return self.corpus.batch(rows[first:last], augmentation.part(first, last))
+            return self.corpus.batch(rows[first:last], augmentation.part(first, last), narrow=narrow)
         begin = self.processes.part(self.voxels).start
         places = slice(begin + first, begin + last)
         augmentation = augmentation_of_step(self.settings, self.voxels, step).part(places.start, places.stop)
-        return self.corpus.batch_of_step(self.settings.seed, step, places, augmentation)
+        return self.corpus.batch_of_step(self.settings.seed, step, places, augmentation, narrow=narrow)
 
 
 def plan_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> tuple[np.ndarray, Augmentation]:

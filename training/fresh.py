@@ -61,10 +61,15 @@ class FreshCorpus:
         """Levels that samples look ahead."""
         return self.settings.lookahead
 
-    def batch_of_step(self, seed: int, step: int, places: slice, augmentation: Augmentation) -> Batch:
-        """Batch of the voxels at some places of a step, augmented; raises PatchNetError if none can be seen."""
+    def batch_of_step(
+        self, seed: int, step: int, places: slice, augmentation: Augmentation, *, narrow: bool = False
+    ) -> Batch:
+        """Batch of the voxels at some places of a step, augmented; raises PatchNetError if none can be seen.
+
+        narrow: its blocks are bits of bfloat16.
+        """
         drawn = self.draw(seed, step, places)
-        return gather_batch(self.forest, *drawn, augmentation, self.lookahead, nearby=self.nearby)
+        return gather_batch(self.forest, *drawn, augmentation, self.lookahead, nearby=self.nearby, narrow=narrow)
 
     def draw(self, seed: int, step: int, places: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Octrees (V,), voxels (V, 4) and views (V, R, 12) at places of a step; raises as `batch_of_step`."""

@@ -53,7 +53,14 @@ class TensorBatch:
 
 
 def _on_device(arrays: dict[str, np.ndarray], device: torch.device) -> dict[str, Tensor]:
-    tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
+    tensors = {name: _tensor_of(array) for name, array in arrays.items()}
     if device.type == "cuda":
         tensors = {name: value.pin_memory().to(device, non_blocking=True) for name, value in tensors.items()}
     return tensors
+
+
+def _tensor_of(array: np.ndarray) -> Tensor:
+    """The same memory as a tensor; uint16 is the bits of bfloat16."""
+    if array.dtype == np.uint16:
+        return torch.from_numpy(array.view(np.int16)).view(torch.bfloat16)
+    return torch.from_numpy(array)

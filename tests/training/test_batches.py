@@ -18,6 +18,8 @@ from patchnet.training.samples import Samples, SampleSettings, draw_samples
 from patchnet.training.symmetry import COUNT, cube_symmetries
 
 torch = pytest.importorskip("torch")
+from patchnet.training.tensor_batch import TensorBatch  # noqa: E402
+
 DEPTH = 6
 
 
@@ -51,6 +53,19 @@ def test_patches_are_those_that_are_encoded(octree: Octree, samples: Samples) ->
     for row in range(0, count, 5):
         level, *cell = samples.voxel[row].astype(int)
         np.testing.assert_allclose(found[row], corner_blocks(octree, level, np.array(cell) + OCTANTS), atol=1e-6)
+
+
+def test_narrow_blocks_are_the_others_as_bfloat16(octree: Octree, samples: Samples) -> None:
+    count = len(samples.voxel)
+    augmentation = Augmentation.random(count, np.random.default_rng(3))
+    which = concatenate([octree]), np.zeros(count, int), samples.voxel, samples.views, augmentation
+    wide, narrow = (
+        TensorBatch.of(gather_batch(*which, narrow=narrow), torch.device("cpu")) for narrow in (False, True)
+    )
+    assert (wide.blocks.dtype, narrow.blocks.dtype) == (torch.float32, torch.bfloat16)
+    assert torch.equal(wide.blocks.bfloat16(), narrow.blocks)
+    assert torch.equal(wide.pair_block, narrow.pair_block)
+    assert wide.slice_start == narrow.slice_start
 
 
 def moved_octree(octree: Octree, symmetry: int, gain: float, offset: float) -> Octree:
