@@ -42,7 +42,8 @@ def build() -> None:
     scene.collection.objects.link(eye)
     scene.camera = eye
     scene.render.resolution_x, scene.render.resolution_y = 960, 640
-    for name, value in {"resolution": "DEPTH", "depth": 7, "size": SIZE, "light": "two-lights"}.items():
+    chosen = {"resolution": "DEPTH", "depth": 7, "size": SIZE, "light": "two-lights", "reference": True}
+    for name, value in chosen.items():
         setattr(scene.patchnet, name, value)
 
 

@@ -40,7 +40,7 @@ def test_voxels_and_codes_come_back_and_fit(visits: tuple[dict, dict]) -> None:
 
 def test_pictures_come_back_with_render_preview(visits: tuple[dict, dict]) -> None:
     _, opened = visits
-    assert opened["pictures at first"] == [] and opened["pictures"] == 14
+    assert opened["pictures at first"] == [] and opened["pictures"] == 11
     assert opened["steps of the preview"] and BAKED not in opened["steps of the preview"]
 
 
