@@ -31,7 +31,9 @@ def test_blender_has_no_complaints_about_the_extension(installed: Blender) -> No
 
 
 def test_batch_line_writes_pictures_and_report(installed: Blender, courtyard: Path, out: Path) -> None:
-    done = batch(installed, courtyard, "depth=6, samples=1, cameras='Far', size=(48, 32), reference=True, out='//batch'")
+    done = batch(
+        installed, courtyard, "depth=6, samples=1, cameras='Far', size=(48, 32), reference=True, out='//batch'"
+    )
     assert done.returncode == 0 and "Traceback" not in done.stdout + done.stderr, done.stdout + done.stderr
     report = json.loads((out / "batch" / "report.json").read_text())
     assert report["octree"]["depth"] == 6
