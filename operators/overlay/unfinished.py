@@ -49,6 +49,7 @@ def _show(context: bpy.types.Context, image: bpy.types.Image, unfinished: Unfini
         page = unfinished.page().astype(np.float32)
         resized = tuple(image.size) != (page.shape[1], page.shape[0])
         write_pixels(image, page)
+        image.pack()  # else Blender asks what to do about it where a user saves meanwhile
         open_pictures.open_picture(context, image, new_window=False)  # which would take the keyboard from a user
         for area in _editors(context):
             if area.spaces.active.image == image:

@@ -77,6 +77,7 @@ def test_the_image_of_a_job_goes_with_it(monkeypatch: pytest.MonkeyPatch) -> Non
                     image = bpy.data.images[unfinished_image.NAME]
                     page = seen.page()
                     assert tuple(image.size) == page.shape[1::-1] and image.is_runtime_data
+                    assert not image.is_dirty  # nobody who saves meanwhile is asked about it
                     pixels = np.array(image.pixels[:]).reshape(*page.shape[:2], 4)
                     np.testing.assert_allclose(pixels[..., :3], page, atol=0.51 / 255)
                 if error is not None:
