@@ -360,7 +360,7 @@ def test_gpus_bake_where_they_are_enabled(enabled: bool, monkeypatch: pytest.Mon
     assert_unchanged(before)
 
 
-def test_edit_mode_is_left_and_entered_again() -> None:
+def test_edit_mode_stays() -> None:
     item = square("Floor", diffuse())
     sun(3.0)
     bpy.context.view_layer.objects.active = item

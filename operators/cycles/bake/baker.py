@@ -20,7 +20,6 @@ from ...scene.light_links import Links
 from ...scene.precision import LIFT_SHARE
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.devices import bakes_on_gpu
-from ...scene_access.overrides import object_mode
 from ...scene_access.window_job import when_job_ended, window_is_alive
 from ...schema.table import AUTO
 from ...settings.groups import LightSettings
@@ -199,7 +198,6 @@ class Baker:
         self.paths_traced += samples * halves * texels
         stack = ExitStack()
         try:
-            stack.enter_context(object_mode(self._context))
             scene = self._context.scene
             if self._with_daylight:
                 stack.enter_context(daylight(scene))

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bake light while the user edits: what stands in the mesh that is edited counts, and the mode is left alone."""
+
+from pathlib import Path
+
+import bmesh
+import bpy
+import numpy as np
+import pytest
+
+from patchnet.operators.cycles.bake import bake_luminance
+from patchnet.operators.scene.read import read_scene
+from patchnet.operators.settings.groups import LightSettings
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.blender.full_scene import build_full
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+
+def baked() -> np.ndarray:
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    return drain(bake_luminance(bpy.context, source, 0.05, LightSettings(samples=2, denoise=False))).texels
+
+
+@pytest.mark.parametrize("mode", ["EDIT", "SCULPT"])
+def test_light_of_a_mesh_that_is_edited(mode: str, tmp_path: Path) -> None:
+    build_full(tmp_path, mode)
+    slab = bpy.context.view_layer.objects.active
+    if mode == "EDIT":
+        mesh = bmesh.from_edit_mesh(slab.data)
+        for vertex in mesh.verts:
+            vertex.co *= 0.5
+        bmesh.update_edit_mesh(slab.data)
+    while_edited = baked()
+    assert slab.mode == mode
+    bpy.ops.object.mode_set(mode="OBJECT")
+    afterwards = baked()
+    assert np.allclose(while_edited, afterwards, atol=1e-6)  # rounding: Cycles builds its trees in threads
+    assert while_edited.max() > 0
