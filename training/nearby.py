@@ -63,7 +63,7 @@ def _gather(nodes, luminance, root, voxel, rays, tables, found):
     tile, listed, views = empty_footprint_tile(), empty_outer_list(), np.empty(VIEW * TILE, np.float32)
     shares, lights = np.empty(COVERING * TILE, np.float32), np.empty(COVERING * TILE, np.float32)
     words = np.empty(CELLS, np.uint32)
-    last, node = np.int64(-1), np.int64(-1)
+    last, node, near = np.int64(-1), np.int64(-1), 0  # the voxel, its node, and cells that are listed around it
     for start in range(0, len(rays.ratio), TILE):
         count = min(TILE, len(rays.ratio) - start)
         clear_tile(tile, shares, lights)
@@ -73,13 +73,13 @@ def _gather(nodes, luminance, root, voxel, rays, tables, found):
             if here != last:
                 node = covering_node(nodes, root[here], voxel[here, 0], voxel[here, 1], voxel[here, 2], voxel[here, 3])
                 write_cells_around(nodes, luminance, root[here], voxel[here], words)
+                near = 0
+                for corner in range(CORNERS):
+                    near = list_cells(words, CORNERS * corner, corner, tables[0], listed, near)
                 last = here
             ray = rays.entry[index], rays.direction[index], rays.up[index], rays.ratio[index]
             order = tables[1], set_ray(ray, tile, views, place)
             fill_fine(nodes, luminance, node, order, tile.fine, place)
-            near = 0
-            for corner in range(CORNERS):
-                near = list_cells(words, CORNERS * corner, corner, tables[0], listed, near)
             measure_cells(listed, near, ray, shares, lights, order, place)
             luminances[index, COVERING] = np.float32(luminance[node]) * np.float32(1.0 / LUMINANCE_SCALE)
         measure_tile(tile, shares, lights)
