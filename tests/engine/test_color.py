@@ -120,7 +120,7 @@ def test_leaves_hold_means_over_their_surface() -> None:
     leaves = LeafAccumulator(1.0 / 1024)
     fragments = Fragments(keys, np.zeros(count, np.int32), np.zeros((count, 2), np.float32), areas)
     leaves.add(fragments, luminance, np.ones(count), np.array([[0.0, 0.0, 1.0]]), 0.5 * color)
-    found, sums = leaves.take()
+    found, sums, _ = leaves.take()
     color[:4] = luminance[:4, None]
     _, place = np.unique(keys, return_inverse=True)
     for channel, column in ((0, 5), (2, 6)):
