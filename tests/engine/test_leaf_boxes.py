@@ -99,7 +99,7 @@ def test_hits_are_those_of_single_rays(seed):
         beyond = single_hits(octree, camera, 4.0, start)[0]
         np.testing.assert_array_equal(found.behind[met], seen(octree, beyond)[met], err_msg=camera.name)
         missed += int((first_hits(replace(octree, leaf_box=None), camera).node != node).sum())
-    assert missed > 20  # rays that have passed a box
+    assert missed > 10  # rays that have passed a box
 
 
 def test_hits_are_those_of_the_reference():
