@@ -88,7 +88,7 @@ def text(values: dict[str, Any]) -> str:
     peer = values["peer_name"] or "no peer"
     head = [
         "view", "hit", "ours", peer, "ratio", "one by one", "leaves", "with all hits' data", "fine costs",
-        "behind costs", "32x32", "32x32 one by one", "ratio", "visits a ray",
+        "behind costs", "32x32", "32x32 one by one", "ratio", "visits a ray", "boxes cost, at 32x32",
     ]  # fmt: skip
     rows = [_row(row) for row in values["views"]]
     width, height = values["size"]
@@ -119,4 +119,5 @@ def _row(row: dict[str, Any]) -> list[str]:
         rates["single_reference"],
         f"{row['reference_over_single']:.1f}",
         f"{row['visits_per_ray']:.2f}",
+        "" if row["boxes_cost"] is None else f"{row['boxes_cost']:.0%}, {row['boxes_cost_reference']:.0%}",
     ]

@@ -226,7 +226,9 @@ def build(
     def make() -> Steps[Octree]:
         from ...patchnet_addon.octree.build import build_octree
 
-        return build_octree(source, choice.grid, shade, layout=layout, exposure=exposure, provenance=provenance)
+        return build_octree(
+            source, choice.grid, shade, layout=layout, exposure=exposure, provenance=provenance, boxes=True
+        )
 
     return (yield from run_in_worker(make, Progress(0, 1, "Voxelizing")))
 

@@ -40,6 +40,7 @@ def truncated(octree: Octree, level: int) -> Octree:
         chroma=None if octree.chroma is None else octree.chroma[:count],
         bright_nodes=None if octree.bright_nodes is None else octree.bright_nodes[:bright],
         bright_colors=None if octree.bright_colors is None else octree.bright_colors[:bright],
+        leaf_box=None,
         _keys={},
     )
 

@@ -27,11 +27,13 @@ MIN_DEPTH = 5
 LOOK_AHEAD_SHARE = 0.95
 BYTES_PER_NODE = 14
 COLOR_BYTES_PER_NODE = 2
+BOX_BYTES_PER_LEAF = 3
 # While an octree is built, a leaf of the present pass is summed in fixed point (48 bytes and its share of a brick,
 # about 25) and handed out as key and sums (28 bytes); what is kept of a leaf and its share of the coarser nodes is 15
 # bytes, and twice that while the passes are joined. Colour adds 32 bytes in fixed point, 8 to the sums, 2 to the rest.
-_KEPT_BYTES_PER_LEAF = 15
-_PASS_BYTES_PER_LEAF = 105
+# A box takes 4 bytes where it grows and 7 while it is handed out, and 3 are kept.
+_KEPT_BYTES_PER_LEAF = 15 + BOX_BYTES_PER_LEAF
+_PASS_BYTES_PER_LEAF = 105 + 11
 _COLOR_KEPT_BYTES_PER_LEAF = 2
 _COLOR_PASS_BYTES_PER_LEAF = 40
 _PASS_LEAVES = BLOCK_FRAGMENTS * 3 // 4
@@ -114,7 +116,8 @@ def estimate(coarse: Octree, depth: int, *, color: bool = False) -> tuple[int, i
     if depth <= coarse.depth:
         estimated = len(coarse.keys(depth))
     node_bytes = BYTES_PER_NODE + (COLOR_BYTES_PER_NODE if color else 0)
-    return int(estimated), int(estimated * _NODES_PER_LEAF * node_bytes), peak_bytes(estimated, color=color)
+    leaf_bytes = _NODES_PER_LEAF * node_bytes + BOX_BYTES_PER_LEAF
+    return int(estimated), int(estimated * leaf_bytes), peak_bytes(estimated, color=color)
 
 
 def _bytes_per_leaf(color: bool) -> tuple[int, int]:

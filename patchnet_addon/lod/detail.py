@@ -10,6 +10,7 @@ import numpy as np
 from ..cells.contract import MAX_LEVELS, fitting_level, has_lookahead
 from ..cells.morton_kernels import cell_key
 from ..octree.grid import Grid
+from ..octree.leaf_boxes import without_boxes
 from ..octree.nodes import Nodes
 from ..runtime.bits import lowest_one
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
@@ -100,7 +101,7 @@ def _stops(
         ahead=np.zeros(count, np.bool_),
     )
     bands = -(-(rows[1] - rows[0]) // TILE)
-    run_parts(_trace_bands, bands, nodes, unit, rows[0], offset, (finer, lookahead), stops)
+    run_parts(_trace_bands, bands, without_boxes(*nodes), unit, rows[0], offset, (finer, lookahead), stops)
     return stops
 
 

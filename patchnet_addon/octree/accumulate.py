@@ -15,6 +15,7 @@ from ..runtime.kernels import device, kernel
 from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments
+from .leaf_boxes import WHOLE, joined_boxes, unpacked
 
 MIN_OPACITY = 1.0 / 255.0
 _BRICK_BITS = 6
@@ -44,13 +45,14 @@ class _Bricks(NamedTuple):
 
     table: (a power of two,) int32 hash table of bricks, -1 where empty. keys: (B,) uint64 of the bricks.
     rows: (B * 64,) int32, 1 + row of each cell, 0: none yet. sums: (R * columns,) int64 of the leaves.
-    used: (2,) int64, how many bricks and leaves there are.
+    boxes: (R,) uint32 packed, around what is in each leaf. used: (2,) int64, how many bricks and leaves there are.
     """
 
     table: np.ndarray
     keys: np.ndarray
     rows: np.ndarray
     sums: np.ndarray
+    boxes: np.ndarray
     used: np.ndarray
 
 
@@ -63,7 +65,8 @@ class LeafAccumulator:
         keys = np.zeros(1 << 10, np.uint64)
         rows = np.zeros(_BRICK_CELLS << 10, np.int32)
         sums = np.zeros(_COLUMNS << 12, np.int64)
-        self._bricks = _Bricks(_table_of(keys, 0), keys, rows, sums, np.zeros(2, np.int64))
+        boxes = np.zeros(1 << 12, np.uint32)
+        self._bricks = _Bricks(_table_of(keys, 0), keys, rows, sums, boxes, np.zeros(2, np.int64))
 
     def __len__(self) -> int:
         """Leaves so far."""
@@ -90,9 +93,10 @@ class LeafAccumulator:
             np.asarray(opacity, np.float32),
             _NO_COLOR if color is None else np.asarray(color, np.float32),
         )
+        boxes = np.full(len(fragments), WHOLE, np.uint32) if fragments.boxes is None else fragments.boxes
         first = 0
         while first < len(fragments):
-            first = _add(first, fragments.arrays, shading, normals, 1.0 / self._area_unit, self._bricks)
+            first = _add(first, fragments.arrays, boxes, shading, normals, 1.0 / self._area_unit, self._bricks)
             if first < len(fragments):
                 self._grow()
 
@@ -111,15 +115,17 @@ class LeafAccumulator:
         if leaves * self._columns == len(self._bricks.sums):
             room = min(leaves + leaves // 2, INT32_COUNT - 1)
             self._bricks.sums.resize(room * self._columns, refcheck=False)
+            self._bricks.boxes.resize(room, refcheck=False)
 
-    def take(self) -> tuple[np.ndarray, np.ndarray]:
-        """Keys (n,) uint64, ascending, and sums (n, 5 or 7) float32 in world units, as `LeafSums` holds them."""
+    def take(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Keys (n,) uint64, ascending, sums (n, 5 or 7) float32 in world units and boxes, as `LeafSums` holds them."""
         bricks, leaves = (int(value) for value in self._bricks.used)
         keys = np.empty(leaves, np.uint64)
         sums = np.empty((leaves, 5 if self._columns == _COLUMNS else 7), np.float32)
         order = np.argsort(self._bricks.keys[:bricks])
-        _emit(order, self._bricks, self._area_unit, keys, sums)
-        return keys, sums
+        boxes = np.empty(leaves, np.uint32)
+        _emit(order, self._bricks, self._area_unit, keys, sums, boxes)
+        return keys, sums, unpacked(boxes)
 
 
 def _table_of(brick_key: np.ndarray, bricks: int) -> np.ndarray:
@@ -184,11 +190,11 @@ def _red_and_blue(color, luminance):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add(first, fragments, shading, normals, units, bricks):  # type: ignore[no-untyped-def]
+def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ignore[no-untyped-def]
     """Add fragments from `first` on; returns the first that found no room, or their number."""
     keys, triangle, area = fragments.keys, fragments.triangle, fragments.area_world
     opacity, color = shading.opacity, shading.color
-    table, brick_key, brick_rows, rows, count = bricks
+    table, brick_key, brick_rows, rows, leaf_boxes, count = bricks
     brick = np.int64(-1)
     columns = _COLOR_COLUMNS if len(color) else _COLUMNS
     for i in range(first, len(keys)):
@@ -203,9 +209,12 @@ def _add(first, fragments, shading, normals, units, bricks):  # type: ignore[no-
         if brick_rows[cell] == 0:
             if count[1] * columns == len(rows):
                 return i
+            leaf_boxes[count[1]] = boxes[i]
             count[1] += 1
             brick_rows[cell] = count[1]
-        row = (np.int64(brick_rows[cell]) - 1) * columns
+        leaf = np.int64(brick_rows[cell]) - 1
+        leaf_boxes[leaf] = joined_boxes(leaf_boxes[leaf], boxes[i])
+        row = leaf * columns
         weight = max(np.rint(area[i] * opacity[i] * units), 1.0)
         luminance = float(shading.luminance[i])
         luminance = min(max(luminance, -_MAX_LUMINANCE), _MAX_LUMINANCE) if luminance == luminance else 0.0
@@ -221,9 +230,9 @@ def _add(first, fragments, shading, normals, units, bricks):  # type: ignore[no-
 
 
 @kernel
-def _emit(order, bricks, area_unit, keys, sums):  # type: ignore[no-untyped-def]
+def _emit(order, bricks, area_unit, keys, sums, boxes):  # type: ignore[no-untyped-def]
     """Leaves of the bricks in `order`, in Morton order, from fixed point to world units."""
-    _, brick_key, brick_rows, rows, _ = bricks
+    _, brick_key, brick_rows, rows, leaf_boxes, _ = bricks
     leaf = 0
     columns = _COLUMNS if sums.shape[1] == 5 else _COLOR_COLUMNS
     for brick in order:
@@ -232,6 +241,7 @@ def _emit(order, bricks, area_unit, keys, sums):  # type: ignore[no-untyped-def]
             if number == 0:
                 continue
             row = (number - 1) * columns
+            boxes[leaf] = leaf_boxes[number - 1]
             keys[leaf] = (brick_key[brick] << np.uint64(_BRICK_BITS)) | np.uint64(cell)
             sums[leaf, 0] = rows[row] * area_unit
             sums[leaf, 1] = (rows[row + 1] * _WHOLE + rows[row + 2] * _PART) * area_unit

@@ -31,6 +31,7 @@ def build_octree(
     exposure: float | None = None,
     provenance: dict[str, Any] | None = None,
     block_fragments: int = BLOCK_FRAGMENTS,
+    boxes: bool = False,
 ) -> Steps[Octree]:
     """Voxelize `source` on `grid` with the luminance and opacity of `shade`, in colour if it is a shade of colour.
 
@@ -40,7 +41,8 @@ def build_octree(
     99.5 % quantile of leaf luminance becomes 1, but for leaves with emitters (methods 7.1). What is above 1 is kept
     apart (methods 7.1b).
     block_fragments: about how many fragments are added up at a time; this bounds memory and changes nothing else.
-    Raises GeometryError when no opaque surface is left.
+    boxes: keep the boxes of the finest leaves, so that rays meet what is thinner than a voxel where it is (methods
+    4.1d). Raises GeometryError when no opaque surface is left.
     """
     emitters = Emitters(source)
     watch = emitters.note if exposure is None and emitters.anything else None
@@ -52,7 +54,7 @@ def build_octree(
         raise GeometryError(
             "No opaque surface is left to voxelize: all triangles have zero area or are fully transparent"
         )
-    return _joined(parts, grid, exposure, provenance or {}, emitters)
+    return _joined(parts, grid, exposure, provenance or {}, emitters, boxes)
 
 
 def octree_from_leaves(
@@ -72,6 +74,7 @@ def _joined(
     exposure: float | None,
     provenance: dict[str, Any],
     emitters: Emitters | None = None,
+    boxes: bool = False,
 ) -> Octree:
     """Octree of blocks in Morton order; `parts` is emptied, so that nothing is held twice for long."""
     colored = parts[0].leaf_chroma[0].shape[1] > 0
@@ -83,6 +86,7 @@ def _joined(
     areas = [_of_level(parts, level, lambda part: part.area_world, np.float32) for level in range(depth + 1)]
     normals = [_of_level(parts, level, lambda part: part.normal, np.int8) for level in range(depth + 1)]
     hues = [_of_level(parts, level, lambda part: part.leaf_chroma, np.uint8) for level in range(depth + 1)]
+    leaf_box = _of_level(parts, depth, lambda part: part.leaf_box, np.uint8) if boxes else None
     parts.clear()
     bright, above = light_above_white(masks, areas, light, hues if colored else [], exposure)
     luminance, chroma = _luminance(masks, areas, light, hues if colored else [], exposure)
@@ -98,6 +102,7 @@ def _joined(
         chroma=_emptied(chroma) if colored else None,
         bright_nodes=bright if len(bright) else None,
         bright_colors=above if len(bright) else None,
+        leaf_box=leaf_box,
         exposure=exposure,
         provenance=provenance,
     )
@@ -119,6 +124,7 @@ def _above(parts: Sequence[Subtrees]) -> Subtrees:
         normal=whole.normal[:-1],
         leaf_luminance=whole.leaf_luminance[:-1],
         leaf_chroma=whole.leaf_chroma[:-1],
+        leaf_box=whole.leaf_box[:-1],
     )
 
 

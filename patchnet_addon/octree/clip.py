@@ -16,15 +16,17 @@ import numpy as np
 from ..cells.morton_kernels import cell_key
 from ..runtime.kernels import device, kernel
 from ..surface.polygon import POLYGON_ROWS, cell_range, load_triangle, moments, split_x, split_y, split_z, splitter
+from .leaf_boxes import packed_axis
 
 BRICK_LEVELS = 5  # a brick has 32 cells along each axis
 _BRICK = 1 << BRICK_LEVELS
 _INITIAL_CAPACITY = 4096
-# The first row of each polygon, the triangle's first; "rest" is what peeling has left so far.
+# The first row of each polygon, the triangle's first; "rest" is what peeling has left so far. The frame is the
+# triangle's first corner and the two edges from there, since peeling writes over the triangle.
 (
     _TRIANGLE, _BRICKS_REST_X, _BRICKS_SLAB, _BRICKS_REST_Y, _BRICKS_COLUMN, _BRICKS_REST_Z, _PIECE,
-    _REST_X, _SLAB, _REST_Y, _COLUMN, _REST_Z, _CELL, _ROWS,
-) = range(0, 14 * POLYGON_ROWS, POLYGON_ROWS)  # fmt: skip
+    _REST_X, _SLAB, _REST_Y, _COLUMN, _REST_Z, _CELL, _FRAME, _ROWS,
+) = range(0, 15 * POLYGON_ROWS, POLYGON_ROWS)  # fmt: skip
 
 _split_bricks_x, _split_bricks_y, _split_bricks_z = (splitter(axis, 0) for axis in range(3))
 
@@ -53,16 +55,39 @@ class _Wanted(NamedTuple):
 
 
 @device
-def _put(sink, count, key, triangle, area, u, v):  # type: ignore[no-untyped-def]
+def _put(sink, count, key, triangle, box, moments):  # type: ignore[no-untyped-def]
     """Write one fragment where there is room for it; it counts in any case."""
     cells, measures = sink
     if count < len(cells):
         cells[count, 0] = key
         cells[count, 1] = triangle
-        measures[count, 0] = area
-        measures[count, 1] = u
-        measures[count, 2] = v
+        cells[count, 2] = box
+        for column in range(3):
+            measures[count, column] = moments[column]
     return count + 1
+
+
+@device
+def _set_frame(rows):  # type: ignore[no-untyped-def]
+    """Write the first corner and the edges of the triangle at row 0 to the frame."""
+    for axis in range(3):
+        rows[_FRAME, axis] = rows[_TRIANGLE, axis]
+        for edge in range(1, 3):
+            rows[_FRAME + edge, axis] = rows[_TRIANGLE + edge, axis] - rows[_TRIANGLE, axis]
+
+
+@device
+def _box(rows, piece, n_piece, cell):  # type: ignore[no-untyped-def]
+    """Packed box around a piece of the triangle in its cell, from the weights of its vertices: its x and y are gone."""
+    box = np.uint64(0)
+    for axis in range(3):
+        low, high = np.inf, -np.inf
+        for i in range(piece, piece + n_piece):
+            along = rows[i, 3] * rows[_FRAME + 1, axis] + rows[i, 4] * rows[_FRAME + 2, axis]
+            low, high = min(low, along), max(high, along)
+        start = rows[_FRAME, axis] - cell[axis]
+        box |= packed_axis(axis, start + low, start + high)
+    return box
 
 
 # The peels stay in `brick`, and the block of `wanted` says which cells are wanted, by their key. They append to `sink`
@@ -70,9 +95,10 @@ def _put(sink, count, key, triangle, area, u, v):  # type: ignore[no-untyped-def
 
 
 @device
-def _clip_column(rows, column, n_column, key, brick, wanted, sink, count):  # type: ignore[no-untyped-def]
-    """Append the cells of one column along z; `key` is that of the cell z = 0."""
+def _clip_column(rows, column, n_column, place, brick, wanted, sink, count):  # type: ignore[no-untyped-def]
+    """Append the cells of one column along z at the `place` (x, y)."""
     triangle = wanted.triangle
+    key = cell_key(place[0], place[1], 0)
     cells, shift = wanted.block
     rest, free, n_rest = column, _REST_Z, n_column
     z, last = cell_range(rows, column, n_column, 2, brick.z, brick.z + brick.side - 1)
@@ -85,9 +111,10 @@ def _clip_column(rows, column, n_column, key, brick, wanted, sink, count):  # ty
             rest, free = free, rest
         cell = key | cell_key(0, 0, z)
         if n_piece >= 3 and cells[cell >> shift]:
-            area, u, v = moments(rows, piece, n_piece)
-            if area > 0.0:
-                count = _put(sink, count, cell, triangle, area, u, v)
+            found = moments(rows, piece, n_piece)
+            if found[0] > 0.0:
+                box = _box(rows, piece, n_piece, (place[0], place[1], z))
+                count = _put(sink, count, cell, triangle, box, found)
         z += 1
     return count
 
@@ -105,8 +132,7 @@ def _clip_slab(rows, slab, n_slab, x, brick, wanted, sink, count):  # type: igno
             n_column, n_rest = split_y(rows, rest, n_rest, y + 1.0, column, free)
             rest, free = free, rest
         if n_column >= 3:
-            key = cell_key(x, y, 0)
-            count = _clip_column(rows, column, n_column, key, brick, wanted, sink, count)
+            count = _clip_column(rows, column, n_column, (x, y), brick, wanted, sink, count)
         y += 1
     return count
 
@@ -207,7 +233,8 @@ def _clip_triangle(rows, wanted, sink, count):  # type: ignore[no-untyped-def]
         third = 1.0 / 3.0
         cells, shift = wanted.block
         if cells[key >> shift] and wanted.x_first <= x < wanted.x_end:
-            return _put(sink, count, key, wanted.triangle, 0.5, third, third)
+            box = _box(rows, _TRIANGLE, 3, (x, y, z))
+            return _put(sink, count, key, wanted.triangle, box, (0.5, third, third))
         return count
     brick = _Brick(i * _BRICK, j * _BRICK, k * _BRICK, min(_BRICK, last + 1))
     return _clip_piece(rows, _TRIANGLE, 3, brick, wanted, sink, count)
@@ -221,11 +248,11 @@ def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, n
     near, block: (wanted, shift) each, wanted (n,) bool by the key of a brick or cell >> shift (uint64): only fragments
     in wanted bricks and cells are made.
     Returns the fields of `Fragments`: keys (F,) uint64, triangle (F,) int32, barycentric (F, 2) float32,
-    area_world (F,) float64, and what they were cut from: the keys again and `corners_voxel`. A fragment depends on its
-    triangle and cell alone, not on what else is asked for.
+    area_world (F,) float64, what they were cut from: the keys again and `corners_voxel`, and their packed boxes (F,)
+    uint32. A fragment depends on its triangle and cell alone, not on what else is asked for.
     Runs on one core without the interpreter lock, so several may run in threads.
     """
-    cells = np.empty((_INITIAL_CAPACITY, 2), np.uint64)  # key, triangle
+    cells = np.empty((_INITIAL_CAPACITY, 3), np.uint64)  # key, triangle, box
     measures = np.empty((_INITIAL_CAPACITY, 3), np.float64)  # area in (u, v), u, v
     rows = np.empty((_ROWS, 5), np.float64)
     count = 0
@@ -234,15 +261,15 @@ def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, n
         total = count
         if areas_world[triangle] > 0.0:
             load_triangle(corners_voxel, triangle, rows)
+            _set_frame(rows)
             wanted = _Wanted(triangle, slabs[0], slabs[1], resolution - 1, near, block)
             total = _clip_triangle(rows, wanted, (cells, measures), count)
         if total > len(cells):  # too many for the room there was: this triangle once more
-            more_cells = np.empty((2 * total, 2), np.uint64)
+            more_cells = np.empty((2 * total, 3), np.uint64)
             more_measures = np.empty((2 * total, 3), np.float64)
             for row in range(count):  # as one assignment, its check of shapes takes five seconds to compile
-                for column in range(2):
-                    more_cells[row, column] = cells[row, column]
                 for column in range(3):
+                    more_cells[row, column] = cells[row, column]
                     more_measures[row, column] = measures[row, column]
             cells, measures = more_cells, more_measures
             continue
@@ -252,10 +279,12 @@ def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, n
     triangles = np.empty(count, np.int32)
     barycentric = np.empty((count, 2), np.float32)
     area_world = np.empty(count, np.float64)
+    boxes = np.empty(count, np.uint32)
     for i in range(count):
         keys[i] = cells[i, 0]
         triangles[i] = cells[i, 1]
+        boxes[i] = cells[i, 2]
         barycentric[i, 0] = measures[i, 1]
         barycentric[i, 1] = measures[i, 2]
         area_world[i] = 2.0 * measures[i, 0] * areas_world[triangles[i]]
-    return keys, triangles, barycentric, area_world, keys, corners_voxel
+    return keys, triangles, barycentric, area_world, keys, corners_voxel, boxes

@@ -26,8 +26,13 @@ _DTYPES = {
     "luminance": np.uint16,
     "normal": np.int8,
 }
-# Files without colour, or without light above white, do not have these, and older readers pass over them.
-_OPTIONAL_DTYPES = {"chroma": np.uint8, "bright_nodes": np.uint32, "bright_colors": np.float32}
+# Files without colour, light above white or boxes do not have these, and older readers pass over them.
+_OPTIONAL_DTYPES = {
+    "chroma": np.uint8,
+    "bright_nodes": np.uint32,
+    "bright_colors": np.float32,
+    "leaf_box": np.uint8,
+}
 
 
 def octree_arrays(octree: Octree) -> dict[str, np.ndarray]:
@@ -104,7 +109,7 @@ def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
     # Positive numbers are in order of their bits, and infinity, NaN and negative numbers follow.
     if arrays["area_world"].view(np.uint32).max() >= _INFINITY_BITS:
         return "an area is not a positive number"
-    if problem := _bright_problem(arrays, count):
+    if problem := _bright_problem(arrays, count) or _box_problem(arrays):
         return problem
     return _children_problem(start.tolist(), arrays["child_mask"], arrays["first_child"])
 
@@ -119,6 +124,22 @@ def _bright_problem(arrays: dict[str, Any], count: int) -> str:
     if (nodes[1:] <= nodes[:-1]).any() or (len(nodes) and nodes[-1] >= count):
         return "a node with light above white is out of order"
     return "" if np.isfinite(colors).all() and (colors >= 0.0).all() else "light above white is not a positive number"
+
+
+def _box_problem(arrays: dict[str, Any]) -> str:
+    """Find what contradicts that each leaf of the finest level has a box that is not empty; else an empty text."""
+    boxes, start = arrays.get("leaf_box"), arrays["level_start"]
+    if boxes is None:
+        return ""
+    if boxes.shape != (int(start[-1] - start[-2]), 3):
+        return "its boxes are not as many as its finest leaves"
+    if arrays["child_mask"][int(start[-2]) :].any():
+        return "a box belongs to a node with children"
+    for begin in range(0, len(boxes), _PIECE):
+        piece = boxes[begin : begin + _PIECE]
+        if (piece >> 4 < piece & 15).any():
+            return "a box is empty"
+    return ""
 
 
 def _children_problem(start: list[int], mask: np.ndarray, first: np.ndarray) -> str:

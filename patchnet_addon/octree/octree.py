@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sparse voxel octree: 14 bytes a node, 16 in colour, level by level, children of a node side by side."""
+"""Sparse voxel octree: 14 bytes a node, 16 in colour, level by level, children of a node side by side.
+
+Its finest leaves may have boxes, three bytes each.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
 from .above_white import NOTHING_ABOVE, AboveWhite, colors_at, with_bits
 from .grid import Grid
+from .leaf_boxes import BoxedNodes, without_boxes
 from .nodes import Nodes
 
 LUMINANCE_SCALE = 65535.0
@@ -35,6 +39,8 @@ class Octree:
     without colour.
     bright_nodes, bright_colors: (b,) uint32, ascending, and (b, 3) float32: nodes with light above white, and the
     linear colour that the clamp has taken from them (methods 7.1b); None where nothing is above white.
+    leaf_box: (f, 3) uint8, boxes around the surface in the leaves of the finest level (`leaf_boxes.py`, methods 4.1d);
+    None where leaves are whole voxels.
     exposure: factor that luminance was multiplied with before it was clamped to [0, 1].
     provenance: how the octree was made (scene, light, settings, versions), plain JSON values.
     """
@@ -49,6 +55,7 @@ class Octree:
     chroma: np.ndarray | None = None
     bright_nodes: np.ndarray | None = None
     bright_colors: np.ndarray | None = None
+    leaf_box: np.ndarray | None = None
     exposure: float = 1.0
     provenance: dict[str, Any] = field(default_factory=dict)
     _keys: dict[int, np.ndarray] = field(default_factory=dict, repr=False)
@@ -64,6 +71,13 @@ class Octree:
         return Nodes(self.child_mask, self.first_child)
 
     @property
+    def boxed_nodes(self) -> BoxedNodes:
+        """Nodes and boxes of the finest leaves, for kernels that trace rays."""
+        if self.leaf_box is None:
+            return without_boxes(self.child_mask, self.first_child)
+        return BoxedNodes(self.child_mask, self.first_child, int(self.level_start[self.depth]), self.leaf_box)
+
+    @property
     def node_count(self) -> int:
         """Nodes of all levels, leaves included."""
         return len(self.child_mask)
@@ -77,7 +91,8 @@ class Octree:
     def nbytes(self) -> int:
         """Bytes of the node arrays."""
         arrays = (self.child_mask, self.first_child, self.area_world, self.luminance, self.normal, self.chroma)
-        return sum(array.nbytes for array in (*arrays, self.bright_nodes, self.bright_colors) if array is not None)
+        some = (self.bright_nodes, self.bright_colors, self.leaf_box)
+        return sum(array.nbytes for array in (*arrays, *some) if array is not None)
 
     @cached_property
     def above_white(self) -> AboveWhite:

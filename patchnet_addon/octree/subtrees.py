@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .leaf_boxes import WHOLE, unpacked
 from .levels import area_and_normal, merge_nodes, parents_of, stored_chroma, sums_of_level
 from .voxelize import LeafSums
 
@@ -22,8 +23,8 @@ class Subtrees:
 
     root_keys: (r,) uint64 of the blocks that hold anything. root_sums: (r, 4) float64, area and area * normal (x, y, z)
     in world units. Of each level: child_mask (n,) uint8, area_world (n,) float32, normal (n, 3) int8 as `Octree` holds
-    them, leaf_luminance (l,) float32, means over its leaves before exposure, and leaf_chroma (l, 2) uint8, or (l, 0)
-    without colour.
+    them, leaf_luminance (l,) float32, means over its leaves before exposure, leaf_chroma (l, 2) uint8, or (l, 0)
+    without colour, and leaf_box (l, 3) uint8.
     """
 
     root_level: int
@@ -34,6 +35,7 @@ class Subtrees:
     normal: tuple[np.ndarray, ...]
     leaf_luminance: tuple[np.ndarray, ...]
     leaf_chroma: tuple[np.ndarray, ...]
+    leaf_box: tuple[np.ndarray, ...]
 
 
 def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
@@ -48,9 +50,15 @@ def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
         parents, mask = parents_of(keys)
         keys, mask = merge_nodes(own.keys, parents, mask)
         sums = sums_of_level(mask, sums, own.sums)
-        levels.append((mask, *area_and_normal(sums), own.sums[:, 1] / own.sums[:, 0], _chroma(own.sums)))
+        luminance = own.sums[:, 1] / own.sums[:, 0]
+        levels.append((mask, *area_and_normal(sums), luminance, _chroma(own.sums), _boxes(own)))
     columns = (tuple(column) for column in zip(*reversed(levels), strict=True))
     return Subtrees(root_level, keys, sums, *columns)
+
+
+def _boxes(leaves: LeafSums) -> np.ndarray:
+    """Boxes (l, 3) uint8 of leaves, whole voxels where they are not known."""
+    return unpacked(np.full(len(leaves.keys), WHOLE, np.uint32)) if leaves.boxes is None else leaves.boxes
 
 
 def _chroma(sums: np.ndarray) -> np.ndarray:

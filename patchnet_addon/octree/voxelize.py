@@ -34,12 +34,14 @@ class LeafSums:
     """Surface integrals over the leaf cells of one level, in ascending order of their key.
 
     keys: (n,) uint64. sums: (n, 5) float32 or float64: area, area * luminance, area * normal (x, y, z), in world units
-    and weighed by opacity; (n, 7) with area * red and area * blue, in colours of that luminance.
+    and weighed by opacity; (n, 7) with area * red and area * blue, in colours of that luminance. boxes: (n, 3) uint8
+    around the surface in each (`leaf_boxes.py`); None for whole voxels.
     """
 
     level: int
     keys: np.ndarray
     sums: np.ndarray
+    boxes: np.ndarray | None = None
 
 
 def triangle_areas_and_normals(corners_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

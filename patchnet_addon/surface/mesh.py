@@ -115,6 +115,7 @@ class Fragments:
     area_world: (F,) float64.
     cut_keys: (F,) uint64 cells that the pieces were cut out of, and corners_voxel: (T, 3, 3) float64, the batch's
     triangles in units of these cells: together the outline of each piece. None where only the centroids are known.
+    boxes: (F,) uint32 around the pieces, packed (`octree/leaf_boxes.py`); None where they are not known.
     """
 
     keys: np.ndarray
@@ -123,6 +124,7 @@ class Fragments:
     area_world: np.ndarray
     cut_keys: np.ndarray | None = None
     corners_voxel: np.ndarray | None = None
+    boxes: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.keys)

@@ -3,13 +3,15 @@
 
 A ray enters a node at the largest of its start and of the distances of the node's three lower planes. A node that fits
 the ray's pixel, or a leaf, ends the ray's phase (methods 4.1b). A ray that looks for more goes on from there: to the
-first voxel that fits a finer footprint, then to the first one behind its patch (methods 3.12).
+first voxel that fits a finer footprint, then to the first one behind its patch (methods 3.12). A leaf with a box ends
+rays that meet the box; others pass it (methods 4.1d).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..octree.leaf_boxes import STEPS, mirrored_span
 from ..runtime.bits import count_ones, lowest_one
 from ..runtime.kernels import lean_device
 from ..runtime.vectors import (
@@ -70,7 +72,7 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: igno
         # The node at level + 1, of side `size`, is met by `lanes`.
         if lanes != 0:
             if size < largest_side or nodes.child_mask[levels.state[level + 1, HERE]] == 0:
-                lanes = _end_phases(nodes, search, tile, packet, levels, level + 1, lanes)
+                lanes = _end_phases(nodes, search, tile, packet, mirror, levels, level + 1, lanes)
             if lanes != 0:
                 level += 1
                 size *= 0.5
@@ -159,17 +161,40 @@ def _exit(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
 
 
 @lean_device
-def _end_phases(nodes, search, tile, packet, levels, level, lanes):  # type: ignore[no-untyped-def]
+def _box_span(nodes, tile, first, mirror, levels, level):  # type: ignore[no-untyped-def]
+    """Lengths at which a packet's rays enter and leave the box of a level's node, which has one."""
+    box = nodes.boxes[levels.state[level, HERE] - nodes.first_boxed]
+    step = 1.0 / (STEPS * (np.int64(1) << level))
+    near_x, far_x = _box_planes(tile, 0, first, levels.state[level, AT], step, mirrored_span(box[0], mirror & 1))
+    near_y, far_y = _box_planes(tile, 1, first, levels.state[level, AT + 1], step, mirrored_span(box[1], mirror & 2))
+    near_z, far_z = _box_planes(tile, 2, first, levels.state[level, AT + 2], step, mirrored_span(box[2], mirror & 4))
+    enter = larger(larger(near_x, near_y), larger(near_z, load(tile.numbers, START * RAYS + first)))
+    return enter, smaller(smaller(far_x, far_y), far_z)
+
+
+@lean_device
+def _box_planes(tile, axis, first, cell, step, span):  # type: ignore[no-untyped-def]
+    """Lengths of a packet's rays to both planes of a box across an axis; span: its first and last step in the cell."""
+    low, high = (STEPS * cell + span[0]) * step, (STEPS * cell + span[1] + 1) * step
+    return _to_plane(tile, axis, first, low), _to_plane(tile, axis, first, high)
+
+
+@lean_device
+def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
     """End the phases of rays among `lanes` that the node of a level stops; returns the lanes that go on inside it."""
     first = packet * LANES
     size = 1.0 / (np.int64(1) << level)
     leaf = nodes.child_mask[levels.state[level, HERE]] == 0
+    boxed = levels.state[level, HERE] >= nodes.first_boxed
     tested = lanes
     while tested != 0:
         enter = _entry(tile, first, levels, level, size)
         stopped = tested
         behind = tested & tile.lanes[PHASE + BEHIND, packet]
-        if behind != 0:  # these may begin beyond the node
+        if boxed:
+            enter, leave = _box_span(nodes, tile, first, mirror, levels, level)
+            stopped &= less(enter, leave)
+        elif behind != 0:  # these may begin beyond the node
             stopped &= less(enter, _exit(tile, first, levels, level, size)) | ~behind
         if not leaf:
             stopped &= less(splat(size), splat(2.0) * _pixel_side(search, tile, packet, enter))
@@ -325,7 +350,7 @@ def _open_pair(found, existing, octant, lanes, along, enter, leave):  # type: ig
 def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
     """Stop rays among `lanes` at the first child of a level's node that they meet; returns the visited children.
 
-    For children that stop every ray: nothing of theirs is read.
+    For children that stop every ray: nothing of theirs is read but boxes.
     """
     x, y, z = _child_planes(tile, packet * LANES, levels, level)
     existing = mirrored_children(nodes.child_mask[levels.state[level, HERE]], mirror)
@@ -344,8 +369,11 @@ def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):  # typ
                 met = left & less(entry, smaller(x[2 + side], leave))
                 if met != 0:
                     visits += 1
-                    left &= ~met
                     step_down(nodes, mirror, levels, level, octant)
+                    if levels.state[level + 1, HERE] >= nodes.first_boxed:
+                        entry, exit_ = _box_span(nodes, tile, packet * LANES, mirror, levels, level + 1)
+                        met &= less(entry, exit_)
+                    left &= ~met
                     _record(tile, packet, COARSE, levels, level + 1, met, entry)
     tile.lanes[ALIVE, packet] &= left | ~lanes
     return visits

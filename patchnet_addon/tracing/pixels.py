@@ -39,7 +39,7 @@ def supersample_pixels(octree: Octree, camera: Camera, pixels: np.ndarray, side:
     order = block_order(pixels, camera.width_px, side)
     found = np.empty((len(pixels), MEANS), np.float32)
     light = octree.luminance, chroma, octree.above_white
-    mean_of_rays(octree.nodes, light, unit, pixels[order], (side, 0.0, octree.depth), found)
+    mean_of_rays(octree.boxed_nodes, light, unit, pixels[order], (side, 0.0, octree.depth), found)
     means = np.empty_like(found)
     means[order] = found
     return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())

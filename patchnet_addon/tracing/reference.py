@@ -13,6 +13,7 @@ import numpy as np
 
 from ..cells.contract import fits_pixel_of, fitting_level_of
 from ..cells.morton import morton_encode
+from ..octree.leaf_boxes import box_bounds
 from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from .camera import Camera, camera_in_unit_cube
@@ -54,6 +55,11 @@ def first_hits_reference(
         ray, node, cell, enter = ray[met], node[met], cell[met], np.maximum(enter[met], start[ray[met]])
         pixel = side_at_0 + side_per_z * enter * speed[ray]
         stops = (octree.child_mask[node] == 0) | fits_pixel_of(size, pixel)
+        if octree.leaf_box is not None and level == octree.depth:
+            low, high = box_bounds(octree.leaf_box[node - octree.level_start[level]])
+            enter, leave = _box_interval(origin[ray], inverse[ray], (cell + low) * size, (high - low) * size)
+            enter = np.maximum(enter, start[ray])
+            stops = enter < leave
         for r, n, t in zip(ray[stops], node[stops], enter[stops], strict=True):
             if t < best_t[r]:
                 best_t[r], best_node[r] = t, n
@@ -79,9 +85,9 @@ def supersampled_reference(
 
 
 def _box_interval(
-    origin: np.ndarray, inverse: np.ndarray, low: np.ndarray, size: float
+    origin: np.ndarray, inverse: np.ndarray, low: np.ndarray, size: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ray parameters at which rays (N, 3) enter and leave the boxes [low, low + size]^3."""
+    """Ray parameters at which rays (N, 3) enter and leave the boxes from low to low + size."""
     with np.errstate(invalid="ignore"):
         a, b = (low - origin) * inverse, (low + size - origin) * inverse
     near = np.nan_to_num(np.minimum(a, b), nan=-np.inf)

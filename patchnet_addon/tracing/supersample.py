@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..octree.above_white import NOTHING_ABOVE, AboveWhite
-from ..octree.nodes import Nodes
+from ..octree.leaf_boxes import BoxedNodes
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bits import lowest_one
 from ..runtime.bounds import RAYS
@@ -75,7 +75,7 @@ def _supersampled(
         pixels = pixels[block_order(pixels, camera.width_px, side)]
         means = np.empty((len(pixels), MEANS), np.float32)
         mean_of_rays(
-            octree.nodes,
+            octree.boxed_nodes,
             (octree.luminance, chroma, NOTHING_ABOVE),  # errors are of what is clamped
             unit,
             pixels,
@@ -100,7 +100,7 @@ def block_order(pixels: np.ndarray, width_px: int, side: int) -> np.ndarray:
 
 
 def mean_of_rays(
-    nodes: Nodes,
+    nodes: BoxedNodes,
     light: tuple[np.ndarray, np.ndarray, AboveWhite],
     camera: CameraUnit,
     pixels: np.ndarray,

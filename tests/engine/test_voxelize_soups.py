@@ -151,7 +151,7 @@ def test_many_bricks_and_extreme_luminance():
     luminance[:3] = np.nan, np.inf, -np.inf
     leaves = LeafAccumulator(grid.voxel_size_world)
     leaves.add(fragments, luminance, np.ones(50_000), np.array([[0.0, 0.0, 1.0]]))
-    found, sums = leaves.take()
+    found, sums, _ = leaves.take()
     expected, place = np.unique(keys, return_inverse=True)
     np.testing.assert_array_equal(found, expected)
     np.testing.assert_allclose(sums[:, 0], np.bincount(place, fragments.area_world), rtol=1e-6)

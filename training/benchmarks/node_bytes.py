@@ -3,9 +3,9 @@
 
 Compared is: L&K's sparse voxel octree (methods 4.2) takes about 5 bytes a voxel, where every node but the root
 is a voxel: about 1 for the hierarchy, 1 for the contour, 1 for colour and the rest for the normal. These are the same
-things that ours stores, except that we keep the exact area instead of a contour, so bytes per node of all fields are
-compared. The Bistro figures (methods 4.4) are geometry alone, per leaf, and stand beside our hierarchy per leaf.
-Morton keys, which encoding computes when it needs them (8 bytes a node), and codes are not counted.
+things that ours stores, where boxes of leaves stand for contours, beside the exact area; so bytes per node of all
+fields are compared. The Bistro figures (methods 4.4) are geometry alone, per leaf, and stand beside our hierarchy per
+leaf. Morton keys, which encoding computes when it needs them (8 bytes a node), and codes are not counted.
 """
 
 from __future__ import annotations

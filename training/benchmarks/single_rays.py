@@ -4,7 +4,8 @@
 The first hit of a ray is found under the level-of-detail contract (methods 4.1, 4.1b). The ray is mirrored so that it
 runs upwards on every axis. The walk keeps the integer cell it is in and its level; all plane distances are computed
 from integers, so nothing drifts. A cell that exists and need not be divided is the hit; one that must be divided is
-entered; an empty one is left through its nearest face, climbing to the level whose cell changes.
+entered; an empty one is left through its nearest face, climbing to the level whose cell changes. So is a leaf whose box
+the ray does not meet.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...patchnet_addon.cells.contract import MAX_LEVELS, fits_pixel
+from ...patchnet_addon.octree.leaf_boxes import STEPS, mirrored_span
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
 from ...patchnet_addon.runtime.kernels import device, kernel
 from ...patchnet_addon.runtime.threads import run_parts
@@ -35,7 +37,7 @@ def single_hits(
     count = camera.pixel_count
     node, level, t = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count)
     begin = np.full(count, -1.0) if start is None else start
-    run_parts(_trace, camera.height_px, octree.nodes, unit, begin, node, level, t)
+    run_parts(_trace, camera.height_px, octree.boxed_nodes, unit, begin, node, level, t)
     return node, level, t
 
 
@@ -44,7 +46,7 @@ def single_means(octree: Octree, camera: Camera, pixels: np.ndarray, side: int) 
     unit = camera_in_unit_cube(camera, octree.grid).finer(side)
     means = np.empty(len(pixels), np.float32)
     run_parts(
-        _trace_means, len(pixels), octree.nodes, octree.luminance, unit, np.asarray(pixels, np.int64), side, means
+        _trace_means, len(pixels), octree.boxed_nodes, octree.luminance, unit, np.asarray(pixels, np.int64), side, means
     )
     return means
 
@@ -141,6 +143,22 @@ def _upwards(origin, direction):  # type: ignore[no-untyped-def]
 
 
 @device
+def _box_entry(box, mirror, cell, step, ray, t_start):  # type: ignore[no-untyped-def]
+    """Length at which a ray enters the box of a leaf, -1 if it does not meet it.
+
+    cell: mirrored. step: a sixteenth of its side. ray: mirrored origin (x, y, z) and 1 / direction (x, y, z).
+    """
+    enter, leave = t_start, _FAR
+    for axis in range(3):
+        first, last = mirrored_span(box[axis], (mirror >> axis) & 1)
+        low = (STEPS * cell[axis] + first) * step
+        high = (STEPS * cell[axis] + last + 1) * step
+        enter = max(enter, (low - ray[axis]) * ray[3 + axis])
+        leave = min(leave, (high - ray[axis]) * ray[3 + axis])
+    return enter if enter < leave else -1.0
+
+
+@device
 def first_hit(nodes, ray, t_start, pixel_side, stack):  # type: ignore[no-untyped-def]
     """First voxel (a `Hit`) that the ray meets from t_start on and that fits its pixel, or is a leaf.
 
@@ -165,11 +183,19 @@ def first_hit(nodes, ray, t_start, pixel_side, stack):  # type: ignore[no-untype
         if node >= 0:
             pixel = pixel_side.at_0 + pixel_side.per_z * (t * ray.speed)
             if nodes.child_mask[node] == 0 or fits_pixel(size, pixel):
-                top = (np.int64(1) << level) - 1
-                x = top - ix if mirror_x else ix
-                y = top - iy if mirror_y else iy
-                z = top - iz if mirror_z else iz
-                return Hit(node, level, t, (x, y, z))
+                met = t
+                if node >= nodes.first_boxed:
+                    away = ox, oy, oz, inv_x, inv_y, inv_z
+                    box = nodes.boxes[node - nodes.first_boxed]
+                    met = _box_entry(box, mirror, (ix, iy, iz), size / STEPS, away, t_start)
+                if met >= 0.0:
+                    top = (np.int64(1) << level) - 1
+                    x = top - ix if mirror_x else ix
+                    y = top - iy if mirror_y else iy
+                    z = top - iz if mirror_z else iz
+                    return Hit(node, level, met, (x, y, z))
+                node = np.int64(-1)
+                continue
             stack[level] = node
             level += 1
             size *= 0.5

@@ -99,14 +99,17 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
         "single": partial(single_hits, octree, camera),
         "single_reference": partial(single_means, octree, camera, pixels, _SIDE),
     }
+    if octree.leaf_box is not None:
+        solid = replace(octree, leaf_box=None)
+        runs["solid"] = partial(trace_pixels, solid, camera, coarse)
+        runs["solid_reference"] = partial(supersample_pixels, solid, camera, pixels, _SIDE)
     if embree is not None:
         runs["embree"] = partial(embree.trace, embree.rays(camera))
     for run in runs.values():
         run()  # compiles, and reads the octree into the caches' reach
     seconds = {name: median(values) for name, values in _turns(runs, repeats, threads).items()}
-    rays = dict.fromkeys(runs, camera.pixel_count) | dict.fromkeys(
-        ("reference", "single_reference"), len(pixels) * _SIDE**2
-    )
+    many = {name for name in runs if name.endswith("reference")}
+    rays = dict.fromkeys(runs, camera.pixel_count) | dict.fromkeys(many, len(pixels) * _SIDE**2)
     rates = {name: rays[name] / seconds[name] for name in runs}
     return {
         "name": camera.name,
@@ -118,7 +121,14 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
         "reference_over_single": rates["reference"] / rates["single_reference"],
         "fine_costs": seconds["fine"] / seconds["ours"] - 1.0,
         "behind_costs": (seconds["behind"] - seconds["fine"]) / seconds["ours"],
+        "boxes_cost": _over(seconds, "ours", "solid"),
+        "boxes_cost_reference": _over(seconds, "reference", "solid_reference"),
     }
+
+
+def _over(seconds: dict[str, float], one: str, other: str) -> float | None:
+    """What one run takes more than another, as a share of that; None where there was no other."""
+    return seconds[one] / seconds[other] - 1.0 if other in seconds else None
 
 
 def _turns(runs: dict[str, Callable[[], Any]], repeats: int, threads: int) -> dict[str, list[float]]:

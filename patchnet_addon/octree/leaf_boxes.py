@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Boxes of leaves: what part of a voxel its surface spans along each axis, in sixteenths (methods 4.1d).
+
+A bar of half a voxel that lies in two voxels marks both, and comes out four times as wide. So a ray meets a leaf of the
+finest level only where it meets the box around the surface in it. A box is never smaller than its surface, so surfaces
+have no gaps. It is packed in three bytes, one an axis: the first sixteenth in the lower four bits, the last one in the
+upper four.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..runtime.kernels import device, lean_device
+
+STEPS = 16
+WHOLE = 0xF0F0F0  # packed box of a whole voxel
+_MARGIN = 1e-6  # of a sixteenth: what rounding may have moved a cut
+_BITS = 8
+
+
+class BoxedNodes(NamedTuple):
+    """Nodes of an octree and boxes of its finest leaves; kernels that trace rays take them.
+
+    child_mask, first_child: as `Nodes` holds them. first_boxed: the first node with a box; those after it have one.
+    boxes: (b, 3) uint8 as `Octree.leaf_box`; with none of them `first_boxed` is above all nodes.
+    """
+
+    child_mask: np.ndarray
+    first_child: np.ndarray
+    first_boxed: int
+    boxes: np.ndarray
+
+
+def without_boxes(child_mask: np.ndarray, first_child: np.ndarray) -> BoxedNodes:
+    """Nodes whose leaves are whole voxels."""
+    return BoxedNodes(child_mask, first_child, len(child_mask), np.empty((0, 3), np.uint8))
+
+
+def unpacked(packed: np.ndarray) -> np.ndarray:
+    """Boxes (n, 3) uint8, a byte an axis, of packed ones (n,) uint32."""
+    return np.ascontiguousarray(np.asarray(packed, "<u4").view(np.uint8).reshape(-1, 4)[:, :3])
+
+
+def box_bounds(boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corners (n, 3) float64 of boxes (n, 3) uint8, in voxels from the leaf's lowest corner."""
+    return (boxes & 15) / STEPS, ((boxes >> 4) + 1.0) / STEPS
+
+
+def boxes_reference(points: np.ndarray) -> np.ndarray:
+    """Reference of `packed_axis`: the box (3,) uint8 around points (n, 3), in voxels from the leaf's lowest corner."""
+    low = np.clip(np.floor(points.min(axis=0) * STEPS - _MARGIN), 0, STEPS - 1)
+    high = np.clip(np.ceil(points.max(axis=0) * STEPS + _MARGIN) - 1, low, STEPS - 1)
+    return (low + STEPS * high).astype(np.uint8)
+
+
+@device
+def packed_axis(axis, low, high):  # type: ignore[no-untyped-def]
+    """One axis of a packed box, from `low` to `high`, in voxels from the leaf's lowest corner."""
+    first = min(max(np.floor(low * STEPS - _MARGIN), 0.0), STEPS - 1.0)
+    last = min(max(np.ceil(high * STEPS + _MARGIN) - 1.0, first), STEPS - 1.0)
+    return (np.uint64(first) | np.uint64(last) << np.uint64(4)) << np.uint64(_BITS * axis)
+
+
+@device
+def joined_boxes(one, other):  # type: ignore[no-untyped-def]
+    """Packed box around two packed ones."""
+    joined = np.int64(0)
+    for axis in range(3):
+        a, b = (np.int64(one) >> (_BITS * axis)) & 255, (np.int64(other) >> (_BITS * axis)) & 255
+        joined |= (min(a & 15, b & 15) | max(a >> 4, b >> 4) << 4) << (_BITS * axis)
+    return joined
+
+
+@lean_device
+def mirrored_span(byte, mirrored):  # type: ignore[no-untyped-def]
+    """First and last sixteenth of a box on an axis whose direction may be mirrored."""
+    first, last = np.int64(byte) & 15, np.int64(byte) >> 4
+    return (15 - last, 15 - first) if mirrored else (first, last)

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Boxes of leaves: those of the clip against each piece cut alone, walks that meet them against plain ones, files."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from patchnet.patchnet_addon.cells.morton import morton_decode
+from patchnet.patchnet_addon.export.octree_file import truncated
+from patchnet.patchnet_addon.octree.blocks import all_cells
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.clip import clip_triangles
+from patchnet.patchnet_addon.octree.clip_reference import piece_reference
+from patchnet.patchnet_addon.octree.file import load_octree, save_octree
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.leaf_boxes import STEPS, box_bounds, boxes_reference, unpacked
+from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
+from patchnet.patchnet_addon.runtime.errors import OctreeFileError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
+from patchnet.patchnet_addon.tracing.reference import first_hits_reference
+from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
+from patchnet.training.benchmarks.single_rays import single_hits, single_means
+
+from .octree_samples import random_octree
+from .test_tiles import cameras, seen
+from .test_tracing import centres
+from .test_voxelize import position_shade, soup, triangle
+
+
+def with_boxes(octree, seed=0):
+    """Octree whose finest leaves have random boxes, some as flat as a box may be."""
+    random = np.random.default_rng(seed)
+    count = octree.level_start[-1] - octree.level_start[-2]
+    ends = np.sort(random.integers(0, STEPS, (2, count, 3)), axis=0)
+    return replace(octree, leaf_box=(ends[0] | ends[1] << 4).astype(np.uint8))
+
+
+@settings(max_examples=100, deadline=None)
+@given(triangle)
+def test_boxes_of_the_clip_are_around_each_piece(corners):
+    """Cells 28 to 35 of 64 lie in eight bricks of 32. A cut on a sixteenth may fall on either side of it."""
+    corners, area = corners + 28, triangle_areas_and_normals(corners[None])[0]
+    wanted = all_cells(6)
+    keys, *_, boxes = clip_triangles(corners[None], area, 0, 1, (0, 64), 64, wanted.near, wanted.block)
+    assert area[0] < 1e-9 or len(keys)
+    for cell, box in zip(morton_decode(keys), unpacked(boxes).astype(int), strict=True):
+        points = np.array([point for point, _ in piece_reference(corners, tuple(cell))])
+        if len(points) == 0:  # a sliver that rounding alone has put there
+            continue
+        expected = boxes_reference(points - cell).astype(int)
+        assert (np.abs((box & 15) - (expected & 15)) <= 1).all() and (np.abs((box >> 4) - (expected >> 4)) <= 1).all()
+        low, high = box_bounds(box)
+        assert (low <= points.min(axis=0) - cell + 1e-6).all() and (high >= points.max(axis=0) - cell - 1e-6).all()
+
+
+def test_boxes_of_leaves_are_around_all_their_pieces():
+    corners = soup(40, seed=3)
+    mesh = TriangleMesh.from_arrays(corners)
+    grid = Grid.around(mesh.bounds_world, 5)
+    octree = drain(build_octree(mesh, grid, position_shade, boxes=True, block_fragments=500))
+    voxels = grid.to_unit(corners) * 32
+    leaves = octree.cells(5)
+    low, high = np.full((len(leaves), 3), np.inf), np.full((len(leaves), 3), -np.inf)
+    for one in voxels:
+        near = ((leaves + 1 >= one.min(axis=0)) & (leaves <= one.max(axis=0))).all(axis=1)
+        for leaf in np.flatnonzero(near):
+            if piece := piece_reference(one, tuple(leaves[leaf])):
+                points = np.array([point for point, _ in piece]) - leaves[leaf]
+                low[leaf], high[leaf] = (
+                    np.minimum(low[leaf], points.min(axis=0)),
+                    np.maximum(high[leaf], points.max(axis=0)),
+                )
+    expected = np.array([boxes_reference(np.array(pair)) for pair in zip(low, high, strict=True)])
+    assert octree.leaf_box.shape == expected.shape
+    assert (octree.leaf_box == expected).mean() > 0.999
+    plain = drain(build_octree(mesh, grid, position_shade))
+    assert plain.leaf_box is None and octree.nbytes == plain.nbytes + 3 * len(leaves)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_hits_are_those_of_single_rays(seed):
+    octree = with_boxes(random_octree(seed=seed, adaptive=seed % 2 == 1), seed)
+    missed = 0
+    for camera in cameras(octree):
+        node, level, t = single_hits(octree, camera)
+        hits = first_hits(octree, camera)
+        np.testing.assert_array_equal(hits.node, node, err_msg=camera.name)
+        expected = (t * octree.grid.side_world).astype(np.float32)
+        np.testing.assert_array_equal(hits.t_world, expected, err_msg=camera.name)
+        found = patch_hits(octree, camera, 0.25)
+        met = node >= 0
+        start = np.where(met, t, 0.0) + 1.5 * 0.5**level
+        np.testing.assert_array_equal(found.fine[met], seen(octree, single_hits(octree, camera, 4.0)[0])[met])
+        beyond = single_hits(octree, camera, 4.0, start)[0]
+        np.testing.assert_array_equal(found.behind[met], seen(octree, beyond)[met], err_msg=camera.name)
+        missed += int((first_hits(replace(octree, leaf_box=None), camera).node != node).sum())
+    assert missed > 10  # rays that have passed a box
+
+
+def test_hits_are_those_of_the_reference():
+    octree = with_boxes(random_octree(seed=2, adaptive=True))
+    for camera in cameras(octree)[:4]:
+        hits = first_hits(octree, camera)
+        node, t = first_hits_reference(octree, camera, *centres(camera))
+        assert (hits.node == node).mean() > 0.995
+        same = (hits.node == node) & hits.hit
+        np.testing.assert_allclose(hits.t_world[same], t[same] * octree.grid.side_world, rtol=1e-6)
+
+
+@pytest.mark.parametrize("side", [2, 8])
+def test_means_are_those_of_single_rays(side):
+    octree = with_boxes(random_octree(seed=5))
+    for camera in cameras(octree)[:3]:
+        pixels = np.random.default_rng(side).integers(0, camera.pixel_count, 40)
+        found = supersample_pixels(octree, camera, pixels, side)
+        np.testing.assert_allclose(found.luminance, single_means(octree, camera, pixels, side), atol=1e-6)
+
+
+@pytest.mark.parametrize("boxes", [True, False])
+def test_a_thin_bar_is_as_wide_as_it_is(boxes):
+    """A bar of 0.6 voxels across, from voxel to voxel, covers that share of the view, and two voxels without a box."""
+    low, high = np.array([-0.3, 0.1, -4.0]), np.array([0.3, 0.4, 4.0])
+    ends = np.array([[(i >> axis) & 1 for axis in range(3)] for i in range(8)])
+    faces = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
+    points = np.where(ends, high, low)
+    bar = points[[(a, b, c) for a, b, c, d in faces] + [(a, c, d) for a, b, c, d in faces]]
+    mesh = TriangleMesh.from_arrays(bar)
+    octree = drain(build_octree(mesh, Grid((-8.0, -8.0, -8.0), 16.0, 4), position_shade, exposure=1.0, boxes=boxes))
+    axes = np.array([1.0, 0, 0]), np.array([0, 0, 1.0]), np.array([0, 1.0, 0])
+    camera = Camera(np.array([0.0, -20.0, 0.0]), *axes, 4.0, 2.0, 8, 4, kind=ORTHOGRAPHIC)
+    coverage = supersample_pixels(octree, camera, np.arange(32), 32).coverage.reshape(4, 8)
+    width = coverage.sum(axis=1)  # pixels are as wide as voxels
+    np.testing.assert_allclose(width, 0.6 if boxes else 2.0, atol=2 / STEPS)
+
+
+def test_files_keep_boxes_and_refuse_wrong_ones(tmp_path):
+    octree = with_boxes(random_octree(seed=1))
+    path = tmp_path / "boxes.safetensors"
+    save_octree(octree, path)
+    np.testing.assert_array_equal(load_octree(path).leaf_box, octree.leaf_box)
+    empty = octree.leaf_box.copy()
+    empty[-1, 1] = 0x0F
+    for wrong, why in ((octree.leaf_box[1:], "not as many"), (empty, "empty")):
+        save_octree(replace(octree, leaf_box=wrong), path)
+        with pytest.raises(OctreeFileError, match=why):
+            load_octree(path)
+    save_octree(replace(octree, leaf_box=None), path)  # as files were before there were boxes
+    assert load_octree(path).leaf_box is None
+    assert truncated(octree, 3).leaf_box is None and truncated(octree, octree.depth).leaf_box is octree.leaf_box
