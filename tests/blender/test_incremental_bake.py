@@ -163,6 +163,10 @@ def test_cameras_and_empties_change_nothing_and_skies_are_known() -> None:
     background.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     background.inputs["Strength"].default_value = 0.5
     assert sky_luminance(world) == pytest.approx(0.5) and sky_luminance(None) == 0.0
+    ramp = world.node_tree.nodes.new("ShaderNodeValToRGB")
+    world.node_tree.links.new(ramp.outputs[0], background.inputs["Color"])
+    ramp.color_ramp.elements[1].color = (0.4, 0.4, 0.4, 1.0)
+    assert sky_luminance(world) == pytest.approx(0.2)
     sky = world.node_tree.nodes.new("ShaderNodeTexSky")
     world.node_tree.links.new(sky.outputs[0], background.inputs["Color"])
     assert sky_luminance(world) is None

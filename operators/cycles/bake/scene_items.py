@@ -26,7 +26,6 @@ _MOST_CHANGED = 64
 _MOST_PAIRS = 4096  # of lamps and boxes, each of which asks all of the surface
 _UNSEEN = ("CAMERA", "EMPTY", "SPEAKER", "LATTICE", "ARMATURE", "LIGHT_PROBE")
 _SEQUENCES = ("SEQUENCE", "MOVIE")
-_PLAIN_WORLD = frozenset({"BACKGROUND", "OUTPUT_WORLD", "RGB", "VALUE"})
 _PLAIN_LAMP = frozenset({"EMISSION", "OUTPUT_LIGHT"})
 
 
@@ -38,7 +37,7 @@ def scene_items(depsgraph: bpy.types.Depsgraph, daylight: bool) -> dict[str, Any
     """Everything that a bake's light depends on beside the surface's own triangles.
 
     daylight: whether sun and sky of ours shine in place of the scene's world. `all` is a hash of what lights all,
-    `sky` the luminance of the world or None where it is not the same all over, `items` the rest one by one.
+    `sky` the luminance of the world where it is brightest or None where nobody knows, `items` the rest one by one.
     """
     digest = Digest()
     if not daylight:
@@ -82,7 +81,7 @@ def change_of(before: dict[str, Any], now: dict[str, Any]) -> Change:
     if not changed:
         return Change(np.empty((0, 2, 3)))
     if now["sky"] is None:
-        raise NotFollowedError("the world is not of one color: what it lights is not followed")
+        raise NotFollowedError("the light of an image or a sky texture is not followed")
     if len(changed) > _MOST_CHANGED:
         raise NotFollowedError("too much changed")
     boxes = [item["box"] for item in changed if item["kind"] == "surface"]
@@ -184,21 +183,39 @@ def _luminance(color: Any) -> float:
 
 
 def sky_luminance(world: bpy.types.World | None) -> float | None:
-    """Luminance of a world of one colour; None of any other."""
+    """Luminance of a world where it is brightest; None where that is not to be read from its nodes, as of an image."""
     if world is None:
         return 0.0
     tree = world.node_tree if world.use_nodes else None
     if tree is None:
         return _luminance(world.color)
-    backgrounds = [node for node in tree.nodes if node.type == "BACKGROUND"]
-    if not {node.type for node in tree.nodes} <= _PLAIN_WORLD or len(backgrounds) > 1:
-        return None
-    if not backgrounds:
+    output = tree.get_output_node("CYCLES")
+    if output is None or output.inputs["Volume"].is_linked:
+        return None if output else 0.0
+    links = output.inputs["Surface"].links
+    if not links:
         return 0.0
-    if any(socket.is_linked for socket in backgrounds[0].inputs):
+    background = links[0].from_node
+    if background.type != "BACKGROUND" or background.mute or background.inputs["Strength"].is_linked:
         return None
-    color, strength = (backgrounds[0].inputs[name].default_value for name in ("Color", "Strength"))
-    return _luminance(color) * float(strength)
+    color = _brightest(background.inputs["Color"])
+    return None if color is None else color * float(background.inputs["Strength"].default_value)
+
+
+def _brightest(socket: bpy.types.NodeSocket) -> float | None:
+    """Luminance of a colour where it is brightest: of a plain one, or of a ramp of colours."""
+    if not socket.is_linked:
+        return _luminance(socket.default_value)
+    node = socket.links[0].from_node
+    if node.mute:
+        return None
+    if node.type == "RGB":
+        return _luminance(node.outputs[0].default_value)
+    if node.type == "VALTORGB":  # splines between stops may reach beyond them, by less than a half
+        ramp = node.color_ramp
+        over = 1.5 if ramp.interpolation in ("CARDINAL", "B_SPLINE") or ramp.color_mode != "RGB" else 1.0
+        return over * max(_luminance(stop.color) for stop in ramp.elements)
+    return None
 
 
 def _sun_of_ours() -> Item:
