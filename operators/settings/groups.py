@@ -74,7 +74,7 @@ class LightSettings:
     gloss: whose reflections are baked, and from where they are seen: auto, off, above, camera.
     denoise: baked light is averaged with that around it, as far as it differs by its noise (methods 7.2g).
     incremental: bake only what changed since the last bake of the scene, and what that may change in the light by more
-    than `tolerance` of white (methods 7.2h).
+    than `tolerance` of white (methods 7.2i).
     color: keep colour beside luminance, for pictures and exports; two bytes a node (methods 7.2d).
     texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
     daylight: whether sun and sky are added for the bake; None adds them to a scene without light.

@@ -8,7 +8,7 @@ import pytest
 
 from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
 from patchnet.patchnet_addon.lightmap.charts import Charts, layout_charts
-from patchnet.patchnet_addon.lightmap.incremental.bounce import change_bound, groups_of
+from patchnet.patchnet_addon.lightmap.incremental.bounce import change_bound, groups_of, joined_boxes
 from patchnet.patchnet_addon.lightmap.incremental.follow import Change, Levels, albedo_of, follow
 from patchnet.patchnet_addon.lightmap.incremental.pieces import Pieces, pieces_of
 from patchnet.patchnet_addon.lightmap.incremental.record import BakeRecord, load_record, save_record
@@ -37,10 +37,10 @@ def plane(side: float, cells: int, z: float = 0.0) -> np.ndarray:
 
 
 def room(side: float, cells: int) -> np.ndarray:
-    """Triangles of the six faces of a cube around the origin."""
+    """Triangles of the six faces of a cube around the origin, which face inwards."""
     floor = plane(side, cells, -side / 2)
-    faces = [np.roll(floor, axis, axis=-1) * sign for axis in range(3) for sign in (1, -1)]
-    return np.concatenate(faces)
+    ceiling = (floor * [1, 1, -1])[:, ::-1]
+    return np.concatenate([np.roll(face, axis, axis=-1) for axis in range(3) for face in (floor, ceiling)])
 
 
 def layout(corners: np.ndarray, texel: float = 0.2, page_side: int = 64, samples: int = 8) -> Charts:
@@ -98,40 +98,48 @@ def test_in_a_closed_room_a_wall_gets_what_the_others_send() -> None:
     pieces = drain(pieces_of(TriangleMesh.from_arrays(room(2.0, 4))))
     groups = groups_of(pieces, np.full(len(pieces.area), 0.5))
     floor = groups.centre[:, 2] < -0.99
-    nothing = np.empty((0, 2, 3))
-    bound = change_bound(groups, np.ones(len(floor)), nothing, 0.0)
-    # All walls shine with 1, albedo 1/2: 1/2 + 1/4 + ... = 1.
-    assert bound.mean() == pytest.approx(1.0, rel=0.1) and bound.min() > 0.7
-    one = change_bound(groups, floor.astype(float), nothing, 0.0)
+    nothing = np.empty((0, 2, 3)), np.empty(0)
+    bound = change_bound(groups, np.ones(len(floor)), *nothing, 0.0)
+    # All walls shine with 1, albedo 1/2: 1 + 1/2 + 1/4 + ... = 2.
+    assert bound.mean() == pytest.approx(2.0, rel=0.1) and bound.min() > 1.4
+    one = change_bound(groups, floor.astype(float), *nothing, 0.0)
     opposite = groups.centre[:, 2] > 0.99
     # The floor sends a cube's opposite wall a fifth of what it gets, before any further bounce.
-    assert one[opposite].mean() > 0.5 * 0.19 and one[floor].mean() < one[opposite].mean()
-    assert change_bound(groups, np.zeros(len(floor)), nothing, 0.0).max() == 0.0
+    assert one[opposite].mean() > 0.19 and one[floor].mean() < one[opposite].mean()
+    assert change_bound(groups, np.zeros(len(floor)), *nothing, 0.0).max() == 0.0
 
 
 def test_what_hides_a_box_falls_with_its_distance() -> None:
     pieces = drain(pieces_of(TriangleMesh.from_arrays(plane(20.0, 20), GRAY)))
     groups = groups_of(pieces, np.full(len(pieces.area), 0.5))
     box = np.array([[[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]]])
-    bound = change_bound(groups, np.zeros(len(groups.area)), box, 2.0)
+    bound = change_bound(groups, np.zeros(len(groups.area)), box, np.array([np.inf]), 2.0)
     distance = np.linalg.norm(groups.centre[:, :2], axis=1)
-    assert bound[distance < 1].min() == pytest.approx(0.5 * 2.0), "beside it all may be hidden"
-    assert bound[distance > 9].max() < 0.02 and bound.min() > 0.0
+    assert bound[distance < 1].min() == pytest.approx(2.0), "beside it all may be hidden"
+    assert bound[distance > 9].max() < 0.04 and bound.min() > 0.0
+
+
+def test_boxes_that_show_no_more_together_are_one() -> None:
+    first = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    boxes = np.stack([first, first + [0.3, 0.0, 0.0], first + [9.0, 0.0, 0.0]])
+    joined, areas = joined_boxes(boxes, np.array([1.0, 2.0, 4.0]))
+    np.testing.assert_allclose(joined, [[[0, 0, 0], [1.3, 1, 1]], boxes[2]])
+    np.testing.assert_array_equal(areas, [3.0, 4.0])
 
 
 def test_a_shadow_is_followed_and_the_rest_stays() -> None:
     mesh = TriangleMesh.from_arrays(plane(20.0, 20), GRAY)
     box = np.array([[[-0.5, -0.5, 1.0], [0.5, 0.5, 1.5]]])
     slanted = Lamp((-0.8, 0.0, 0.6), 0.005, True)
-    again, most = drain(follow(mesh, Change(box, (slanted,)), 1.0, 0.02))
+    again, most = drain(follow(mesh, Change(box, np.array([3.5]), (slanted,)), 1.0, 0.02))
     middle = mesh.parts[0].corners_world.mean(axis=1)
     shadow = np.linalg.norm(middle[:, :2] - [1.7, 0.0], axis=1) < 0.5  # 1.25 up, 4/3 along x a metre
     away = np.linalg.norm(middle[:, :2], axis=1) > 8
     assert again[shadow].all() and not again[away].any() and (most[shadow] >= 1.0).all()
     assert (most[~again] <= 0.02).all() and most.min() >= 0.0
     lamp = Lamp((0.0, 0.0, 2.0), 0.1, False, 1.0)
-    nobody = np.empty((0, 2, 3))
-    lit, bound = drain(follow(mesh, Change(nobody, (), (lamp,)), 1.0, 0.02))
+    nobody = np.empty((0, 2, 3)), np.empty(0)
+    lit, bound = drain(follow(mesh, Change(*nobody, (), (lamp,)), 1.0, 0.02))
     below = np.linalg.norm(middle[:, :2], axis=1) < 0.6
     assert lit[below].all() and not lit[away].any()
     exact = 0.5 * 1.0 / np.pi * 2.0 / (np.linalg.norm(middle - [0, 0, 2.0], axis=1)) ** 3
@@ -188,8 +196,9 @@ def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 def test_levels_are_quantiles_by_area() -> None:
     luminance, area = np.array([5.0, 0.2, 0.1]), np.array([0.0005, 0.5, 0.4995])
-    assert Levels.of(luminance, area) == Levels(0.2, 0.2)
-    assert Levels.of(np.empty(0), np.empty(0)) == Levels(0.0, 0.0)
+    found = Levels.of(luminance, area)
+    assert (found.white, found.brightest) == (0.2, 0.2)
+    assert Levels.of(np.empty(0), np.empty(0)).white == 0.0
     pixels = np.zeros((4, 5, 3), np.float32)
     pixels[0] = 0.8
     assert albedo_of(Material("m", (1.0, 1.0, 1.0), Texture("t", pixels))) == pytest.approx(0.8)

@@ -63,7 +63,7 @@ def bake_luminance(
     light: its `samples` are paths a texel and side; with `denoise` the atlas knows its noise; with `color` it has some
     (`Atlas.texels`); with `both_sides` those of opaque sheets are lit; `gloss` says whose reflections are baked; with
     `daylight` sun and sky of ours shine in place of the scene's world; with `incremental` only what changed since the
-    last bake of the scene is baked, as far as its light may differ by more than `tolerance` (methods 7.2h).
+    last bake of the scene is baked, as far as its light may differ by more than `tolerance` (methods 7.2i).
     device: one of `DEVICES`; automatic is a GPU where the preferences of Cycles enable one.
     kept: finished pages are taken from there and left there.
     depsgraph: what `source` was read from, for the pages' key; None takes the context's.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Incremental bake: what of the last bake of a scene stays, and what of the scene is baked again (methods 7.2h)."""
+"""Incremental bake: what of the last bake of a scene stays, and what of the scene is baked again (methods 7.2i)."""
 
 from __future__ import annotations
 

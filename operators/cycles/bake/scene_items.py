@@ -46,6 +46,8 @@ def scene_items(depsgraph: bpy.types.Depsgraph, daylight: bool) -> dict[str, Any
         digest.text(depsgraph.scene.frame_current_final)
     items = [_sun_of_ours()] if daylight else []
     met: set[str] = set()
+    boxes: dict[tuple[Any, ...], Item] = {}
+    twins: list[tuple[Any, ...]] = []
     known: dict[tuple[str, int], tuple[str, bool]] = {}
     for instance in depsgraph.object_instances:
         item = instance.object
@@ -56,7 +58,16 @@ def scene_items(depsgraph: bpy.types.Depsgraph, daylight: bool) -> dict[str, Any
         if key not in known:
             of = item.original.evaluated_get(depsgraph) if instance.is_instance else item
             known[key] = _contents(of, item), _shines(item)
-        items.append(_placed(instance, *known[key]))
+        placed = _placed(instance, *known[key])
+        # A curve is there beside the mesh that renders make of it, and has no box of its own.
+        twin = item.name_full, tuple(map(tuple, instance.matrix_world))
+        if isinstance(item.data, bpy.types.Mesh) and "box" in placed:
+            boxes[twin] = placed
+        items.append(placed)
+        twins.append(twin)
+    for placed, twin in zip(items[len(items) - len(twins) :], twins, strict=True):
+        if "box" in placed and twin in boxes:
+            placed |= {"box": boxes[twin]["box"], "area": placed["area"] if boxes[twin] is placed else 0.0}
     for item in depsgraph.scene.original.objects:  # not in viewports, yet in renders
         known_or_own = item.name_full in met or is_own(item)
         if not known_or_own and not item.hide_render and item.type not in _UNSEEN:
@@ -79,18 +90,19 @@ def change_of(before: dict[str, Any], now: dict[str, Any]) -> Change:
         if counts[item["key"]] * sign > 0
     ]
     if not changed:
-        return Change(np.empty((0, 2, 3)))
+        return Change(np.empty((0, 2, 3)), np.empty(0))
     if now["sky"] is None:
         raise NotFollowedError("the light of an image or a sky texture is not followed")
     if len(changed) > _MOST_CHANGED:
         raise NotFollowedError("too much changed")
     boxes = [item["box"] for item in changed if item["kind"] == "surface"]
+    areas = [item["area"] for item in changed if item["kind"] == "surface"]
     lit = tuple(_followed(item) for item in changed if item["kind"] != "surface")
     lamps = {item["key"]: item for items in (before["items"], now["items"]) for item in items}.values()
     shining = tuple(_lamp_of(item) for item in lamps if "place" in item)
     if len(shining) * len(boxes) > _MOST_PAIRS:
         raise NotFollowedError("too many lamps shine")
-    return Change(np.array(boxes, np.float64).reshape(-1, 2, 3), shining, lit)
+    return Change(np.array(boxes, np.float64).reshape(-1, 2, 3), np.array(areas, np.float64), shining, lit)
 
 
 def _followed(item: Item) -> Lamp:
@@ -132,12 +144,33 @@ def _placed(instance: bpy.types.DepsgraphObjectInstance, contents: str, shines: 
         return found | _lamp(item.data, matrix)
     if item.type == "VOLUME":
         return found | {"kind": "volume"}
-    box = _box(matrix, np.array(item.bound_box, np.float64))
+    box = _box(matrix, _points(item))
+    found |= {"box": box, "area": _area(item, matrix)}
     if not shines:
-        return found | {"kind": "surface", "box": box}
+        return found | {"kind": "surface"}
     low, high = np.array(box)
     around = {"place": ((low + high) / 2).tolist(), "radius": float(np.linalg.norm(high - low) / 2), "is_far": False}
-    return found | {"kind": "emitter", "box": box} | around
+    return found | {"kind": "emitter"} | around
+
+
+def _points(item: bpy.types.Object) -> np.ndarray:
+    """Points (N, 3) around which the smallest box holds all of an object."""
+    data = item.data
+    if not isinstance(data, bpy.types.Mesh) or not len(data.vertices):
+        return np.array(item.bound_box, np.float64)
+    points = np.empty(3 * len(data.vertices), np.float32)
+    data.vertices.foreach_get("co", points)
+    return points.reshape(-1, 3).astype(np.float64)
+
+
+def _area(item: bpy.types.Object, matrix: np.ndarray) -> float:
+    """Surface of an object in world units, or more; infinite where nobody knows."""
+    data = item.data
+    if not isinstance(data, bpy.types.Mesh):
+        return math.inf
+    areas = np.empty(len(data.polygons), np.float32)
+    data.polygons.foreach_get("area", areas)
+    return float(areas.sum(dtype=np.float64) * np.linalg.norm(matrix[:3, :3], ord=2) ** 2)
 
 
 def _box(matrix: np.ndarray, points: np.ndarray) -> list[list[float]]:

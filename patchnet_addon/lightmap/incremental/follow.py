@@ -23,11 +23,13 @@ _LIGHTEST = 0.95  # quantile of a texture's albedo
 class Change:
     """Change of a scene since a bake.
 
-    boxes: (B, 2, 3) float64 in world units: what came, went, moved or looks otherwise, before and after. lamps: all
-    that cast shadows. lit: those that came, went or changed, before and after.
+    boxes: (B, 2, 3) float64 in world units: what came, went, moved or looks otherwise, before and after. areas: (B,)
+    float64, surface of what is in them. lamps: all that cast shadows. lit: those that came, went or changed, before and
+    after.
     """
 
     boxes: np.ndarray
+    areas: np.ndarray
     lamps: tuple[Lamp, ...] = ()
     lit: tuple[Lamp, ...] = ()
 
@@ -76,7 +78,7 @@ def _scattered(pieces: Pieces, albedo: np.ndarray, change: Change, direct: np.nd
     groups = groups_of(pieces, albedo)
     weight = np.maximum(pieces.area, 1e-30)
     changed = np.bincount(groups.of, weight * direct, len(groups.area)) / groups.area
-    bound: np.ndarray = change_bound(groups, changed, change.boxes, brightest)[groups.of]
+    bound: np.ndarray = albedo * change_bound(groups, changed, change.boxes, change.areas, brightest)[groups.of]
     return bound
 
 

@@ -12,7 +12,7 @@ from ...runtime.progress import Progress, Steps
 from ...surface.mesh import MeshSource
 
 _ALONG = 96  # pieces along the longest side of the surface's box
-_MOST_PARTS = 128  # of an edge
+_MOST_HALVINGS = 14  # of a triangle
 
 
 class Pieces(NamedTuple):
@@ -30,43 +30,36 @@ class Pieces(NamedTuple):
 
 
 def pieces_of(source: MeshSource) -> Steps[Pieces]:
-    """Divide the edges of large triangles evenly; small triangles are one piece each."""
+    """Halve large triangles across their longest edge until they are small; small ones are one piece each."""
     spacing = float(np.ptp(source.bounds_world, axis=0).max()) / _ALONG
     parts: list[Pieces] = []
     for batch in source.batches():
-        parts += _divided(batch.corners_world, batch.first_triangle, spacing)
+        parts += _halved(batch.corners_world, np.arange(len(batch)) + batch.first_triangle, spacing)
         yield Progress(batch.first_triangle + len(batch), source.triangle_count, "Following light")
     return Pieces(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
-def _divided(corners: np.ndarray, first: int, spacing: float) -> list[Pieces]:
-    """Pieces of triangles (T, 3, 3), those with equally many parts an edge together."""
-    area, normal = triangle_areas_and_normals(corners)
-    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=-1).max(axis=1)
-    counts = np.clip(np.ceil(longest / max(spacing, 1e-30)), 1, _MOST_PARTS).astype(int)
-    middle = corners.mean(axis=1)
-    radius = np.linalg.norm(corners - middle[:, None], axis=-1).max(axis=1)
+def _halved(corners: np.ndarray, triangle: np.ndarray, spacing: float) -> list[Pieces]:
+    """Pieces of triangles (T, 3, 3), those that are halved equally often together."""
     found = []
-    for count in np.unique(counts).tolist():
-        chosen = np.flatnonzero(counts == count)
-        weights = _centroids(count)  # (count^2, 3)
-        number = len(weights)
-        found.append(
-            Pieces(
-                np.repeat(chosen + first, number),
-                np.einsum("wc,tcx->twx", weights, corners[chosen]).reshape(-1, 3),
-                np.repeat(radius[chosen] / count, number),
-                np.repeat(normal[chosen], number, axis=0),
-                np.repeat(area[chosen] / number, number),
-            )
-        )
+    for halvings in range(_MOST_HALVINGS + 1):
+        edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=-1)
+        large = edges.max(axis=1) > spacing if halvings < _MOST_HALVINGS else np.zeros(len(corners), bool)
+        found.append(_pieces(corners[~large], triangle[~large]))
+        corners, triangle, edges = corners[large], triangle[large], edges[large]
+        if not len(corners):
+            break
+        n, first = np.arange(len(corners)), edges.argmax(axis=1)
+        start, end, other = (corners[n, (first + shift) % 3] for shift in range(3))
+        middle = (start + end) / 2.0
+        corners = np.concatenate([np.stack([start, middle, other], 1), np.stack([middle, end, other], 1)])
+        triangle = np.tile(triangle, 2)
     return found
 
 
-def _centroids(count: int) -> np.ndarray:
-    """Barycentric centroids (count^2, 3) of the parts of a triangle whose edges are divided into `count`."""
-    i, j = (axis.ravel() for axis in np.meshgrid(np.arange(count), np.arange(count), indexing="ij"))
-    upright, turned = i + j < count, i + j < count - 1
-    first = np.concatenate([i[upright] + 1 / 3, i[turned] + 2 / 3]) / count
-    second = np.concatenate([j[upright] + 1 / 3, j[turned] + 2 / 3]) / count
-    return np.stack([1.0 - first - second, first, second], axis=-1)
+def _pieces(corners: np.ndarray, triangle: np.ndarray) -> Pieces:
+    """Triangles (N, 3, 3) as one piece each."""
+    area, normal = triangle_areas_and_normals(corners)
+    centre = corners.mean(axis=1)
+    radius = np.linalg.norm(corners - centre[:, None], axis=-1).max(axis=1)
+    return Pieces(triangle.astype(np.int64), centre, radius, normal, area)

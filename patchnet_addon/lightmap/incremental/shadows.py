@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shadows that a box could cast: whether it may stand between a piece of surface and a lamp (methods 7.2h)."""
+"""Shadows that a box could cast: whether it may stand between a piece of surface and a lamp (methods 7.2i)."""
 
 from __future__ import annotations
 
