@@ -110,9 +110,9 @@ class _Output:
         self._shown = time.monotonic()
 
     def shown_meanwhile(self, steps: Steps[None]) -> Steps[None]:
-        """Pass on the steps; now and then the picture that they work on is shown."""
+        """Pass on the steps; now and then the picture that they work on is shown, where there is a window."""
         for report in steps:
-            if time.monotonic() - self._shown > _SHOWN_S:
+            if not bpy.app.background and time.monotonic() - self._shown > _SHOWN_S:
                 self._write()
                 self._engine.update_result(self._result)
                 self._shown = time.monotonic()
