@@ -10,9 +10,12 @@ import numpy as np
 from ..octree.octree import Octree
 from ..runtime.progress import Steps
 from .camera import Camera
+from .render import first_hits
 from .viewpoints import FOV, grown, occupied_cells, viewpoints
 
-_VIEWS = 6  # whose sights are tried
+_VIEWS = 16  # whose sights are tried
+_SKY = 0.02  # of what is above, from which on a place is under the sky and not in a hollow wall
+_SKY_FOV, _SKY_PX = float(np.radians(120.0)), (32, 32)
 _LEVEL = 6  # of the cells that are free, at most
 _STEPS = 256  # places along a sight
 _MOST = 0.6  # of the surface's extent
@@ -22,12 +25,15 @@ _TURN = float(np.radians(20.0))  # to the left at the beginning, to the right at
 def walk_keys(octree: Octree, size_px: tuple[int, int]) -> Steps[list[Camera]]:
     """Three cameras along the longest free way that the sight of a good view leads, level with it, looking ahead.
 
-    The first looks a little to the left, the last a little to the right. Raises SceneError where no place is free.
+    Ways under the sky come first: no light is known yet that would tell a hall from a hollow wall. The first camera
+    looks a little to the left, the last a little to the right. Raises SceneError where no place is free.
     """
     views = yield from viewpoints(octree, _VIEWS, size_px)
     ways = [_way(octree, view) for view in views]
-    start, end = max(ways, key=lambda way: float(np.linalg.norm(way[1] - way[0])))
-    view = views[int(np.argmax([np.linalg.norm(way[1] - way[0]) for way in ways]))]
+    lengths = np.array([float(np.linalg.norm(end - start)) for start, end in ways])
+    under = np.array([_sky(octree, (start + end) / 2.0) > _SKY for start, end in ways])
+    best = int(np.argmax(np.where(under | ~under.any(), lengths, -1.0)))
+    (start, end), view = ways[best], views[best]
     forward = _level(view)
     keys = []
     for share, turn in ((0.0, _TURN), (0.5, 0.0), (1.0, -_TURN)):
@@ -41,6 +47,12 @@ def walk_keys(octree: Octree, size_px: tuple[int, int]) -> Steps[list[Camera]]:
         )
         keys.append(replace(Camera.look_at(place, place + ahead, fov=FOV, size_px=size_px), name="Walk"))
     return keys
+
+
+def _sky(octree: Octree, place_world: np.ndarray) -> float:
+    """Share of what is above a place that is open."""
+    up = Camera.look_at(place_world, place_world + np.array([0.0, 1e-3, 1.0]), fov=_SKY_FOV, size_px=_SKY_PX)
+    return float(1.0 - first_hits(octree, up).hit.mean())
 
 
 def _level(view: Camera) -> np.ndarray:

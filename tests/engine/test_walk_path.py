@@ -25,3 +25,12 @@ def test_the_way_leads_along_a_hall() -> None:
         flat = np.array(key.forward)[:2] / np.linalg.norm(np.array(key.forward)[:2])
         angle = np.degrees(np.arctan2(way[0] * flat[1] - way[1] * flat[0], way[:2] @ flat))
         assert abs(angle - turn) < 0.5
+
+
+def test_a_court_under_the_sky_comes_before_a_longer_hollow_wall() -> None:
+    hollow = box((0.0, 4.0, 0.0), (14.0, 6.0, 3.0), inwards=True)
+    court = box((0.0, 0.0, 0.0), (8.0, 3.5, 3.0), inwards=True)
+    court = court[(court[..., 2] < 2.9).any(axis=1)]  # without its lid
+    octree = octree_of(np.concatenate([hollow, court]))
+    places = np.array([key.position_world for key in drain(walk_keys(octree, (64, 36)))])
+    assert (places[:, 1] < 3.5).all() and np.linalg.norm(places[2] - places[0]) > 1.5
