@@ -109,7 +109,7 @@ _LIGHT = (
     Setting(
         "tolerance", "Tolerance",
         "Largest error of light that stays as it was, as a share of white: smaller ones bake more again",
-        LIGHT, Kind.NUMBER, 0.02, bounds.TOLERANCE, counts=_incremental,
+        LIGHT, Kind.NUMBER, 0.05, bounds.TOLERANCE, counts=_incremental,
         argument="--tolerance", help="with --incremental: largest error of light that stays, as a share of white",
     ),
     Setting(
