@@ -37,6 +37,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
     add_views(parser)
     add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure", "color", "both_sides", "gloss")
+    add_settings(parser, "incremental", "tolerance")
     add_settings(parser, "device")
     parser.set_defaults(color=False)  # training and experiments read luminance alone
     add_number(

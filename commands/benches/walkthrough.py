@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 HELP = "a walk of a camera, with the bake, against Cycles frame by frame: who is ahead from which frame on"
 
 
+_PATH_DEPTH = 7  # of the voxels between which the way is found
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of `patchnet bench walkthrough`."""
     parser.add_argument(
@@ -106,17 +109,24 @@ def _registered() -> Any:
 
 
 def _keys(size: tuple[int, int]) -> list[Any]:
-    """Cameras that the walk passes: the scene's own in the order of their names' distance, or those that frame it."""
+    """Cameras that the walk passes: the scene's own from far to near, or a straight way through its free space."""
     import bpy
     import numpy as np
 
+    from ...operators.pipeline.lit_octree import build_lit_octree
     from ...operators.scene.cameras import choose_cameras
     from ...operators.scene.read import read_scene
+    from ...operators.settings.job_settings import JobSettings
+    from ...patchnet_addon.runtime.progress import drain
+    from ...patchnet_addon.runtime.stage_clock import StageClock
+    from ...patchnet_addon.tracing.walk_path import walk_keys
 
     depsgraph = bpy.context.evaluated_depsgraph_get()
+    if sum(item.type == "CAMERA" for item in bpy.context.scene.objects) < 2:
+        settings = JobSettings.of(depth=_PATH_DEPTH, light="two-lights")
+        return drain(walk_keys(drain(build_lit_octree(bpy.context, settings, StageClock())).octree, size))
     surface = read_scene(depsgraph, "VISIBLE").bounds_world
-    own = [item for item in bpy.context.scene.objects if item.type == "CAMERA"]
-    cameras = choose_cameras(depsgraph, ("all",) if len(own) > 1 else ("auto",), size, surface)
+    cameras = choose_cameras(depsgraph, ("all",), size, surface)
     middle = surface.mean(axis=0)
     return sorted(cameras, key=lambda camera: -float(np.linalg.norm(np.asarray(camera.position_world) - middle)))
 

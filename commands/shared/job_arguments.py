@@ -57,7 +57,19 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
         parser, "--size", bounds.SIZE_PX, nargs=2, default=(192, 192), metavar=("W", "H"),
         help="pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution (192 192)",
     )  # fmt: skip
-    add_settings(parser, "color", "both_sides", "gloss", "device", "budget", "refined_samples", "spp", "reference")
+    add_settings(
+        parser,
+        "incremental",
+        "tolerance",
+        "color",
+        "both_sides",
+        "gloss",
+        "device",
+        "budget",
+        "refined_samples",
+        "spp",
+        "reference",
+    )
     parser.add_argument("--strategy", default="patchnet-plus", help="what is refined first (patchnet-plus)")
     add_settings(parser, "unrefined")
     parser.add_argument(

@@ -77,7 +77,7 @@ class _Bars:
     def show(self, progress: Progress) -> None:
         from tqdm import tqdm
 
-        if progress.left_s is not None and progress.whole is not None and progress.frame is None:
+        if progress.whole is not None:
             self._show_whole(progress)
             return
         restarted = self._bar is not None and 100.0 * progress.fraction < self._bar.n - 1.0

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -16,8 +15,9 @@ import bpy
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, REPORT, FileKind
 from ...patchnet_addon.runtime.frames import errors_of_frame
+from ...patchnet_addon.runtime.frames_time import FramesTime
 from ...patchnet_addon.runtime.outputs import check_outputs
-from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.progress import Progress, Result, Steps
 from ..pipeline.output_folder import output_folder
 from ..pipeline.reports import REPORT_NAME, write_json
 from ..pipeline.versions import machine, versions
@@ -74,9 +74,9 @@ def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) 
     with kept_frame(context.scene):
         common = SharedSettings(exposure=maker.exposure)
         if maker.bakes:
-            common = replace(common, daylight=(yield from same_daylight(context, plan.frames)))
+            common = replace(common, daylight=(yield from _before_all(same_daylight(context, plan.frames))))
         if plan.one_grid:
-            bounds, depth = yield from same_grid(context, plan.frames, maker)
+            bounds, depth = yield from _before_all(same_grid(context, plan.frames, maker))
             common = replace(common, bounds=bounds, depth=depth)
         animation = _Animation(context, maker, plan, common)
         yield from animation.find_reference()
@@ -84,6 +84,18 @@ def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) 
             yield from animation.bake(frame)
         animation.write_report(complete=True)
     return animation.result
+
+
+def _before_all(steps: Steps[Result]) -> Steps[Result]:
+    """Pass on steps before the first frame: nothing of the whole is done meanwhile."""
+    try:
+        while True:
+            yield replace(next(steps), whole=0.0)
+    except StopIteration as stop:
+        result: Result = stop.value
+        return result
+    finally:
+        steps.close()
 
 
 def _all_files(plan: FramePlan, files: Mapping[str, FileKind]) -> dict[Path, FileKind]:
@@ -105,7 +117,7 @@ class _Animation:
         self._context, self._maker, self._plan, self._common = context, maker, plan, common
         self._reference: int | None = None
         self._summaries: dict[int, dict[str, Any]] = {}
-        self._last_s: float | None = None
+        self._time = FramesTime(self._to_make())
         self.result = AnimationResult()
 
     def find_reference(self) -> Steps[None]:
@@ -131,6 +143,8 @@ class _Animation:
                 yield self._at(frame, number, "Looking at the scene")
                 content = self._content(frame)
                 if record is None or record.content != content:
+                    if record is not None:
+                        self._time.one_more()
                     yield from self._make(frame, content, number)
                     return
                 write_record(frame_folder(self._plan.out, frame), replace(record, file=self._file_key(frame)))
@@ -139,39 +153,39 @@ class _Animation:
             self._done(frame, record.summary)
 
     def _make(self, frame: int, content: str, number: str) -> Steps[None]:
-        start, folder = time.monotonic(), frame_folder(self._plan.out, frame)
+        folder = frame_folder(self._plan.out, frame)
+        self._time.begin()
         files, inputs = self._maker.files(self._context), self._maker.inputs()
         with output_folder(folder, files, inputs) as temporary:
             steps = self._maker.make(self._context, self._common_of(frame), temporary)
-            summary = yield from self._counted(steps, frame, number, start)
+            summary = yield from self._counted(steps, frame, number)
             written = files_in(temporary)
             discard(folder, inputs)
         write_record(folder, FrameRecord(frame, content, self._file_key(frame), written, summary))
-        self._last_s = time.monotonic() - start
+        self._time.end()
         self.result.made.append(frame)
         self._done(frame, summary)
         self.write_report(complete=False)
 
-    def _counted(self, steps: Steps[dict[str, Any]], frame: int, number: str, start: float) -> Steps[dict[str, Any]]:
-        """Pass on the steps with the frame's number, and with the share of all frames that is done."""
+    def _counted(self, steps: Steps[dict[str, Any]], frame: int, number: str) -> Steps[dict[str, Any]]:
+        """Pass on the steps with the frame's number, with the share of all frames that is done, and the time left."""
         try:
             while True:
                 report = next(steps)
-                share = min((time.monotonic() - start) / self._last_s, 0.99) if self._last_s else 0.0
                 label, step = f"{number}: {report.label}", report.step or report.label
-                yield replace(report, label=label, whole=self._share(share), frame=frame, step=step)
+                yield self._time.see(replace(report, label=label, frame=frame, step=step))
         except StopIteration as stop:
             return stop.value
         finally:
             steps.close()
 
     def _at(self, frame: int, number: str, step: str) -> Progress:
-        return Progress(1, 1, f"{number}: {step}", whole=self._share(0.0), frame=frame, step=step)
+        return self._time.skip(Progress(1, 1, f"{number}: {step}", frame=frame, step=step))
 
-    def _share(self, of_frame: float) -> float:
-        """Share of the frames to make; a frame takes as long as the one before; skipped ones took no time."""
-        wanted = len(self._plan.frames) - len(self.result.skipped)
-        return (len(self.result.made) + of_frame) / max(wanted, 1)
+    def _to_make(self) -> int:
+        """Frames that are likely to be made: all that have no record."""
+        plan = self._plan
+        return sum(plan.overwrite or self._record(frame) is None for frame in plan.frames)
 
     def _done(self, frame: int, summary: dict[str, Any]) -> None:
         self._summaries[frame] = summary

@@ -30,7 +30,7 @@ def has_light(depsgraph: bpy.types.Depsgraph) -> bool:
         if item.type == "LIGHT" and item.data.energy > 0 and max(item.data.color) > 0:
             return True
         materials.update(slot.material for slot in item.material_slots if slot.material)
-    return any(_emits(material) for material in materials if not is_own(material))
+    return any(emits(material) for material in materials if not is_own(material))
 
 
 @contextmanager
@@ -55,7 +55,8 @@ def _world_shines(world: bpy.types.World | None) -> bool:
     )
 
 
-def _emits(material: bpy.types.Material) -> bool:
+def emits(material: bpy.types.Material) -> bool:
+    """Return whether a material shines by itself."""
     if not material.use_nodes or material.node_tree is None:
         return False
     names = {"EMISSION": ("Color", "Strength"), "BSDF_PRINCIPLED": ("Emission Color", "Emission Strength")}

@@ -89,6 +89,16 @@ def image_rect(low: Sequence[float], high: Sequence[float], width: int, height: 
     )
 
 
+def inset_rect(room: Rect, aspect: float, share: float, gap: float) -> Rect:
+    """Rectangle of an aspect (width / height) in the lower right corner of a room, `share` of its sides at most.
+
+    gap: between it and the room's sides.
+    """
+    width = min(share * room.width, share * room.height * aspect)
+    right, bottom = room.right - gap, room.bottom + gap
+    return Rect(right - width, bottom, right, bottom + width / aspect)
+
+
 def pixel_at(rect: Rect, size_px: tuple[int, int], x: float, y: float) -> tuple[int, int] | None:
     """Column and row, from the lower left, of the pixel under a point; None outside the picture."""
     if rect.empty:

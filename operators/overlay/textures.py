@@ -18,7 +18,7 @@ def texture_of(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
     """Texture (gpu.types.GPUTexture) of a view's picture, made when it is first drawn."""
     key = (view.number, name, *((maximum, ramp) if name not in view.looks else ()))
     if key not in _textures:
-        _textures[key] = _upload(view.picture(name, maximum, ramp))
+        _textures[key] = uploaded(view.picture(name, maximum, ramp))
         while len(_textures) > _MAX:
             _textures.popitem(last=False)
     _textures.move_to_end(key)
@@ -35,7 +35,7 @@ def held() -> int:
     return len(_textures)
 
 
-def _upload(picture: np.ndarray) -> Any:
+def uploaded(picture: np.ndarray) -> Any:
     """Upload sRGB colours (H, W, 3) as a texture, one texel a pixel."""
     import gpu
 

@@ -105,10 +105,11 @@ def build_lit_octree(
     with recipe.baking():
         with clock.stage("light"):
             assumed: tuple[str, ...] = ()
+            notes: dict[str, Any] = {}
             if recipe.unlit:
                 shade = yield from unlit(source, settings.light)
             else:
-                shade, assumed = yield from lit(
+                shade, assumed, notes = yield from lit(
                     context,
                     source,
                     choice,
@@ -124,7 +125,7 @@ def build_lit_octree(
             light = UNLIT if recipe.unlit else settings.light.kind
             surface, grid = turned(source, choice.grid, recipe.rotation)
             octree = yield from build(
-                surface, replace(choice, grid=grid), shade, settings, light, _provenance(recipe, state)
+                surface, replace(choice, grid=grid), shade, settings, light, _provenance(recipe, state) | notes
             )
     warnings = (*source.warnings, *choice.warnings, *assumed)
     return LitOctree(octree, choice.layout, light, source, state, warnings)

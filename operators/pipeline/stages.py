@@ -125,8 +125,8 @@ def lit(
     kept: BakePageCache | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
     rotation: int = 0,
-) -> Steps[tuple[ShadingFn, tuple[str, ...]]]:
-    """Surface in the light of the settings, and sentences about what had to be assumed.
+) -> Steps[tuple[ShadingFn, tuple[str, ...], dict[str, Any]]]:
+    """Surface in the light of the settings, sentences about what had to be assumed, and notes for reports.
 
     choice: the leaves that the light is for; texels follow them.
     kept: where a bake finds pages of one that was stopped, and leaves its own.
@@ -134,7 +134,7 @@ def lit(
     rotation: seed of the direction of two lights, 0 for their usual one.
     """
     if not light.is_baked:
-        return (yield from two_lights(source, light, rotation)), ()
+        return (yield from two_lights(source, light, rotation)), (), {}
     from ..cycles.bake import bake_luminance
 
     coarse = light_warnings(source, choice.grid)
@@ -149,7 +149,7 @@ def lit(
     if light.denoise:
         atlas = yield from computed(lambda: _denoised(atlas, source), Progress(0, 1, "Denoising light"))
     shade = yield from computed(lambda: _baked(atlas, source), Progress(0, 1, _TEXTURES))
-    return shade, (*coarse, *atlas.warnings, *((NO_LIGHT,) if light.daylight else ()))
+    return shade, (*coarse, *atlas.warnings, *((NO_LIGHT,) if light.daylight else ())), atlas.notes
 
 
 def _albedo(source: MeshSource, light: LightSettings) -> ShadingFn:

@@ -5,14 +5,17 @@ from __future__ import annotations
 
 import logging
 import time
+from dataclasses import replace
 from functools import partial
 
 import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import StoppedError
+from ...patchnet_addon.runtime.frames_time import FramesTime
 from ...patchnet_addon.runtime.log import event
 from ...patchnet_addon.runtime.progress import Result, Steps
+from ...patchnet_addon.runtime.remaining import left_text
 from ...patchnet_addon.runtime.worker import attended
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.importance import PixelRect
@@ -21,6 +24,7 @@ from ..importance.pixels import read_strokes
 from ..schema.table import VISIBLE
 from ..ui.preferences import apply_preferences
 from ..ui.properties import scene_settings
+from .animation_time import rendered_frame
 from .frame_octree import octree_of_frame
 from .passes import pass_pixels
 from .render_camera import render_view
@@ -47,22 +51,26 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     world = None if scene.render.film_transparent else _background(engine, scene)
     _mention_left_out(engine, scene)
     making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
-    coded = pull(engine, making, 0.0, 0.3)
-    importance = None if strokes is None else partial(strokes.weights, coded.octree.grid, rect=rect)
-    picture = AdaptivePicture(coded.octree, camera, chosen, coded, importance, wanted.unrefined)
-    output = _Output(engine, depsgraph.view_layer.name, kept, picture, world)
-    try:
-        pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)
-        _warn_of_unseen(engine, picture)
-        refining = picture.refine(wanted.budget, spp=wanted.spp, refined=wanted.refined_samples)
-        pull(engine, output.shown_meanwhile(refining), 0.5, 1.0)
-    finally:  # a render that was stopped shows how far it came
-        output.end()
+    with rendered_frame(engine, scene) as frames:
+        coded = pull(engine, making, 0.0, 0.3, frames)
+        importance = None if strokes is None else partial(strokes.weights, coded.octree.grid, rect=rect)
+        picture = AdaptivePicture(coded.octree, camera, chosen, coded, importance, wanted.unrefined)
+        output = _Output(engine, depsgraph.view_layer.name, kept, picture, world)
+        try:
+            pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5, frames)
+            _warn_of_unseen(engine, picture)
+            refining = picture.refine(wanted.budget, spp=wanted.spp, refined=wanted.refined_samples)
+            pull(engine, output.shown_meanwhile(refining), 0.5, 1.0, frames)
+        finally:  # a render that was stopped shows how far it came
+            output.end()
 
 
-def pull(engine: bpy.types.RenderEngine, steps: Steps[Result], start: float, end: float) -> Result:
-    """Run steps to their end; they are the share of the render from `start` to `end`.
+def pull(
+    engine: bpy.types.RenderEngine, steps: Steps[Result], start: float, end: float, frames: FramesTime | None = None
+) -> Result:
+    """Run steps to their end; they are the share of the frame's render from `start` to `end`.
 
+    frames: of an animation, whose time stands before each step.
     Raises StoppedError, with the steps cleaned up, as soon as the user stops the render.
     """
     said = ""
@@ -71,6 +79,9 @@ def pull(engine: bpy.types.RenderEngine, steps: Steps[Result], start: float, end
             with attended():  # so that a stop is heard while kernels compile
                 report = next(steps)
             text = f"{report.label} {round(100 * report.fraction)} %" + (f", {report.note}" if report.note else "")
+            if frames is not None:
+                left = left_text(frames.see(replace(report, whole=None)).left_s)
+                text = f"{frames.text}{', ' if left else ''}{left}: {text}"
             if text != said:  # in background Blender prints it
                 said = text
                 engine.update_stats("PatchNet", text)
@@ -99,9 +110,9 @@ class _Output:
         self._shown = time.monotonic()
 
     def shown_meanwhile(self, steps: Steps[None]) -> Steps[None]:
-        """Pass on the steps; now and then the picture that they work on is shown."""
+        """Pass on the steps; now and then the picture that they work on is shown, where there is a window."""
         for report in steps:
-            if time.monotonic() - self._shown > _SHOWN_S:
+            if not bpy.app.background and time.monotonic() - self._shown > _SHOWN_S:
                 self._write()
                 self._engine.update_result(self._result)
                 self._shown = time.monotonic()

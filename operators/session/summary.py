@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
+from ...patchnet_addon.lightmap.incremental.text import incremental_text
 from ...patchnet_addon.octree.exposure import exposure_text
 from ..scene_access.lengths import length_text
 
@@ -33,6 +34,7 @@ def summary(result: SceneResult, scene: bpy.types.Scene) -> list[str]:
         f"{octree.leaf_count:,} voxels, {octree.node_count:,} nodes",
         f"Light: {_LIGHTS.get(result.light, result.light)}",
         *([exposure_text(octree)] if "exposure" in octree.provenance else []),
+        *([text] if (text := incremental_text(octree.provenance)) else []),
     ]
     if result.coded is not None:
         lines.append(f"{result.coded.coded_count:,} voxels look ahead")

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,7 @@ class Atlas:
     opacity, as the renderer saw it at the texel; with colour (.., 4), red and blue weighed by opacity too.
     noise: (pages * side * side,) float32, half of what two halves of the bake differ by, of luminance weighed by
     opacity; None where it is not known. samples: paths a texel. warnings: sentences about what was left out.
+    notes: what was baked, for reports, as plain JSON values.
     """
 
     charts: Charts
@@ -38,6 +40,7 @@ class Atlas:
     samples: int = 0
     warnings: tuple[str, ...] = ()
     noise: np.ndarray | None = None
+    notes: dict[str, Any] = field(default_factory=dict)
 
 
 def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:

@@ -17,6 +17,7 @@ from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.patchnet_addon.runtime.errors import StoppedError
+from patchnet.patchnet_addon.runtime.frames_time import FramesTime
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.runtime.worker import computed
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
@@ -198,6 +199,9 @@ def test_a_moving_camera_reuses_the_octree_and_a_moving_lath_does_not(
     scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[int] = []
+    said: list[str] = []
+    see = FramesTime.see
+    monkeypatch.setattr(FramesTime, "see", lambda time, report: said.append(time.text) or see(time, report))
     build_octree = frame_octree.build_lit_octree
 
     def counted(context: bpy.types.Context, *rest: object) -> object:
@@ -210,6 +214,7 @@ def test_a_moving_camera_reuses_the_octree_and_a_moving_lath_does_not(
     _keys(scene.camera, [(1, 0.3), (3, 0.8)])
     bpy.ops.render.render(animation=True)
     assert made == [1]
+    assert list(dict.fromkeys(said)) == ["Frame 1 of 3", "Frame 2 of 3", "Frame 3 of 3"], "one count for all frames"
     first, last = (passes_in(folder / f"picture-{number:04d}.exr") for number in (1, 3))
     assert not np.array_equal(first["Level"], last["Level"])
     made.clear()

@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
@@ -162,6 +163,34 @@ def drag():
     values.wipe = 0.5
 
 
+def unfinished():
+    """A job's unfinished picture where no Image Editor is free: in the camera's frame, else in a corner."""
+    place_of = module("overlay.unfinished_viewport").place_of
+    Unfinished = module("pipeline.unfinished").Unfinished
+    picture = np.random.default_rng(2).random((SIZE[1], SIZE[0], 3))
+    item, area, region = Unfinished("Eye", "refining, 40%", picture), clicks.area("VIEW_3D"), clicks.region("WINDOW")
+    preferences = bpy.context.preferences.addons[PACKAGE].preferences
+    preferences.open_pictures = "WINDOW"
+    before = len(bpy.context.window_manager.windows)
+    with module("overlay").unfinished_pictures(bpy.context) as meanwhile:
+        for name in ("unfinished camera", "unfinished corner"):
+            meanwhile(item)
+            path = yield from shot("overlay-" + name.replace(" ", "-"))
+            with bpy.context.temp_override(window=clicks.window(), area=area, region=region):
+                rect = place_of(bpy.context, item)
+            seen[name] = []
+            for share_x, share_y in SAMPLES:
+                column, row = int(share_x * SIZE[0]), int(share_y * SIZE[1])
+                x = rect.left + (column + 0.5) / SIZE[0] * rect.width + region.x
+                y = rect.bottom + (row + 0.5) / SIZE[1] * rect.height + region.y
+                seen[name].append([color_at(path, x, y), [round(float(v) * 255) for v in picture[row, column]]])
+            in_area("VIEW_3D", bpy.ops.view3d.view_camera)  # out of the camera, and back into it
+            yield 0.5
+    path = yield from shot("overlay-unfinished-gone")
+    seen["unfinished windows"] = len(bpy.context.window_manager.windows) - before
+    preferences.open_pictures = "NEVER"
+
+
 def in_image_editor():
     """The same over the picture in an Image Editor."""
     values = bpy.context.window_manager.patchnet_overlay
@@ -234,7 +263,7 @@ def session():
     yield 0.5
     bpy.context.preferences.addons[PACKAGE].preferences.open_pictures = "NEVER"
     in_area("VIEW_3D", bpy.ops.patchnet.run_all)
-    for part in (into_camera, in_viewport, doubled, inspect, drag, in_image_editor, automatic, end):
+    for part in (into_camera, in_viewport, doubled, inspect, drag, unfinished, in_image_editor, automatic, end):
         yield from part()
         visit.save(part.__name__)
 

@@ -20,7 +20,10 @@ def seen(installed: Blender, out: Path) -> dict:
     return found
 
 
-@pytest.mark.parametrize("where", ["viewport", "doubled", "image", "page", "render result"])
+PLACES = ("viewport", "doubled", "image", "page", "render result", "unfinished camera", "unfinished corner")
+
+
+@pytest.mark.parametrize("where", PLACES)
 def test_screen_shows_the_pictures(seen: dict, where: str) -> None:
     on_screen, in_picture = np.array(seen[where], int).swapaxes(0, 1)
     assert np.abs(on_screen - in_picture).max() <= 3  # bytes, after two encodings
@@ -54,6 +57,10 @@ def test_wipe_follows_the_mouse(seen: dict) -> None:
 def test_pictures_come_up_in_free_editors_only(seen: dict) -> None:
     assert seen["kept"] == "Painting" and seen["opened"] == "PatchNet Eye heatmap"
     assert seen["windows"] == 1 and seen["in new window"] == ["PatchNet Eye heatmap"]
+
+
+def test_unfinished_pictures_open_no_window(seen: dict) -> None:
+    assert seen["unfinished windows"] == 0
 
 
 def test_nothing_is_left(seen: dict) -> None:

@@ -15,7 +15,7 @@ has a gap.
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
@@ -23,15 +23,16 @@ import numpy as np
 from ....patchnet_addon.lightmap.charts import Charts
 from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.progress import Progress, Steps
-from ....patchnet_addon.runtime.worker import run_in_worker
+from ....patchnet_addon.runtime.worker import computed, run_in_worker
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.devices import bakes_on_gpu
 from ...schema.table import AUTO
 from ...settings.groups import LightSettings
 from ...state.watch import check_unchanged
 from .bake_key import bake_key, scene_key
-from .baker import Baker
+from .baker import Baker, texel_channels
 from .gloss_passes import place_of_view
+from .incremental import Incremental, incremental_bake
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ....patchnet_addon.lightmap.atlas import Atlas
@@ -61,7 +62,8 @@ def bake_luminance(
     MAX_TEXELS.
     light: its `samples` are paths a texel and side; with `denoise` the atlas knows its noise; with `color` it has some
     (`Atlas.texels`); with `both_sides` those of opaque sheets are lit; `gloss` says whose reflections are baked; with
-    `daylight` sun and sky of ours shine in place of the scene's world.
+    `daylight` sun and sky of ours shine in place of the scene's world; with `incremental` only what changed since the
+    last bake of the scene is baked, as far as its light may differ by more than `tolerance` (methods 7.2i).
     device: one of `DEVICES`; automatic is a GPU where the preferences of Cycles enable one.
     kept: finished pages are taken from there and left there.
     depsgraph: what `source` was read from, for the pages' key; None takes the context's.
@@ -70,22 +72,45 @@ def bake_luminance(
     from ....patchnet_addon.lightmap.atlas import Atlas
 
     side = page_side(source.triangle_count)
-    scene = "" if kept is None else scene_key(depsgraph or context.evaluated_depsgraph_get())
+    graph = depsgraph or context.evaluated_depsgraph_get()
+    scene = "" if kept is None else scene_key(graph)
     charts = yield from run_in_worker(
         lambda: _charts(source, texel_world, light.samples, side), Progress(0, 1, "Laying out charts")
     )
+    switches: tuple[object, ...] = (light.color, light.both_sides, light.denoise, bakes_on_gpu(context, device))
+    switches += (bool(light.daylight), light.gloss, place_of_view(context.scene, light))
+    again: Incremental | None = None
+    if light.incremental:
+        own = (light.samples, seed, *switches[:-1])
+        again = yield from incremental_bake(graph, source, charts, light, texel_channels(light), own)
+        charts = again.charts
     baker = Baker(context, source, charts, light, seed=seed, device=device)
-    channels = baker.channels
-    pages = np.zeros((charts.page_count, charts.page_side**2, channels), np.float32)
+    texels = np.zeros((0, baker.channels), np.float32)
+    if again is None or (again.before < 0).any():
+        key = "" if kept is None else bake_key(scene, source, charts, light.samples, seed, switches)
+        texels = yield from _pages(baker, charts, kept, key)
+    warnings = (*baker.warnings, *_coarse(charts))
+    notes: dict[str, Any] = {}
+    if again is not None:
+        done = again
+        texels = yield from computed(lambda: done.finish(texels), Progress(1, 1, "Baking light"))
+        charts, notes = again.whole, {"incremental": again.notes}
+    if not light.denoise:
+        return Atlas(charts, texels, light.samples, warnings, notes=notes)
+    return Atlas(charts, texels[:, :-1], light.samples, warnings, noise=texels[:, -1], notes=notes)
+
+
+def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -> Steps[np.ndarray]:
+    """Texels (pages * side * side, C) of all pages; those that are kept under the key are taken from there."""
+    count, channels = charts.page_side**2, baker.channels
+    pages = np.zeros((charts.page_count, count, channels), np.float32)
     if kept is not None:
         yield Progress(0, 1, "Looking for finished pages")
-        switches: tuple[object, ...] = (light.color, light.both_sides, light.denoise, bakes_on_gpu(context, device))
-        switches += (bool(light.daylight), light.gloss, place_of_view(context.scene, light))
-        kept.open(bake_key(scene, source, charts, light.samples, seed, switches))
+        kept.open(key)
         if there := len(kept.pages()):
             yield Progress(there, charts.page_count, f"Resuming: {there} of {charts.page_count} pages are there")
     for page in range(charts.page_count):
-        finished = kept.load(page, charts.page_side**2, channels) if kept is not None else None
+        finished = kept.load(page, count, channels) if kept is not None else None
         if finished is None:
             pages[page] = yield from baker.page(page)
             check_unchanged()  # before a page is kept that would be taken for one of the scene as it was
@@ -94,10 +119,7 @@ def bake_luminance(
         else:
             pages[page] = finished
     yield Progress(charts.page_count, charts.page_count, "Baking light")
-    texels, warnings = pages.reshape(-1, channels), (*baker.warnings, *_coarse(charts))
-    if not light.denoise:
-        return Atlas(charts, texels, light.samples, warnings)
-    return Atlas(charts, texels[:, :-1], light.samples, warnings, noise=texels[:, -1])
+    return pages.reshape(-1, channels)
 
 
 def _charts(source: SceneMesh, texel_world: float | np.ndarray, samples: int, side: int) -> Steps[Charts]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ....patchnet_addon.lightmap.charts import Charts
 from ....patchnet_addon.runtime.source_hash import source_hash
+from ...scene.local_mesh import LocalMesh
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.own import is_own
 from ...state.digest import Digest, names
@@ -29,7 +30,7 @@ def bake_key(
     switches: whatever else determines the pages.
     """
     digest = Digest()
-    digest.text(_code_hash(), bpy.app.version_string, bpy.app.build_hash, scene, samples, seed, switches, _devices())
+    digest.text(code_hash(), bpy.app.version_string, bpy.app.build_hash, scene, samples, seed, switches, _devices())
     digest.text(charts.texel_world, charts.page_side, charts.page_count)
     for name in _CHART_ARRAYS:
         digest.array(name, getattr(charts, name))
@@ -50,7 +51,7 @@ def scene_key(depsgraph: bpy.types.Depsgraph) -> str:
 
 
 @cache
-def _code_hash() -> str:
+def code_hash() -> str:
     """Hash of the code that bakes: another version never takes pages of this one."""
     return source_hash(*_CODE)
 
@@ -68,29 +69,29 @@ def add_surface(digest: Digest, source: SceneMesh) -> None:
     """Add the surface that is baked, as renders evaluate it."""
     digest.text(source.material_names, [sorted(links) for links in source.light_links])
     for part in source.parts:
-        mesh = part.mesh
-        for name in ("vertices", "triangles", "slots"):
-            digest.array(name, getattr(mesh, name))
-        digest.array("normals", mesh.corner_normals(0, len(mesh)))
-        if mesh.origin:
-            digest.text(mesh.origin, mesh.uvs is not None, sorted(mesh.layers))
-        else:
-            digest.array("uvs", mesh.uvs)
-            for name, values in sorted(mesh.layers.items()):
-                digest.array(name, values)
+        add_mesh(digest, part.mesh)
         for name in ("matrices_world", "materials", "random", "colors", "indices", "links"):
             digest.array(name, getattr(part, name))
 
 
+def add_mesh(digest: Digest, mesh: LocalMesh) -> None:
+    """Add a mesh of the surface, wherever it is placed."""
+    for name in ("vertices", "triangles", "slots"):
+        digest.array(name, getattr(mesh, name))
+    digest.array("normals", mesh.corner_normals(0, len(mesh)))
+    if mesh.origin:
+        digest.text(mesh.origin, mesh.uvs is not None, sorted(mesh.layers))
+    else:
+        digest.array("uvs", mesh.uvs)
+        for name, values in sorted(mesh.layers.items()):
+            digest.array(name, values)
+
+
 def add_scene(digest: Digest, depsgraph: bpy.types.Depsgraph) -> None:
     """Add all that shines, shadows and reflects, whether it is baked or not, and how Cycles renders it."""
-    scene, layer = depsgraph.scene, depsgraph.view_layer
+    scene = depsgraph.scene
     digest.text(scene.frame_current_final)
-    digest.block(scene.world)
-    for settings in (scene.cycles, scene.render, layer.cycles):
-        digest.struct(settings, _OUTPUT)
-    for name in ("material_override", "world_override"):
-        digest.block(getattr(layer, name, None))
+    add_world(digest, depsgraph)
     met: set[tuple[str, int]] = set()
     for instance in depsgraph.object_instances:
         item = instance.object
@@ -102,14 +103,24 @@ def add_scene(digest: Digest, depsgraph: bpy.types.Depsgraph) -> None:
         if key not in met:
             met.add(key)
             # Not what stands for an instance: Blender makes that for a moment, and leaks settings that are asked of it.
-            _add_object(digest, item.original.evaluated_get(depsgraph) if instance.is_instance else item, item.data)
-            _add_materials(digest, item)
+            add_object(digest, item.original.evaluated_get(depsgraph) if instance.is_instance else item, item.data)
+            add_materials(digest, item)
     evaluated = {name for name, _ in met}
     for item in scene.original.objects:  # not in viewports, yet in renders
         if item.name_full not in evaluated and not item.hide_render and not is_own(item):
             digest.text(tuple(map(tuple, item.matrix_world)))
-            _add_object(digest, item, item.data)
-            _add_materials(digest, item)
+            add_object(digest, item, item.data)
+            add_materials(digest, item)
+
+
+def add_world(digest: Digest, depsgraph: bpy.types.Depsgraph) -> None:
+    """Add the world and how Cycles renders the scene."""
+    scene, layer = depsgraph.scene, depsgraph.view_layer
+    digest.block(scene.world)
+    for settings in (scene.cycles, scene.render, layer.cycles):
+        digest.struct(settings, _OUTPUT)
+    for name in ("material_override", "world_override"):
+        digest.block(getattr(layer, name, None))
 
 
 _OUTPUT = names("image_settings ffmpeg filepath")  # where renders are written to
@@ -129,7 +140,7 @@ _PLACE = names(
 )
 
 
-def _add_object(digest: Digest, item: bpy.types.Object, data: bpy.types.ID | None) -> None:
+def add_object(digest: Digest, item: bpy.types.Object, data: bpy.types.ID | None) -> None:
     """Add an object without its place and its materials; `data` is what is shown for it."""
     digest.struct(item, _OBJECT_SKIPPED | _PLACE)
     for system in item.particle_systems:
@@ -145,6 +156,7 @@ def _add_object(digest: Digest, item: bpy.types.Object, data: bpy.types.ID | Non
         digest.file(bpy.path.abspath(data.filepath, library=data.library))
 
 
-def _add_materials(digest: Digest, item: bpy.types.Object) -> None:
+def add_materials(digest: Digest, item: bpy.types.Object) -> None:
+    """Add the materials that an object shows."""
     for slot in item.material_slots:
         digest.block(slot.material)

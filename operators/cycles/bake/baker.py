@@ -69,15 +69,13 @@ class Baker:
         device: str = AUTO,
     ) -> None:
         """Prepare for `device`, one of `DEVICES`; raises SettingError for a GPU that is not there."""
-        from ....patchnet_addon.lightmap.atlas import COLOR_CHANNELS
-
         self._context = context
         self._source = source
         self._charts = charts
         self._seed = seed
         self._colored = light.color
         self._halves = 2 if light.denoise else 1
-        self.channels = (COLOR_CHANNELS if light.color else 2) + (self._halves == 2)
+        self.channels = texel_channels(light)
         self._on_gpu = bakes_on_gpu(context, device)
         self._with_daylight = bool(light.daylight)
         self._light, self._with_gloss = light, baked_with_gloss(source, light.gloss)
@@ -265,6 +263,13 @@ def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> lis
     if channels > 2:
         pages[:, :height, :width, 2:] = np.maximum(pixels[..., (0, 2)], 0.0)
     return list(pages.reshape(len(pages), -1, channels))
+
+
+def texel_channels(light: LightSettings) -> int:
+    """Channels of texels, see `Baker.channels`."""
+    from ....patchnet_addon.lightmap.atlas import COLOR_CHANNELS
+
+    return (COLOR_CHANNELS if light.color else 2) + bool(light.denoise)
 
 
 def shows(material: Material) -> bool:

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Path of a camera that walks straight through the free space of an octree, for scenes that bring no cameras."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..octree.octree import Octree
+from ..runtime.progress import Steps
+from .camera import Camera
+from .render import first_hits
+from .viewpoints import FOV, grown, occupied_cells, viewpoints
+
+_VIEWS = 16  # whose sights are tried
+_SKY = 0.02  # of what is above, from which on a place is under the sky and not in a hollow wall
+_SKY_FOV, _SKY_PX = float(np.radians(120.0)), (32, 32)
+_LEVEL = 6  # of the cells that are free, at most
+_STEPS = 256  # places along a sight
+_MOST = 0.6  # of the surface's extent
+_TURN = float(np.radians(20.0))  # to the left at the beginning, to the right at the end
+
+
+def walk_keys(octree: Octree, size_px: tuple[int, int]) -> Steps[list[Camera]]:
+    """Three cameras along the longest free way that the sight of a good view leads, level with it, looking ahead.
+
+    Ways under the sky come first: no light is known yet that would tell a hall from a hollow wall. The first camera
+    looks a little to the left, the last a little to the right. Raises SceneError where no place is free.
+    """
+    views = yield from viewpoints(octree, _VIEWS, size_px)
+    ways = [_way(octree, view) for view in views]
+    lengths = np.array([float(np.linalg.norm(end - start)) for start, end in ways])
+    under = np.array([_sky(octree, (start + end) / 2.0) > _SKY for start, end in ways])
+    best = int(np.argmax(np.where(under | ~under.any(), lengths, -1.0)))
+    (start, end), view = ways[best], views[best]
+    forward = _level(view)
+    keys = []
+    for share, turn in ((0.0, _TURN), (0.5, 0.0), (1.0, -_TURN)):
+        place = start + share * (end - start)
+        ahead = np.array(
+            [
+                np.cos(turn) * forward[0] - np.sin(turn) * forward[1],
+                np.sin(turn) * forward[0] + np.cos(turn) * forward[1],
+                float(np.asarray(view.forward)[2]),
+            ]
+        )
+        keys.append(replace(Camera.look_at(place, place + ahead, fov=FOV, size_px=size_px), name="Walk"))
+    return keys
+
+
+def _sky(octree: Octree, place_world: np.ndarray) -> float:
+    """Share of what is above a place that is open."""
+    up = Camera.look_at(place_world, place_world + np.array([0.0, 1e-3, 1.0]), fov=_SKY_FOV, size_px=_SKY_PX)
+    return float(1.0 - first_hits(octree, up).hit.mean())
+
+
+def _level(view: Camera) -> np.ndarray:
+    """Direction (3,) of a view's sight without its slope."""
+    forward = np.array([*np.asarray(view.forward)[:2], 0.0])
+    result: np.ndarray = forward / max(float(np.linalg.norm(forward)), 1e-9)
+    return result
+
+
+def _way(octree: Octree, view: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Ends (3,) of the free way through a view's place, back and ahead, in world units."""
+    level = min(_LEVEL, octree.depth)
+    occupied = occupied_cells(octree, level)
+    blocked, where = grown(occupied), np.argwhere(occupied)
+    extent = float((where.max(axis=0) + 1 - where.min(axis=0)).max()) / (1 << level) * octree.grid.side_world
+    ends = []
+    for way in (-_level(view), _level(view)):
+        steps = np.linspace(0.0, _MOST * extent, _STEPS)[:, None]
+        points = np.asarray(view.position_world) + steps * way
+        cells = np.floor(octree.grid.to_unit(points) * (1 << level)).astype(np.int64)
+        inside = ((cells >= where.min(axis=0)) & (cells <= where.max(axis=0))).all(axis=1)
+        x, y, z = np.where(inside[:, None], cells, 0).T
+        free = inside & ~blocked[x, y, z]
+        last = int(np.argmin(free)) - 1 if not free.all() else _STEPS - 1
+        ends.append(points[max(last, 0)])
+    return ends[0], ends[1]
