@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ..pipeline.estimate import Estimate
     from .scene_result import SceneResult
     from .shown_view import ShownView
+    from .world_maps import KeyedMap
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class SceneSession:
 
     result: octree, light and codes. estimate: the last one. views: by name of their camera, for overlay and inspection.
     kept_frame: `result`, once a render has asked for its key; made_frame: what was made for the last frame that needed
-    an octree of its own. inspected: by the address of the window.
+    an octree of its own. inspected: by the address of the window. world: its light in all directions.
     """
 
     result: SceneResult | None = None
@@ -52,10 +53,11 @@ class SceneSession:
     kept_frame: KeyedResult | None = None
     made_frame: KeyedResult | None = None
     inspected: dict[int, InspectedPixel] = field(default_factory=dict)
+    world: KeyedMap | None = None
 
     def free(self) -> None:
         """Drop all but the estimate."""
-        self.result = self.kept_frame = self.made_frame = None
+        self.result = self.kept_frame = self.made_frame = self.world = None
         self.views.clear()
         self.inspected.clear()
 
