@@ -25,6 +25,7 @@ from .results import listeners
 from .scene_session import session_of
 
 _AGAIN_S = 0.5
+_ENGINE = "PATCHNET"  # as `render_engine/engine.py` has it
 _NO_MAP = (
     "Black is shown behind objects: Cycles cannot look at the world while a window renders, and does so afterwards: "
     "render again"
@@ -104,11 +105,12 @@ def keep_map(scene: bpy.types.Scene) -> None:
 
 
 def _after_step(scene: bpy.types.Scene, _result: object) -> None:
-    ask_for_map(scene)
+    if scene.render.engine == _ENGINE:
+        ask_for_map(scene)
 
 
 def register() -> None:
-    """Make maps after each step of a job that lights or looks: a render beside the window may come next."""
+    """Make maps after each step of a job, where our engine renders: a render beside the window may come next."""
     listeners.append(_after_step)
 
 

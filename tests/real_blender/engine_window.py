@@ -27,9 +27,9 @@ def watched(viewports: list) -> None:
     kind = module("render_engine.viewport").Viewport
     before = kind.draw
 
-    def draw(self, engine, context):
+    def draw(self, *given):
         start = time.perf_counter()
-        before(self, engine, context)
+        before(self, *given)
         took = time.perf_counter() - start
         if self not in viewports:
             viewports.append(self)
@@ -79,6 +79,7 @@ def preview():
     clicks.window().event_simulate(type="WHEELUPMOUSE", value="PRESS", x=x, y=y)
     yield from clicks.wait_for(lambda: viewport._preview is not first, "another view is another preview")
     yield from settle(viewport, "the preview spends its budget")
+    yield from sky(viewport)
     picture = viewport._preview.picture
     seen["finest"], seen["refined share"] = int(picture.samples.max()), float((picture.samples == 1024).mean())
     seen["longest draw_s"] = round(viewport.longest, 2)
@@ -88,6 +89,17 @@ def preview():
     show("SOLID")
     yield 1.0
     seen["references left"] = sys.getrefcount(viewports[0])
+
+
+def sky(viewport):
+    """The courtyard's world, a gradient, stands behind all objects as soon as a timer has made its map."""
+    session = module("session.scene_session").session_of(clicks.window().scene)
+    yield from clicks.wait_for(lambda: session.world is not None, "the world's map")
+    yield from clicks.wait_for(lambda: viewport._preview is not None and viewport._preview._map is not None, "a sky")
+    yield from settle(viewport, "the preview with a sky spends its budget")
+    beside = viewport._preview.picture.alpha == 0.0
+    light = viewport._preview.pixels().reshape(-1, 4)[beside, :3]
+    seen["sky"] = {"share": float(beside.mean()), "least": float(light.min()), "spread": float(light.std(axis=0).max())}
 
 
 def masks(viewport):

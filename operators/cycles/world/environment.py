@@ -24,7 +24,7 @@ from ...scene_access.temporary import sync_view_layers, temporary
 from ..scene_copy import looking_through
 
 SAMPLES = 16  # a pixel of a picture
-MAP_SIDE_PX, MAP_SAMPLES = 512, 4  # of a face of a cube map
+MAP_SIDE_PX, MAP_SAMPLES = 512, 2  # of a face of a cube map
 _PART_PX = 1 << 21  # pixels that are baked at once
 _FEW_PX = 8  # side of the picture of an orthographic camera, which sees one colour
 _LAYER, _NAME = "PatchNet World", "PatchNet World"
@@ -41,7 +41,7 @@ def world_view(world: bpy.types.World, frame: tuple[int, float], camera: Camera)
     if camera.kind == ORTHOGRAPHIC:
         yield Progress(0, 1, label)
         with _world_scene(world, frame, camera) as scene:
-            picture = _baked(scene, view_corners(camera), (_FEW_PX, _FEW_PX), SAMPLES)
+            picture = _baked(scene, view_corners(camera)[None], (_FEW_PX, _FEW_PX), SAMPLES)
         return picture.mean(axis=0)
     light = np.empty((camera.height_px, camera.width_px, 3), np.float32)
     rows = max(1, _PART_PX // camera.width_px)
@@ -54,7 +54,7 @@ def world_view(world: bpy.types.World, frame: tuple[int, float], camera: Camera)
         corners = [lower_left + low * left, lower_right + low * right, lower_right + high * right,
                    lower_left + high * left]  # fmt: skip
         with _world_scene(world, frame, camera) as scene:
-            part = _baked(scene, np.array(corners), (camera.width_px, last - row), SAMPLES)
+            part = _baked(scene, np.array(corners)[None], (camera.width_px, last - row), SAMPLES)
         light[row:last] = part.reshape(last - row, camera.width_px, 3)
     return light.reshape(-1, 3)
 
@@ -62,12 +62,10 @@ def world_view(world: bpy.types.World, frame: tuple[int, float], camera: Camera)
 def world_map(world: bpy.types.World, frame: tuple[int, float]) -> CubeMap:
     """Light of an original world in all directions; raises SceneError if Cycles cannot bake; in the main thread."""
     side = MAP_SIDE_PX
-    faces = np.empty((len(FACES), side, side, 3), np.float16)
+    corners = np.array([view_corners(face_camera(face, side)) for face in range(len(FACES))])
     with _world_scene(world, frame, face_camera(0, side)) as scene:
-        for face in range(len(FACES)):
-            light = _baked(scene, view_corners(face_camera(face, side)), (side, side), MAP_SAMPLES)
-            faces[face] = np.clip(light, -_LARGEST, _LARGEST).reshape(side, side, 3)
-    return CubeMap(faces)
+        light = _baked(scene, corners, (side, side), MAP_SAMPLES)  # all at once: Cycles reads the world once
+    return CubeMap(np.clip(light, -_LARGEST, _LARGEST).astype(np.float16).reshape(len(FACES), side, side, 3))
 
 
 @contextmanager
@@ -91,9 +89,9 @@ def _world_scene(world: bpy.types.World, frame: tuple[int, float], camera: Camer
 
 
 def _baked(scene: bpy.types.Scene, corners: np.ndarray, size: tuple[int, int], samples: int) -> np.ndarray:
-    """Light (width * height, 3) float32 of directions between four corners (4, 3): lower left, right, upper right,
-    left."""
-    width, height = size
+    """Light (Q * width * height, 3) float32 of pictures one above the other, of directions between the four corners of
+    each, (Q, 4, 3): lower left, right, upper right, left."""
+    width, height, count = size[0], len(corners) * size[1], len(corners)
     scene.cycles.samples = samples
     with ExitStack() as stack:
         image = bpy.data.images.new(_NAME, width, height, alpha=True, float_buffer=True, is_data=True)
@@ -105,8 +103,10 @@ def _baked(scene: bpy.types.Scene, corners: np.ndarray, size: tuple[int, int], s
         node.image = image
         material.node_tree.nodes.active = node
         mesh = stack.enter_context(temporary(bpy.data.meshes.new(_NAME)))
-        mesh.from_pydata(corners.tolist(), [], [(0, 1, 2), (0, 2, 3)])
-        places = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]], np.float32)
+        halves = [(4 * each, 4 * each + b, 4 * each + c) for each in range(count) for b, c in ((1, 2), (2, 3))]
+        mesh.from_pydata(corners.reshape(-1, 3).tolist(), [], halves)
+        places = np.tile(np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]], np.float32), (count, 1, 1))
+        places[..., 1] = (places[..., 1] + np.arange(count)[:, None]) / count
         mesh.uv_layers.new(name=_LAYER).data.foreach_set("uv", places.ravel())
         mesh.materials.append(material)
         item = stack.enter_context(temporary(bpy.data.objects.new(_NAME, mesh)))
