@@ -67,7 +67,7 @@ def preview():
     values.light, values.color, values.budget, values.refined_samples = "two-lights", True, 0.005, 1024.0
     for step in ("voxelize", "bake_light", "precompute_codes"):
         getattr(bpy.ops.patchnet, step)()
-    yield from clicks.wait_for(lambda: viewports and viewports[0]._preview is not None, "a preview begins")
+    yield from clicks.wait_for(lambda: viewports and viewports[0]._preview is not None, "a preview begins", 180.0)
     viewport = viewports[0]
     viewport.longest = 0.0
     first = viewport._preview
