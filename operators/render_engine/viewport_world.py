@@ -11,6 +11,7 @@ import numpy as np
 from ...patchnet_addon.image.background import BLACK
 from ...patchnet_addon.image.cube_map import CubeMap
 from ...patchnet_addon.octree.octree import Octree
+from ..cycles.daylight import has_light
 from ..cycles.world.background import SeenWorld, seen_world
 from ..schema.table import CYCLES
 from ..session.scene_session import session_of
@@ -63,7 +64,7 @@ class ViewportWorld:
         state = id(octree), scene.original.session_uid, scene.world and scene.world.original.session_uid
         if self._known is None or self._known[0] != state:
             baked = octree.provenance.get("light") == CYCLES
-            daylit = baked and seen_world(depsgraph, baked=True).world is None
+            daylit = baked and not has_light(depsgraph)
             self._known = state, daylit
             seen = seen_world(depsgraph, baked=baked, daylight=daylit)
             self._key = world_key(seen) if seen.color is None else ""

@@ -14,10 +14,10 @@ import bpy
 from bpy.app.handlers import persistent
 
 if TYPE_CHECKING:
+    from ...patchnet_addon.image.cube_map import CubeMap
     from ..pipeline.estimate import Estimate
     from .scene_result import SceneResult
     from .shown_view import ShownView
-    from .world_maps import KeyedMap
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,14 @@ class KeyedResult:
 
     result: SceneResult
     key: str
+
+
+@dataclass(frozen=True, eq=False)
+class KeyedMap:
+    """Map of a world; None where Cycles could not make one. key: of the world that it shows."""
+
+    key: str
+    map: CubeMap | None
 
 
 @dataclass

@@ -8,12 +8,11 @@ window has time, and kept in the scene's session with the key of the world that 
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
 
 import bpy
 
 from ...patchnet_addon.image.background import BLACK
-from ...patchnet_addon.image.cube_map import CubeMap, pixel_directions
+from ...patchnet_addon.image.cube_map import pixel_directions
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.log import event
 from ...patchnet_addon.tracing.camera import Camera
@@ -22,7 +21,7 @@ from ..cycles.world.environment import world_map
 from ..scene_access.window_job import job_is_running
 from ..state.digest import Digest
 from .results import listeners
-from .scene_session import session_of
+from .scene_session import KeyedMap, session_of
 
 _AGAIN_S = 0.5
 _ENGINE = "PATCHNET"  # as `render_engine/engine.py` has it
@@ -31,14 +30,6 @@ _NO_MAP = (
     "render again"
 )
 _waiting: list[str] = []  # names of scenes whose maps are to be made
-
-
-@dataclass(frozen=True, eq=False)
-class KeyedMap:
-    """Map of a world; None where Cycles could not make one. key: of the world that it shows."""
-
-    key: str
-    map: CubeMap | None
 
 
 def world_key(seen: SeenWorld) -> str:

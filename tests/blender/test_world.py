@@ -5,6 +5,7 @@ import json
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -17,14 +18,22 @@ from patchnet.operators.cycles.scene_copy import prepared
 from patchnet.operators.cycles.world.background import background
 from patchnet.operators.cycles.world.environment import MAP_SIDE_PX, world_map
 from patchnet.operators.cycles.world.plain import world_color
+from patchnet.operators.overlay.textures import texels
 from patchnet.operators.pipeline.run import JobResult, run_job
+from patchnet.operators.render_engine.viewport_preview import ViewportPreview
+from patchnet.operators.render_engine.viewport_world import ViewportWorld, WorldBehind
 from patchnet.operators.scene.cameras import choose_cameras
-from patchnet.operators.session.scene_session import session_of
-from patchnet.operators.session.world_maps import KeyedMap, keep_map, kept_background
+from patchnet.operators.session.scene_session import KeyedMap, session_of
+from patchnet.operators.session.shown_view import REFINED, view_to_show
+from patchnet.operators.session.world_maps import keep_map, kept_background
+from patchnet.operators.settings.groups import ViewSettings
 from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.patchnet_addon.image.cube_map import CubeMap, pixel_directions
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.patchnet_addon.image.tone import srgb_encode
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.tests.blender.engine_scene import build_for_engine, rendered
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -183,6 +192,49 @@ def test_a_render_beside_a_window_shows_the_map_that_is_kept(scene: bpy.types.Sc
     assert session.world is None
 
 
+def test_a_viewport_shows_colours_at_once_and_a_sky_as_soon_as_there_is_a_map(
+    scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr("patchnet.operators.render_engine.viewport_world.ask_for_map", lambda of: asked.append(of.name))
+    viewport, lit = ViewportWorld(), SimpleNamespace(provenance={"light": "cycles"})
+
+    def behind(changed: bool = True) -> WorldBehind:
+        bpy.context.view_layer.update()
+        if changed:
+            viewport._known = None  # as Blender's updates of a window do
+        return viewport.behind(bpy.context.evaluated_depsgraph_get(), lit)
+
+    scene.world = None
+    assert not behind().world.any() and not asked, "a lamp lights, so that no sky of ours is there"
+    gradient(scene)
+    first = behind()
+    assert not first.world.any() and behind(changed=False).identity == first.identity and asked == [scene.name]
+    keep_map(scene)
+    assert isinstance(behind(changed=False).world, CubeMap) and behind().identity != first.identity
+    known = behind().identity
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.5
+    assert behind().identity == known and asked == [scene.name] * 2, "as it was until there is another map"
+    keep_map(scene)
+    assert behind().identity != known
+    scene.render.film_transparent = True
+    assert behind(changed=False).world is None
+
+
+def test_a_preview_with_a_map_is_that_of_its_pixels(scene: bpy.types.Scene, weights: Path) -> None:
+    gradient(scene)
+    made = run(weights=weights)
+    camera, octree = made.views[0].camera, made.coded.octree
+    known = world_map(scene.world, (1, 0.0))
+    picture = AdaptivePicture(octree, camera, STRATEGIES["ss-variance"])
+    preview = ViewportPreview(picture, 0.1, known)
+    drain(preview.steps)
+    missed = picture.alpha == 0.0
+    found = preview.pixels().reshape(-1, 4)[missed]
+    assert missed.any() and (found[:, 3] == 1.0).all()
+    np.testing.assert_allclose(found[:, :3], known.look(pixel_directions(camera))[missed], atol=1e-6)
+
+
 def run(**values: object) -> JobResult:
     settings = JobSettings.of(depth=6, size=SIZE, light="two-lights", budget=0.5, **values)
     return drain(run_job(bpy.context, settings))
@@ -239,6 +291,15 @@ def test_transparent_pictures_have_alpha_in_files(scene: bpy.types.Scene, weight
     solid = view.refined.alpha == 1.0
     np.testing.assert_allclose(found[solid, :3], srgb_encode(view.refined.colors)[solid], atol=0.5 / 255 + 1e-6)
     assert bpy.data.images.load(str(folder / "heatmap.png")).depth == 24
+
+
+def test_the_overlay_draws_pictures_with_alpha(scene: bpy.types.Scene, weights: Path) -> None:
+    for behind, share in (("transparent", 0.1), ("world", 0.0)):
+        view = run(weights=weights, background=behind).views[0]
+        shown = view_to_show(view, ViewSettings(), 0.0)
+        drawn = texels(shown.picture(REFINED, 1.0, "viridis"))
+        assert drawn.shape == (SIZE[1], SIZE[0], 4) and (drawn[..., 3] == 0.0).mean() >= share
+        assert share > 0.0 or (drawn[..., 3] == 1.0).all()
 
 
 def test_as_film_follows_the_scene(scene: bpy.types.Scene, weights: Path) -> None:
