@@ -32,7 +32,7 @@ from . import (
 )
 from .jobs import job_operator
 from .scene_access import overrides, unread_file
-from .session import kept_results, scene_session, staleness
+from .session import kept_results, scene_session, staleness, world_maps
 from .ui import panels, preferences, presets_menu, properties
 
 if OTHER_PYTHON:
@@ -52,6 +52,7 @@ _BEFORE = (
     job_operator,
     unread_file,
     kept_results,
+    world_maps,
     presets_menu,
     load_octree,
     copy_diagnostics,

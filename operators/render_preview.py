@@ -47,7 +47,7 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     compare: measure all strategies. Raises SettingError, SceneError.
     """
     from .pipeline.encoder import decoding_device
-    from .pipeline.views import view
+    from .pipeline.views import view, view_background
     from .scene.cameras import choose_cameras
 
     before, coded = results.voxels_of(context.scene), results.codes_of(context.scene)
@@ -57,9 +57,18 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     clock = StageClock()
     device = decoding_device(settings.compute)
     with clock.stage("views"), overlay.unfinished_pictures(context) as meanwhile:
-        result = yield from view(
-            coded, camera, settings.view, before.scope, compare=compare, device=device, meanwhile=meanwhile
+        behind = yield from view_background(context, coded.octree, camera, settings)
+        looking = view(
+            coded,
+            camera,
+            settings.view,
+            before.scope,
+            compare=compare,
+            device=device,
+            background=behind,
+            meanwhile=meanwhile,
         )
+        result = yield from looking
     results.keep(
         context.scene, seen(replace(before, seconds=before.seconds | clock.seconds), result, compared=compare), "view"
     )

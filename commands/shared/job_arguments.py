@@ -71,7 +71,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
         "reference",
     )
     parser.add_argument("--strategy", default="patchnet-plus", help="what is refined first (patchnet-plus)")
-    add_settings(parser, "unrefined")
+    add_settings(parser, "unrefined", "background")
     parser.add_argument(
         "--mask", type=Path, metavar="IMAGE",
         help="painted importance, stretched over each view: multiplies the priority, black is never refined",

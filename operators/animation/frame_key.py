@@ -62,9 +62,9 @@ def code_hash() -> str:
 
 
 def _add_cameras(digest: Digest, depsgraph: bpy.types.Depsgraph) -> None:
-    """Add all cameras, also those that are hidden: pictures are made through them nevertheless."""
+    """Add film and all cameras, also those that are hidden: pictures are made through them nevertheless."""
     scene = depsgraph.scene.original
-    digest.text(scene.camera.name_full if scene.camera else None)
+    digest.text(scene.camera.name_full if scene.camera else None, scene.render.film_transparent)
     for item in scene.objects:
         if item.type == "CAMERA":
             seen = item.evaluated_get(depsgraph)

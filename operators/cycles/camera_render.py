@@ -92,6 +92,11 @@ def combined_light(channels: dict[str, np.ndarray]) -> np.ndarray:
     return np.nan_to_num(_color(_layers(channels), ("Combined",)))
 
 
+def coverage(channels: dict[str, np.ndarray]) -> np.ndarray:
+    """(H, W) float32, alpha: the share of each pixel in which something is seen."""
+    return np.nan_to_num(_layers(channels)["Combined", "A"]).astype(np.float32)
+
+
 def _layers(channels: dict[str, np.ndarray]) -> dict[tuple[str, ...], np.ndarray]:
     """Channels by pass and channel, without the view layer's name."""
     return {tuple(name.split(".")[-2:]): values for name, values in channels.items()}

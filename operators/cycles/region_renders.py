@@ -23,7 +23,7 @@ from ...patchnet_addon.sampling.regions import Region
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene_access.window_job import check_no_job, when_job_ended, window_is_alive
 from ..settings.cycles_settings import COMBINED, DIFFUSE, WITH_GLOSS
-from .camera_render import add_passes, baked_light, baked_light_with_gloss, combined_light
+from .camera_render import add_passes, baked_light, baked_light_with_gloss, combined_light, coverage
 from .daylight import daylight
 from .render_call import rendered
 from .scene_copy import prepared
@@ -64,7 +64,7 @@ class RegionRenders:
         self.sync_seconds = self.seconds
 
     def picture(self, region: Region, at: Callable[[float], Progress]) -> Steps[np.ndarray]:
-        """(h, w, 3) float32, linear and unexposed, row 0 at the bottom; raises SceneError, StoppedError.
+        """(h, w, 4) float32: linear unexposed light, and alpha; row 0 at the bottom. Raises SceneError, StoppedError.
 
         Reports are `at` of the share that is done.
         """
@@ -74,14 +74,14 @@ class RegionRenders:
         begun = time.perf_counter()
         channels = read_exr(self._path)
         self.seconds += time.perf_counter() - begun
-        result = yield from computed(lambda: self._light(channels), at(1.0))
-        assert result.shape == (region.height, region.width, 3)
+        result = yield from computed(lambda: np.dstack([self._light(channels), coverage(channels)]), at(1.0))
+        assert result.shape == (region.height, region.width, 4)
         return result
 
     def pictures(self, regions: Sequence[Region], label: str) -> Steps[np.ndarray]:
-        """(H, W, 3) float32: all regions in a black picture; without a window in parts of about a second."""
+        """(H, W, 4) float32: all regions in an empty picture; without a window in parts of about a second."""
         width, height = self._size
-        canvas = np.zeros((height, width, 3), np.float32)
+        canvas = np.zeros((height, width, 4), np.float32)
         total, done = sum(region.pixels for region in regions), 0
         part_px = FIRST_PATHS // self._scene.cycles.samples
         for region in regions:

@@ -32,7 +32,7 @@ def prepared(
         scene = stack.enter_context(scene_copy(context.scene))
         _set_up(scene, camera, samples, seed, path)
         stack.enter_context(_lamps_unseen(scene))
-        stack.enter_context(_seen_through(scene, camera))
+        stack.enter_context(looking_through(scene, camera))
         layer = scene.view_layers[context.view_layer.name]
         # Rather than asking for one layer: Blender 5.2 cannot write a second such render of a scene of many layers.
         scene.render.use_single_layer = False
@@ -127,7 +127,7 @@ def _lamps_unseen(scene: bpy.types.Scene) -> Iterator[None]:
 
 
 @contextmanager
-def _seen_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
+def looking_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
     """Let `scene` look through exactly the view of `camera`, without depth of field, within the block."""
     with (
         temporary(bpy.data.cameras.new("PatchNet Check")) as data,

@@ -25,8 +25,8 @@ void main()
   vec4 blurred = texture(image, at);
   vec4 square = texelFetch(image, clamp(ivec2(floor(texel)), ivec2(0), textureSize(image, 0) - 1), 0);
   bool magnified = max(fwidth(texel.x), fwidth(texel.y)) <= 1.0;
-  vec3 shown = (magnified ? square : blurred).rgb;
-  color = vec4(srgbTarget ? pow(shown, vec3(2.2)) : shown, opacity);
+  vec4 shown = magnified ? square : blurred;
+  color = vec4(srgbTarget ? pow(shown.rgb, vec3(2.2)) : shown.rgb, opacity * shown.a);
 }
 """
 

@@ -35,12 +35,18 @@ def held() -> int:
     return len(_textures)
 
 
+def texels(picture: np.ndarray) -> np.ndarray:
+    """Texels (H, W, 4) float32 of sRGB colours (H, W, 3), opaque, or with straight alpha (H, W, 4)."""
+    if picture.shape[-1] == 4:
+        return picture
+    return np.concatenate([picture, np.ones((*picture.shape[:2], 1), np.float32)], axis=-1)
+
+
 def uploaded(picture: np.ndarray) -> Any:
-    """Upload sRGB colours (H, W, 3) as a texture, one texel a pixel."""
+    """Upload sRGB colours as a texture, see `texels`."""
     import gpu
 
     height, width = picture.shape[:2]
-    pixels = np.ones((height, width, 4), np.float32)
-    pixels[..., :3] = picture
+    pixels = texels(picture)
     data = gpu.types.Buffer("FLOAT", pixels.size, pixels.ravel())
     return gpu.types.GPUTexture((width, height), format="RGBA8", data=data)

@@ -22,9 +22,9 @@ REFINED, COMPOSITED, OVER_REFINED, FULL = (
 
 @dataclass(eq=False)
 class Renders:
-    """Cycles' pictures, (H, W, 3) float32, linear, unexposed, and the wall seconds of Blender's renders.
+    """Cycles' pictures, (H, W, 4) float32, linear unexposed light and alpha, and the wall seconds of Blender's renders.
 
-    regions: black outside them. seconds: of all regions, reading the scene included; sync_seconds: of that alone.
+    regions: empty outside them. seconds: of all regions, reading the scene included; sync_seconds: of that alone.
     full: the whole picture with the same samples and seed, in full_seconds, reading the scene included.
     reference: with more samples and another seed.
     """
@@ -38,7 +38,9 @@ class Renders:
 
 
 def shown_light(light: np.ndarray, exposure: float, colored: bool) -> np.ndarray:
-    """Linear light (H, W, 3) as the octree shows it: exposed, in [0, 1], (H, W) unless `colored`."""
+    """Linear light (H, W, 3), or with alpha (H, W, 4), as the octree shows it: exposed, in [0, 1], (H, W) unless
+    `colored`."""
+    light = light[..., :3]
     return np.clip(np.float32(exposure) * (light if colored else luminance(light)), 0.0, 1.0).astype(np.float32)
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ...patchnet_addon.image.background import opaque
 from ...patchnet_addon.image.colormaps import COLORMAPS, colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import magnify, with_legend
 from ...patchnet_addon.image.outlines import outlined
-from ...patchnet_addon.image.tone import shown
 from ..scene_access.images import ERROR_MAXIMUM, save_png, show_image
 from .cycles_figures import COMPOSITED, FULL
 from .cycles_regions import CyclesView
@@ -31,16 +31,17 @@ def _file_name(picture: str) -> str:
 
 
 def cycles_pictures(view: CyclesView) -> dict[str, np.ndarray]:
-    """Name -> (h, w, 3) encoded colours; with `compare` also the full render and the errors.
+    """Name -> (h, w, 3) encoded colours; with `compare` also the full render and the errors. Light without a background
+    has alpha, (h, w, 4).
 
     "cycles" and "regions", the mask in black and white, have the camera's size.
     """
     pictures = {
-        "cycles": shown(view.composited),
+        "cycles": _shown(view, view.composited, "composited"),
         "regions": np.repeat(view.mask[..., None].astype(np.float32), 3, axis=-1),
     }
     if view.full is not None:
-        pictures |= {"cycles full": shown(view.full), "cycles error": _errors(view)}
+        pictures |= {"cycles full": _shown(view, view.full, "full"), "cycles error": _errors(view)}
     return pictures
 
 
@@ -70,9 +71,17 @@ def comparison_sheet(view: CyclesView, maximum: float, map_name: str = COLORMAPS
         f"Cycles {seconds['regions']:.1f} s mse {mse[COMPOSITED]:.5f}",
         f"Full {seconds['full']:.1f} s mse {mse[FULL]:.5f}",
     ]
-    row = [shown(view.preview), regions, shown(view.composited), shown(view.full)]
+    lit = {"preview": view.preview, "composited": view.composited, "full": view.full}
+    preview, composited, full = (opaque(_shown(view, light, item)) for item, light in lit.items())
+    row = [preview, regions, composited, full]
     name = f"{view.camera.name}: {report['samples']} samples, mse against {report['reference_samples']} samples"
     return contact_sheet([row], [name], titles)
+
+
+def _shown(view: CyclesView, light: np.ndarray, name: str) -> np.ndarray:
+    """Encoded colours of light (H, W) or (H, W, 3), whose alpha has that name, over the view's background."""
+    alpha = view.alphas[name]
+    return view.ground.picture(light.reshape(alpha.size, *light.shape[2:]), alpha.ravel())
 
 
 def _errors(view: CyclesView) -> np.ndarray:

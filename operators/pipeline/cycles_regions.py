@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...patchnet_addon.image.background import BLACK
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
@@ -22,6 +23,7 @@ from ..cycles.region_renders import OVERHEAD_PATHS, region_renders
 from ..schema.table import CYCLES, GLOSS_OFF
 from ..settings.cycles_settings import DIFFUSE, REFERENCE_FACTOR, WITH_GLOSS, CyclesSettings
 from .cycles_figures import Renders, cycles_report, shown_light, squared_errors
+from .unfinished import Ground
 from .views import View
 
 NOT_CYCLES = "The voxels do not show Cycles' light: bake the light with Cycles first"
@@ -34,6 +36,7 @@ class CyclesView:
     priority: (H, W) float32 that chose them. mask: (H, W) bool, their pixels. preview: what pixels beside regions show,
     the predicted picture where that is chosen. preview, composited, full: (H, W), or
     (H, W, 3) in colour, linear, exposed, in [0, 1]; `full` is of Cycles alone, None unless `compare` is set.
+    alphas: of these three, by name, (H, W). ground: what pictures are laid over; the three are over black.
     errors: name -> (H, W) absolute luminance error against the reference; empty without one. report: figures.
     """
 
@@ -46,6 +49,8 @@ class CyclesView:
     full: np.ndarray | None
     errors: dict[str, np.ndarray]
     report: dict[str, Any]
+    alphas: dict[str, np.ndarray]
+    ground: Ground
 
 
 def cycles_view(
@@ -57,12 +62,13 @@ def cycles_view(
     settings: CyclesSettings,
     *,
     refined: np.ndarray | None = None,
+    background: np.ndarray | None = BLACK,
     sun: bool | None = None,
 ) -> Steps[CyclesView]:
     """Render the worst regions by `score` (P,) with Cycles; the scene is as before afterwards, also when closed.
 
-    refined: (P,) luminance of the refined octree picture, which is measured too. sun: whether the octree was
-    lit by a sun and a sky of ours; None if it was where the scene has no light. Raises PatchNetError.
+    refined: (P,) luminance of the refined octree picture, which is measured too. background: see `View`. sun: whether
+    the octree was lit by a sun and a sky of ours; None if it was where the scene has no light. Raises PatchNetError.
     """
     check_light(octree)
     priority = buffers.picture(np.where(buffers.active, np.nan_to_num(np.maximum(score, 0.0)), np.float32(0.0)))
@@ -73,7 +79,7 @@ def cycles_view(
     exposure = octree.exposure
     return (
         yield from computed(
-            lambda: _composited(exposure, camera, buffers, priority, regions, renders, settings, refined),
+            lambda: _composited(exposure, camera, buffers, priority, regions, renders, settings, refined, background),
             Progress(0, 1, f"{camera.name}: measuring Cycles' pictures" if settings.compare else choosing.label),
         )
     )
@@ -91,6 +97,7 @@ def refine_view(
         view.ranking.priority,
         settings,
         refined=view.refined.luminance,
+        background=view.background,
         sun=sun,
     )
     return (yield from steps)
@@ -127,8 +134,8 @@ def _rendered(
     """
     settings, light = rendered
     wanted = camera, settings.samples, settings.seed, light
-    black = np.zeros((camera.height_px, camera.width_px, 3), np.float32)
-    result = Renders(black)
+    empty = np.zeros((camera.height_px, camera.width_px, 4), np.float32)
+    result = Renders(empty)
     if regions:
         with region_renders(context, *wanted, sun=sun) as cycles:
             yield from cycles.synced()
@@ -154,6 +161,7 @@ def _composited(
     renders: Renders,
     settings: CyclesSettings,
     refined: np.ndarray | None,
+    background: np.ndarray | None,
 ) -> CyclesView:
     mask = region_mask(list(regions), camera.height_px, camera.width_px)
     report = cycles_report(priority, regions, renders, settings) | {"unrefined": buffers.unrefined}
@@ -171,4 +179,9 @@ def _composited(
     cycles = shown_light(renders.regions, exposure, colored)
     composited = np.where(mask[..., None] if colored else mask, cycles, preview)
     full = None if renders.full is None else shown_light(renders.full, exposure, colored)
-    return CyclesView(camera, regions, priority, mask, preview, composited, full, errors, report)
+    below = buffers.picture(buffers.shown_alpha)
+    alphas = {"preview": below, "composited": np.where(mask, renders.regions[..., 3], below)}
+    if renders.full is not None:
+        alphas["full"] = renders.full[..., 3]
+    ground = Ground(camera, background, exposure)
+    return CyclesView(camera, regions, priority, mask, preview, composited, full, errors, report, alphas, ground)

@@ -38,10 +38,11 @@ from .lit_octree import Recipe, build_lit_octree, fit_cameras
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs
 from .output_folder import output_folder
 from .reports import write_report
+from .seen_backs import back_warnings
 from .stages import GridChoice, encode, load_network
 from .unfinished import Meanwhile, first_look, stand_in_look
 from .versions import machine, versions
-from .views import View, overview, save_view, view
+from .views import View, overview, save_view, view, view_background
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
@@ -141,27 +142,31 @@ def _compute(
 
     made = yield from build_lit_octree(context, settings, clock, kept, Recipe(cameras=fit_to, after_grid=after_grid))
     plan.resumed = bool(kept.found)
+    with clock.stage("views"):
+        behind = yield from view_background(context, made.octree, cameras[0], settings)
     if meanwhile is not None:
         with clock.stage("first look"):
-            yield from first_look(made.octree, cameras[0], meanwhile)
+            yield from first_look(made.octree, cameras[0], meanwhile, background=behind.light)
     with clock.stage("codes"):
         coded, encoding = yield from encode(made.octree, weights, settings.compute)
     views: list[View] = []
     cycles: list[CyclesView] = []
     for camera in cameras:
         with clock.stage("views"):
-            looking = view(
-                coded, camera, wanted, surface.scope, compare=wanted.reference, device=device, meanwhile=meanwhile
-            )
+            if camera is not cameras[0]:
+                behind = yield from view_background(context, made.octree, camera, settings)
+            looking = view(coded, camera, wanted, surface.scope, device=device, background=behind, meanwhile=meanwhile)
             views.append((yield from looking))
         if wanted.cycles is not None:
             with clock.stage("cycles"):
                 sun = settings.light.daylight
                 cycles.append((yield from refine_view(context, views[-1], wanted.cycles, sun=sun)))
             views[-1].report["cycles"] = cycles[-1].report
-    unseen = [warning for item in views for warning in item.warnings]
+    with clock.stage("views"):
+        backs = yield from back_warnings(context, made.source, views, settings.light)
+    unseen = dict.fromkeys(warning for item in views for warning in item.warnings)
     others = estimators_warning(wanted.strategy, coded.weights_hash)
-    warnings = (*made.warnings, *encoding.warnings, *([others] if others else []), *unseen)
+    warnings = (*made.warnings, *encoding.warnings, *([others] if others else []), *unseen, *backs)
     report = job_report(coded, views, wanted, clock.seconds, warnings) | {"encoder": encoding.text}
     return JobResult(coded, tuple(views), report, warnings, made.layout, tuple(cycles), made.state)
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...patchnet_addon.image.background import BLACK, encoded, opaque
 from ...patchnet_addon.image.contact_sheet import contact_sheet
-from ...patchnet_addon.image.tone import shown
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps
@@ -23,7 +23,6 @@ from ..settings.job_settings import JobSettings
 from .stages import GridChoice, build, two_lights
 
 if TYPE_CHECKING:
-    from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
     from ...patchnet_addon.sampling.refined_picture import RefinedPicture
 
 STAND_IN_DEPTH = 8  # at most, of the voxels that stand in for those whose light is not there yet
@@ -47,21 +46,41 @@ class Unfinished:
 Meanwhile = Callable[[Unfinished], None]  # shows one, at once
 
 
-def first_look(octree: Octree, camera: Camera, meanwhile: Meanwhile, title: str = "preview") -> Steps[None]:
-    """Trace the first ray of every pixel, and show it under a title."""
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What a camera's picture is laid over: see `View` for the background, and the exposure of light."""
+
+    camera: Camera
+    background: np.ndarray | None
+    exposure: float
+
+    def picture(self, light: np.ndarray, alpha: np.ndarray) -> np.ndarray:
+        """(H, W, 3) encoded colours of light (P,) or (P, 3) weighed by alpha (P,), or (H, W, 4) without background."""
+        pixels = encoded(light, alpha, self.background, self.exposure)
+        return pixels.reshape(self.camera.height_px, self.camera.width_px, -1)
+
+
+def first_look(
+    octree: Octree,
+    camera: Camera,
+    meanwhile: Meanwhile,
+    title: str = "preview",
+    *,
+    background: np.ndarray | None = BLACK,
+) -> Steps[None]:
+    """Trace the first ray of every pixel, and show it under a title over a background, see `View`."""
+    ground = Ground(camera, background, octree.exposure)
     tracing = Progress(0, 1, f"{camera.name}: Tracing the preview")
-    picture = yield from computed(lambda: _traced(octree, camera), tracing)
+    picture = yield from computed(lambda: _traced(octree, ground), tracing)
     meanwhile(Unfinished(camera.name, title, picture))
 
 
-def _traced(octree: Octree, camera: Camera) -> np.ndarray:
+def _traced(octree: Octree, ground: Ground) -> np.ndarray:
     from ...patchnet_addon.tracing.render import first_hits, hit_colors
 
-    hits = first_hits(octree, camera)
-    size = camera.height_px, camera.width_px
-    if octree.chroma is None:
-        return shown(hits.luminance.reshape(size))
-    return shown(hit_colors(octree, hits).reshape(*size, 3))
+    hits = first_hits(octree, ground.camera)
+    light = hits.luminance if octree.chroma is None else hit_colors(octree, hits)
+    return opaque(ground.picture(light, hits.hit.astype(np.float32)))
 
 
 def stand_in_look(
@@ -78,7 +97,7 @@ def stand_in_look(
 
 
 def shown_meanwhile(
-    steps: Steps[RefinedPicture], begun: list[RefinedPicture], buffers: PixelBuffers, name: str, meanwhile: Meanwhile
+    steps: Steps[RefinedPicture], begun: list[RefinedPicture], ground: Ground, meanwhile: Meanwhile
 ) -> Steps[RefinedPicture]:
     """Pass on the steps of a refinement; now and then the picture that they work on, once it has `begun`, is shown."""
     last = time.monotonic()
@@ -86,8 +105,9 @@ def shown_meanwhile(
         while True:
             report = next(steps)
             if begun and time.monotonic() - last > _SHOWN_S:
-                picture = begun[0].luminance if begun[0].colors is None else begun[0].colors
-                meanwhile(Unfinished(name, f"refining, {report.fraction:.0%}", shown(buffers.picture(picture))))
+                light = begun[0].luminance if begun[0].colors is None else begun[0].colors
+                picture = opaque(ground.picture(light, begun[0].alpha))
+                meanwhile(Unfinished(ground.camera.name, f"refining, {report.fraction:.0%}", picture))
                 last = time.monotonic()
             yield report
     except StopIteration as stop:

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.image.background import BLACK, encoded, opaque, over
 from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import error_picture, heatmap, overlay, tint
-from ...patchnet_addon.image.tone import shown
 from ...patchnet_addon.network.devices import CPU
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
@@ -35,10 +36,13 @@ from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import uniform_report
 from ...patchnet_addon.tracing.camera import Camera
+from ..cycles.world.background import BLACK_GROUND, Background, background
 from ..importance.pixels import pixel_importance
 from ..scene_access.images import ERROR_MAXIMUM, PICTURES, PRIORITY_NAME, save_exr, save_png
+from ..schema.table import CYCLES
 from ..settings.groups import ViewSettings
-from .unfinished import Meanwhile, Unfinished, first_look, shown_meanwhile
+from ..settings.job_settings import JobSettings
+from .unfinished import Ground, Meanwhile, Unfinished, first_look, shown_meanwhile
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +51,8 @@ class View:
 
     octree: what was looked at. ranking: of its pixels by the chosen strategy. refined: what the budget made of it.
     pictures: name -> (h, w, 3) encoded colours; those of PICTURES, and "priority" and "order", which are the heatmap
-    and the overlay without legend. report: figures.
+    and the overlay without legend. Those that show light alone are (h, w, 4) without a background, alpha last.
+    background: behind all surfaces, (3,) or (P, 3) linear and unexposed, None for transparent. report: figures.
     warnings: why the picture is empty or black, if it is.
     """
 
@@ -58,6 +63,7 @@ class View:
     pictures: dict[str, np.ndarray]
     report: dict[str, Any]
     warnings: tuple[str, ...] = ()
+    background: np.ndarray | None = None
 
     @property
     def strategy(self) -> str:
@@ -89,21 +95,26 @@ def view(
     settings: ViewSettings,
     scope: str,
     *,
-    compare: bool,
+    compare: bool | None = None,
     device: str = CPU,
+    background: Background = BLACK_GROUND,
     meanwhile: Meanwhile | None = None,
 ) -> Steps[View]:
     """Preview, predicted picture, priority and refinement of one camera.
 
     scope: which objects were voxelized, for importance that is painted on them. compare: also trace the reference of
-    all pixels and measure what all strategies, the exact oracles too, and uniform pictures leave of the error. All
-    strategies rank by what the settings' importance makes of their scores. device: what decodes, see `predict`.
+    all pixels and measure what all strategies, the exact oracles too, and uniform pictures leave of the error; None: as
+    the settings say. All strategies rank by what the settings' importance makes of their scores. device: what decodes,
+    see `predict`.
+    background: what pictures show behind all surfaces; priorities and errors are of surfaces alone.
     meanwhile: shows the preview as soon as it is traced, the heatmap, and the picture while it is refined. Raises
     SettingError if what was painted, or the device, is not there.
     """
     chosen = strategy(settings.strategy)
+    compare = settings.reference if compare is None else compare
+    ground = Ground(camera, background.light, coded.octree.exposure)
     if meanwhile is not None:
-        yield from first_look(coded.octree, camera, meanwhile)
+        yield from first_look(coded.octree, camera, meanwhile, background=ground.background)
     buffers = yield from _traced(coded, camera, [chosen], device, reference=False)
     if settings.importance is not None:
         looked_up = pixel_importance(settings.importance, scope, coded.octree.grid, buffers)
@@ -114,19 +125,32 @@ def view(
     )
     if meanwhile is not None:
         meanwhile(_heatmap(ranking, camera, settings))
-    refined = yield from _refined(coded.octree, camera, ranking, settings, meanwhile)
+    refined = yield from _refined(coded.octree, ranking, settings, meanwhile, ground)
     strategies = list(STRATEGIES.values()) if compare else [chosen]
     if compare:
         known = yield from _traced(coded, camera, strategies, device, reference=True)
         buffers = replace(known, importance=buffers.importance, unrefined=settings.unrefined)
     measuring = Progress(0, 1, f"{camera.name}: {'Preparing pictures' if not compare else 'Measuring errors'}")
     made = yield from computed(
-        lambda: _measured(coded.octree, camera, _rankings(buffers, strategies, ranking), refined, settings), measuring
+        lambda: _measured(
+            coded.octree, camera, _rankings(buffers, strategies, ranking), refined, settings, ground.background
+        ),
+        measuring,
     )
+    made = replace(made, warnings=(*made.warnings, *background.warnings))
     if compare:
         uniform = run_in_worker(lambda: uniform_report(coded.octree, camera, buffers), measuring)
         made.report["uniform"] = yield from labelled(uniform, f"{camera.name}: {{}}")
     return made
+
+
+def view_background(
+    context: bpy.types.Context, octree: Octree, camera: Camera, settings: JobSettings
+) -> Steps[Background]:
+    """What a camera of a job sees behind all surfaces of the context's scene, whose octree that is."""
+    baked = octree.provenance.get("light") == CYCLES
+    depsgraph, daylight = context.evaluated_depsgraph_get(), settings.light.daylight
+    return (yield from background(depsgraph, camera, settings.view.background, baked=baked, daylight=daylight))
 
 
 def _traced(
@@ -160,10 +184,15 @@ def _heatmap(ranking: Ranking, camera: Camera, settings: ViewSettings) -> Unfini
 
 
 def _refined(
-    octree: Octree, camera: Camera, ranking: Ranking, settings: ViewSettings, meanwhile: Meanwhile | None
+    octree: Octree,
+    ranking: Ranking,
+    settings: ViewSettings,
+    meanwhile: Meanwhile | None,
+    ground: Ground,
 ) -> Steps[RefinedPicture]:
     """Spend the budget on a ranked view: samples per pixel where there are any, else its share of the pixels."""
     begun: list[RefinedPicture] = []
+    camera = ground.camera
 
     def make() -> Steps[RefinedPicture]:
         if settings.spp is None:
@@ -172,7 +201,7 @@ def _refined(
 
     tracing = run_in_worker(make, Progress(0, 1, "Refining by priority"))
     if meanwhile is not None:
-        tracing = shown_meanwhile(tracing, begun, ranking.buffers, camera.name, meanwhile)
+        tracing = shown_meanwhile(tracing, begun, ground, meanwhile)
     return (yield from labelled(tracing, f"{camera.name}: {{}}"))
 
 
@@ -182,6 +211,7 @@ def _measured(
     rankings: Mapping[str, Mapping[str, Ranking]],
     refined: RefinedPicture,
     settings: ViewSettings,
+    background: np.ndarray | None,
 ) -> View:
     """Figures and pictures of a refined view; errors of the preview are reported whatever unrefined pixels show."""
     from ...patchnet_addon.tracing.unseen import why_unseen
@@ -200,7 +230,7 @@ def _measured(
     report["refined"] = asked | samples_report(chosen, refined)
     if settings.importance is not None:
         report["refinable_pixels"] = refinable(buffers)
-    made = View(octree, camera, chosen, refined, {}, report, () if unseen is None else (unseen,))
+    made = View(octree, camera, chosen, refined, {}, report, () if unseen is None else (unseen,), background)
     return replace(made, pictures=_pictures(made, settings))
 
 
@@ -212,18 +242,14 @@ def _pictures(made: View, settings: ViewSettings) -> dict[str, np.ndarray]:
     """
     name, ranking, refined = made.camera.name, made.ranking, made.refined
     buffers, chosen, ramp = ranking.buffers, ranking.strategy, settings.colormap
-    assert buffers.predicted is not None
     picture = buffers.picture
     maximum = settings.heatmap_maximum or chosen.maximum
-    below, urgent = picture(buffers.shown), picture(ranking.priority)
+    urgent = picture(ranking.priority)
     first = picture(ranking.urgency(refined.refined_count))
-    gray = {"preview": buffers.preview, "predicted": buffers.predicted, "refined": refined.luminance}
-    colors = {"preview": buffers.preview_color, "predicted": buffers.predicted_color, "refined": refined.colors}
-    if buffers.reference is not None:
-        gray["reference"], colors["reference"] = buffers.reference, buffers.reference_color
-    looks = {item: gray[item] if color is None else color for item, color in colors.items()}
+    ground = BLACK if made.background is None else made.background
+    below = picture(over(buffers.shown, buffers.shown_alpha, ground, made.octree.exposure))
     pictures = {
-        **{item: shown(picture(values)) for item, values in looks.items()},
+        **_lit_pictures(made),
         "priority": colormap(urgent / np.float32(maximum), ramp),
         "heatmap": heatmap(urgent, maximum, chosen.quantity, map_name=ramp, title=f"{name}: {chosen.name}"),
         "order": tint(below, first),
@@ -237,6 +263,24 @@ def _pictures(made: View, settings: ViewSettings) -> dict[str, np.ndarray]:
     return pictures
 
 
+def _lit_pictures(made: View) -> dict[str, np.ndarray]:
+    """Pictures of light over the view's background: preview, predicted, refined, and the reference if there is one."""
+    buffers, refined = made.buffers, made.refined
+    looks = {
+        "preview": (buffers.preview, buffers.preview_color, buffers.preview_alpha),
+        "predicted": (buffers.predicted, buffers.predicted_color, buffers.predicted_alpha),
+        "refined": (refined.luminance, refined.colors, refined.alpha),
+        "reference": (buffers.reference, buffers.reference_color, buffers.reference_alpha),
+    }
+    pictures = {}
+    for item, (gray, color, alpha) in looks.items():
+        if gray is not None:
+            assert alpha is not None  # known with the light
+            light = gray if color is None else color
+            pictures[item] = buffers.picture(encoded(light, alpha, made.background, made.octree.exposure))
+    return pictures
+
+
 def overview(views: Sequence[View]) -> np.ndarray:
     """Overview of all cameras in one picture: a row each, from the preview to the refined picture, or the reference."""
     titles = {
@@ -245,7 +289,7 @@ def overview(views: Sequence[View]) -> np.ndarray:
     }  # fmt: skip
     if all("reference" in item.pictures for item in views):
         titles["reference"] = "reference"
-    rows = [[item.pictures[name] for name in titles] for item in views]
+    rows = [[opaque(item.pictures[name]) for name in titles] for item in views]
     names = []
     for item in views:
         errors = item.errors

@@ -43,8 +43,10 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
 
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Note that scene or settings changed: `view_draw` finds out what that means, but for painted weights."""
-        if self._viewport is not None and depsgraph.id_type_updated("MESH"):
-            self._viewport.mask.meshes_changed()
+        if self._viewport is not None:
+            self._viewport.world.updated(depsgraph)
+            if depsgraph.id_type_updated("MESH"):
+                self._viewport.mask.meshes_changed()
         self.tag_redraw()
 
     def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
@@ -53,7 +55,7 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
 
         if self._viewport is None:
             self._viewport = Viewport()
-        self._viewport.draw(self, context)
+        self._viewport.draw(self, context, depsgraph)
 
     def _fail(self, sentence: str) -> None:
         """Report the sentence in the status bar and in the render's window; for scripts it is an exception."""

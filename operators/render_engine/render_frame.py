@@ -11,6 +11,7 @@ from functools import partial
 import bpy
 import numpy as np
 
+from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import StoppedError
 from ...patchnet_addon.runtime.frames_time import FramesTime
 from ...patchnet_addon.runtime.log import event
@@ -20,15 +21,18 @@ from ...patchnet_addon.runtime.worker import attended
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.importance import PixelRect
 from ...patchnet_addon.sampling.registry import strategy
+from ...patchnet_addon.tracing.camera import Camera
+from ..cycles.world.background import background
 from ..importance.pixels import read_strokes
-from ..schema.table import VISIBLE
+from ..schema.table import AUTO, CYCLES, VISIBLE
+from ..session.scene_session import in_main_thread
+from ..session.world_maps import kept_background
 from ..ui.preferences import apply_preferences
 from ..ui.properties import scene_settings
 from .animation_time import rendered_frame
 from .frame_octree import octree_of_frame
 from .passes import pass_pixels
 from .render_camera import render_view
-from .world import VARIES, world_color
 
 _SHOWN_S = 0.7  # between two looks at the unfinished picture
 
@@ -48,12 +52,12 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     strokes = None
     if wanted.importance is not None:  # what is missing is said before anything is made
         strokes = read_strokes(wanted.importance, VISIBLE, depsgraph)  # what was voxelized may not be selected now
-    world = None if scene.render.film_transparent else _background(engine, scene)
     _mention_left_out(engine, scene)
     making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
     with rendered_frame(engine, scene) as frames:
         coded = pull(engine, making, 0.0, 0.3, frames)
         importance = None if strokes is None else partial(strokes.weights, coded.octree.grid, rect=rect)
+        world = pull(engine, _world(engine, depsgraph, camera, coded.octree), 0.3, 0.3, frames)
         picture = AdaptivePicture(coded.octree, camera, chosen, coded, importance, wanted.unrefined)
         output = _Output(engine, depsgraph.view_layer.name, kept, picture, world)
         try:
@@ -137,12 +141,18 @@ class _Output:
         return np.ascontiguousarray(picture[rows, columns]).ravel()
 
 
-def _background(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> np.ndarray:
-    color = world_color(scene.world)
-    if color is None:
-        warn(engine, VARIES)
-        return np.zeros(3, np.float32)
-    return color
+def _world(
+    engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, camera: Camera, octree: Octree
+) -> Steps[np.ndarray | None]:
+    """What the camera sees behind all surfaces, see `combined`; black with a warning where nothing can find out."""
+    baked = octree.provenance.get("light") == CYCLES
+    if in_main_thread():
+        seen = yield from background(depsgraph, camera, AUTO, baked=baked)
+    else:
+        seen = kept_background(depsgraph, camera, baked=baked)
+    for warning in seen.warnings:
+        warn(engine, warning)
+    return seen.light
 
 
 def _warn_of_unseen(engine: bpy.types.RenderEngine, picture: AdaptivePicture) -> None:

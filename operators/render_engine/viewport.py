@@ -23,7 +23,7 @@ from .drawing import PictureTexture, draw_message
 from .render_camera import camera_rect, viewport_camera
 from .viewport_mask import ViewportMask
 from .viewport_preview import Preparation, ViewportPreview
-from .world import world_color
+from .viewport_world import ViewportWorld
 
 _NO_VOXELS = "PatchNet: there are no voxels yet. Press Preview Selection in the sidebar's tab PatchNet (N)."
 _NO_CODES = "PatchNet: look-ahead is not prepared yet. Press Prepare Look-Ahead in the sidebar's tab PatchNet (N)."
@@ -41,9 +41,9 @@ class Viewport:
         self._prepared_for: tuple[Any, ...] = ()
         self._texture: PictureTexture | None = None
         self._asked = 0.0  # when to be drawn again was asked for
-        self.mask = ViewportMask()
+        self.mask, self.world = ViewportMask(), ViewportWorld()
 
-    def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context) -> None:
+    def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Work for a moment, draw what is there, and ask to be drawn again while there is more to do."""
         result = results.result_of(context.scene)
         if result is None:
@@ -51,12 +51,18 @@ class Viewport:
             self._message(engine, context, _NO_VOXELS)
             return
         try:
-            self._draw(engine, context, result)
+            self._draw(engine, context, depsgraph, result)
         except PatchNetError as error:
             self._forget()
             self._message(engine, context, f"PatchNet: {error}")
 
-    def _draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, result: SceneResult) -> None:
+    def _draw(
+        self,
+        engine: bpy.types.RenderEngine,
+        context: bpy.types.Context,
+        depsgraph: bpy.types.Depsgraph,
+        result: SceneResult,
+    ) -> None:
         values, region = context.scene.patchnet, context.region
         chosen = strategy(values.strategy)
         if result.coded is None and (chosen.needs or values.unrefined != PREVIEW):
@@ -74,7 +80,7 @@ class Viewport:
             self._message(engine, context, _READY_SOON)
             engine.tag_redraw()
             return
-        preview = self._preview_of(context, result, camera)
+        preview = self._preview_of(context, depsgraph, result, camera)
         if not preview.done or self._texture is None:
             preview.work(time.perf_counter() - self._asked)  # as long as drawing itself takes
             self._texture = PictureTexture(preview.pixels())
@@ -86,11 +92,12 @@ class Viewport:
             self._asked = time.perf_counter()
             engine.tag_redraw()
 
-    def _preview_of(self, context: bpy.types.Context, result: SceneResult, camera: Camera) -> ViewportPreview:
+    def _preview_of(
+        self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, result: SceneResult, camera: Camera
+    ) -> ViewportPreview:
         """Return the preview that is there if it fits all that it depends on, else a new one."""
         values, strokes = context.scene.patchnet, self.mask.strokes
-        world = None if context.scene.render.film_transparent else world_color(context.scene.world)
-        background = None if world is None else world.tobytes()
+        world, background = self.world.behind(depsgraph, result.octree)
         rect = None if strokes is None else camera_rect(context)
         wanted = values.strategy, values.unrefined, values.budget, values.refined_samples, values.spp
         state = (id(result), *wanted, background, self.mask.version, rect, *_view(camera))

@@ -8,9 +8,11 @@ import time
 
 import numpy as np
 
+from ...patchnet_addon.image.background import BLACK
+from ...patchnet_addon.image.cube_map import CubeMap, pixel_directions
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.progress import Progress, Steps, drain
-from ...patchnet_addon.runtime.worker import attended
+from ...patchnet_addon.runtime.worker import attended, computed
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from .passes import combined
 
@@ -33,18 +35,22 @@ class ViewportPreview:
         self,
         picture: AdaptivePicture,
         budget: float,
-        world: np.ndarray | None,
+        world: np.ndarray | CubeMap | None,
         spp: float | None = None,
         refined: float = _FINE_SIDE**2,
     ) -> None:
-        """Prepare for a picture; spp: mean samples per active pixel instead of the share `budget`.
+        """Prepare for a picture; world: behind all surfaces, one colour (3,), or light by direction; None: transparent.
+
+        spp: mean samples per active pixel instead of the share `budget`.
 
         refined: mean samples of the pixels in that share.
         """
         self.picture = picture
         self.status = ""
         self.done = False
-        self._world, self._budget, self._spp, self._refined = world, budget, spp, refined
+        self._map = world if isinstance(world, CubeMap) else None
+        self._world = BLACK if isinstance(world, CubeMap) else world
+        self._budget, self._spp, self._refined = budget, spp, refined
         self.pace = Pace(*_FIRST_PACE)
         self.steps = self._all()
 
@@ -76,6 +82,9 @@ class ViewportPreview:
         yield Progress(0, 1, "Tracing")
         self._trace_coarsely()
         yield Progress(0, 1, "Tracing the preview")
+        if self._map is not None:
+            known, looking = self._map, Progress(0, 1, "Looking at the world")
+            self._world = yield from computed(lambda: known.look(pixel_directions(self.picture.camera)), looking)
         yield from self.picture.trace(self.pace)
         for side in (_QUICK_SIDE, _FINE_SIDE):
             yield from self.picture.refine(self._budget, side, self.pace, spp=self._spp, refined=self._refined)
@@ -90,6 +99,8 @@ class ViewportPreview:
         column = np.arange(camera.width_px) * columns // camera.width_px
         row = np.arange(camera.height_px) * rows // camera.height_px
         square = (row[:, None] * columns + column).ravel()
+        if self._map is not None:
+            self._world = self._map.look(pixel_directions(camera.with_size(columns, rows)))[square]
         seen = hit_colors(picture.octree, hits) + picture.octree.color_above_white(hits.node)
         picture.colors[:] = seen[square]
         picture.alpha[:] = hits.hit[square]

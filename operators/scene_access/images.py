@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Arrays as Blender images and as files that Blender writes, and which of them a view has.
 
-Pictures are (H, W) or (H, W, 3) float32, row 0 at the bottom as Blender stores them.
+Pictures are (H, W), (H, W, 3), or (H, W, 4) with straight alpha, float32, row 0 at the bottom as Blender stores them.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from .own import OWNER
 PICTURES = ("preview", "predicted", "heatmap", "overlay", "refined", "reference", "error")
 OF_REFERENCE = ("reference", "error")  # those of views with a reference alone
 PRIORITY_NAME = "priority.exr"
+_DEPTHS_WITH_ALPHA = (32, 128)  # bits of a pixel, bytes and floats
 ERROR_MAXIMUM = 0.5  # luminance error at the end of an error picture's legend
 
 
@@ -31,11 +32,12 @@ def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.type
     """
     height, width = picture.shape[:2]
     image = next((item for item in bpy.data.images if item.get(OWNER) == name), None)
-    if image is not None and image.is_float != raw:
+    alpha = _has_alpha(picture)
+    if image is not None and (image.is_float != raw or (image.depth in _DEPTHS_WITH_ALPHA) != alpha):
         bpy.data.images.remove(image)
         image = None
     if image is None:
-        image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=raw, is_data=raw)
+        image = bpy.data.images.new(name, width, height, alpha=alpha, float_buffer=raw, is_data=raw)
         image[OWNER] = name
     write_pixels(image, picture)
     image.pack()
@@ -85,7 +87,7 @@ def save_exr(path: Path, picture: np.ndarray) -> None:
 def _save(path: Path, picture: np.ndarray, file_format: str, *, raw: bool) -> None:
     height, width = picture.shape[:2]
     temporary = path.with_name(f".{secrets.token_hex(4)}.{path.name}")
-    image = bpy.data.images.new(path.name, width, height, alpha=False, float_buffer=raw, is_data=raw)
+    image = bpy.data.images.new(path.name, width, height, alpha=_has_alpha(picture), float_buffer=raw, is_data=raw)
     try:
         image.pixels.foreach_set(_rgba(picture))
         image.file_format = file_format
@@ -101,8 +103,13 @@ def _save(path: Path, picture: np.ndarray, file_format: str, *, raw: bool) -> No
 
 
 def _rgba(picture: np.ndarray) -> np.ndarray:
-    """(H * W * 4,) float32, opaque."""
+    """(H * W * 4,) float32, opaque unless the picture has alpha."""
     height, width = picture.shape[:2]
     pixels = np.ones((height, width, 4), np.float32)
-    pixels[..., :3] = picture if picture.ndim == 3 else picture[..., None]
+    channels = 4 if _has_alpha(picture) else 3
+    pixels[..., :channels] = picture if picture.ndim == 3 else picture[..., None]
     return pixels.ravel()
+
+
+def _has_alpha(picture: np.ndarray) -> bool:
+    return picture.ndim == 3 and picture.shape[-1] == 4

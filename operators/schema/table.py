@@ -22,6 +22,7 @@ SELECTED, VISIBLE = "SELECTED", "VISIBLE"
 DEPTH, VOXEL_SIZE, FIT = "DEPTH", "VOXEL_SIZE", "FIT"
 CYCLES, TWO_LIGHTS = "cycles", "two-lights"
 CPU, GPU = "CPU", "GPU"
+WORLD, BLACK_BACKGROUND, TRANSPARENT = "world", "black", "transparent"
 GLOSS_AUTO, GLOSS_OFF, GLOSS_ABOVE, GLOSS_CAMERA = "auto", "off", "above", "camera"
 NOTHING, IMAGE, VERTEX_GROUP = "NONE", "IMAGE", "VERTEX_GROUP"
 # Stages of a job.
@@ -233,6 +234,18 @@ _VIEWS = (
         "strategies against them: takes far longer",
         VIEW, Kind.SWITCH, False, effect=Effect.PERHAPS,
         argument="--reference", help="also trace 32 x 32 rays in every pixel, and state the errors of all strategies",
+    ),
+    Setting(
+        "background", "Background",
+        "What pictures show where no surface is. Priorities and errors are those of surfaces alone",
+        VIEW, Kind.CHOICE, AUTO,
+        choices=(
+            (AUTO, "As Film", "The world, or nothing where the scene's Film is transparent"),
+            (WORLD, "World", "The world as Cycles shows it to cameras, in the exposure of the picture"),
+            (BLACK_BACKGROUND, "Black", "Black"),
+            (TRANSPARENT, "Transparent", "Nothing: pictures have an alpha channel"),
+        ),
+        argument="--background", help="what pictures show where no surface is",
     ),
     Setting(
         "heatmap_maximum", "Heatmap Max", "Priority at the end of the heatmap's legend; 0 takes the strategy's own",

@@ -14,6 +14,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 if TYPE_CHECKING:
+    from ...patchnet_addon.image.cube_map import CubeMap
     from ..pipeline.estimate import Estimate
     from .scene_result import SceneResult
     from .shown_view import ShownView
@@ -25,6 +26,14 @@ class KeyedResult:
 
     result: SceneResult
     key: str
+
+
+@dataclass(frozen=True, eq=False)
+class KeyedMap:
+    """Map of a world; None where Cycles could not make one. key: of the world that it shows."""
+
+    key: str
+    map: CubeMap | None
 
 
 @dataclass
@@ -43,7 +52,7 @@ class SceneSession:
 
     result: octree, light and codes. estimate: the last one. views: by name of their camera, for overlay and inspection.
     kept_frame: `result`, once a render has asked for its key; made_frame: what was made for the last frame that needed
-    an octree of its own. inspected: by the address of the window.
+    an octree of its own. inspected: by the address of the window. world: its light in all directions.
     """
 
     result: SceneResult | None = None
@@ -52,10 +61,11 @@ class SceneSession:
     kept_frame: KeyedResult | None = None
     made_frame: KeyedResult | None = None
     inspected: dict[int, InspectedPixel] = field(default_factory=dict)
+    world: KeyedMap | None = None
 
     def free(self) -> None:
         """Drop all but the estimate."""
-        self.result = self.kept_frame = self.made_frame = None
+        self.result = self.kept_frame = self.made_frame = self.world = None
         self.views.clear()
         self.inspected.clear()
 

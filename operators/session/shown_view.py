@@ -46,7 +46,8 @@ class ShownView:
     """Values of each pixel of a view.
 
     camera: what it looked through. values: quantity -> (H, W) float32, raw; level is -1 where nothing was met.
-    looks: PREVIEW, PREDICTED, REFINED, REFERENCE -> (H, W, 3) uint8, as a screen shows them. Without a reference that,
+    looks: PREVIEW, PREDICTED, REFINED, REFERENCE -> (H, W, 3) uint8, as a screen shows them, or (H, W, 4) with alpha
+    where no background is. Without a reference that,
     and errors against it, are missing. strategy: name.
     maximum: priority at the end of the legend as the view was made. chosen_maximum: the scene's setting then.
     octree: that it shows, which may be gone. number: of no other view in this process.
@@ -75,7 +76,7 @@ class ShownView:
         return name in self.looks or name == HEATMAP or (name in ERRORS and REFERENCE in self.looks)
 
     def picture(self, name: str, maximum: float, ramp: str) -> np.ndarray:
-        """(H, W, 3) float32, sRGB in [0, 1]: one of TITLES; maximum: of the heatmap; ramp: a colour map."""
+        """(H, W, 3) float32, or 4, sRGB in [0, 1]: one of TITLES; maximum: of the heatmap; ramp: a colour map."""
         if name in self.looks:
             return self.looks[name].astype(np.float32) / np.float32(255)
         values, end = self.mapped(name, maximum)

@@ -127,7 +127,8 @@ class ViewSettings:
     unrefined: what pixels show that are not refined, "preview" or "predicted" (methods 3.12b).
     budget: share of active pixels to refine. refined_samples: mean samples of these, spread by priority. spp: mean
     samples per active pixel instead (methods 7.25b); None refines the share. reference: whether whole jobs measure the
-    errors of all strategies against 32x32 rays in every pixel. heatmap_maximum: None takes the strategy's own.
+    errors of all strategies against 32x32 rays in every pixel. background: what pictures show where no surface is.
+    heatmap_maximum: None takes the strategy's own.
     importance: what was painted to matter; None where all pixels matter alike.
     cycles: how Cycles renders the worst regions over the preview; None renders none.
     """
@@ -140,6 +141,7 @@ class ViewSettings:
     reference: bool = TABLE["reference"].default
     strategy: str = TABLE["strategy"].default
     unrefined: str = TABLE["unrefined"].default
+    background: str = TABLE["background"].default
     heatmap_maximum: float | None = None
     colormap: str = COLORMAPS[0]
     importance: Importance | None = None
@@ -149,6 +151,9 @@ class ViewSettings:
         strategy(self.strategy)
         check_unrefined(self.unrefined)
         _check_numbers(self)
+        known = [value for value, _, _ in TABLE["background"].choices]
+        if self.background not in known:
+            raise SettingError(f"There is no background {self.background!r}: choose one of {', '.join(known)}")
         if self.colormap not in COLORMAPS:
             raise SettingError(f"There is no color map {self.colormap!r}: choose one of {', '.join(COLORMAPS)}")
 

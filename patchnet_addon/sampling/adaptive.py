@@ -207,6 +207,7 @@ def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
         scene_luminance=bands[0].scene_luminance,
         behind_color=_joined([band.behind_color for band in bands]),
         behind_hit=_joined([band.behind_hit for band in bands]),
+        reference_alpha=_joined([band.reference_alpha for band in bands]),
         unrefined=bands[0].unrefined,
     )
 

@@ -28,7 +28,8 @@ class PixelBuffers:
     fine_4: (P,) float32, their mean.
     prediction: coverage and luminance that the network decodes (methods 4.1b).
     exact: the same two, rendered from the patch itself (methods 9).
-    reference: (P,) float32, L32, 32x32 samples (methods 7.5).
+    reference: (P,) float32, L32, 32x32 samples (methods 7.5). reference_alpha: (P,) float32, share of them that met
+    something.
     preview_color, reference_color: (P, 3) float32, linear, of those luminances, for display; None without colour.
     Everything that is scored and measured is luminance.
     behind_color: (P, 3) float32, linear, of `behind`. behind_hit: (P,) bool, something is met there.
@@ -59,6 +60,7 @@ class PixelBuffers:
     scene_luminance: float | None = None
     behind_color: np.ndarray | None = None
     behind_hit: np.ndarray | None = None
+    reference_alpha: np.ndarray | None = None
     unrefined: str = PREVIEW
 
     @property
@@ -114,13 +116,25 @@ class PixelBuffers:
         return self.predicted_color if self.shows_predicted else self.preview_color
 
     @property
+    def preview_alpha(self) -> np.ndarray:
+        """(P,) float32: 1 where the pixel's ray met something, else 0."""
+        return self.hit.astype(np.float32)
+
+    @property
+    def predicted_alpha(self) -> np.ndarray | None:
+        """(P,) float32: share of each pixel in which the network expects something; None without what it needs."""
+        if self.prediction is None or self.behind_hit is None:
+            return None
+        coverage = self.prediction.coverage
+        return np.where(self.hit, coverage + (1.0 - coverage) * self.behind_hit, np.float32(0.0))
+
+    @property
     def shown_alpha(self) -> np.ndarray:
         """(P,) float32: share of each pixel of `shown` in which something is met."""
         if not self.shows_predicted:
-            return self.hit.astype(np.float32)
-        assert self.prediction is not None and self.behind_hit is not None
-        coverage = self.prediction.coverage
-        return np.where(self.hit, coverage + (1.0 - coverage) * self.behind_hit, np.float32(0.0))
+            return self.preview_alpha
+        assert self.predicted_alpha is not None
+        return self.predicted_alpha
 
     @cached_property
     def active(self) -> np.ndarray:

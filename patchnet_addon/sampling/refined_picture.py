@@ -22,11 +22,13 @@ from .sample_counts import COUNTS, runs_of_equal_counts
 class RefinedPicture:
     """Picture of P pixels after its budget is spent.
 
-    luminance: (P,) float32. colors: (P, 3) float32 linear, None without colour. samples: (P,) int32, rays per pixel.
+    luminance: (P,) float32. colors: (P, 3) float32 linear, None without colour. alpha: (P,) float32, share of the pixel
+    in which something is met. samples: (P,) int32, rays per pixel.
     """
 
     luminance: np.ndarray
     colors: np.ndarray | None
+    alpha: np.ndarray
     samples: np.ndarray
 
     @property
@@ -76,16 +78,16 @@ def _traced(
     from ..tracing.pixels import supersample_pixels
 
     buffers, order = ranking.buffers, ranking.order
-    luminance = buffers.shown.copy()
+    luminance, alpha = buffers.shown.copy(), buffers.shown_alpha.copy()
     colors = None if buffers.shown_color is None else buffers.shown_color.copy()
 
     def take(pixels: np.ndarray, side: int) -> None:
         means = supersample_pixels(octree, camera, pixels, side)
-        luminance[pixels] = means.luminance
+        luminance[pixels], alpha[pixels] = means.luminance, means.coverage
         if colors is not None:
             colors[pixels] = means.colors
 
-    refined = RefinedPicture(luminance, colors, samples)
+    refined = RefinedPicture(luminance, colors, alpha, samples)
     if begun is not None:
         begun(refined)
     groups = [(side, order[run]) for side, run in runs_of_equal_counts(samples[order])]

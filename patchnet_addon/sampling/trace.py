@@ -70,17 +70,20 @@ def trace_view(
     prediction = predict(coded, hits, device) if PREDICTION in needs and coded is not None else None
     exact = (yield from exact_prediction(octree, hits, lookahead)) if EXACT in needs else None
     exact_1 = (yield from exact_prediction(octree, hits, 1)) if EXACT_1 in needs else None
-    sampled, colors = None, None
+    sampled = None
     if reference or REFERENCE in needs:
-        sampled, colors = yield from _reference(octree, camera)
+        from ..tracing.supersample import supersample_all
+
+        sampled = yield from supersample_all(octree, camera)
     return PixelBuffers(
         hits,
         behind=patch.behind,
         prediction=prediction,
         exact=exact,
-        reference=sampled,
+        reference=None if sampled is None else sampled.luminance,
         preview_color=hit_colors(octree, hits) if colored else None,
-        reference_color=colors,
+        reference_color=sampled.colors if sampled is not None and colored else None,
+        reference_alpha=None if sampled is None else sampled.coverage,
         fine=patch.fine,
         fine_4=None if rays is None else rays.mean(axis=1),
         fine_rays=rays,
@@ -116,15 +119,6 @@ def _center_rays(octree: Octree, camera: Camera, needs: frozenset[str], lookahea
     if not needs & {BEHIND, FINE}:
         return PatchHits(first_hits(octree, camera))
     return patch_hits(octree, camera, lookahead=lookahead, behind=BEHIND in needs)
-
-
-def _reference(octree: Octree, camera: Camera) -> Steps[tuple[np.ndarray, np.ndarray | None]]:
-    """Luminance (P,) of 32x32 samples, and their colour (P, 3) if the octree has one."""
-    from ..tracing.supersample import supersample, supersample_colors
-
-    if octree.chroma is None:
-        return (yield from supersample(octree, camera)), None
-    return (yield from supersample_colors(octree, camera))
 
 
 def hit_normals(octree: Octree, hits: Hits) -> np.ndarray:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..octree.above_white import NOTHING_ABOVE, AboveWhite
@@ -41,6 +43,15 @@ _ROWS_PER_STEP = 8
 _RUN = 64  # pixels that one core takes at once; a multiple of those in a tile
 
 
+class Sampled(NamedTuple):
+    """Means over the rays of P pixels: luminance (P,), linear colours (P, 3), no rows without colour, and the share of
+    rays that met something, coverage (P,); all float32."""
+
+    luminance: np.ndarray
+    colors: np.ndarray
+    coverage: np.ndarray
+
+
 def supersample(
     octree: Octree, camera: Camera, side: int = MAX_SIDE, background: float = 0.0, *, finer: float | None = None
 ) -> Steps[np.ndarray]:
@@ -57,16 +68,22 @@ def supersample_colors(
 ) -> Steps[tuple[np.ndarray, np.ndarray]]:
     """Luminance (P,) as of `supersample`, and the mean linear colours (P, 3) float32; the octree must have colour."""
     assert octree.chroma is not None
-    return (yield from _supersampled(octree, octree.chroma, camera, side, background, side))
+    return (yield from _supersampled(octree, octree.chroma, camera, side, background, side))[:2]
+
+
+def supersample_all(octree: Octree, camera: Camera, side: int = MAX_SIDE) -> Steps[Sampled]:
+    """All means of side x side rays a pixel over black, as of `supersample`; in colour if the octree is."""
+    chroma = NO_CHROMA if octree.chroma is None else octree.chroma
+    return (yield from _supersampled(octree, chroma, camera, side, 0.0, side))
 
 
 def _supersampled(
     octree: Octree, chroma: np.ndarray, camera: Camera, side: int, background: float, finer: float
-) -> Steps[tuple[np.ndarray, np.ndarray]]:
-    """Luminance (P,), and colours (P, 3) unless `chroma` is empty."""
+) -> Steps[Sampled]:
+    """Means of the rays; colours unless `chroma` is empty."""
     RAYS.check(side)
     unit = camera_in_unit_cube(camera, octree.grid).finer(finer)
-    luminance = np.empty(camera.pixel_count, np.float32)
+    luminance, coverage = (np.empty(camera.pixel_count, np.float32) for _ in range(2))
     colors = np.empty((camera.pixel_count if len(chroma) else 0, 3), np.float32)
     for row in range(0, camera.height_px, _ROWS_PER_STEP):
         last = min(row + _ROWS_PER_STEP, camera.height_px)
@@ -82,11 +99,11 @@ def _supersampled(
             (side, float(background), octree.depth),
             means,
         )
-        luminance[pixels] = means[:, 0]
+        luminance[pixels], coverage[pixels] = means[:, 0], means[:, 4]
         if len(chroma):
             colors[pixels] = means[:, 1:4]
         yield Progress(last, camera.height_px, f"Sampling {side}x{side}")
-    return luminance, colors
+    return Sampled(luminance, colors, coverage)
 
 
 def block_order(pixels: np.ndarray, width_px: int, side: int) -> np.ndarray:

@@ -27,9 +27,9 @@ def watched(viewports: list) -> None:
     kind = module("render_engine.viewport").Viewport
     before = kind.draw
 
-    def draw(self, engine, context):
+    def draw(self, *given):
         start = time.perf_counter()
-        before(self, engine, context)
+        before(self, *given)
         took = time.perf_counter() - start
         if self not in viewports:
             viewports.append(self)
@@ -67,10 +67,11 @@ def preview():
     values.light, values.color, values.budget, values.refined_samples = "two-lights", True, 0.005, 1024.0
     for step in ("voxelize", "bake_light", "precompute_codes"):
         getattr(bpy.ops.patchnet, step)()
-    yield from clicks.wait_for(lambda: viewports and viewports[0]._preview is not None, "a preview begins")
-    viewport = viewports[0]
+    yield from clicks.wait_for(lambda: viewports and viewports[-1]._preview is not None, "a preview begins", 180.0)
+    viewport = viewports[-1]  # what changes the scene beside it makes Blender begin anew
     viewport.longest = 0.0
     first = viewport._preview
+    seen["viewports"] = len(viewports)
     seen["coarse at first"] = bool((first.picture.samples == 0).any())
     yield from clicks.wait_for(lambda: first.picture.buffers is not None, "every pixel is traced")
     yield from clicks.screenshot(OUT / "engine-traced.png")
@@ -79,6 +80,7 @@ def preview():
     clicks.window().event_simulate(type="WHEELUPMOUSE", value="PRESS", x=x, y=y)
     yield from clicks.wait_for(lambda: viewport._preview is not first, "another view is another preview")
     yield from settle(viewport, "the preview spends its budget")
+    yield from sky(viewport)
     picture = viewport._preview.picture
     seen["finest"], seen["refined share"] = int(picture.samples.max()), float((picture.samples == 1024).mean())
     seen["longest draw_s"] = round(viewport.longest, 2)
@@ -87,7 +89,18 @@ def preview():
     yield from masks(viewport)
     show("SOLID")
     yield 1.0
-    seen["references left"] = sys.getrefcount(viewports[0])
+    seen["references left"] = sys.getrefcount(viewports[-1])
+
+
+def sky(viewport):
+    """The courtyard's world, a gradient, stands behind all objects as soon as a timer has made its map."""
+    session = module("session.scene_session").session_of(clicks.window().scene)
+    yield from clicks.wait_for(lambda: session.world is not None, "the world's map")
+    yield from clicks.wait_for(lambda: viewport._preview is not None and viewport._preview._map is not None, "a sky")
+    yield from settle(viewport, "the preview with a sky spends its budget")
+    beside = viewport._preview.picture.alpha == 0.0
+    light = viewport._preview.pixels().reshape(-1, 4)[beside, :3]
+    seen["sky"] = {"share": float(beside.mean()), "least": float(light.min()), "spread": float(light.std(axis=0).max())}
 
 
 def masks(viewport):

@@ -262,6 +262,7 @@ def session():
     build()
     yield 0.5
     bpy.context.preferences.addons[PACKAGE].preferences.open_pictures = "NEVER"
+    clicks.window().scene.patchnet.background = "black"  # the world is as gray as the viewport that shows through
     in_area("VIEW_3D", bpy.ops.patchnet.run_all)
     for part in (into_camera, in_viewport, doubled, inspect, drag, unfinished, in_image_editor, automatic, end):
         yield from part()

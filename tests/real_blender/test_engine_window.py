@@ -27,11 +27,17 @@ def test_the_viewport_refines_while_it_stands_still(seen: dict) -> None:
     assert seen["finest"] == 1024 and 0.0 < seen["refined share"] < 0.005
 
 
+def test_the_viewport_shows_the_world_behind_objects(seen: dict) -> None:
+    """A gradient that is black nowhere."""
+    assert seen["sky"]["share"] > 0.01 and seen["sky"]["least"] > 0.0 and seen["sky"]["spread"] > 0.001
+
+
 def test_leaving_the_shading_mode_frees_the_picture(seen: dict) -> None:
     assert seen["references left"] == 3  # the script's list, its variable, and the question itself
 
 
 def test_f12_renders_beside_the_window(seen: dict) -> None:
+    assert "Black is shown behind objects" not in seen["said"]
     assert seen["render"]["ended"] == "complete" and ["IMAGE_EDITOR"] in seen["windows"]
 
 

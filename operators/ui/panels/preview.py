@@ -19,7 +19,7 @@ class PATCHNET_PT_preview(SubPanel, bpy.types.Panel):
         """Settings, the button, where pictures are."""
         layout = split(self.layout)
         values = context.scene.patchnet
-        for name in ("cameras", "size", "strategy", "unrefined"):
+        for name in ("cameras", "size", "strategy", "unrefined", "background"):
             draw_setting(layout, values, name)
         draw_budget(layout, values)
         draw_setting(layout, values, "heatmap_maximum")

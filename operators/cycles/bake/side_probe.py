@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Probe of the light on both sides of a surface at a few points, by one small bake.
+
+Each point and side has a triangle of its own, far smaller than a voxel and as far off the surface as what is baked, and
+a block of texels. No ray meets these triangles.
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+
+import bpy
+import numpy as np
+
+from ....patchnet_addon.runtime.progress import Progress, Steps
+from ....patchnet_addon.surface.chroma import REC709
+from ...scene_access.overrides import object_mode
+from ...scene_access.temporary import temporary
+from ...scene_access.window_job import when_job_ended, window_is_alive
+from ..daylight import daylight
+from .bake_call import BakeTarget, bake_as_job, bake_now
+from .bake_scene import cycles_settings, page_image, page_mesh, page_object
+from .page_mesh import CHART_LAYER
+
+SAMPLES = 16  # a texel
+_BLOCK = 8  # texels of a side of a point's block; the lower left half of it is baked
+_PER_ROW = 16  # blocks
+_NAME = "PatchNet Probe"
+
+
+def light_of_sides(
+    context: bpy.types.Context,
+    points_world: np.ndarray,
+    normals: np.ndarray,
+    lift_world: float,
+    *,
+    with_daylight: bool,
+    at: Progress,
+) -> Steps[np.ndarray]:
+    """Luminance (N, 2) float32 that white matt surface would have at points (N, 3) on the side of unit normals (N, 3),
+    and on the other.
+
+    lift_world: how far off the surface. with_daylight: sun and sky of ours shine. The scene is as before afterwards.
+    Reports are `at`. Raises SceneError, StoppedError.
+    """
+    yield at
+    scene, count = context.scene, 2 * len(points_world)
+    size = np.array([_PER_ROW, -(-count // _PER_ROW)]) * _BLOCK
+    stack = ExitStack()
+    try:
+        stack.enter_context(object_mode(context))
+        if with_daylight:
+            stack.enter_context(daylight(scene))
+        stack.enter_context(cycles_settings(scene, SAMPLES, 0, on_gpu=False))
+        image = stack.enter_context(page_image(size, 1))
+        mesh = stack.enter_context(page_mesh())
+        _fill(mesh, points_world, normals, lift_world)
+        mesh.materials.append(stack.enter_context(temporary(_white(image))))
+        item = stack.enter_context(page_object(scene, mesh))
+        target = BakeTarget(scene, scene.view_layers[context.view_layer.name], item, image)
+        if window_is_alive():
+            yield from bake_as_job(context, target, at)
+        else:
+            bake_now(context, target)
+        return _means(image, count).reshape(-1, 2)
+    finally:
+        when_job_ended(stack.close)
+
+
+def _white(image: bpy.types.Image) -> bpy.types.Material:
+    material = bpy.data.materials.new(_NAME)
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    nodes.clear()
+    diffuse, texture = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeTexImage")
+    diffuse.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    links.new(diffuse.outputs[0], nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
+    texture.image = image
+    nodes.active = texture
+    return material
+
+
+def _fill(mesh: bpy.types.Mesh, points: np.ndarray, normals: np.ndarray, lift: float) -> None:
+    """Give the mesh two triangles a point, one on each side, and their places in the image."""
+    both = np.stack([normals, -normals], axis=1).reshape(-1, 3)
+    centers = np.repeat(points, 2, axis=0) + lift * both
+    least = np.abs(both).argmin(axis=1)
+    along = np.cross(both, np.eye(3)[least])
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    across = np.cross(both, along)
+    corners = np.stack([centers - along, centers + along, centers + across], axis=1)
+    corners = centers[:, None] + (corners - centers[:, None]) * lift
+    count = len(both)
+    mesh.from_pydata(corners.reshape(-1, 3).tolist(), [], np.arange(3 * count).reshape(-1, 3).tolist())
+    row, column = np.divmod(np.arange(count), _PER_ROW)
+    rows = -(-count // _PER_ROW)
+    low = np.stack([column / _PER_ROW, row / rows], axis=1)
+    side = np.array([1.0 / _PER_ROW, 1.0 / rows]) * (1.0 - 1.0 / _BLOCK)  # nothing of the next block
+    places = np.stack([low, low + side * [1.0, 0.0], low + side * [0.0, 1.0]], axis=1).astype(np.float32)
+    mesh.uv_layers.new(name=CHART_LAYER).data.foreach_set("uv", places.ravel())
+
+
+def _means(image: bpy.types.Image, count: int) -> np.ndarray:
+    """Mean luminance (count,) of the texels of each block that were baked."""
+    width, height = image.size
+    pixels = np.empty(width * height * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels = np.nan_to_num(pixels, posinf=0.0, neginf=0.0).reshape(height // _BLOCK, _BLOCK, -1, _BLOCK, 4)
+    blocks = pixels.transpose(0, 2, 1, 3, 4).reshape(-1, _BLOCK * _BLOCK, 4)[:count]
+    baked = blocks[..., 3] > 0.5
+    shine = (blocks[..., :3] @ REC709) * baked
+    result: np.ndarray = (shine.sum(axis=1) / np.maximum(baked.sum(axis=1), 1)).astype(np.float32)
+    return result

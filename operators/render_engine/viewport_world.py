@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""World behind a viewport's picture: one colour at once, what varies from a map that a timer makes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.image.background import BLACK
+from ...patchnet_addon.image.cube_map import CubeMap
+from ...patchnet_addon.octree.octree import Octree
+from ..cycles.daylight import has_light
+from ..cycles.world.background import SeenWorld, seen_world
+from ..schema.table import CYCLES
+from ..session.scene_session import session_of
+from ..session.world_maps import ask_for_map, world_key
+
+World = np.ndarray | CubeMap | None
+_KINDS = ("WORLD", "NODETREE", "IMAGE", "TEXTURE", "LIGHT")
+
+
+class WorldBehind(NamedTuple):
+    """World that is drawn: see `ViewportPreview`; identity: differs with what is seen."""
+
+    world: World
+    identity: Any
+
+
+class ViewportWorld:
+    """World of a viewport, looked at again when Blender says that something of it has changed."""
+
+    def __init__(self) -> None:
+        self._key = ""
+        self._known: tuple[Any, ...] | None = None
+        self._asked = ""
+
+    def updated(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """Hear of a change of the scene."""
+        if any(depsgraph.id_type_updated(kind) for kind in _KINDS):
+            self._known = None
+
+    def behind(self, depsgraph: bpy.types.Depsgraph, octree: Octree) -> WorldBehind:
+        """World behind `octree` now: a map that is still to be made is black, or shows the world as it was."""
+        scene = depsgraph.scene
+        if scene.render.film_transparent:
+            return WorldBehind(None, "transparent")
+        seen = self._seen(depsgraph, octree)
+        if seen.color is not None or seen.world is None:
+            color = BLACK if seen.color is None else seen.color
+            return WorldBehind(color, color.tobytes())
+        kept = session_of(scene.original).world
+        if (kept is None or kept.key != self._key) and self._asked != self._key:
+            self._asked = self._key
+            ask_for_map(scene.original)
+        if kept is None or kept.map is None:
+            return WorldBehind(BLACK, "no map")
+        return WorldBehind(kept.map, kept.key)
+
+    def _seen(self, depsgraph: bpy.types.Depsgraph, octree: Octree) -> SeenWorld:
+        """World of the scene, and the key of one that varies, which is found anew after a change alone."""
+        scene = depsgraph.scene
+        state = id(octree), scene.original.session_uid, scene.world and scene.world.original.session_uid
+        if self._known is None or self._known[0] != state:
+            baked = octree.provenance.get("light") == CYCLES
+            daylit = baked and not has_light(depsgraph)
+            self._known = state, daylit
+            seen = seen_world(depsgraph, baked=baked, daylight=daylit)
+            self._key = world_key(seen) if seen.color is None else ""
+            self._asked = "" if seen.color is not None else self._asked
+            return seen
+        return seen_world(depsgraph, baked=self._known[1], daylight=self._known[1])

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Background behind a picture's light: a colour, the world as each pixel sees it, or none (transparent film).
+
+Light of surfaces is over black and weighed by alpha, the share of a pixel in which rays met something. Strategies and
+errors look at that light alone (methods 5.1).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..surface.textures import luminance
+from .tone import gray, srgb_encode
+
+BLACK = np.zeros(3, np.float32)
+
+
+def over(light: np.ndarray, alpha: np.ndarray, background: np.ndarray, exposure: float) -> np.ndarray:
+    """Light (P,) or (P, 3) float32, exposed and weighed by alpha (P,), over an unexposed background (3,) or (P, 3)."""
+    behind = np.float32(exposure) * np.broadcast_to(np.asarray(background, np.float32), (len(alpha), 3))
+    if light.ndim == 1:
+        return (light + (1.0 - alpha) * luminance(behind)).astype(np.float32)
+    return (light + (1.0 - alpha)[:, None] * behind).astype(np.float32)
+
+
+def encoded(light: np.ndarray, alpha: np.ndarray, background: np.ndarray | None, exposure: float) -> np.ndarray:
+    """sRGB colours (P, 3) float32 in [0, 1] of light over its background; (P, 4) with straight alpha without one."""
+    if background is not None:
+        light = over(light, alpha, background, exposure)
+        return srgb_encode(light) if light.ndim == 2 else gray(light)
+    share = np.clip(alpha, 0.0, 1.0).astype(np.float32)
+    weight = share if light.ndim == 1 else share[:, None]
+    straight = np.divide(light, weight, out=np.zeros_like(light, np.float32), where=weight > 0.0)
+    return np.column_stack([srgb_encode(straight) if light.ndim == 2 else gray(straight), share])
+
+
+def opaque(picture: np.ndarray) -> np.ndarray:
+    """Picture (h, w, 3) of encoded colours, black where one with alpha (h, w, 4) shows nothing."""
+    return picture if picture.shape[-1] == 3 else picture[..., :3] * picture[..., 3:]
