@@ -31,6 +31,7 @@ class Atlas:
     opacity, as the renderer saw it at the texel; with colour (.., 4), red and blue weighed by opacity too.
     noise: (pages * side * side,) float32, half of what two halves of the bake differ by, of luminance weighed by
     opacity; None where it is not known. samples: paths a texel. warnings: sentences about what was left out.
+    spread: side of the square around a texel's centre that its paths go out from, in texels.
     """
 
     charts: Charts
@@ -38,6 +39,7 @@ class Atlas:
     samples: int = 0
     warnings: tuple[str, ...] = ()
     noise: np.ndarray | None = None
+    spread: float = 1.0
 
 
 def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:

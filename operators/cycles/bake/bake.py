@@ -30,7 +30,7 @@ from ...schema.table import AUTO
 from ...settings.groups import LightSettings
 from ...state.watch import check_unchanged
 from .bake_key import bake_key, scene_key
-from .baker import Baker
+from .baker import SPREAD, Baker
 from .gloss_passes import place_of_view
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
@@ -97,7 +97,7 @@ def bake_luminance(
     texels, warnings = pages.reshape(-1, channels), (*baker.warnings, *_coarse(charts))
     if not light.denoise:
         return Atlas(charts, texels, light.samples, warnings)
-    return Atlas(charts, texels[:, :-1], light.samples, warnings, noise=texels[:, -1])
+    return Atlas(charts, texels[:, :-1], light.samples, warnings, noise=texels[:, -1], spread=SPREAD)
 
 
 def _charts(source: SceneMesh, texel_world: float | np.ndarray, samples: int, side: int) -> Steps[Charts]:
