@@ -105,7 +105,7 @@ def text(values: dict[str, Any]) -> str:
         for each in values["regions"]
     ]  # fmt: skip
     rivals = [f"ratio of {name}" for name in values["regions"][0]["rivals"]]
-    heads = ["region", "texels", "with noise", "denoised", "ratio", *rivals, "noise of the reference"]
+    heads = ["region", "surface", "with noise", "denoised", "ratio", *rivals, "noise of the reference"]
     more = values["samples_without"]
     return (
         f"{values['scene']} at depth {values['depth']}, {values['samples']} paths a texel against "
