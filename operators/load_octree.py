@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import bpy
 from bpy.props import StringProperty
@@ -16,6 +17,7 @@ from .jobs.job_operator import JobOperator
 from .jobs.tell import tell
 from .session import results
 from .session.scene_result import SceneResult
+from .session.staleness import look_again
 from .settings.job_settings import JobSettings
 from .state.watch import read_state
 from .ui.properties import CodesProperties, absolute_path
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from ..patchnet_addon.codes.coded_octree import CodedOctree
     from ..patchnet_addon.network.weights import Weights
     from ..patchnet_addon.octree.octree import Octree
+    from .state.scene_state import SceneState
 
 _CODES = "codes.safetensors"  # beside the octree, where a job wrote both
 _OTHER = "the file was made of another scene, or of this one before it was changed"
@@ -68,12 +71,12 @@ class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
         octree, coded, problem = yield from computed(lambda: _loaded(path, weights), loading)
         yield Progress(0, 1, "Looking at the scene")
         state = read_state(context.scene)
-        made = _result(octree, coded, state)
+        made = _result(octree, coded, state, context.scene)
         results.keep(context.scene, made)
         if problem:
             tell(self, "WARNING", problem)
         if made.stale:
-            tell(self, "WARNING", f"{path.name} does not fit the scene: {_OTHER}")
+            tell(self, "WARNING", f"{path.name} does not fit the scene: {made.why(min(made.stale))}")
         more = ", with look-ahead" if coded else ""
         return f"{path.name}: {octree.leaf_count:,} voxels, depth {octree.depth}{more}"
 
@@ -92,11 +95,12 @@ def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, s
         return octree, None, str(error)
 
 
-def _result(octree: Octree, coded: CodedOctree | None, state: Any) -> SceneResult:
+def _result(octree: Octree, coded: CodedOctree | None, state: SceneState, scene: bpy.types.Scene) -> SceneResult:
     """Result of an octree's file, by its own words. It is taken to fit a scene that it says nothing of."""
     from .schema.table import VISIBLE
 
     provenance = octree.provenance
+    state = replace(state, gloss_from=str(provenance.get("gloss_from", "")))
     made = SceneResult(
         octree,
         str(provenance.get("scope", VISIBLE)),
@@ -107,6 +111,8 @@ def _result(octree: Octree, coded: CodedOctree | None, state: Any) -> SceneResul
     if provenance.get("scene_state", state.identity()) != state.identity():
         for step in ("surface", "light"):
             made.mark(step, _OTHER)
+    else:
+        look_again(made, scene)  # at the camera that gloss is seen from
     return made
 
 

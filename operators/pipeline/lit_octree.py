@@ -20,7 +20,7 @@ from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
-from ..cycles.bake.gloss_passes import seen_through, with_view
+from ..cycles.bake.gloss_passes import baked_with_gloss, seen_through, with_view
 from ..scene.cameras import choose_cameras, track_cameras
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
@@ -97,7 +97,7 @@ def build_lit_octree(
         source = read_scene(depsgraph, settings.surface.scope)
         if settings.light.is_baked:
             source = seen_through(source, settings.light.gloss)
-        state = _state(context, recipe)
+        state = _state(context, source, settings, recipe)
     with clock.stage("depth"):
         choice = yield from _choice(context, source, settings, recipe)
     if recipe.after_grid is not None:
@@ -144,16 +144,22 @@ def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: Scene
     return choose_cameras(context.evaluated_depsgraph_get(), *wanted)
 
 
-def _state(context: bpy.types.Context, recipe: Recipe) -> SceneState:
-    depsgraph = recipe.depsgraph
+def _state(context: bpy.types.Context, source: SceneMesh, settings: JobSettings, recipe: Recipe) -> SceneState:
+    """State of the scene, with the place of its camera if something is baked as that sees it."""
+    light, depsgraph = settings.light, recipe.depsgraph
+    seen = light.is_baked and not recipe.unlit and bool(light.from_camera)
+    seen = seen and bool(baked_with_gloss(source, light.gloss).any())
     if depsgraph is None:
-        return read_state(context.scene)
-    return read_state(depsgraph.scene.original, depsgraph.view_layer.name)
+        return read_state(context.scene, gloss_from_camera=seen)
+    return read_state(depsgraph.scene.original, depsgraph.view_layer.name, gloss_from_camera=seen)
 
 
 def _provenance(recipe: Recipe, state: SceneState) -> dict[str, Any]:
     """Entries of the octree's file; the scene's state stands there unless the surface is turned or cut open."""
-    return ({} if recipe.rotation or recipe.bisect else {"scene_state": state.identity()}) | recipe.provenance
+    known = {} if recipe.rotation or recipe.bisect else {"scene_state": state.identity()}
+    if known and state.gloss_from:
+        known["gloss_from"] = state.gloss_from
+    return known | recipe.provenance
 
 
 def _choice(context: bpy.types.Context, source: SceneMesh, settings: JobSettings, recipe: Recipe) -> Steps[GridChoice]:

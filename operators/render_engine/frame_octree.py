@@ -32,6 +32,11 @@ from ..session.staleness import look_again
 from ..settings.job_settings import JobSettings
 from .surface_key import may_change, surface_key
 
+# A bake for every place of the camera would take a frame minutes, and beside a window it cannot be made.
+_GLOSS = (
+    "Gloss is shown as the camera saw it where it stood during the bake: bake again for what it sees now, or choose "
+    "Gloss: From Above"
+)
 _BUTTON = "press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
 
 
@@ -54,7 +59,10 @@ def octree_of_frame(
     session, result = session_of(scene), result_or_kept(scene)
     if result is not None:
         look_again(result, scene)
-    kept = None if result is None or result.stale else result
+    fits = result is not None and (not result.stale or result.is_stale_by_gloss_alone)
+    kept = result if fits else None
+    if kept is not None and kept.stale and not animation:
+        warn(_GLOSS)
     here = kept is not None and kept.octree.provenance.get("frame") == scene.frame_current
     if kept is not None and ((here and not animation) or not may_change(scene)):
         return (yield from _coded(scene, kept, settings))

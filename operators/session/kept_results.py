@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import threading
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -21,6 +22,7 @@ from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ..ui.preferences import apply_preferences, preferences
 from . import results
 from .scene_result import SceneResult
+from .staleness import look_again
 
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
@@ -57,7 +59,8 @@ def restore(scene: bpy.types.Scene) -> bool:
     found = cache.load(_key(state), _weights(scene))
     if found is None:
         return False
-    results.keep(scene, _result(found, state))
+    results.keep(scene, result := _result(found, state))
+    look_again(result, scene)  # at the camera that gloss is seen from: all else is the same, or it was not found
     return True
 
 
@@ -109,6 +112,7 @@ def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
         "seconds": result.seconds,
         "encoder": result.encoder,
         "made_with": result.made_with,
+        "gloss_from": "" if result.state is None else result.state.gloss_from,
     }
     return CachedOctree(result.octree, result.coded, result.layout, notes)
 
@@ -128,7 +132,7 @@ def _result(found: CachedOctree, state: SceneState) -> SceneResult:
         seconds=notes["seconds"],
         encoder=notes["encoder"],
         made_with=made_with,
-        state=state,
+        state=replace(state, gloss_from=notes.get("gloss_from", "")),
     )
 
 

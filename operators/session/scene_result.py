@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from ..state.gloss_view import GLOSS_MOVED
+
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.coded_octree import CodedOctree
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
@@ -94,6 +96,11 @@ class SceneResult:
         """Reason why a step is stale, in a few words."""
         names = self.reasons.get(step, [])
         return ", ".join(names[:_MAX_NAMES]) + (" and more" if len(names) > _MAX_NAMES else "")
+
+    @property
+    def is_stale_by_gloss_alone(self) -> bool:
+        """Whether all that does not fit is where gloss is seen from: all else of the light is as it would be now."""
+        return self.stale == {"light"} and self.reasons.get("light") == [GLOSS_MOVED]
 
     @property
     def nbytes(self) -> int:

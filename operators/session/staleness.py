@@ -60,8 +60,11 @@ def changes(
     state: SceneState, scene: bpy.types.Scene, updates: Iterable[bpy.types.DepsgraphUpdate], known: Container[str]
 ) -> Iterator[tuple[str, str]]:
     """Steps that do not fit what was reported, and what that is, in words; not what is `known` already."""
-    from ..state.scene_state import MEMBERS, changed_text
+    from ..state.gloss_view import GLOSS_MOVED
+    from ..state.scene_state import LIGHT, MEMBERS, changed_text
 
+    if GLOSS_MOVED not in known and state.gloss_has_moved(scene):
+        yield LIGHT, GLOSS_MOVED
     for update in updates:
         block = update.id.original
         if isinstance(block, _MEMBERS):
@@ -82,18 +85,22 @@ def _words(update: bpy.types.DepsgraphUpdate) -> str:
 
 def look_again(result: SceneResult, scene: bpy.types.Scene) -> None:
     """Recheck a result before it is used: disprove what marks it as stale, and see what Blender does not report."""
-    from ..state.scene_state import MEMBERS, changed_text
+    from ..state.gloss_view import GLOSS_MOVED
+    from ..state.scene_state import LIGHT, MEMBERS, changed_text
 
     if result.stale:
         recheck(result, scene)
     elif result.state is not None:
+        if result.state.gloss_has_moved(scene):
+            result.mark(LIGHT, GLOSS_MOVED)
         for step in result.state.changes_of_members(scene):
             result.mark(step, changed_text(MEMBERS, step=step))
 
 
 def recheck(result: SceneResult, scene: bpy.types.Scene) -> None:
     """Compare all of a scene with what the result was made of: mark what does not fit, and unmark what does."""
-    from ..state.scene_state import scene_state
+    from ..state.gloss_view import GLOSS_MOVED
+    from ..state.scene_state import LIGHT, scene_state
 
     if result.state is None:
         return
@@ -101,6 +108,8 @@ def recheck(result: SceneResult, scene: bpy.types.Scene) -> None:
         result.unmark(step)
         for text in texts:
             result.mark(step, text)
+    if result.state.gloss_has_moved(scene):
+        result.mark(LIGHT, GLOSS_MOVED)
 
 
 def _recheck_if_quick(result: SceneResult, scene: bpy.types.Scene, reason: str) -> None:

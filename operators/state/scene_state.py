@@ -9,7 +9,7 @@ evaluates from it, so that it is the same in every process that opened the same 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import bpy
@@ -18,6 +18,7 @@ import numpy as np
 from ..scene_access.frames import fcurves
 from ..scene_access.own import is_own
 from .digest import Digest, names, values_of
+from .gloss_view import place_of_gloss
 
 SURFACE, LIGHT, VIEW = "surface", "light", "view"
 Key = tuple[str, str]  # type and full name of a data-block
@@ -70,13 +71,14 @@ class SceneState:
     """State of a scene at some moment.
 
     entries: hashes by data-block. layer: name of the view layer. frame: the present one if something is animated.
-    seconds: what it took to find out.
+    seconds: what it took to find out. gloss_from: where the camera stands that gloss is seen from, empty where none is.
     """
 
     entries: dict[Key, _Hashes]
     layer: str
     frame: int | None
     seconds: float
+    gloss_from: str = ""
 
     def identity(self, *more: object) -> str:
         """32 hex digits over all of it but the cameras, and over `more`."""
@@ -94,6 +96,14 @@ class SceneState:
                 if getattr(before, step) != getattr(after, step):
                     texts.append(changed_text(key, step=step))
         return found
+
+    def seen_from_camera(self, scene: bpy.types.Scene) -> SceneState:
+        """State of a scene whose gloss is seen from its active camera, where that stands now."""
+        return replace(self, gloss_from=place_of_gloss(scene))
+
+    def gloss_has_moved(self, scene: bpy.types.Scene) -> bool:
+        """Return whether gloss is seen from a camera, and the active one stands elsewhere now."""
+        return bool(self.gloss_from) and place_of_gloss(scene) != self.gloss_from
 
     def changes_of(self, block: bpy.types.ID) -> list[str]:
         """Steps for which an original data-block is not what it was; none if they do not depend on it."""

@@ -62,11 +62,13 @@ def watches_of(scene: bpy.types.Scene) -> list[JobWatch]:
     return [watch for watch in _watches if watch.scene == scene.session_uid and watch.state is not None]
 
 
-def read_state(scene: bpy.types.Scene, layer: str = "") -> SceneState:
+def read_state(scene: bpy.types.Scene, layer: str = "", *, gloss_from_camera: bool = False) -> SceneState:
     """Read the scene's state, which is what the present job reads now."""
     from .scene_state import scene_state
 
     state = scene_state(scene, layer)
+    if gloss_from_camera:
+        state = state.seen_from_camera(scene)
     watch = _current.get()
     if watch is not None:
         watch.state, watch.changes = state, []

@@ -33,6 +33,7 @@ class Atlas:
     noise: (pages * side * side,) float32, half of what two halves of the bake differ by, of luminance weighed by
     opacity; None where it is not known. samples: paths a texel. warnings: sentences about what was left out.
     notes: what was baked, for reports, as plain JSON values.
+    spread: side of the square around a texel's centre that its paths go out from, in texels.
     """
 
     charts: Charts
@@ -41,6 +42,7 @@ class Atlas:
     warnings: tuple[str, ...] = ()
     noise: np.ndarray | None = None
     notes: dict[str, Any] = field(default_factory=dict)
+    spread: float = 1.0
 
 
 def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:

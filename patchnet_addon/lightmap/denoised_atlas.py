@@ -20,15 +20,20 @@ from .charts import Charts
 from .denoise import REACH, Cells, Texels, denoise
 from .packing import SINGLE
 
-_LEAST_ALBEDO = 0.02  # darker base colours are not divided out
+_LEAST_ALBEDO = 0.02  # darker base colours count as this, and such texels mix with each other only
+_PLACES = 4  # along a texel's side, in which its base colour is looked up where that has a texture
 _AXIS_BITS, _AXIS_CELLS = 19, 1 << 19
 
 
 class Placed(NamedTuple):
-    """Texels of one batch that are denoised, and their places in the atlas; albedo (n, C) is divided out."""
+    """Texels of one batch that are denoised, and their places in the atlas.
+
+    albedo: (n, C), which is divided out. area: (n,) float32 of the surface that each is the texel of.
+    """
 
     place: np.ndarray
     albedo: np.ndarray
+    area: np.ndarray
     texels: Texels
 
 
@@ -39,7 +44,7 @@ def denoised_atlas(atlas: Atlas, source: MeshSource) -> Atlas:
     """
     if atlas.noise is None:
         return atlas
-    index, albedo, texels = placed_texels(atlas, source)
+    index, albedo, _, texels = placed_texels(atlas, source)
     if not len(index):
         return replace(atlas, noise=None)
     order, cells = cells_of(texels.points, texels.size, atlas.charts.texel_world, np.zeros(3))
@@ -57,10 +62,10 @@ def placed_texels(atlas: Atlas, source: MeshSource) -> Placed:
     parts = list(_placed(atlas, source, table, *_owned(atlas.charts)))
     if not parts:
         none = np.empty(0, np.float32)
-        return Placed(np.empty(0, np.int64), np.empty((0, 1), np.float32), Texels(*(none,) * len(Texels._fields)))
-    place, albedo = (np.concatenate([part[column] for part in parts]) for column in range(2))
+        return Placed(np.empty(0, np.int64), none.reshape(0, 1), none, Texels(*(none,) * len(Texels._fields)))
+    place, albedo, area = (np.concatenate([part[column] for part in parts]) for column in range(3))
     texels = Texels(*(np.concatenate(column) for column in zip(*(part.texels for part in parts), strict=True)))
-    return Placed(place, albedo, texels)
+    return Placed(place, albedo, area, texels)
 
 
 def _owned(charts: Charts) -> tuple[np.ndarray, np.ndarray]:
@@ -93,8 +98,7 @@ def _placed(
         logs = charts.log_width[numbers].astype(np.float64) + charts.log_height[numbers]
         area = areas[local] / np.where(charts.kind[numbers] == SINGLE, 1.0, np.exp2(logs) / 2.0)
         values = atlas.texels[mine]
-        pieces = Fragments(np.zeros(len(mine), np.uint64), local.astype(np.int32), barycentric, area)
-        albedo = _albedo(table, batch, pieces, values.shape[1] == COLOR_CHANNELS)
+        albedo = _albedo(atlas, table, batch, mine, local, area)
         shining = values[:, [0, 2, 3]] if albedo.shape[1] > 1 else values[:, :1]
         light = shining / (albedo * values[:, 1:2])
         variance = (noise[mine] / (albedo[:, 0] * values[:, 1])) ** 2
@@ -102,22 +106,30 @@ def _placed(
         size = np.maximum(np.sqrt(area), charts.texel_world)
         # From the surface's corner, so that single precision tells texels apart far from the origin, too.
         points = _points(batch, local, barycentric) - source.bounds_world[0]
-        columns = (points, normals[local], size, batch.materials[local], light, variance, weight)
+        # Noise of what is black is not the noise of light.
+        mixes = 2 * batch.materials[local].astype(np.int64) + (albedo[:, 0] <= _LEAST_ALBEDO)
+        columns = (points, normals[local], size, mixes, light, variance, weight)
         kinds = (np.float32, np.float32, np.float32, np.int32, np.float32, np.float32, np.float32)
-        yield Placed(mine, albedo, Texels(*(np.asarray(c, kind) for c, kind in zip(columns, kinds, strict=True))))
+        yield Placed(
+            mine,
+            albedo,
+            area.astype(np.float32),
+            Texels(*(np.asarray(c, kind) for c, kind in zip(columns, kinds, strict=True))),
+        )
 
 
-def _barycentric(charts: Charts, texels: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Weights (n, 2) float32 of corners 1 and 2 at the centres of texels (n,) of triangles (n,)."""
+def _barycentric(
+    charts: Charts, texels: np.ndarray, triangles: np.ndarray, at: tuple[float, float] = (0.5, 0.5)
+) -> np.ndarray:
+    """Weights (n, 2) float32 of corners 1 and 2 in texels (n,) of triangles (n,), by default at their centres."""
     row, column = np.divmod(texels % charts.page_side**2, charts.page_side)
     corners = charts.corner_texels(triangles)
-    place = np.stack([column + 0.5, row + 0.5], axis=1) - corners[:, 0]
+    place = np.stack([column + at[0], row + at[1]], axis=1) - corners[:, 0]
     one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
     first = (place[:, 0] * two[:, 1] - place[:, 1] * two[:, 0]) / area
     second = (one[:, 0] * place[:, 1] - one[:, 1] * place[:, 0]) / area
-    single = charts.kind[triangles] == SINGLE
-    return np.where(single[:, None], 1.0 / 3.0, np.stack([first, second], axis=1)).astype(np.float32)
+    return np.stack([first, second], axis=1).astype(np.float32)
 
 
 def _points(batch: TriangleBatch, triangles: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
@@ -130,15 +142,48 @@ def _points(batch: TriangleBatch, triangles: np.ndarray, barycentric: np.ndarray
     )
 
 
-def _albedo(table: TextureTable, batch: TriangleBatch, fragments: Fragments, colored: bool) -> np.ndarray:
-    """Base colour (n, 1) float32 of luminance, or (n, 3) of luminance, red, blue; 1 where there is next to none."""
-    luminance, _ = surface_of_fragments(table, batch, fragments)
-    if colored:
-        color = color_of_fragments(table, batch, fragments, luminance)
-        found = np.stack([luminance, color[:, 0], color[:, 2]], axis=1)
-    else:
-        found = luminance[:, None]
-    return np.where(found > _LEAST_ALBEDO, found, np.float32(1.0))
+def _albedo(
+    atlas: Atlas, table: TextureTable, batch: TriangleBatch, texels: np.ndarray, local: np.ndarray, area: np.ndarray
+) -> np.ndarray:
+    """Base colour (n, 1) float32 of luminance, or (n, 3) of luminance, red, blue, at least _LEAST_ALBEDO.
+
+    texels: (n,) of triangles `local` (n,) of the batch, of an `area` (n,). With a texture it is the mean over where the
+    texel's paths go out from: what is left of the texture would be noise that the two halves of a bake share.
+    """
+    found = np.empty((len(texels), 3 if atlas.texels.shape[1] == COLOR_CHANNELS else 1))
+    materials = batch.materials[local]
+    textured = (table.materials.chain[materials] >= 0) | (table.materials.color_chain[materials] >= 0)
+    for chosen, places in ((~textured, 1), (textured, _PLACES)):
+        if not chosen.any():
+            continue
+        mine, triangles, share = texels[chosen], local[chosen], area[chosen] * (atlas.spread / places) ** 2
+        total, weight = np.zeros((len(mine), found.shape[1])), np.full((len(mine), 1), 1e-12)
+        for x, y in np.ndindex(places, places):
+            at = [0.5 + ((step + 0.5) / places - 0.5) * atlas.spread for step in (x, y)]
+            inside = _inside(_barycentric(atlas.charts, mine, triangles + batch.first_triangle, (at[0], at[1])))
+            pieces = Fragments(np.zeros(len(mine), np.uint64), triangles.astype(np.int32), inside, share)
+            color, opacity = _colors(table, batch, pieces, found.shape[1] > 1)
+            total += color * (opacity[:, None] + 1e-6)  # where all is gap, its colour counts nevertheless
+            weight += opacity[:, None] + 1e-6
+        found[chosen] = total / weight
+    return np.maximum(found, _LEAST_ALBEDO).astype(np.float32)
+
+
+def _inside(barycentric: np.ndarray) -> np.ndarray:
+    """Weights (n, 2) float32 moved into their triangle."""
+    weights = np.maximum(barycentric, 0.0)
+    return np.asarray(weights / np.maximum(weights.sum(axis=1, keepdims=True), 1.0), np.float32)
+
+
+def _colors(
+    table: TextureTable, batch: TriangleBatch, pieces: Fragments, colored: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Base colour, luminance (n, 1) or luminance, red, blue (n, 3), and opacity (n,)."""
+    luminance, opacity = surface_of_fragments(table, batch, pieces)
+    if not colored:
+        return luminance[:, None], opacity
+    color = color_of_fragments(table, batch, pieces, luminance)
+    return np.stack([luminance, color[:, 0], color[:, 2]], axis=1), opacity
 
 
 def cells_of(points: np.ndarray, size: np.ndarray, least: float, origin: np.ndarray) -> tuple[np.ndarray, Cells]:

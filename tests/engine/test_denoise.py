@@ -1,13 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Denoised light: kernel against reference, less error where light is smooth, nothing that crosses walls and edges."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.lightmap.denoise import REACH, Texels, denoise, denoise_reference
-from patchnet.patchnet_addon.lightmap.denoised_atlas import _barycentric, _owned, _points, cells_of, denoised_atlas
+from patchnet.patchnet_addon.lightmap.denoised_atlas import (
+    _barycentric,
+    _owned,
+    _points,
+    cells_of,
+    denoised_atlas,
+    placed_texels,
+)
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
 
@@ -180,6 +189,46 @@ def test_an_atlas_is_denoised_across_its_triangles(colored: bool) -> None:
         np.testing.assert_allclose(found.texels[index, 2], 1.5 * found.texels[index, 0], rtol=1e-4)
         np.testing.assert_allclose(found.texels[index, 3], 0.5 * found.texels[index, 0], rtol=1e-4)
     assert denoised_atlas(found, squares(Material("Wall"))) is found
+
+
+@pytest.mark.parametrize("colored", [False, True])
+def test_what_is_black_stays_black_beside_what_is_lit(colored: bool) -> None:
+    """Half of each square has a base colour of next to nothing: noise there says nothing of light."""
+    halves = np.where(np.arange(16) < 8, 0.8, 0.001).astype(np.float32)
+    image = Texture("Halves", np.repeat(np.tile(halves, (16, 1))[..., None], 3, axis=2))
+    source = squares(Material("Wall", (1.0, 1.0, 1.0), image))
+    atlas, index, truth = atlas_of(source, lambda points: halves[(points[:, 0] % 16.0).astype(int)] * 1.0, colored)
+    found = denoised_atlas(atlas, source)
+    before, after = (each.texels[index, 0] - truth for each in (atlas, found))
+    placed = placed_texels(atlas, source)
+    across = placed.texels.points[np.argsort(placed.place)][np.searchsorted(np.sort(placed.place), index), 0] % 8.0
+    clear = (across > 1.0) & (across < 7.0)  # a lookup beside the halves' border mixes both
+    black = (truth < 0.01) & clear
+    assert black.sum() > 100 and np.abs(after[black]).max() < 0.005
+    lit = (truth > 0.01) & clear
+    assert (after[lit] ** 2).mean() < (before[lit] ** 2).mean() / 5.0
+
+
+@pytest.mark.parametrize("spread", [0.5, 1.0])
+def test_base_colours_are_those_that_paths_meet(spread: float) -> None:
+    """A texture finer than texels: a bake of it in even light is even once it is divided out, and stays as it is."""
+    image = Texture("Noise", np.random.default_rng(3).uniform(0.1, 0.9, (128, 128, 1)).repeat(3, axis=2))
+    source = squares(Material("Wall", (1.0, 1.0, 1.0), image))
+    atlas, index, _ = atlas_of(source, lambda points: np.ones(len(points)))
+    placed = placed_texels(replace(atlas, spread=spread), source)
+    _, triangle = _owned(atlas.charts)
+    fine = np.zeros(len(index))
+    steps = (np.arange(16) + 0.5) / 16.0
+    for x in steps:
+        for y in steps:
+            at = 0.5 + (np.array([x, y]) - 0.5) * spread
+            points = _points(next(iter(source.batches())), triangle, _barycentric(atlas.charts, index, triangle, at))
+            row, column = (np.clip(points[:, axis] % 16.0 * 8.0, 0, 127).astype(int) for axis in (1, 0))
+            fine += image.pixels[row, column, 0] / len(steps) ** 2
+    whole = placed_texels(replace(atlas, spread=1.5 - spread), source)
+    error, others = (np.abs(each.albedo[:, 0] - fine).mean() for each in (placed, whole))
+    assert error < 0.5 * others and error < 0.05
+    np.testing.assert_allclose(placed.area.sum(), 512.0, rtol=0.15)
 
 
 def test_texture_stays_and_emitters_keep_their_bits() -> None:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Errors of denoised light by region: what is where, and that errors are those of luminance over the surface."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.lightmap.denoised_atlas import placed_texels
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, TriangleBatch, TriangleMesh
-from patchnet.training.benchmarks.denoising import errors_by_region
+from patchnet.training.benchmarks.denoising import errors_by_region, in_blocks
 
 
 def quad(*corners: tuple[float, float, float]) -> list[list[tuple[float, float, float]]]:
@@ -52,3 +54,34 @@ def test_regions_and_errors(atlases: tuple[TriangleMesh, Atlas, Atlas, Atlas]) -
     assert found["shadow edges"].share == pytest.approx(5 * 16 / 640, rel=0.4)
     assert found["contact shadows"].share == pytest.approx(2 * 3 * 16 / 640, rel=0.3)
     assert sum(each.share for each in found.values()) == pytest.approx(2.0)
+
+
+def test_errors_are_measured_where_the_reference_is(atlases: tuple[TriangleMesh, Atlas, Atlas, Atlas]) -> None:
+    """On the wall alone: contact and smooth light, as if all were known, and rivals beside."""
+    source, noisy, denoised, reference = atlases
+    placed = placed_texels(reference, source)
+    floor = placed.place[placed.texels.normals[:, 2] > 0.5]
+    part = reference.texels.copy()
+    part[floor] = 0.0
+    found = errors_by_region(noisy, denoised, replace(reference, texels=part), source, {"rival": noisy})
+    assert {each.region for each in found} == {"all", "smooth", "contact shadows"}
+    shares = {each.region: each.share for each in found}
+    assert shares["contact shadows"] == pytest.approx(3 / 8, rel=0.3)
+    for each in found:
+        assert each.denoised == pytest.approx(0.01, rel=1e-3)
+        assert each.rivals == {"rival": pytest.approx(each.noisy)}
+
+
+def test_blocks_take_their_share_of_the_surface() -> None:
+    """Triangles whose centres lie in the same cube are taken or left together."""
+    rng = np.random.default_rng(0)
+    corners = rng.uniform(0.0, 200.0, (4000, 1, 3)) + rng.normal(size=(4000, 3, 3))
+    batch = TriangleBatch(corners, np.zeros((4000, 3, 2), np.float32), np.zeros(4000, np.int32), 0)
+    source = TriangleMesh((batch,), (Material("Clay"),))
+    chosen = in_blocks(source, 1.0, 0.25)
+    assert chosen.mean() == pytest.approx(0.25, abs=0.06)
+    cells = ((corners.mean(axis=1) - source.bounds_world[0]) / 16.0).astype(int)
+    _, cell = np.unique(cells, axis=0, return_inverse=True)
+    shares = np.bincount(cell.reshape(-1), chosen) / np.bincount(cell.reshape(-1))
+    assert set(np.unique(shares)) == {0.0, 1.0}
+    assert in_blocks(source, 1.0, 1.0).all() and not in_blocks(source, 1.0, 0.0).any()

@@ -30,7 +30,7 @@ from ...schema.table import AUTO
 from ...settings.groups import LightSettings
 from ...state.watch import check_unchanged
 from .bake_key import bake_key, scene_key
-from .baker import Baker, texel_channels
+from .baker import SPREAD, Baker, texel_channels
 from .gloss_passes import place_of_view
 from .incremental import Incremental, incremental_bake
 
@@ -97,7 +97,7 @@ def bake_luminance(
         charts, notes = again.whole, {"incremental": again.notes}
     if not light.denoise:
         return Atlas(charts, texels, light.samples, warnings, notes=notes)
-    return Atlas(charts, texels[:, :-1], light.samples, warnings, noise=texels[:, -1], notes=notes)
+    return Atlas(charts, texels[:, :-1], light.samples, warnings, noise=texels[:, -1], spread=SPREAD, notes=notes)
 
 
 def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -> Steps[np.ndarray]:

@@ -39,11 +39,21 @@ _SETTINGS = {
 
 
 @contextmanager
-def cycles_settings(scene: bpy.types.Scene, samples: int, seed: int, on_gpu: bool) -> Iterator[None]:
-    """Settings of Cycles for a bake within the block; raises SceneError if Cycles is not there."""
+def cycles_settings(
+    scene: bpy.types.Scene, samples: int, seed: int, on_gpu: bool, *, skips_centers: bool = False
+) -> Iterator[None]:
+    """Settings of Cycles for a bake within the block; raises SceneError if Cycles is not there.
+
+    skips_centers: Cycles' first path of a texel goes from its centre, whatever the seed; with this, all go from
+    anywhere in it, so that two bakes of a few paths know nothing of each other.
+    """
     if not hasattr(scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose the two-lights shading")
     values: dict[str, Any] = _SETTINGS | {"samples": samples, "seed": seed, "device": "GPU" if on_gpu else "CPU"}
+    if skips_centers:
+        values |= {
+            "samples": samples + 1, "use_sample_subset": True, "sample_offset": 1, "sample_subset_length": samples
+        }  # fmt: skip
     if not on_gpu:  # a GPU wants large tiles, and is done with them soon
         values |= {"use_auto_tile": True, "tile_size": tile_side()}
     with changed(scene.render, engine="CYCLES"), changed(scene.cycles, **values):

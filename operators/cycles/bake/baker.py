@@ -34,6 +34,8 @@ from .object_data import attributes_needed, lost_inputs
 from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
 from .translucency import is_translucent
 
+# Side of the square around a texel's centre that Cycles' paths go out from, in texels: half of it in 4.5, all in 5.2.
+SPREAD = 0.5 if bpy.app.version < (5, 0, 0) else 1.0
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
 _DIM = 0.02  # of the median light on a page: perhaps an enclosed side, into which a little light finds its way
 
@@ -199,7 +201,7 @@ class Baker:
             scene = self._context.scene
             if self._with_daylight:
                 stack.enter_context(daylight(scene))
-            stack.enter_context(cycles_settings(scene, samples, self._seed, self._on_gpu))
+            stack.enter_context(cycles_settings(scene, samples, self._seed, self._on_gpu, skips_centers=halves > 1))
             stack.enter_context(view_of_bake(scene, self._light))
             # One image for both: Cycles reads the scene once for each.
             sides = (len(fronts) > 0) + (len(backs) > 0)

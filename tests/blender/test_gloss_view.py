@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light whose gloss is seen from the camera is stale once that stands elsewhere, and only then."""
+
+from pathlib import Path
+
+import bpy
+import pytest
+
+from patchnet.operators.cycles.bake import baker
+from patchnet.operators.render_engine import render_frame
+from patchnet.operators.session import kept_results, results
+from patchnet.operators.session.scene_result import SceneResult
+from patchnet.operators.session.staleness import look_again
+from patchnet.operators.state.gloss_view import GLOSS_MOVED, place_of_gloss
+from patchnet.operators.ui.panels.tab import stale_text
+from patchnet.tests.blender.job_scene import principled, saved
+
+pytestmark = pytest.mark.usefixtures("scene")
+QUICK = {"light": "cycles", "samples": 1, "depth": 5, "size": (16, 12)}
+ADVICE = "The camera that gloss is seen from moved: bake again"
+
+
+def metal() -> None:
+    principled("Slab").inputs["Metallic"].default_value = 1.0
+
+
+def run(**values: object) -> None:
+    assert bpy.ops.patchnet.run_all(**{**QUICK, **values}) == {"FINISHED"}
+
+
+def result() -> SceneResult:
+    return results.voxels_of(bpy.context.scene)
+
+
+def shift(x: float = 0.5) -> None:
+    bpy.data.objects["Eye"].location.x += x
+    bpy.context.view_layer.update()
+
+
+def refuse(*_: object) -> None:
+    raise AssertionError("baked again")
+
+
+def test_a_camera_that_moves_makes_gloss_stale_until_it_is_baked_again() -> None:
+    metal()
+    run()
+    bpy.data.objects["Eye"].rotation_euler.z += 0.1  # reflections of what stands still are the same
+    bpy.context.view_layer.update()
+    assert result().stale == set() and "view" in result().reasons
+    shift()
+    assert result().stale == {"light"} and result().is_stale_by_gloss_alone
+    assert stale_text(result(), bpy.context.scene, "light") == ADVICE
+    shift(-0.5)
+    look_again(result(), bpy.context.scene)
+    assert result().stale == set(), "moved back"
+    shift()
+    octree = result().octree
+    assert bpy.ops.patchnet.bake_light(light="cycles", samples=1) == {"FINISHED"}
+    assert result().octree is not octree and result().stale == set()
+    shift(0.1)
+    assert result().stale == {"light"}, "seen from where it was baked last"
+
+
+def test_another_active_camera_or_none_is_noticed() -> None:
+    metal()
+    run()
+    scene, eye = bpy.context.scene, bpy.data.objects["Eye"]
+    other = eye.copy()
+    scene.collection.objects.link(other)
+    scene.camera = other
+    look_again(result(), scene)
+    assert result().stale == set(), "it stands in the same place"
+    scene.camera = None
+    look_again(result(), scene)
+    assert result().stale == {"light"}
+
+
+@pytest.mark.parametrize("case", ["no metal", "seen from above", "gloss off", "two lights", "another light"])
+def test_what_does_not_depend_on_the_camera_stays(case: str) -> None:
+    if case != "no metal":
+        metal()
+    values = {
+        "seen from above": {"gloss": "above"},
+        "gloss off": {"gloss": "off"},
+        "two lights": {"light": "two-lights"},
+    }
+    run(**values.get(case, {}))
+    if case == "another light":
+        bpy.data.lights["Lamp"].energy = 9.0
+        bpy.context.view_layer.update()
+        assert result().stale == {"light"} and not result().is_stale_by_gloss_alone
+        return
+    shift()
+    assert result().stale == set()
+
+
+def test_orthographic_cameras_look_from_a_direction() -> None:
+    scene, eye = bpy.context.scene, bpy.data.objects["Eye"]
+    before = place_of_gloss(scene)
+    eye.data.type = "ORTHO"
+    first = place_of_gloss(scene)
+    eye.location.x += 1.0
+    assert before != first == place_of_gloss(scene)
+    eye.rotation_euler.z += 0.1
+    bpy.context.view_layer.update()
+    assert place_of_gloss(scene) != first
+    eye.constraints.new("LIMIT_LOCATION")
+    assert place_of_gloss(scene) != first
+
+
+def test_cameras_on_a_carriage() -> None:
+    scene, eye = bpy.context.scene, bpy.data.objects["Eye"]
+    carriage = bpy.data.objects.new("Carriage", bpy.data.cameras.new("Carriage"))
+    scene.collection.objects.link(carriage)
+    alone = place_of_gloss(scene)
+    eye.parent = carriage
+    carried = place_of_gloss(scene)
+    carriage.location.z += 1.0
+    bpy.context.view_layer.update()
+    assert len({alone, carried, place_of_gloss(scene)}) == 3
+
+
+def test_the_engine_shows_the_gloss_that_is_there_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bake for each place of the camera would be a bake for each frame."""
+    metal()
+    run()
+    said: list[str] = []
+    monkeypatch.setattr(render_frame, "warn", lambda _, text: said.append(text))
+    monkeypatch.setattr(baker, "bake_now", refuse)
+    scene = bpy.context.scene
+    scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
+    bpy.ops.render.render()
+    assert not any("Gloss" in text for text in said)
+    shift()
+    octree = result().octree
+    bpy.ops.render.render()
+    assert any("where it stood during the bake" in text for text in said)
+    assert result().octree is octree and result().stale == {"light"}
+
+
+def test_files_know_from_where_gloss_was_seen(tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An octree that is found again when the file is opened, and one that is loaded."""
+    monkeypatch.setenv("PATCHNET_KEEP", "1")
+    monkeypatch.setenv("PATCHNET_CACHE", str(cache))
+    metal()
+    run(out=str(tmp_path / "out"))
+    octree = str(tmp_path / "out" / "octree.safetensors")
+    for moved in (False, True):
+        if moved:
+            shift()
+        path = saved(tmp_path / f"scene-{moved}.blend")
+        bpy.ops.wm.open_mainfile(filepath=str(path))
+        found = kept_results.result_or_kept(bpy.context.scene)
+        assert found is not None and found.stale == ({"light"} if moved else set())
+        assert bpy.ops.patchnet.load_octree(filepath=octree) == {"FINISHED"}
+        assert result().stale == ({"light"} if moved else set())
+        assert (GLOSS_MOVED in result().why("light")) == moved
