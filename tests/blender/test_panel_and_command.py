@@ -10,7 +10,7 @@ import pytest
 from patchnet.commands import run
 from patchnet.commands.shared.job_arguments import job_settings
 from patchnet.operators.schema.table import TABLE
-from patchnet.operators.settings.groups import ViewSettings
+from patchnet.operators.settings.groups import LightSettings, ViewSettings
 from patchnet.operators.ui import panels
 from patchnet.operators.ui.preferences import PatchNetPreferences
 from patchnet.operators.ui.presets_menu import PATCHNET_PT_presets
@@ -61,6 +61,7 @@ def properties_of(argument: str) -> set[str]:
 def drawn_settings() -> set[str]:
     """Names of the settings that the tab's panels show, whatever is chosen in them."""
     values, texts = bpy.context.scene.patchnet, set()
+    values.incremental = True  # its tolerance counts
     for light in ("cycles", "two-lights"):
         for resolution in ("AUTO", "FIT", "DEPTH", "VOXEL_SIZE"):
             for importance in ("NONE", "IMAGE", "VERTEX_GROUP"):
@@ -97,7 +98,7 @@ def test_defaults_are_the_same() -> None:
     bpy.context.scene.property_unset("patchnet")
     given = job_settings(parser().parse_args(["scene.blend"]), Path("out"))
     assert given.view.size == (192, 192)  # square pictures, while the panel's follow the render's aspect
-    scene = scene_settings(bpy.context.scene).changed(budget=ViewSettings.budget)
+    scene = scene_settings(bpy.context.scene).changed(budget=ViewSettings.budget, tolerance=LightSettings.tolerance)
     assert given.compute.torch_device == scene.compute.torch_device == "auto"
     assert given.changed(size=scene.view.size, out=None, network_device="AUTO") == scene
 
