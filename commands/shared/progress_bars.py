@@ -71,7 +71,7 @@ class _Bars:
 
     def __init__(self) -> None:
         self._bar: Any = None
-        self._label = ""
+        self._label = self._step = ""
         self._remaining = Remaining()
 
     def show(self, progress: Progress) -> None:
@@ -97,7 +97,8 @@ class _Bars:
             self.close(finished=True)
             self._label = _WHOLE
             self._bar = tqdm(total=100.0, bar_format=_FORMAT)
-        self._bar.set_description_str(f"{progress.label:<36}", refresh=False)
+        new, self._step = progress.label != self._step, progress.label
+        self._bar.set_description_str(f"{progress.label:<36}", refresh=new)  # short steps are named, too
         self._bar.set_postfix_str(", ".join(filter(None, (left_text(progress.left_s), progress.note))), refresh=False)
         self._bar.update(max(100.0 * (progress.whole or 0.0) - self._bar.n, 0.0))
 

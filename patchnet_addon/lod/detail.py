@@ -10,8 +10,7 @@ import numpy as np
 from ..cells.contract import MAX_LEVELS, fitting_level, has_lookahead
 from ..cells.morton_kernels import cell_key
 from ..octree.grid import Grid
-from ..octree.leaf_boxes import without_boxes
-from ..octree.nodes import Nodes
+from ..octree.nodes import Nodes, without_boxes
 from ..runtime.bits import lowest_one
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import kernel, lean_device

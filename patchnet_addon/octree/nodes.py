@@ -17,3 +17,21 @@ class Nodes(NamedTuple):
 
     child_mask: np.ndarray
     first_child: np.ndarray
+
+
+class BoxedNodes(NamedTuple):
+    """Nodes of an octree and boxes of its finest leaves; kernels that trace rays take them.
+
+    child_mask, first_child: as `Nodes` holds them. first_boxed: the first node with a box; those after it have one.
+    boxes: (b, 3) uint8 as `Octree.leaf_box`; with none of them `first_boxed` is above all nodes.
+    """
+
+    child_mask: np.ndarray
+    first_child: np.ndarray
+    first_boxed: int
+    boxes: np.ndarray
+
+
+def without_boxes(child_mask: np.ndarray, first_child: np.ndarray) -> BoxedNodes:
+    """Nodes whose leaves are whole voxels."""
+    return BoxedNodes(child_mask, first_child, len(child_mask), np.empty((0, 3), np.uint8))

@@ -17,8 +17,7 @@ from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
 from .above_white import NOTHING_ABOVE, AboveWhite, colors_at, with_bits
 from .grid import Grid
-from .leaf_boxes import BoxedNodes, without_boxes
-from .nodes import Nodes
+from .nodes import BoxedNodes, Nodes, without_boxes
 
 LUMINANCE_SCALE = 65535.0
 NORMAL_SCALE = 127.0

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..octree.above_white import NOTHING_ABOVE, AboveWhite
-from ..octree.leaf_boxes import BoxedNodes
+from ..octree.nodes import BoxedNodes
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bits import lowest_one
 from ..runtime.bounds import RAYS

@@ -140,7 +140,7 @@ def test_lamp_in_a_linked_collection(tmp_path: Path) -> None:
         linked.collections = ["Lamps"]
     bpy.context.scene.collection.children.link(linked.collections[0])
     slab()
-    assert_agrees(compare(128), contrast=0.3)
+    assert_agrees(compare(160), contrast=0.3)
 
 
 def test_instances_of_lamps_roofs_and_surfaces() -> None:
