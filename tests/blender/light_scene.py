@@ -59,7 +59,7 @@ def compare(samples: int = 128, names: Sequence[str] = ("Floor",)) -> Comparison
     select(names)
     source = read_scene(bpy.context.evaluated_depsgraph_get(), "SELECTED")
     texel_world, paths = 2.0 / PIXELS / FINER, -(-samples // FINER**2)
-    light = LightSettings(samples=paths, color=False)
+    light = LightSettings(samples=paths, color=False, denoise=False)  # as many paths in two halves have more noise
     atlases = [drain(bake_luminance(bpy.context, source, texel_world, light, seed=seed)) for seed in (1, 2)]
     baked = [regions(luminance_at_points(source, atlas)) for atlas in atlases]
     rendered = [regions(picture(samples, seed)) for seed in (3, 4)]
