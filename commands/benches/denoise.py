@@ -56,12 +56,12 @@ def measure(args: argparse.Namespace) -> Comparison:
     with quiet_stdout(), ProgressBars() as bars:
         open_or_build(args.scene)
         bakes = drain(bakes_of(args), bars.show)
-        rivals = _rivals(bakes.noisy, bakes.source)
+        rivals = _rivals(bakes.halves, bakes.source)
     start = time.perf_counter()
-    denoised = denoised_atlas(bakes.noisy, bakes.source)
+    denoised = denoised_atlas(bakes.halves, bakes.source)
     seconds = time.perf_counter() - start
-    errors = errors_by_region(bakes.noisy, denoised, bakes.reference, bakes.source, rivals)
-    return _compared(args, errors, seconds, int(bakes.noisy.charts.texel_count))
+    errors = errors_by_region(bakes.plain, denoised, bakes.reference, bakes.source, rivals)
+    return _compared(args, errors, seconds, int(bakes.halves.charts.texel_count))
 
 
 def _rivals(noisy: Atlas, source: Any) -> dict[str, Atlas]:

@@ -23,10 +23,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Bakes:
-    """Surface with its light of few paths, and of many, where the reference was baked; both know their noise."""
+    """Surface with its light of few paths and of many.
+
+    halves: of few paths, as Denoise has them baked, in two halves that tell its noise. plain: of as many, as bakes without
+    Denoise have them, where the reference was baked. reference: of many; it knows its noise.
+    """
 
     source: SceneMesh
-    noisy: Atlas
+    halves: Atlas
+    plain: Atlas
     reference: Atlas
 
 
@@ -49,19 +54,20 @@ def bakes_of(args: argparse.Namespace) -> Steps[Bakes]:
     side = page_side(source.triangle_count)
     charts = yield from layout_charts(source, texel, samples=args.samples, page_side=side)
     everywhere = np.ones(source.triangle_count, bool)
-    noisy = yield from _baked(source, charts, light, 1, everywhere, args.keep)
+    halves = yield from _baked(source, charts, light, 1, everywhere, args.keep)
+    chosen = everywhere if args.share >= 1.0 else in_blocks(source, charts.texel_world, args.share)
+    plain = yield from _baked(source, charts, replace(light, denoise=False), 1, chosen, args.keep)
     # On the same charts: which triangles share paths depends on how many there are.
     factor = max(round(args.reference_samples / args.samples), 1)
     charts = replace(charts, page_samples=charts.page_samples * factor)
-    chosen = everywhere if args.share >= 1.0 else in_blocks(source, charts.texel_world, args.share)
     reference = yield from _baked(source, charts, light, 2, chosen, args.keep)
-    return Bakes(source, noisy, reference)
+    return Bakes(source, halves, plain, reference)
 
 
 def _baked(
     source: SceneMesh, charts: Charts, light: LightSettings, seed: int, chosen: np.ndarray, keep: Path | None
 ) -> Steps[Atlas]:
-    """Atlas of the light of the triangles `chosen` (T,), with its noise; pages are taken from a folder, and left."""
+    """Atlas of the light of the triangles `chosen` (T,); pages are taken from a folder, and left."""
     import bpy
 
     from ...operators.cycles.bake.bake_key import bake_key, scene_key
@@ -82,6 +88,8 @@ def _baked(
                 kept.save(page, texels)
         pages.append(texels)
     texels = np.concatenate(pages)
+    if not light.denoise:
+        return Atlas(charts, texels, light.samples, baker.warnings)
     return Atlas(charts, texels[:, :-1], light.samples, baker.warnings, noise=texels[:, -1], spread=SPREAD)
 
 
