@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 class Bakes:
     """Surface with its light of few paths and of many.
 
-    halves: of few paths, as Denoise has them baked, in two halves that tell its noise. plain: of as many, as bakes without
-    Denoise have them, where the reference was baked. reference: of many; it knows its noise.
+    halves: of few paths, as Denoise has them baked, in two halves that tell its noise. plain: of as many, as bakes
+    without Denoise have them, where the reference was baked. reference: of many; it knows its noise.
     """
 
     source: SceneMesh
