@@ -89,7 +89,7 @@ def _baked(
         pages.append(texels)
     texels = np.concatenate(pages)
     if not light.denoise:
-        return Atlas(charts, texels, light.samples, baker.warnings)
+        return Atlas(charts, texels, light.samples, baker.warnings, spread=SPREAD)
     return Atlas(charts, texels[:, :-1], light.samples, baker.warnings, noise=texels[:, -1], spread=SPREAD)
 
 
