@@ -37,9 +37,8 @@ def held() -> int:
 
 def texels(picture: np.ndarray) -> np.ndarray:
     """Texels (H, W, 4) float32 of sRGB colours (H, W, 3), opaque, or with straight alpha (H, W, 4)."""
-    if picture.shape[-1] == 4:
-        return picture
-    return np.concatenate([picture, np.ones((*picture.shape[:2], 1), np.float32)], axis=-1)
+    opaque = np.ones((*picture.shape[:2], 4 - picture.shape[-1]), np.float32)  # no column where there is alpha
+    return np.concatenate([picture, opaque], axis=-1, dtype=np.float32)
 
 
 def uploaded(picture: np.ndarray) -> Any:
