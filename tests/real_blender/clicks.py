@@ -112,8 +112,11 @@ def find_buttons(wanted: set[str], *, upwards: bool = False) -> Generator[float,
 def find_again(name: str, point: tuple[int, int]) -> Generator[float, None, tuple[int, int]]:
     """Find a button that was at a point: lines that panels got or lost meanwhile move it, also out of sight."""
     x, y = point
+    side = region("UI")
     for distance in range(0, _MOVED_PX, _ROW_STEP_PX):
         for place in (y - distance, y + distance):
+            if not 8 < place - side.y < side.height:  # Ctrl+C over the timeline opens a report that takes the wheel
+                continue
             if (yield from _button_at(x, place)) == name:
                 return x, place
     for wheel, notches in [("WHEELDOWNMOUSE", 5), ("WHEELUPMOUSE", 40), *[("WHEELDOWNMOUSE", 5)] * 6]:
