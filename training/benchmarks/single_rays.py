@@ -159,6 +159,30 @@ def _box_entry(box, mirror, cell, step, ray, t_start):  # type: ignore[no-untype
 
 
 @device
+def _next_cell(cell, size, ray):  # type: ignore[no-untyped-def]
+    """Cell behind the nearest face of one, the length at which the ray gets there, and which bits of the cell change.
+
+    ray: mirrored origin (x, y, z) and 1 / direction (x, y, z).
+    """
+    x, y, z = cell
+    to_x = ((x + 1) * size - ray[0]) * ray[3]
+    to_y = ((y + 1) * size - ray[1]) * ray[4]
+    to_z = ((z + 1) * size - ray[2]) * ray[5]
+    t_exit = min(min(to_x, to_y), to_z)
+    changed = np.int64(0)
+    if to_x <= t_exit:
+        changed |= x ^ (x + 1)
+        x += 1
+    if to_y <= t_exit:
+        changed |= y ^ (y + 1)
+        y += 1
+    if to_z <= t_exit:
+        changed |= z ^ (z + 1)
+        z += 1
+    return (x, y, z), t_exit, changed
+
+
+@device
 def first_hit(nodes, ray, t_start, pixel_side, stack):  # type: ignore[no-untyped-def]
     """First voxel (a `Hit`) that the ray meets from t_start on and that fits its pixel, or is a leaf.
 
@@ -209,20 +233,8 @@ def first_hit(nodes, ray, t_start, pixel_side, stack):  # type: ignore[no-untype
             if ((iz + 1) * size - oz) * inv_z <= t:
                 iz += 1
         else:
-            tx = ((ix + 1) * size - ox) * inv_x
-            ty = ((iy + 1) * size - oy) * inv_y
-            tz = ((iz + 1) * size - oz) * inv_z
-            t_exit = min(min(tx, ty), tz)
-            changed = np.int64(0)
-            if tx <= t_exit:
-                changed |= ix ^ (ix + 1)
-                ix += 1
-            if ty <= t_exit:
-                changed |= iy ^ (iy + 1)
-                iy += 1
-            if tz <= t_exit:
-                changed |= iz ^ (iz + 1)
-                iz += 1
+            cell, t_exit, changed = _next_cell((ix, iy, iz), size, (ox, oy, oz, inv_x, inv_y, inv_z))
+            ix, iy, iz = cell
             t = max(t, t_exit)
             climb = _bit_length(changed) - 1
             if climb >= level:
