@@ -197,12 +197,8 @@ def first_hit(nodes, ray, t_start, pixel_side, stack):  # type: ignore[no-untype
     t_leave = min(min((1.0 - ox) * inv_x, (1.0 - oy) * inv_y), (1.0 - oz) * inv_z)
     if not t < t_leave:
         return _MISS
-    level = np.int64(0)
-    size = 1.0
-    ix = np.int64(0)
-    iy = np.int64(0)
-    iz = np.int64(0)
-    node = np.int64(0)
+    level, size, node = np.int64(0), 1.0, np.int64(0)
+    ix, iy, iz = np.int64(0), np.int64(0), np.int64(0)
     while True:
         if node >= 0:
             pixel = pixel_side.at_0 + pixel_side.per_z * (t * ray.speed)
