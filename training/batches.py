@@ -15,11 +15,12 @@ import numpy as np
 
 from ..patchnet_addon.codes.brick import Brick, fill_brick
 from ..patchnet_addon.network.weights import CHANNELS
+from ..patchnet_addon.octree.leaf_boxes import filled_share
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ..patchnet_addon.runtime.kernels import kernel
 from .bfloat16 import narrow_bits
-from .forest import Forest
+from .forest import Forest, tree_nodes
 from .nearby import Nearby, gather_nearby
 from .samples import COVERAGE_SCALE, SIGNED, UNIT
 from .symmetry import COUNT, Symmetries, cube_symmetries
@@ -123,6 +124,8 @@ def gather_batch(
     bits = np.empty((rows if narrow else 0, width), np.uint16)
     moved = np.full((count, 27), -1, np.int32)  # rows of `blocks` by position after the symmetry
     _write_blocks(
+        forest.nodes,
+        tree.astype(np.int64),
         forest.luminance,
         forest.normal,
         bricks,
@@ -212,7 +215,7 @@ def _gather_nodes(nodes, luminance, root, voxel, remap, lookahead, bricks, linea
 
 
 @kernel
-def _write_blocks(luminance, normal, bricks, linear, symmetry, symmetries, with_luminance, found, moved):
+def _write_blocks(nodes, tree, luminance, normal, bricks, linear, symmetry, symmetries, with_luminance, found, moved):
     """Write each occupied block as a row of whichever of `found` has rows: float32, or the bits of bfloat16."""
     blocks, bits = found
     values = np.empty(blocks.shape[1], np.float32)
@@ -220,6 +223,8 @@ def _write_blocks(luminance, normal, bricks, linear, symmetry, symmetries, with_
     for v in range(len(symmetry)):
         axis, sign = symmetries.axis, symmetries.sign
         turn = symmetry[v]
+        own = tree_nodes(nodes, tree[v])
+        first_boxed, boxes = own.first_boxed, own.boxes
         gain, offset = linear[v, 0] / np.float32(LUMINANCE_SCALE), linear[v, 1]
         ax, ay, az = axis[turn, 0], axis[turn, 1], axis[turn, 2]
         scale = np.float32(1.0 / NORMAL_SCALE)
@@ -234,7 +239,7 @@ def _write_blocks(luminance, normal, bricks, linear, symmetry, symmetries, with_
                 if node < 0:
                     continue
                 at = CHANNELS * symmetries.cell[turn, cell]
-                values[at] = 1.0
+                values[at] = filled_share(boxes, node - first_boxed) if node >= first_boxed else np.float32(1)
                 if with_luminance:
                     values[at + 1] = gain * luminance[node] + offset
                 values[at + 2] = sx * normal[node, ax]

@@ -85,6 +85,7 @@ def save_samples(samples: Samples, octree_path: Path, octree: Octree, settings: 
     metadata = {
         "octree": str(octree_path.resolve()),
         "octree_hash": octree_hash(octree),
+        "boxes": octree.leaf_box is not None,
         "settings": asdict(settings),
         "provenance": octree.provenance,
     }
@@ -111,6 +112,8 @@ def load_dataset(path: Path) -> Dataset:
     octree = load_octree(octree_path)
     if octree_hash(octree) != metadata.get("octree_hash"):
         raise FileFormatError(f"{path} was drawn from another state of {octree_path}: draw it anew")
+    if octree.leaf_box is not None and not metadata.get("boxes"):
+        raise FileFormatError(f"{path} saw the leaves of {octree_path} as whole voxels: draw it anew")
     dataset = Dataset(path.name.removesuffix(SUFFIX), octree, samples, metadata)
     if dataset.lookahead not in LOOKAHEADS:
         raise FileFormatError(f"{path} looks {dataset.lookahead} levels ahead, which is not known: draw it anew")

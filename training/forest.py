@@ -5,12 +5,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ..patchnet_addon.octree.nodes import Nodes
+from ..patchnet_addon.octree.leaf_boxes import FILLED_STEPS, filled_steps
+from ..patchnet_addon.octree.nodes import BoxedNodes
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, POPCOUNT, Octree
+from ..patchnet_addon.runtime.kernels import device
 from ..patchnet_addon.runtime.widths import INT32_COUNT, check_count
+
+
+class ForestNodes(NamedTuple):
+    """Nodes of T octrees, and boxes of their finest leaves.
+
+    child_mask, first_child: of all of them. first_boxed: (T,) int64, in each the first node that has a box; above all
+    nodes where none has. boxes: (b, 3) uint8 of all. box_start: (T + 1,) int64, where those of each begin.
+    """
+
+    child_mask: np.ndarray
+    first_child: np.ndarray
+    first_boxed: np.ndarray
+    boxes: np.ndarray
+    box_start: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,9 +35,25 @@ class Forest:
     """Node arrays of all octrees, one after the other; `root` (T,) int64 is where each begins."""
 
     root: np.ndarray
-    nodes: Nodes
+    nodes: ForestNodes
     luminance: np.ndarray
     normal: np.ndarray
+
+    @property
+    def filled(self) -> np.ndarray:
+        """What each node fills of its voxel, as `Octree.filled`."""
+        found = np.full(len(self.luminance), FILLED_STEPS, np.uint16)
+        for tree, first in enumerate(self.nodes.first_boxed):
+            boxes = self.nodes.boxes[self.nodes.box_start[tree] : self.nodes.box_start[tree + 1]]
+            found[first : first + len(boxes)] = filled_steps(boxes)
+        return found
+
+
+@device
+def tree_nodes(nodes, tree):  # type: ignore[no-untyped-def]
+    """Nodes of one octree of a forest's, as `BoxedNodes`."""
+    boxes = nodes.boxes[nodes.box_start[tree] : nodes.box_start[tree + 1]]
+    return BoxedNodes(nodes.child_mask, nodes.first_child, nodes.first_boxed[tree], boxes)
 
 
 def concatenate(octrees: Sequence[Octree]) -> Forest:
@@ -33,12 +66,17 @@ def concatenate(octrees: Sequence[Octree]) -> Forest:
     check_count(
         int(counts.sum()), INT32_COUNT, "nodes of one training run's octrees", "train with fewer or coarser octrees"
     )
+    boxed = [octree.boxed_nodes for octree in octrees]
+    box_start = np.concatenate([[0], np.cumsum([len(each.boxes) for each in boxed])])
     shifted = [octree.first_child + np.uint32(start) for octree, start in zip(octrees, root, strict=True)]
     return Forest(
         root=root,
-        nodes=Nodes(
+        nodes=ForestNodes(
             child_mask=np.concatenate([octree.child_mask for octree in octrees]),
             first_child=np.concatenate(shifted).astype(np.uint32),
+            first_boxed=np.where(np.diff(box_start) > 0, root + [each.first_boxed for each in boxed], counts.sum()),
+            boxes=np.concatenate([each.boxes for each in boxed]),
+            box_start=box_start,
         ),
         luminance=np.concatenate([octree.luminance for octree in octrees]),
         normal=np.concatenate([octree.normal for octree in octrees]),

@@ -20,7 +20,7 @@ from ..patchnet_addon.runtime.kernels import kernel
 from .batches import Augmentation, Batch, gather_batch
 from .corpus import Corpus
 from .dataset import Dataset
-from .forest import Forest, concatenate
+from .forest import Forest, concatenate, tree_nodes
 from .samples import VIEW_FIELDS, SampleSettings, begin_random, draw_voxel_views, uniform
 from .settings import SAMPLES, VALIDATION_VOXELS, VIEWS
 from .voxel_choice import held_out_voxels, level_chances, usable_nodes
@@ -160,7 +160,8 @@ def _draw(start, first, nodes, luminance, root, lists, first_hit, lookahead, tre
                 continue
             here = candidates[starts[octree, level] + min(np.int64(uniform(state) * count), count - 1)]
             node = here.astype(np.int64)
-            if draw_voxel_views(state, nodes, luminance, root[octree], node, first_hit, lookahead, views[place]):
+            own = tree_nodes(nodes, octree)
+            if draw_voxel_views(state, own, luminance, root[octree], node, first_hit, lookahead, views[place]):
                 found = True
                 break
         if not found:

@@ -21,7 +21,7 @@ from ..patchnet_addon.network.compiled_layers import TILE
 from ..patchnet_addon.network.kinds import CORNERS, COVERING, MIXED, VIEW
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE
 from ..patchnet_addon.runtime.kernels import kernel
-from .forest import Forest
+from .forest import Forest, tree_nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ def gather_nearby(
     view, covered = np.empty((count, VIEW), np.float32), np.empty((count, COVERING), np.float32)
     luminances = np.empty((count, MIXED), np.float32)
     tables = mask_geometry(), nearby_order()
-    where = forest.root[tree], voxel.astype(np.int64)
+    where = forest.root, tree.astype(np.int64), voxel.astype(np.int64)
     _gather(forest.nodes, forest.luminance, *where, flat, tables, (view, covered, luminances))
     luminances *= np.repeat(linear[:, 0], views)[:, None]
     luminances += np.repeat(linear[:, 1], views)[:, None]
@@ -58,12 +58,13 @@ def gather_nearby(
 
 
 @kernel
-def _gather(nodes, luminance, root, voxel, rays, tables, found):
+def _gather(nodes, luminance, root, tree, voxel, rays, tables, found):
     view, covered, luminances = found
     tile, listed, views = empty_footprint_tile(), empty_outer_list(), np.empty(VIEW * TILE, np.float32)
     shares, lights = np.empty(COVERING * TILE, np.float32), np.empty(COVERING * TILE, np.float32)
     words = np.empty(CELLS, np.uint32)
     last, node, near = np.int64(-1), np.int64(-1), 0  # the voxel, its node, and cells that are listed around it
+    own = tree_nodes(nodes, 0)
     for start in range(0, len(rays.ratio), TILE):
         count = min(TILE, len(rays.ratio) - start)
         clear_tile(tile, shares, lights)
@@ -71,15 +72,17 @@ def _gather(nodes, luminance, root, voxel, rays, tables, found):
             index = start + place
             here = rays.node[index]  # the voxel's number
             if here != last:
-                node = covering_node(nodes, root[here], voxel[here, 0], voxel[here, 1], voxel[here, 2], voxel[here, 3])
-                write_cells_around(nodes, luminance, root[here], voxel[here], words)
+                own, begin = tree_nodes(nodes, tree[here]), root[tree[here]]
+                node = covering_node(own, begin, voxel[here, 0], voxel[here, 1], voxel[here, 2], voxel[here, 3])
+                write_cells_around(own, luminance, begin, voxel[here], words)
                 near = 0
                 for corner in range(CORNERS):
                     near = list_cells(words, CORNERS * corner, corner, tables[0], listed, near)
                 last = here
             ray = rays.entry[index], rays.direction[index], rays.up[index], rays.ratio[index]
-            order = tables[1], set_ray(ray, tile, views, place)
-            fill_fine(nodes, luminance, node, order, tile.fine, place)
+            frame, axes = set_ray(ray, tile, views, place)
+            order = tables[1], frame
+            fill_fine(own, luminance, node, (tables[1], frame, axes), tile, place)
             measure_cells(listed, near, ray, shares, lights, order, place)
             luminances[index, COVERING] = np.float32(luminance[node]) * np.float32(1.0 / LUMINANCE_SCALE)
         measure_tile(tile, shares, lights)

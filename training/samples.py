@@ -105,7 +105,7 @@ def _views(octree: Octree, voxels: np.ndarray, settings: SampleSettings, number:
     run_parts(
         _draw_views,
         len(voxels),
-        octree.nodes,
+        octree.boxed_nodes,
         octree.luminance,
         voxels.astype(np.int32),
         start,
@@ -187,7 +187,7 @@ def draw_voxel_views(state, nodes, luminance, root, voxel, first_hit, lookahead,
     state: (1,) uint64, of the random numbers, which is moved on.
     """
     brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
-    viewport = Viewport(np.empty((6, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
+    viewport = Viewport(np.empty((9, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
     fill_brick(nodes, root, voxel[0], voxel[1:], lookahead, brick)
     origin, direction, up = np.empty(3), np.empty(3), np.empty(3)
     found = 0
@@ -211,7 +211,7 @@ def draw_voxel_views(state, nodes, luminance, root, voxel, first_hit, lookahead,
             direction[axis] = along / SIGNED
             up[axis] = across / SIGNED
         ray = PatchRay(origin, direction, up, float(ratio) / UNIT)
-        sigma, mean = render_patch(luminance, brick, ray, lookahead, viewport)
+        sigma, mean = render_patch(nodes, luminance, brick, ray, lookahead, viewport)
         views[found, 9] = ratio
         views[found, 10] = np.uint16(np.rint(sigma * COVERAGE_SCALE))
         views[found, 11] = np.uint16(np.rint(mean))

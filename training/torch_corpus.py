@@ -96,7 +96,7 @@ class TorchCorpus:
         luminance = gain * (self._tree.luminance[safe].int() & 0xFFFF) + offset
         axis = self._axis[turn][:, None].expand(-1, fine.shape[1], -1)
         normal = self._tree.normal[safe].float().gather(2, axis) * (self._sign[turn] / NORMAL_SCALE)[:, None]
-        values = torch.cat([torch.ones_like(luminance)[..., None], luminance[..., None], normal], dim=-1)
+        values = torch.cat([self._tree.filled(safe)[..., None], luminance[..., None], normal], dim=-1)
         return values.masked_fill_(~there[..., None], 0.0).view(len(fine), CHANNELS * fine.shape[1])
 
     def _list_pairs(self, moved: Tensor) -> tuple[list[int], Tensor, Tensor]:

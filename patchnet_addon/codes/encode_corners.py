@@ -21,6 +21,7 @@ from ..network.kinds import CODE_SIZE
 from ..network.lanes import LANES, load, zeros
 from ..network.product import ROWS, WIDTH, find_steps, sum_products, write_sums
 from ..network.weights import CHANNELS
+from ..octree.leaf_boxes import filled_share
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.bits import lowest_one
 from ..runtime.kernels import device, kernel
@@ -33,10 +34,12 @@ _SLOTS = 16  # of the table of voxels, for each corner
 
 
 class Cells(NamedTuple):
-    """Octree as blocks are filled from it: `Nodes`, with their luminance (n,) uint16 and normal (n, 3) int8."""
+    """Octree as blocks are filled from it: `BoxedNodes`, with their luminance (n,) uint16 and normal (n, 3) int8."""
 
     child_mask: np.ndarray
     first_child: np.ndarray
+    first_boxed: int
+    boxes: np.ndarray
     luminance: np.ndarray
     normal: np.ndarray
 
@@ -64,7 +67,7 @@ def encode_corners(
 ) -> np.ndarray:
     """Codes (C, 10) float32 of corners (C, 3) int32 of a level; `chunk`, how many at a time, changes the time alone."""
     codes = np.empty((len(corners), CODE_SIZE), np.float32)
-    cells = Cells(*octree.nodes, octree.luminance, octree.normal)
+    cells = Cells(*octree.boxed_nodes, octree.luminance, octree.normal)
     run_parts(_encode, -(-len(corners) // chunk), cells, (level, lookahead), corners, layers, chunk, codes)
     return codes
 
@@ -147,6 +150,7 @@ def _find_slot(table, nodes, node, count):  # type: ignore[no-untyped-def]
 def _fill_blocks(cells, lookahead, count, voxels):  # type: ignore[no-untyped-def]
     """Fill the blocks of `count` voxels, the bits of what is not 0 in them, and their keys."""
     luminance, normal, side = cells.luminance, cells.normal, 1 << lookahead
+    first_boxed, boxes = cells.first_boxed, cells.boxes
     luminance_scale, normal_scale = np.float32(LUMINANCE_SCALE), np.float32(NORMAL_SCALE)
     inner = np.empty(side**3, np.int32)
     values = np.empty(CHANNELS, np.float32)
@@ -160,7 +164,7 @@ def _fill_blocks(cells, lookahead, count, voxels):  # type: ignore[no-untyped-de
             node = inner[cell]
             if node < 0:
                 continue
-            values[0] = np.float32(1)
+            values[0] = filled_share(boxes, node - first_boxed) if node >= first_boxed else np.float32(1)
             values[1] = np.float32(luminance[node]) / luminance_scale
             for axis in range(3):
                 values[2 + axis] = np.float32(normal[node, axis]) / normal_scale

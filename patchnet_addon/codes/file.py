@@ -16,7 +16,7 @@ from ..runtime.files import read_arrays, write_arrays
 from .coded_octree import CodedOctree
 
 KIND = "codes"
-_VERSION = 2  # of the order of codes and of what finds them; files of version 1 do not say it
+_VERSION = 3  # of the order of codes, of what finds them and of what they see; files of version 1 do not say it
 
 
 def save_codes(coded: CodedOctree, path: str | Path) -> None:
@@ -42,7 +42,7 @@ def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctre
     arrays, metadata = read_arrays(path, KIND, CodesFileError)
     version = metadata.get("codes_version", 1)
     if version != _VERSION:
-        age = "an older" if version == 1 else "a newer"
+        age = "an older" if version in range(1, _VERSION) else "a newer"
         raise CodesFileError(
             f"{path} was written by {age} PatchNet (codes version {version}, this one reads {_VERSION}): "
             "precompute the codes again"

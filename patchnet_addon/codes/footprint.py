@@ -3,7 +3,8 @@
 
 Cells are drawn onto the picture plane as boxes along its axes, of the area and the proportions of their outline there;
 a pixel is a square. The eight children of the voxel are seen by the faces of their own children, of which those
-show that no other stands before. Of the cells around the voxel `outer_cells.py` measures those that are there.
+show that no other stands before. Of a leaf with a box only that part of a face counts that the box covers, and the rest
+shows what stands behind. Of the cells around the voxel `outer_cells.py` measures those that are there.
 
 Everything is in the ray frame (`ray_frame.py`). A tile has pixels as columns, and in rows what kernels read of them.
 """
@@ -16,6 +17,7 @@ import numpy as np
 
 from ..network.compiled_layers import TILE
 from ..network.kinds import CHILDREN
+from ..octree.leaf_boxes import covered_share
 from ..runtime.kernels import device, lean_device
 from .outer_cells import SMALL
 from .ray_frame import CELLS, SIDE, ray_frames
@@ -30,22 +32,28 @@ class FootprintTile(NamedTuple):
     """What a tile of pixels is measured with, rows of TILE float32.
 
     frame: 15 rows, see `set_frame`. fine: 64 rows, luminances of the voxel's grandchildren, ABSENT for empty ones.
+    shares: 3 times 64 rows, of their faces across each axis the part that is covered, where has_boxes (1,) bool says
+    that any of them has a box.
     """
 
     frame: np.ndarray
     fine: np.ndarray
+    shares: np.ndarray
+    has_boxes: np.ndarray
 
 
 @device
 def empty_footprint_tile():
     """Tile to measure in, after `clear_tile`."""
-    return FootprintTile(np.ones(FRAME_ROWS * TILE, np.float32), np.empty(CELLS * TILE, np.float32))
+    frame, fine = np.ones(FRAME_ROWS * TILE, np.float32), np.empty(CELLS * TILE, np.float32)
+    return FootprintTile(frame, fine, np.empty(3 * CELLS * TILE, np.float32), np.empty(1, np.bool_))
 
 
 @lean_device
 def clear_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
     """Empty all cells of a tile, before those of its pixels are written; covered, shown: see `measure_tile`."""
     tile.fine[:] = ABSENT
+    tile.has_boxes[0] = False
     covered[CHILDREN * TILE : CELLS * TILE] = 0
     shown[CHILDREN * TILE : CELLS * TILE] = 0
 
@@ -89,6 +97,20 @@ def set_frame(frame, axes, entry, direction, up, ratio, view, place):  # type: i
 
 
 @lean_device
+def place_box(tile, cell, place, boxes, row, axes):  # type: ignore[no-untyped-def]
+    """Write what the box of a leaf covers of the faces of a cell of the ray's frame, in column `place`.
+
+    boxes, row: the box, in octree axes. axes: of the ray frame.
+    """
+    shares, has_boxes = tile.shares, tile.has_boxes
+    if not has_boxes[0]:
+        shares[:] = 1
+        has_boxes[0] = True
+    for k in range(3):
+        shares[(k * CELLS + cell) * TILE + place] = covered_share(boxes, row, axes[k])
+
+
+@lean_device
 def measure_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
     """Write the share of each pixel that the 8 children cover, and their luminances.
 
@@ -101,7 +123,8 @@ def measure_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _measure_child(tile, child, covered, shown):  # type: ignore[no-untyped-def]
-    frame, fine = tile.frame, tile.fine
+    frame = tile.frame
+    boxed = tile.has_boxes[0]
     covered[:] = 0
     shown[:] = 0
     quarter, eighth = np.float32(0.25), np.float32(0.125)
@@ -117,21 +140,54 @@ def _measure_child(tile, child, covered, shown):  # type: ignore[no-untyped-def]
             u = quarter * np.float32(a) + (np.float32(0) if axis == 0 else eighth)
             v = quarter * np.float32(b) + (np.float32(0) if axis == 1 else eighth)
             w = quarter * np.float32(c) + (np.float32(0) if axis == 2 else eighth)
-            du = quarter if axis == 0 else np.float32(0)
-            dv = quarter if axis == 1 else np.float32(0)
-            dw = quarter if axis == 2 else np.float32(0)
-            for pixel in range(TILE):
-                front, back = fine[near + pixel], fine[far + pixel]
-                first = _overlap(frame, pixel, u, v, w, axis)
-                second = _overlap(frame, pixel, u + du, v + dv, w + dw, axis)
-                light = front if front >= 0 else back
-                area = (first if front >= 0 else second) if light >= 0 else np.float32(0)
-                covered[pixel] += area
-                shown[pixel] += area * light
+            if boxed:
+                _add_boxes(tile, (near, far), (u, v, w), axis, covered, shown)
+            else:
+                _add_faces(tile, (near, far), (u, v, w), axis, covered, shown)
     for pixel in range(TILE):
         half = frame[_HALF * TILE + pixel]
         shown[pixel] = shown[pixel] / covered[pixel] if covered[pixel] > 0 else np.float32(0)
         covered[pixel] = covered[pixel] / (np.float32(4) * half * half)
+
+
+@lean_device
+def _add_faces(tile, column, middle, axis, covered, shown):  # type: ignore[no-untyped-def]
+    """Add what the first of two grandchildren shows that stand behind each other along an axis.
+
+    column: first places of their rows. middle: of the face of the first.
+    """
+    frame, fine = tile.frame, tile.fine
+    near, far = column
+    u, v, w = middle
+    quarter, none = np.float32(0.25), np.float32(0)
+    du, dv, dw = quarter if axis == 0 else none, quarter if axis == 1 else none, quarter if axis == 2 else none
+    for pixel in range(TILE):
+        front, back = fine[near + pixel], fine[far + pixel]
+        first = _overlap(frame, pixel, u, v, w, axis)
+        second = _overlap(frame, pixel, u + du, v + dv, w + dw, axis)
+        light = front if front >= 0 else back
+        area = (first if front >= 0 else second) if light >= 0 else none
+        covered[pixel] += area
+        shown[pixel] += area * light
+
+
+@lean_device
+def _add_boxes(tile, column, middle, axis, covered, shown):  # type: ignore[no-untyped-def]
+    """Add what two grandchildren show, as `_add_faces`: of the second what the box of the first leaves free."""
+    frame, fine, shares = tile.frame, tile.fine, tile.shares
+    near, far = column
+    u, v, w = middle
+    quarter, none = np.float32(0.25), np.float32(0)
+    du, dv, dw = quarter if axis == 0 else none, quarter if axis == 1 else none, quarter if axis == 2 else none
+    of_axis = axis * CELLS * TILE
+    for pixel in range(TILE):
+        front, back = fine[near + pixel], fine[far + pixel]
+        before = shares[of_axis + near + pixel] if front >= 0 else none
+        behind = shares[of_axis + far + pixel] * (np.float32(1) - before) if back >= 0 else none
+        first = before * _overlap(frame, pixel, u, v, w, axis)
+        second = behind * _overlap(frame, pixel, u + du, v + dv, w + dw, axis)
+        covered[pixel] += first + second
+        shown[pixel] += first * front + second * back
 
 
 @lean_device
@@ -152,12 +208,17 @@ def _overlap(frame, pixel, x, y, z, axis):  # type: ignore[no-untyped-def]
 
 
 def footprint_reference(
-    fine: np.ndarray, entry: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: np.ndarray
+    fine: np.ndarray,
+    entry: np.ndarray,
+    direction: np.ndarray,
+    up: np.ndarray,
+    ratio: np.ndarray,
+    shares: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """View (N, 9), coverage (N, 8) and luminances (N, 8), float32, of a voxel's children, in NumPy.
 
     fine: (N, 64) luminances in the ray frame, ABSENT for none. entry, direction, up: (N, 3) in octree axes.
-    ratio: (N,).
+    ratio: (N,). shares: (N, 3, 64) of the faces across each axis of the ray frame, 1 without them.
     """
     _, axes, signs = ray_frames(direction)
 
@@ -173,11 +234,15 @@ def footprint_reference(
         area = along[:, axis] / 16
         for cell in range(CELLS):
             place = np.array([cell // SIDE**k % SIDE for k in range(3)])
-            ahead = fine[:, cell - SIDE**axis] if place[axis] % 2 else np.full(len(fine), ABSENT)
+            free = np.ones(len(fine))
+            if place[axis] % 2:
+                ahead = cell - SIDE**axis
+                free = np.where(fine[:, ahead] >= 0, 1 - (1 if shares is None else shares[:, axis, ahead]), 1)
+            free *= 1 if shares is None else shares[:, axis, cell]
             middle = (place + 0.5) / SIDE
             middle[axis] -= 0.125  # the face that the ray meets
             seen = _box_overlap(middle - point, (right, above), (wide, high), area, ratio)
-            seen = np.where((fine[:, cell] >= 0) & (ahead < 0), seen, 0)
+            seen = np.where(fine[:, cell] >= 0, free * seen, 0)
             child = (place // 2) @ np.array([1, 2, 4])
             covered[:, child] += seen
             shown[:, child] += seen * fine[:, cell]

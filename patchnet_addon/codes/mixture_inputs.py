@@ -11,14 +11,23 @@ import numpy as np
 from ..network.compiled_layers import TILE
 from ..network.kinds import CHILDREN, CODE_SIZE, CORNERS, COVERING, MIXED, SIDE_BY_SIDE, VIEW
 from ..network.mixture_decode import MixtureInputs
-from ..octree.nodes import Nodes
+from ..octree.leaf_boxes import covered_shares
+from ..octree.nodes import BoxedNodes
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bits import lowest_one
 from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.threads import run_parts
 from .coded_octree import CodedOctree
 from .corner_rows import corner_row
-from .footprint import ABSENT, clear_tile, empty_footprint_tile, footprint_reference, measure_tile, set_frame
+from .footprint import (
+    ABSENT,
+    clear_tile,
+    empty_footprint_tile,
+    footprint_reference,
+    measure_tile,
+    place_box,
+    set_frame,
+)
 from .outer_cells import (
     OUTER_CELLS,
     empty_outer_list,
@@ -45,7 +54,7 @@ class NearbyCells(NamedTuple):
     masks, see `mask_geometry`. order: of cells in each ray frame, see `nearby_order`.
     """
 
-    nodes: Nodes
+    nodes: BoxedNodes
     luminance: np.ndarray
     cells: np.ndarray
     rows: np.ndarray
@@ -58,7 +67,7 @@ class NearbyCells(NamedTuple):
         assert coded.corner_cells is not None
         octree = coded.octree
         cells = np.ascontiguousarray(coded.corner_cells).ravel()
-        return cls(octree.nodes, octree.luminance, cells, coded.corner_rows, mask_geometry(), nearby_order())
+        return cls(octree.boxed_nodes, octree.luminance, cells, coded.corner_rows, mask_geometry(), nearby_order())
 
 
 @cache
@@ -78,8 +87,9 @@ def place_pixel(nearby, node, row, ray, work, view, covered, shown, place):  # t
     `measure_tile` needs, and an `OuterList`. view: see `set_frame`. covered, shown: see `measure_tile`.
     """
     tile, listed = work
-    order = nearby.order, set_ray(ray, tile, view, place)
-    fill_fine(nearby.nodes, nearby.luminance, node, order, tile.fine, place)
+    frame, axes = set_ray(ray, tile, view, place)
+    order = nearby.order, frame
+    fill_fine(nearby.nodes, nearby.luminance, node, (nearby.order, frame, axes), tile, place)
     cells, rows, geometry = nearby.cells, nearby.rows, nearby.geometry  # once: each access counts holders
     count = 0
     for corner in range(CORNERS):
@@ -89,20 +99,21 @@ def place_pixel(nearby, node, row, ray, work, view, covered, shown, place):  # t
 
 @lean_device
 def set_ray(ray, tile, view, place):  # type: ignore[no-untyped-def]
-    """Write a ray into column `place` of a tile; returns the number of its frame."""
+    """Write a ray into column `place` of a tile; returns the number of its frame, and the three axes of that."""
     entry, direction, up, ratio = ray
     number, first, second, third = ray_frame(direction[0], direction[1], direction[2])
     set_frame(tile.frame, (first, second, third), entry, direction, up, ratio, view, place)
-    return number
+    return number, (first, second, third)
 
 
 @lean_device
-def fill_fine(nodes, luminance, node, order, fine, place):  # type: ignore[no-untyped-def]
-    """Write the luminances of a node's grandchildren into column `place` of rows `fine`, which are ABSENT.
+def fill_fine(nodes, luminance, node, order, tile, place):  # type: ignore[no-untyped-def]
+    """Write the luminances of a node's grandchildren, and their boxes, into column `place` of a cleared tile.
 
-    A leaf fills all its cell. order: `nearby_order`, and the number of the ray's frame.
+    A leaf fills all its cell, or its box. order: `nearby_order`, the number of the ray's frame, and its axes.
     """
-    orders, frame = order
+    orders, frame, axes = order
+    fine, first_boxed, boxes = tile.fine, nodes.first_boxed, nodes.boxes
     scale = np.float32(1.0 / LUMINANCE_SCALE)
     mask, child = np.int64(nodes.child_mask[node]), np.int64(nodes.first_child[node])
     while mask != 0:
@@ -114,7 +125,10 @@ def fill_fine(nodes, luminance, node, order, fine, place):  # type: ignore[no-un
         while inner != 0:
             part = lowest_one(inner)
             inner &= inner - 1
-            fine[orders[frame, CHILDREN * octant + part] * TILE + place] = np.float32(luminance[cell]) * scale
+            row = orders[frame, CHILDREN * octant + part]
+            fine[row * TILE + place] = np.float32(luminance[cell]) * scale
+            if cell >= first_boxed:
+                place_box(tile, row, place, boxes, cell - first_boxed, axes)
             cell += step
         child += 1
 
@@ -167,12 +181,13 @@ def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits)
     entry, direction, up = (array[pixels].astype(np.float32) for array in (hits.entry_voxel, hits.direction, hits.up))
     ratio = hits.ratio[pixels].astype(np.float32)
     shares = np.where(OCTANTS == 1, entry[:, None], 1 - entry[:, None]).prod(axis=-1)  # (M, 8)
-    fine = np.empty((len(node), CELLS), np.float32)
-    fine[:, _CELL_OF] = _grandchildren(octree, node)
-    order = cell_order()[ray_frames(direction)[0]]  # (M, 64)
-    seen_fine = np.empty_like(fine)
+    frames, axes, _ = ray_frames(direction)
+    order = cell_order()[frames]  # (M, 64)
+    fine, faces = _grandchildren(octree, node)
+    seen_fine, seen_faces = np.empty_like(fine), np.empty_like(faces)
     np.put_along_axis(seen_fine, order, fine, 1)
-    view, covered, light = footprint_reference(seen_fine, entry, direction, up, ratio)
+    np.put_along_axis(seen_faces, order[:, None], np.take_along_axis(faces, axes[..., None], 1), 2)
+    view, covered, light = footprint_reference(seen_fine, entry, direction, up, ratio, seen_faces)
     cells = coded.corner_cells[corners].reshape(-1, CELLS)
     around = outer_cells_reference(cells, entry, direction, up, ratio)
     outer_covered, outer_light = (_in_ray_order(values, order)[:, OUTER_CELLS] for values in around)
@@ -195,12 +210,22 @@ def _in_ray_order(values: np.ndarray, order: np.ndarray) -> np.ndarray:
     return found
 
 
-def _grandchildren(octree: Octree, node: np.ndarray) -> np.ndarray:
-    """Luminances (M, 8, 8) of the children's children of nodes (M,), -1 for none; a leaf is all of its children."""
+def _grandchildren(octree: Octree, node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Luminances (M, 64) of the children's children of nodes (M,), -1 for none, and what they cover of their cells'
+    faces across each axis (M, 3, 64); x + 4 y + 16 z. A leaf is all of its children.
+    """
     child = _children(octree, node)
     inner = np.where((octree.child_mask[child] == 0)[..., None], child[..., None], _children(octree, child))
     inner = np.where((child >= 0)[..., None], inner, -1)
-    return np.where(inner >= 0, octree.luminance_float(np.maximum(inner, 0)), ABSENT)
+    fine = np.empty((len(node), CELLS), np.float32)
+    fine[:, _CELL_OF] = np.where(inner >= 0, octree.luminance_float(np.maximum(inner, 0)), ABSENT)
+    whole = np.ones((*inner.shape, 3), np.float32)
+    if octree.leaf_box is not None:
+        first = int(octree.level_start[octree.depth])
+        whole[inner >= first] = covered_shares(octree.leaf_box[inner[inner >= first] - first])
+    shares = np.empty((len(node), 3, CELLS), np.float32)
+    shares[:, :, _CELL_OF] = np.moveaxis(whole, -1, 1)
+    return fine, shares
 
 
 def _children(octree: Octree, node: np.ndarray) -> np.ndarray:

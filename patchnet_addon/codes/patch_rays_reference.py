@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..octree.leaf_boxes import box_bounds
 from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from .brick import brick_nodes
@@ -26,20 +27,27 @@ def _seen(octree: Octree, rays: PatchRays, group: int, ray: int, lookahead: int)
     nodes = brick_nodes(octree, int(rays.level[group]), rays.cell[group], lookahead)
     side = 0.5**lookahead
     low = np.argwhere(nodes >= 0)[:, ::-1] * side - 1.0  # lowest corners (n, 3) of the cubes in voxels, x y z
-    luminance = octree.luminance_float(nodes[nodes >= 0])
+    nodes = nodes[nodes >= 0]
+    luminance = octree.luminance_float(nodes)
+    high = low + side
+    if octree.leaf_box is not None:
+        first = int(octree.level_start[octree.depth])
+        boxed = nodes >= first
+        lower, upper = box_bounds(octree.leaf_box[nodes[boxed] - first])
+        low[boxed], high[boxed] = low[boxed] + side * lower, low[boxed] + side * upper
     direction, up = rays.direction[ray].astype(np.float64), rays.up[ray].astype(np.float64)
     right = np.cross(direction, up)
     centres = ((np.arange(VIEWPORT_PX) + 0.5) / VIEWPORT_PX - 0.5) * rays.ratio[ray]
     across, upward = np.meshgrid(centres, centres)
     origin = rays.entry_voxel[ray] + across.reshape(-1, 1) * right + upward.reshape(-1, 1) * up
-    from_ray = np.abs((low + side / 2 - rays.entry_voxel[ray]) @ np.stack([right, up], 1)).max(1)
+    from_ray = np.abs(((low + high) / 2 - rays.entry_voxel[ray]) @ np.stack([right, up], 1)).max(1)
     near = from_ray < 0.5 + side  # the rest is outside of the viewport
-    low, luminance = low[near], luminance[near]
+    low, high, luminance = low[near], high[near], luminance[near]
     if len(low) == 0:
         return 0.0, 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         first = (low - origin[:, None]) / direction
-        second = (low + side - origin[:, None]) / direction
+        second = (high - origin[:, None]) / direction
     enter, leave = np.minimum(first, second).max(2), np.maximum(first, second).min(2)
     enter = np.where(enter <= leave, enter, np.inf)
     hit = np.isfinite(enter).any(1)

@@ -4,7 +4,8 @@
 With a look-ahead of n levels, a voxel of level l holds a block of s^3 cells of level l + n, s = 2^n. A corner (i, j, k)
 of level l sees the (2 s)^3 cells s (i, j, k) + [-s, s)^3, which are the blocks of the eight voxels around it; for two
 levels, blocks are 4x4x4 and patches 8x8x8. Blocks are ordered z, y, x, channel; the channels are occupancy, luminance
-and the three components of the mean normal, all zero where there is nothing.
+and the three components of the mean normal, all zero where there is nothing. Occupancy is 1, or what the box of a leaf
+fills of it (methods 4.1d).
 
 The kernels here run on one core: they alternate with matrix products, whose threads keep spinning for milliseconds
 after each product, and waiting for a core costs ten times what a second core would save.
@@ -16,6 +17,7 @@ import numpy as np
 
 from ..cells.morton import morton_decode, morton_encode
 from ..network.weights import CHANNELS
+from ..octree.leaf_boxes import FILLED_STEPS, filled_share
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import kernel
@@ -35,7 +37,7 @@ def voxel_blocks(octree: Octree, nodes: np.ndarray, lookahead: int = DEFAULT_LOO
     side = 1 << lookahead
     blocks = np.zeros((len(nodes), side**3, CHANNELS), np.float32)
     voxels = np.asarray(nodes, np.int64)
-    _fill_blocks(octree.nodes, octree.luminance, octree.normal, voxels, lookahead, blocks)
+    _fill_blocks(octree.boxed_nodes, octree.luminance, octree.normal, voxels, lookahead, blocks)
     return blocks.reshape(-1, side, side, side, CHANNELS)
 
 
@@ -51,7 +53,7 @@ def voxel_blocks_reference(
     nodes = covering_nodes_reference(octree, level + lookahead, fine.reshape(-1, 3))
     values = np.zeros((len(nodes), CHANNELS), np.float32)
     there = nodes >= 0
-    values[there, 0] = 1
+    values[there, 0] = octree.filled[nodes[there]] / np.float32(FILLED_STEPS)
     values[there, 1] = octree.luminance_float(nodes[there])
     values[there, 2:] = octree.normal_float(nodes[there])
     return values.reshape(-1, side, side, side, CHANNELS)
@@ -127,7 +129,8 @@ def _fill_blocks(nodes, luminance, normal, voxels, lookahead, blocks):
             node = cells[cell]
             if node < 0:
                 continue
-            blocks[row, cell, 0] = np.float32(1)
+            boxed = np.int64(node) - nodes.first_boxed
+            blocks[row, cell, 0] = filled_share(nodes.boxes, boxed) if boxed >= 0 else np.float32(1)
             blocks[row, cell, 1] = np.float32(luminance[node]) / luminance_scale
             for axis in range(3):
                 blocks[row, cell, 2 + axis] = np.float32(normal[node, axis]) / normal_scale

@@ -14,18 +14,30 @@ from torch import Tensor
 
 from ..network.torch_copy import to_device
 from ..network.torch_encode import TorchEncoder
-from ..octree.nodes import Nodes
+from ..octree.leaf_boxes import FILLED_STEPS
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT, Octree
 from .patches import OCTANTS
 
-NODE_BYTES = 10  # of child mask, first child, luminance, normal
+NODE_BYTES = 12  # of child mask, first child, luminance, normal, what is filled
+
+
+class Children(Protocol):
+    """Arrays that lead from a node to its children, as `Nodes` has them."""
+
+    @property
+    def child_mask(self) -> np.ndarray:
+        """(n,) uint8."""
+
+    @property
+    def first_child(self) -> np.ndarray:
+        """(n,) uint32."""
 
 
 class Tree(Protocol):
     """Node arrays of an octree, or of several one after the other, as `Octree` has them."""
 
     @property
-    def nodes(self) -> Nodes:
+    def nodes(self) -> Children:
         """Arrays that lead from a node to its children."""
 
     @property
@@ -35,6 +47,10 @@ class Tree(Protocol):
     @property
     def normal(self) -> np.ndarray:
         """(n, 3) int8."""
+
+    @property
+    def filled(self) -> np.ndarray:
+        """(n,) uint16, what each node fills of its voxel."""
 
 
 def tree_fits(tree: Tree, device: torch.device) -> bool:
@@ -52,6 +68,7 @@ class TorchTree:
         self.device = device
         self.luminance = to_device(tree.luminance, device)  # (n,) int16, bits of uint16
         self.normal = to_device(tree.normal, device)  # (n, 3) int8
+        self._filled = to_device(tree.filled, device)  # (n,) int16
         self._child_mask = to_device(tree.nodes.child_mask, device)  # (n,) uint8
         self._first_child = to_device(tree.nodes.first_child, device)  # (n,) int32
         masks, octants = np.arange(256)[:, None], np.arange(8)
@@ -94,8 +111,12 @@ class TorchTree:
         there, safe = cells >= 0, cells.clamp(min=0)
         luminance = (self.luminance[safe].int() & 0xFFFF).float() / LUMINANCE_SCALE
         normal = self.normal[safe].float() / NORMAL_SCALE
-        values = torch.cat([torch.ones_like(luminance)[..., None], luminance[..., None], normal], dim=-1)
+        values = torch.cat([self.filled(safe)[..., None], luminance[..., None], normal], dim=-1)
         return values.masked_fill_(~there[..., None], 0.0)
+
+    def filled(self, nodes: Tensor) -> Tensor:
+        """Occupancy (...,) float32 of the cells of nodes (...,)."""
+        return self._filled[nodes].float() / FILLED_STEPS
 
     def _children(self, nodes: Tensor) -> tuple[Tensor, Tensor]:
         """Child masks (...,) and children (..., 8), -1 for none, of nodes (...,); those of node -1 mean nothing."""

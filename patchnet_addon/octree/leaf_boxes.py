@@ -14,6 +14,7 @@ import numpy as np
 from ..runtime.kernels import device, lean_device
 
 STEPS = 16
+FILLED_STEPS = 3 * STEPS**2  # of what a box fills of its voxel
 WHOLE = 0xF0F0F0  # packed box of a whole voxel
 _MARGIN = 1e-6  # of a sixteenth: what rounding may have moved a cut
 _BITS = 8
@@ -27,6 +28,24 @@ def unpacked(packed: np.ndarray) -> np.ndarray:
 def box_bounds(boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper corners (n, 3) float64 of boxes (n, 3) uint8, in voxels from the leaf's lowest corner."""
     return (boxes & 15) / STEPS, ((boxes >> 4) + 1.0) / STEPS
+
+
+def filled_steps(boxes: np.ndarray) -> np.ndarray:
+    """What boxes (n, 3) uint8 fill of their voxels, (n,) uint16 in steps of 1 / FILLED_STEPS.
+
+    That is the mean of what they cover as seen along the three axes. Reference of `filled_share`.
+    """
+    x, y, z = (1 + (boxes >> 4).astype(np.uint16) - (boxes & 15)).T
+    return np.asarray(x * y + y * z + z * x, np.uint16)
+
+
+def covered_shares(boxes: np.ndarray) -> np.ndarray:
+    """Shares (n, 3) float32 of their voxel's faces that boxes (n, 3) uint8 cover as seen along each axis.
+
+    Reference of `covered_share`.
+    """
+    x, y, z = (1 + (boxes >> 4).astype(np.int64) - (boxes & 15)).T
+    return (np.stack([y * z, x * z, x * y], axis=1) / STEPS**2).astype(np.float32)
 
 
 def boxes_reference(points: np.ndarray) -> np.ndarray:
@@ -52,6 +71,27 @@ def joined_boxes(one, other):  # type: ignore[no-untyped-def]
         a, b = (np.int64(one) >> (_BITS * axis)) & 255, (np.int64(other) >> (_BITS * axis)) & 255
         joined |= (min(a & 15, b & 15) | max(a >> 4, b >> 4) << 4) << (_BITS * axis)
     return joined
+
+
+@lean_device
+def filled_share(boxes, row):  # type: ignore[no-untyped-def]
+    """Mean of the shares of its voxel's faces that a box covers, float32."""
+    x, y, z = box_side(boxes, row, 0), box_side(boxes, row, 1), box_side(boxes, row, 2)
+    return np.float32(x * y + y * z + z * x) / np.float32(FILLED_STEPS)
+
+
+@lean_device
+def covered_share(boxes, row, axis):  # type: ignore[no-untyped-def]
+    """Share of its voxel's face that a box covers as seen along an axis, float32."""
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    return np.float32(box_side(boxes, row, first) * box_side(boxes, row, second)) * np.float32(1 / STEPS**2)
+
+
+@lean_device
+def box_side(boxes, row, axis):  # type: ignore[no-untyped-def]
+    """Sixteenths that a box spans along an axis."""
+    byte = np.int64(boxes[row, axis])
+    return 1 + (byte >> 4) - (byte & 15)
 
 
 @lean_device

@@ -77,6 +77,16 @@ class Octree:
         return BoxedNodes(self.child_mask, self.first_child, int(self.level_start[self.depth]), self.leaf_box)
 
     @property
+    def filled(self) -> np.ndarray:
+        """What each node fills of its voxel, (n,) uint16 in steps of 1 / FILLED_STEPS (`leaf_boxes.py`)."""
+        from .leaf_boxes import FILLED_STEPS, filled_steps  # numba comes with it
+
+        found = np.full(self.node_count, FILLED_STEPS, np.uint16)
+        if self.leaf_box is not None:
+            found[self.level_start[self.depth] :] = filled_steps(self.leaf_box)
+        return found
+
+    @property
     def node_count(self) -> int:
         """Nodes of all levels, leaves included."""
         return len(self.child_mask)

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Small octrees for tests, built node by node from a dictionary of leaves, apart from the engine's own builder."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.leaf_boxes import STEPS, box_bounds
 from patchnet.patchnet_addon.octree.octree import Octree
 
 
@@ -75,6 +78,24 @@ def random_octree(seed=0, depth=5, count=300, adaptive=False):
     return octree_from_leaves(leaves, depth)
 
 
+def with_boxes(octree, seed=0):
+    """Octree whose finest leaves have random boxes, some as flat as a box may be."""
+    random = np.random.default_rng(seed)
+    count = octree.level_start[-1] - octree.level_start[-2]
+    ends = np.sort(random.integers(0, STEPS, (2, count, 3)), axis=0)
+    return replace(octree, leaf_box=(ends[0] | ends[1] << 4).astype(np.uint8))
+
+
+def _filled(octree, node):
+    """Mean of what a node covers of the faces of its voxel."""
+    leaf = node - octree.level_start[octree.depth]
+    if octree.leaf_box is None or leaf < 0:
+        return 1.0
+    low, high = box_bounds(octree.leaf_box[leaf : leaf + 1])
+    x, y, z = (high - low)[0]
+    return (x * y + y * z + z * x) / 3
+
+
 def dense_cells(octree, level):
     """Dense grid (S, S, S, 5), order z, y, x, channel, of the values at a level, by marking every node's cube."""
     side = 1 << level
@@ -85,6 +106,6 @@ def dense_cells(octree, level):
         for offset, (x, y, z) in enumerate(octree.cells(node_level).tolist()):
             node = first + offset
             if node_level == level or octree.child_mask[node] == 0:
-                values = [1, octree.luminance[node] / 65535, *(octree.normal[node] / 127)]
+                values = [_filled(octree, node), octree.luminance[node] / 65535, *(octree.normal[node] / 127)]
                 grid[z * width : (z + 1) * width, y * width : (y + 1) * width, x * width : (x + 1) * width] = values
     return grid

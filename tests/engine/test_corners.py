@@ -24,12 +24,13 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import thread_count
-from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.engine.octree_samples import random_octree, with_boxes
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["uniform", "adaptive"])
+@pytest.fixture(scope="module", params=[False, True], ids=["uniform", "adaptive, with boxes"])
 def octree(request):
-    return random_octree(seed=8, depth=6, count=1500, adaptive=request.param)
+    octree = random_octree(seed=8, depth=6, count=1500, adaptive=request.param)
+    return with_boxes(octree) if request.param else octree
 
 
 def coded_cells(octree, level, lookahead=2):

@@ -26,18 +26,10 @@ from patchnet.patchnet_addon.tracing.reference import first_hits_reference
 from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
 from patchnet.training.benchmarks.single_rays import single_hits, single_means
 
-from .octree_samples import random_octree
+from .octree_samples import random_octree, with_boxes
 from .test_tiles import cameras, seen
 from .test_tracing import centres
 from .test_voxelize import position_shade, soup, triangle
-
-
-def with_boxes(octree, seed=0):
-    """Octree whose finest leaves have random boxes, some as flat as a box may be."""
-    random = np.random.default_rng(seed)
-    count = octree.level_start[-1] - octree.level_start[-2]
-    ends = np.sort(random.integers(0, STEPS, (2, count, 3)), axis=0)
-    return replace(octree, leaf_box=(ends[0] | ends[1] << 4).astype(np.uint8))
 
 
 @settings(max_examples=100, deadline=None)
@@ -53,6 +45,9 @@ def test_boxes_of_the_clip_are_around_each_piece(corners):
         if len(points) == 0:  # a sliver that rounding alone has put there
             continue
         expected = boxes_reference(points - cell).astype(int)
+        if np.ptp(points, axis=0).max() < 1e-9:  # touched in a point: rounding may make a sliver of it, never less
+            assert (box & 15 <= expected & 15).all() and (box >> 4 >= expected >> 4).all()
+            continue
         assert (np.abs((box & 15) - (expected & 15)) <= 1).all() and (np.abs((box >> 4) - (expected >> 4)) <= 1).all()
         low, high = box_bounds(box)
         assert (low <= points.min(axis=0) - cell + 1e-6).all() and (high >= points.max(axis=0) - cell - 1e-6).all()

@@ -28,16 +28,17 @@ from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.reference import first_hits_reference, needed_levels_reference
 from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
-from patchnet.tests.engine.octree_samples import dense_cells, random_octree
+from patchnet.tests.engine.octree_samples import dense_cells, random_octree, with_boxes
 
 LOOKAHEADS = [1, 2, 3]
 HALF = 2.0**-11  # relative rounding of a half float
 DEPTH = 6
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["uniform", "adaptive"])
+@pytest.fixture(scope="module", params=[False, True], ids=["uniform", "adaptive, with boxes"])
 def octree(request):
-    return random_octree(seed=12, depth=DEPTH, count=900, adaptive=request.param)
+    octree = random_octree(seed=12, depth=DEPTH, count=900, adaptive=request.param)
+    return with_boxes(octree) if request.param else octree
 
 
 @pytest.fixture(scope="module")

@@ -14,12 +14,13 @@ from patchnet.patchnet_addon.codes.patches import (
     voxel_blocks,
     voxel_blocks_reference,
 )
-from patchnet.tests.engine.octree_samples import dense_cells, random_octree
+from patchnet.tests.engine.octree_samples import dense_cells, random_octree, with_boxes
 
 
-@pytest.fixture(params=[False, True], ids=["uniform", "adaptive"])
+@pytest.fixture(params=[False, True], ids=["uniform", "adaptive, with boxes"])
 def octree(request):
-    return random_octree(seed=3, depth=5, count=400, adaptive=request.param)
+    octree = random_octree(seed=3, depth=5, count=400, adaptive=request.param)
+    return with_boxes(octree) if request.param else octree
 
 
 def levels(octree):

@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import limit_threads
-from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.engine.octree_samples import random_octree, with_boxes
 
 TOLERANCE = 1e-5  # the order of additions differs, and the reference interpolates in float64
 
@@ -29,7 +29,7 @@ def coded(request):
     else:
         kind = KINDS.get(name, PAPER)
         weights = Weights.random(seed=9, bias=0.1, lookahead=int(lookahead or 2), kind=kind)
-    return drain(encode_octree(random_octree(seed=8, depth=5, count=500, adaptive=True), weights))
+    return drain(encode_octree(with_boxes(random_octree(seed=8, depth=5, count=500, adaptive=True)), weights))
 
 
 def sample_hits(coded, count, seed=1, *, seeing=None):

@@ -23,7 +23,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
-from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.engine.octree_samples import random_octree, with_boxes
 from patchnet.tests.torch_devices import DEVICES, gpu_only
 
 torch = pytest.importorskip("torch")
@@ -36,9 +36,10 @@ CODES, OUTPUTS = 1e-4, 1e-3
 HALF = 2.0**-11  # relative rounding of a half float
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["uniform", "adaptive"])
+@pytest.fixture(scope="module", params=[False, True], ids=["uniform", "adaptive, with boxes"])
 def octree(request):
-    return random_octree(seed=8, depth=6, count=3000, adaptive=request.param)
+    octree = random_octree(seed=8, depth=6, count=3000, adaptive=request.param)
+    return with_boxes(octree) if request.param else octree
 
 
 @pytest.fixture(scope="module")

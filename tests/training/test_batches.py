@@ -11,6 +11,7 @@ from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_blocks
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.engine.octree_samples import with_boxes
 from patchnet.training.batches import Augmentation, Batch, gather_batch
 from patchnet.training.forest import concatenate
 from patchnet.training.procedural import octree_from_leaves, spheres_and_slats
@@ -29,6 +30,11 @@ def octree() -> Octree:
 
 
 @pytest.fixture(scope="module")
+def boxed(octree: Octree) -> Octree:
+    return with_boxes(octree)
+
+
+@pytest.fixture(scope="module")
 def samples(octree: Octree) -> Samples:
     return drain(draw_samples(octree, 256, SampleSettings(views=4, min_level=3, held_out=0.0, seed=2)))
 
@@ -43,16 +49,35 @@ def patches(batch: Batch, voxels: int) -> np.ndarray:
     return eight.transpose(0, 1, 2, 5, 3, 6, 4, 7, 8).reshape(voxels, 8, 8, 8, 8, 5)
 
 
-def test_patches_are_those_that_are_encoded(octree: Octree, samples: Samples) -> None:
-    other = spheres_and_slats(4, seed=8)
+def test_patches_are_those_that_are_encoded(octree: Octree, boxed: Octree, samples: Samples) -> None:
+    """Of octrees side by side, some with boxes in leaves."""
+    other, another = spheres_and_slats(4, seed=8), with_boxes(spheres_and_slats(4, seed=9), seed=1)
     count = len(samples.voxel)
-    batch = gather_batch(
-        concatenate([other, octree]), np.ones(count, int), samples.voxel, samples.views, Augmentation.none(count)
-    )
-    found = patches(batch, count)
-    for row in range(0, count, 5):
-        level, *cell = samples.voxel[row].astype(int)
-        np.testing.assert_allclose(found[row], corner_blocks(octree, level, np.array(cell) + OCTANTS), atol=1e-6)
+    for trees in ([other, octree, another], [another, boxed, other]):
+        batch = gather_batch(
+            concatenate(trees), np.ones(count, int), samples.voxel, samples.views, Augmentation.none(count)
+        )
+        found = patches(batch, count)
+        for row in range(0, count, 5):
+            level, *cell = samples.voxel[row].astype(int)
+            wanted = corner_blocks(trees[1], level, np.array(cell) + OCTANTS)
+            np.testing.assert_allclose(found[row], wanted, atol=1e-6)
+
+
+def test_filled_parts_of_a_forest_are_those_of_its_octrees(octree: Octree, boxed: Octree) -> None:
+    trees = [boxed, octree, with_boxes(octree, seed=1)]
+    np.testing.assert_array_equal(concatenate(trees).filled, np.concatenate([tree.filled for tree in trees]))
+
+
+def test_samples_see_boxes(boxed: Octree) -> None:
+    drawn = drain(draw_samples(boxed, 64, SampleSettings(views=4, min_level=DEPTH - 2, held_out=0.0, seed=2)))
+    for voxel, views in zip(drawn.voxel[:8], drawn.views[:8], strict=True):
+        vectors = views[:, 3:9].astype(np.int16) / 32767
+        rays = PatchRays(
+            np.array([voxel[0]]), voxel[None, 1:].astype(int), np.array([0, len(views)]), views[:, :3] / 65535,
+            vectors[:, :3], vectors[:, 3:], views[:, 9] / 65535,
+        )  # fmt: skip
+        np.testing.assert_allclose(render_patches(boxed, rays)[0], views[:, 10] / 4096, atol=4 / 4096)
 
 
 def test_narrow_blocks_are_the_others_as_bfloat16(octree: Octree, samples: Samples) -> None:

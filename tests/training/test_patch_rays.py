@@ -7,6 +7,7 @@ import pytest
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
 from patchnet.patchnet_addon.codes.patch_rays_reference import render_patches_reference
 from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.tests.engine.octree_samples import with_boxes
 from patchnet.training.procedural import prune, spheres_and_slats
 
 
@@ -46,10 +47,20 @@ def test_equals_rays_followed_one_by_one(octree: Octree, level: int, lookahead: 
     assert_as_followed(octree, random_rays(octree, level, voxels=3, views=2, seed=level), lookahead)
 
 
+@pytest.mark.parametrize("lookahead", [1, 2, 3])
+def test_boxes_of_leaves(octree: Octree, lookahead: int) -> None:
+    boxed = with_boxes(octree)
+    rays = random_rays(octree, 6 - lookahead, voxels=6, views=3, seed=lookahead)
+    assert_as_followed(boxed, rays, lookahead)
+    assert render_patches(boxed, rays, lookahead)[0].sum() < 0.9 * render_patches(octree, rays, lookahead)[0].sum()
+
+
+@pytest.mark.parametrize("boxes", [False, True])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_views_along_an_axis(octree: Octree, axis: int, sign: float) -> None:
+def test_views_along_an_axis(octree: Octree, axis: int, sign: float, boxes: bool) -> None:
     """Two slabs of the outline vanish there."""
+    octree = with_boxes(octree) if boxes else octree
     rays = random_rays(octree, 4, voxels=2, views=1, seed=9)
     rays.direction[:] = sign * np.eye(3)[axis]
     rays.up[:] = np.eye(3)[(axis + 1) % 3]
