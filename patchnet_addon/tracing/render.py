@@ -108,6 +108,15 @@ class PatchHits:
     behind_node: np.ndarray | None = None
 
 
+def finer_than_pixel(lookahead: int) -> float:
+    """Side of a pixel over the finer footprint, of rays that look further than the pixel's own.
+
+    They see one level more than a patch that looks `lookahead` levels ahead (methods 3.12): bars and wires that fill a
+    voxel of the patch are then as thin as they are.
+    """
+    return 2.0 ** (lookahead + 1)
+
+
 def first_hits(octree: Octree, camera: Camera, background: float = 0.0) -> Hits:
     """Trace a ray through every pixel centre, stopped by the level-of-detail contract."""
     return _hits(octree, camera, trace_pixels(octree, camera)[0], background)
@@ -123,11 +132,13 @@ def patch_hits(
 ) -> PatchHits:
     """Trace a ray through every pixel centre, which goes on to the finer voxel and to what shows behind the patch.
 
-    The finer footprint is the pixel / 2^lookahead. One walk answers all three. behind: whether rays go on behind the
-    patch, which costs as much again.
+    The finer footprint is the pixel over `finer_than_pixel`. One walk answers all three. behind: whether rays go on
+    behind the patch, which costs as much again.
     """
     unit = camera_in_unit_cube(camera, octree.grid)
-    search = Search(unit.side_at_0, unit.side_per_z, 0.5**lookahead, BEHIND if behind else FINE, octree.depth)
+    search = Search(
+        unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), BEHIND if behind else FINE, octree.depth
+    )
     traced, _ = trace_pixels(octree, camera, search)
     return PatchHits(
         _hits(octree, camera, traced, background),
@@ -140,13 +151,13 @@ def patch_hits(
 def fine_rays(
     octree: Octree, camera: Camera, background: float = 0.0, *, lookahead: int = DEFAULT_LOOKAHEAD
 ) -> np.ndarray:
-    """Luminances (P, 4) float32 of 2x2 rays in each pixel with the footprint pixel / 2^lookahead.
+    """Luminances (P, 4) float32 of 2x2 rays in each pixel with a finer footprint, see `finer_than_pixel`.
 
     The lower two come first, of each two the left one. They are the pixels of a picture of twice the resolution.
     """
     height, width = camera.height_px, camera.width_px
     double = camera.with_size(2 * width, 2 * height)
-    unit = camera_in_unit_cube(double, octree.grid).finer(2.0 ** (lookahead - 1))
+    unit = camera_in_unit_cube(double, octree.grid).finer(finer_than_pixel(lookahead) / 2)
     traced, _ = trace_pixels(octree, double, Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth))
     quarters = _seen(octree, traced.node, background).reshape(height, 2, width, 2)
     return quarters.transpose(0, 2, 1, 3).reshape(height * width, 4)

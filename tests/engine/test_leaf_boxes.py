@@ -90,8 +90,8 @@ def test_hits_are_those_of_single_rays(seed):
         found = patch_hits(octree, camera, 0.25)
         met = node >= 0
         start = np.where(met, t, 0.0) + 1.5 * 0.5**level
-        np.testing.assert_array_equal(found.fine[met], seen(octree, single_hits(octree, camera, 4.0)[0])[met])
-        beyond = single_hits(octree, camera, 4.0, start)[0]
+        np.testing.assert_array_equal(found.fine[met], seen(octree, single_hits(octree, camera, 8.0)[0])[met])
+        beyond = single_hits(octree, camera, 8.0, start)[0]
         np.testing.assert_array_equal(found.behind[met], seen(octree, beyond)[met], err_msg=camera.name)
         missed += int((first_hits(replace(octree, leaf_box=None), camera).node != node).sum())
     assert missed > 10  # rays that have passed a box

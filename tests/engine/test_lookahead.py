@@ -2,6 +2,7 @@
 """Look-aheads of 1, 2 and 3 levels: patches, codes, the exact oracle, the contract and files; 2 is what it was."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -86,6 +87,8 @@ def seen_by_4096_rays(octree, hits, pixel, lookahead):
 
 @pytest.mark.parametrize("lookahead", LOOKAHEADS)
 def test_exact_oracle_equals_rays_through_every_cube(octree, camera, lookahead):
+    """Leaves are whole here; boxes are those of `tests/training/test_patch_rays.py`."""
+    octree = replace(octree, leaf_box=None)
     hits = first_hits(octree, camera)
     found = drain(exact_prediction(octree, hits, lookahead))
     ahead = np.zeros(octree.node_count, bool)
@@ -242,7 +245,7 @@ def test_depths_give_the_look_ahead_that_was_asked_for(lookahead):
 
 
 @pytest.mark.parametrize("lookahead", LOOKAHEADS)
-def test_rays_behind_have_the_footprint_of_the_patch(octree, camera, lookahead):
+def test_rays_behind_see_a_level_more_than_the_patch(octree, camera, lookahead):
     """Against the Reference of the walk, from where it restarts."""
     hits = first_hits(octree, camera)
     found = patch_hits(octree, camera, lookahead=lookahead).behind
@@ -252,7 +255,7 @@ def test_rays_behind_have_the_footprint_of_the_patch(octree, camera, lookahead):
         restart = float(hits.t_world[pixel]) + 1.5 * 0.5 ** hits.level[pixel]
         speed = float(hits.z_world[pixel]) / float(hits.t_world[pixel])
         moved = Camera(**{**vars(camera), "clip_start": restart * speed})
-        node, _ = first_hits_reference(octree, moved, x[[pixel]], y[[pixel]], 0.5**lookahead)
+        node, _ = first_hits_reference(octree, moved, x[[pixel]], y[[pixel]], 0.5 ** (lookahead + 1))
         assert found[pixel] == pytest.approx(octree.luminance_float(node)[0] if node[0] >= 0 else 0.0, abs=1e-6)
 
 

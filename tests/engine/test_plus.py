@@ -71,7 +71,7 @@ def test_fine_rays_have_the_mean_of_a_finer_picture(coded):
     camera = Camera.look_at(EYE, np.full(3, 0.5), size_px=(31, 18))
     for lookahead in (1, 2, 3):
         rays = fine_rays(coded.octree, camera, lookahead=lookahead)
-        expected = drain(supersample(coded.octree, camera, 2, finer=2**lookahead))
+        expected = drain(supersample(coded.octree, camera, 2, finer=2 ** (lookahead + 1)))
         np.testing.assert_allclose(rays.mean(axis=1), expected, atol=2e-7)  # sums are rounded otherwise
     assert (rays != rays[:, :1]).any()
 

@@ -76,7 +76,7 @@ def test_one_walk_has_the_answers_of_three(shells, lookahead):
         found = patch_hits(shells, camera, 0.25, lookahead=lookahead)
         node, level, t = single_hits(shells, camera)
         np.testing.assert_array_equal(found.hits.node, node, err_msg=camera.name)
-        finer = 2.0**lookahead
+        finer = 2.0 ** (lookahead + 1)
         met = node >= 0
         fine, _, _ = single_hits(shells, camera, finer)
         np.testing.assert_array_equal(found.fine[met], seen(shells, fine)[met], err_msg=camera.name)

@@ -28,7 +28,7 @@ def _score_4(buffers: PixelBuffers) -> np.ndarray:
 FINE_RAY = Strategy(
     name="fine-ray",
     title="One finer ray",
-    description="Luminance difference to one ray through the pixel's center with the footprint of a patch's voxels",
+    description="Luminance difference to one ray through the pixel's center that sees one level more than a patch",
     needs=frozenset({FINE}),
     score=_score,
     quantity=_QUANTITY,
@@ -40,7 +40,7 @@ FINE_RAY = Strategy(
 FINE_RAYS_4 = Strategy(
     name="fine-rays-4",
     title="Four finer rays",
-    description="Luminance difference to the mean of 2x2 rays in the pixel with the footprint of a patch's voxels",
+    description="Luminance difference to the mean of 2x2 rays in the pixel that see one level more than a patch",
     needs=frozenset({FINE_4}),
     score=_score_4,
     quantity=_QUANTITY,
