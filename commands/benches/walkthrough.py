@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--frames", bounds.TRACK_FRAMES, default=250, help="frames of the walk (250)")
     add_number(parser, "--size", bounds.VIEW_PX, nargs=2, default=(960, 540), help="pixels of each (960 540)")
     parser.add_argument("--depth", default="fit", help="of the octree, or fit: fine where the walk sees it (fit)")
-    add_number(parser, "--samples", bounds.SAMPLES, default=8, help="of a baked texel (8)")
+    add_number(parser, "--samples", bounds.SAMPLES, default=4, help="of a baked texel (4)")
     add_number(parser, "--timed", bounds.REPEATS, default=10, help="frames of PatchNet that are timed (10)")
     add_number(parser, "--cycles-timed", bounds.REPEATS, default=3, help="frames of Cycles that are timed (3)")
     add_number(parser, "--cycles-samples", bounds.CYCLES_SAMPLES, default=32, help="of Cycles' frames (32)")

@@ -91,7 +91,7 @@ _LIGHT = (
         argument="--light", help="light",
     ),
     Setting(
-        "samples", "Samples", "Cycles samples of each baked texel", LIGHT, Kind.NUMBER, 8, bounds.SAMPLES,
+        "samples", "Samples", "Cycles samples of each baked texel", LIGHT, Kind.NUMBER, 4, bounds.SAMPLES,
         counts=_baked, argument="--samples", help="Cycles samples per baked texel", widget={"soft_max": 256},
     ),
     Setting(
