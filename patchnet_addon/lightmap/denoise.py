@@ -61,11 +61,18 @@ def denoise_reference(texels: Texels, cells: Cells) -> np.ndarray:
 def denoise(texels: Texels, cells: Cells) -> np.ndarray:
     """Light (N, C) float32 without most of its noise."""
     count, channels = texels.light.shape
+    boxes = _boxes(texels.points, cells.first)
     guide = np.empty((count, 1 + channels), np.float32)
-    run_parts(_filter, len(cells.around), texels, cells, np.empty((0, 1 + channels), np.float32), REACH / 2.0, guide)
+    none = np.empty((0, 1 + channels), np.float32)
+    run_parts(_filter, len(cells.around), texels, cells, boxes, none, REACH / 2.0, guide)
     out = np.empty((count, 1 + channels), np.float32)
-    run_parts(_filter, len(cells.around), texels, cells, guide, REACH, out)
+    run_parts(_filter, len(cells.around), texels, cells, boxes, guide, REACH, out)
     return out[:, 1:]
+
+
+def _boxes(points: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Lowest and highest corner (K, 2, 3) float32 of the points (N, 3) of each cell; first: (K + 1,), none is empty."""
+    return np.stack([side.reduceat(points, first[:-1], axis=0) for side in (np.minimum, np.maximum)], axis=1)
 
 
 def _filtered_reference(texels: Texels, cells: Cells, guide: np.ndarray | None, reach: float) -> np.ndarray:
@@ -123,14 +130,14 @@ def _weights_reference(
 
 
 @kernel
-def _filter(first, last, texels, cells, guide, reach, out):  # type: ignore[no-untyped-def]
+def _filter(first, last, texels, cells, boxes, guide, reach, out):  # type: ignore[no-untyped-def]
     """Write variance and light of the texels of some cells."""
     between = np.empty((_MOST_BETWEEN, 3))
     sums = np.empty(3 + texels.light.shape[1])  # weight, its square, variance, light
     for cell in range(first, last):
         for p in range(cells.first[cell], cells.first[cell + 1]):
-            count = _find_between(texels, cells, cell, p, reach, between)
-            _add_around(texels, cells, cell, p, reach, guide, (between, count), sums)
+            count = _find_between(texels, cells, boxes, cell, p, reach, between)
+            _add_around(texels, cells, boxes, cell, p, reach, guide, (between, count), sums)
             if len(guide):
                 out[p, 0] = sums[2] / (sums[0] * sums[0])
             else:
@@ -140,43 +147,46 @@ def _filter(first, last, texels, cells, guide, reach, out):  # type: ignore[no-u
 
 
 @lean_device
-def _apart(texels, p, q):  # type: ignore[no-untyped-def]
-    """Place of q as seen from p, its height above the plane of p, and the cosine of their normals."""
-    x = float(texels.points[q, 0]) - float(texels.points[p, 0])
-    y = float(texels.points[q, 1]) - float(texels.points[p, 1])
-    z = float(texels.points[q, 2]) - float(texels.points[p, 2])
-    nx, ny, nz = float(texels.normals[p, 0]), float(texels.normals[p, 1]), float(texels.normals[p, 2])
-    height = x * nx + y * ny + z * nz
-    cosine = texels.normals[q, 0] * nx + texels.normals[q, 1] * ny + texels.normals[q, 2] * nz
-    return x, y, z, height, cosine
+def _is_far(boxes, cell, x, y, z, farthest):  # type: ignore[no-untyped-def]
+    """Return whether all of a cell is farther away from a point than the root of `farthest`."""
+    dx = max(float(boxes[cell, 0, 0]) - x, x - float(boxes[cell, 1, 0]), 0.0)
+    dy = max(float(boxes[cell, 0, 1]) - y, y - float(boxes[cell, 1, 1]), 0.0)
+    dz = max(float(boxes[cell, 0, 2]) - z, z - float(boxes[cell, 1, 2]), 0.0)
+    return dx * dx + dy * dy + dz * dz > farthest
 
 
 @lean_device
-def _find_between(texels, cells, cell, p, reach, between):  # type: ignore[no-untyped-def]
+def _find_between(texels, cells, boxes, cell, p, reach, between):  # type: ignore[no-untyped-def]
     """Write the places, in the plane of p, of texels of other surfaces that stand on it; returns how many."""
     size = float(texels.size[p])
     farthest = (reach * size) ** 2
+    px, py, pz = float(texels.points[p, 0]), float(texels.points[p, 1]), float(texels.points[p, 2])
     nx, ny, nz = float(texels.normals[p, 0]), float(texels.normals[p, 1]), float(texels.normals[p, 2])
     count = 0
     for neighbour in range(_CELLS):
         near = cells.around[cell, neighbour]
-        if near < 0:
+        if near < 0 or _is_far(boxes, near, px, py, pz, farthest):
             continue
         begin, end = cells.first[near], cells.first[near + 1]
         step = -(-(end - begin) // MOST_WALLS)
         for q in range(begin, end, step):
-            if q == p:
+            x = float(texels.points[q, 0]) - px
+            y = float(texels.points[q, 1]) - py
+            z = float(texels.points[q, 2]) - pz
+            if x * x + y * y + z * z > farthest:  # most of them: the first question
                 continue
-            x, y, z, height, cosine = _apart(texels, p, q)
-            if abs(cosine) >= _CROSSING or height <= _LOW * size or height >= _HIGH * size:
+            height = x * nx + y * ny + z * nz
+            if height <= _LOW * size or height >= _HIGH * size:  # p itself is at 0
                 continue
-            if x * x + y * y + z * z > farthest:
+            cosine = texels.normals[q, 0] * nx + texels.normals[q, 1] * ny + texels.normals[q, 2] * nz
+            if abs(cosine) >= _CROSSING:
                 continue
-            if count < _MOST_BETWEEN:
-                between[count, 0] = x - height * nx
-                between[count, 1] = y - height * ny
-                between[count, 2] = z - height * nz
-                count += 1
+            between[count, 0] = x - height * nx
+            between[count, 1] = y - height * ny
+            between[count, 2] = z - height * nz
+            count += 1
+            if count == _MOST_BETWEEN:
+                return count
     return count
 
 
@@ -197,27 +207,30 @@ def _is_hidden(x, y, z, found, size):  # type: ignore[no-untyped-def]
 
 
 @lean_device
-def _add_around(texels, cells, cell, p, reach, guide, found, sums):  # type: ignore[no-untyped-def]
+def _add_around(texels, cells, boxes, cell, p, reach, guide, found, sums):  # type: ignore[no-untyped-def]
     """Sum weights, variance and light of the texels around p that agree with it."""
     size = float(texels.size[p])
     farthest = (reach * size) ** 2
+    px, py, pz = float(texels.points[p, 0]), float(texels.points[p, 1]), float(texels.points[p, 2])
     nx, ny, nz = float(texels.normals[p, 0]), float(texels.normals[p, 1]), float(texels.normals[p, 2])
     sums[:] = 0.0
     _add(texels, p, float(texels.weight[p]), guide, sums)
     for neighbour in range(_CELLS):
         near = cells.around[cell, neighbour]
-        if near < 0:
+        if near < 0 or _is_far(boxes, near, px, py, pz, farthest):
             continue
         begin, end = cells.first[near], cells.first[near + 1]
         step = -(-(end - begin) // MOST_IN_CELL)
         for q in range(begin, end, step):
-            if q == p or texels.material[q] != texels.material[p]:
-                continue
-            x, y, z, height, cosine = _apart(texels, p, q)
+            x = float(texels.points[q, 0]) - px
+            y = float(texels.points[q, 1]) - py
+            z = float(texels.points[q, 2]) - pz
             squared = x * x + y * y + z * z
-            if cosine < _AGREES or squared > farthest:
+            if squared > farthest or q == p or texels.material[q] != texels.material[p]:
                 continue
-            if abs(height) > 0.3 * size + 0.15 * math.sqrt(squared):
+            cosine = texels.normals[q, 0] * nx + texels.normals[q, 1] * ny + texels.normals[q, 2] * nz
+            height = x * nx + y * ny + z * nz
+            if cosine < _AGREES or abs(height) > 0.3 * size + 0.15 * math.sqrt(squared):
                 continue
             if _is_hidden(x - height * nx, y - height * ny, z - height * nz, found, size):
                 continue

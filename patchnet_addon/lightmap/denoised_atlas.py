@@ -10,18 +10,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ..octree.voxelize import triangle_areas_and_normals
-from ..surface.mesh import Fragments, MeshSource, TriangleBatch
-from ..surface.texture_color import color_of_fragments
-from ..surface.texture_lookup import surface_of_fragments
+from ..surface.mesh import MeshSource, TriangleBatch
 from ..surface.textures import TextureTable
 from .atlas import COLOR_CHANNELS, MIN_OPACITY, Atlas
+from .base_colors import base_colors
 from .chart_lookup import texel_owners
 from .charts import Charts
 from .denoise import REACH, Cells, Texels, denoise
 from .packing import SINGLE
+from .texel_places import BatchTexels, texel_places
 
 _LEAST_ALBEDO = 0.02  # darker base colours count as this, and such texels mix with each other only
-_PLACES = 4  # along a texel's side, in which its base colour is looked up where that has a texture
 _AXIS_BITS, _AXIS_CELLS = 19, 1 << 19
 
 
@@ -93,19 +92,22 @@ def _placed(
         if not len(mine):
             continue
         areas, normals = triangle_areas_and_normals(batch.corners_world)
-        barycentric = _barycentric(charts, mine, local + batch.first_triangle)
+        corners = charts.corner_texels(np.arange(batch.first_triangle, batch.first_triangle + len(batch)))
+        own = BatchTexels(mine, local, corners, charts.page_side)
         numbers = local + batch.first_triangle
         logs = charts.log_width[numbers].astype(np.float64) + charts.log_height[numbers]
         area = areas[local] / np.where(charts.kind[numbers] == SINGLE, 1.0, np.exp2(logs) / 2.0)
         values = atlas.texels[mine]
-        albedo = _albedo(atlas, table, batch, mine, local, area)
+        colored = values.shape[1] == COLOR_CHANNELS
+        albedo = base_colors(table, batch, own, area, spread=atlas.spread, colored=colored)
+        albedo = np.maximum(albedo, np.float32(_LEAST_ALBEDO))
         shining = values[:, [0, 2, 3]] if albedo.shape[1] > 1 else values[:, :1]
         light = shining / (albedo * values[:, 1:2])
         variance = (noise[mine] / (albedo[:, 0] * values[:, 1])) ** 2
         weight = charts.page_samples[charts.page[numbers]] * values[:, 1]
         size = np.maximum(np.sqrt(area), charts.texel_world)
         # From the surface's corner, so that single precision tells texels apart far from the origin, too.
-        points = _points(batch, local, barycentric) - source.bounds_world[0]
+        points = _points(batch, local, texel_places(own)[:, 0]) - source.bounds_world[0]
         # Noise of what is black is not the noise of light.
         mixes = 2 * batch.materials[local].astype(np.int64) + (albedo[:, 0] <= _LEAST_ALBEDO)
         columns = (points, normals[local], size, mixes, light, variance, weight)
@@ -118,20 +120,6 @@ def _placed(
         )
 
 
-def _barycentric(
-    charts: Charts, texels: np.ndarray, triangles: np.ndarray, at: tuple[float, float] = (0.5, 0.5)
-) -> np.ndarray:
-    """Weights (n, 2) float32 of corners 1 and 2 in texels (n,) of triangles (n,), by default at their centres."""
-    row, column = np.divmod(texels % charts.page_side**2, charts.page_side)
-    corners = charts.corner_texels(triangles)
-    place = np.stack([column + at[0], row + at[1]], axis=1) - corners[:, 0]
-    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
-    first = (place[:, 0] * two[:, 1] - place[:, 1] * two[:, 0]) / area
-    second = (one[:, 0] * place[:, 1] - one[:, 1] * place[:, 0]) / area
-    return np.stack([first, second], axis=1).astype(np.float32)
-
-
 def _points(batch: TriangleBatch, triangles: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
     """Points (n, 3) float64 of triangles (n,)."""
     corners = batch.corners_world[triangles]
@@ -140,50 +128,6 @@ def _points(batch: TriangleBatch, triangles: np.ndarray, barycentric: np.ndarray
         + barycentric[:, :1] * (corners[:, 1] - corners[:, 0])
         + barycentric[:, 1:] * (corners[:, 2] - corners[:, 0])
     )
-
-
-def _albedo(
-    atlas: Atlas, table: TextureTable, batch: TriangleBatch, texels: np.ndarray, local: np.ndarray, area: np.ndarray
-) -> np.ndarray:
-    """Base colour (n, 1) float32 of luminance, or (n, 3) of luminance, red, blue, at least _LEAST_ALBEDO.
-
-    texels: (n,) of triangles `local` (n,) of the batch, of an `area` (n,). With a texture it is the mean over where the
-    texel's paths go out from: what is left of the texture would be noise that the two halves of a bake share.
-    """
-    found = np.empty((len(texels), 3 if atlas.texels.shape[1] == COLOR_CHANNELS else 1))
-    materials = batch.materials[local]
-    textured = (table.materials.chain[materials] >= 0) | (table.materials.color_chain[materials] >= 0)
-    for chosen, places in ((~textured, 1), (textured, _PLACES)):
-        if not chosen.any():
-            continue
-        mine, triangles, share = texels[chosen], local[chosen], area[chosen] * (atlas.spread / places) ** 2
-        total, weight = np.zeros((len(mine), found.shape[1])), np.full((len(mine), 1), 1e-12)
-        for x, y in np.ndindex(places, places):
-            at = [0.5 + ((step + 0.5) / places - 0.5) * atlas.spread for step in (x, y)]
-            inside = _inside(_barycentric(atlas.charts, mine, triangles + batch.first_triangle, (at[0], at[1])))
-            pieces = Fragments(np.zeros(len(mine), np.uint64), triangles.astype(np.int32), inside, share)
-            color, opacity = _colors(table, batch, pieces, found.shape[1] > 1)
-            total += color * (opacity[:, None] + 1e-6)  # where all is gap, its colour counts nevertheless
-            weight += opacity[:, None] + 1e-6
-        found[chosen] = total / weight
-    return np.maximum(found, _LEAST_ALBEDO).astype(np.float32)
-
-
-def _inside(barycentric: np.ndarray) -> np.ndarray:
-    """Weights (n, 2) float32 moved into their triangle."""
-    weights = np.maximum(barycentric, 0.0)
-    return np.asarray(weights / np.maximum(weights.sum(axis=1, keepdims=True), 1.0), np.float32)
-
-
-def _colors(
-    table: TextureTable, batch: TriangleBatch, pieces: Fragments, colored: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """Base colour, luminance (n, 1) or luminance, red, blue (n, 3), and opacity (n,)."""
-    luminance, opacity = surface_of_fragments(table, batch, pieces)
-    if not colored:
-        return luminance[:, None], opacity
-    color = color_of_fragments(table, batch, pieces, luminance)
-    return np.stack([luminance, color[:, 0], color[:, 2]], axis=1), opacity
 
 
 def cells_of(points: np.ndarray, size: np.ndarray, least: float, origin: np.ndarray) -> tuple[np.ndarray, Cells]:

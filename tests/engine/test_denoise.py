@@ -7,16 +7,10 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
-from patchnet.patchnet_addon.lightmap.charts import layout_charts
+from patchnet.patchnet_addon.lightmap.charts import Charts, layout_charts
 from patchnet.patchnet_addon.lightmap.denoise import REACH, Texels, denoise, denoise_reference
-from patchnet.patchnet_addon.lightmap.denoised_atlas import (
-    _barycentric,
-    _owned,
-    _points,
-    cells_of,
-    denoised_atlas,
-    placed_texels,
-)
+from patchnet.patchnet_addon.lightmap.denoised_atlas import _owned, _points, cells_of, denoised_atlas, placed_texels
+from patchnet.patchnet_addon.lightmap.texel_places import BatchTexels, texel_places_reference
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
 
@@ -151,12 +145,20 @@ def squares(material: Material) -> TriangleMesh:
     return TriangleMesh((batch,), (material,))
 
 
+def own_texels(charts: Charts) -> BatchTexels:
+    """All texels of a surface of one batch."""
+    index, triangle = _owned(charts)
+    corners = charts.corner_texels(np.arange(len(charts.page)))
+    return BatchTexels(index, triangle.astype(np.int64), corners, charts.page_side)
+
+
 def atlas_of(source: TriangleMesh, truth: object, colored: bool = False) -> tuple[Atlas, np.ndarray, np.ndarray]:
     """Noisy atlas of light that is a function of points (n, 3); its texels in use, and what is true there."""
     charts = drain(layout_charts(source, 1.0, samples=PATHS, page_side=64))
-    index, triangle = _owned(charts)
-    places = _barycentric(charts, index, triangle)
-    points = _points(next(iter(source.batches())), triangle, places)
+    own = own_texels(charts)
+    index = own.texels
+    places = texel_places_reference(own)[:, 0]
+    points = _points(next(iter(source.batches())), own.triangles, places)
     values = truth(points)  # type: ignore[operator]
     rng = np.random.default_rng(0)
     halves = values * rng.gamma(PATHS / 2, 2 / PATHS, (2, len(values)))
@@ -171,10 +173,13 @@ def atlas_of(source: TriangleMesh, truth: object, colored: bool = False) -> tupl
 def test_texels_lie_where_their_triangles_do() -> None:
     source = squares(Material("Wall"))
     charts = drain(layout_charts(source, 1.0, page_side=64))
-    index, triangle = _owned(charts)
-    places = _barycentric(charts, index, triangle)
-    assert (places > -1e-6).all() and (places.sum(axis=1) < 1.0 + 1e-6).all()
-    points = _points(next(iter(source.batches())), triangle, places)
+    own = own_texels(charts)
+    places = texel_places_reference(own)[:, 0]
+    corners = own.corners[own.triangles]
+    there = corners[:, 0] + np.einsum("nc,nca->na", places, corners[:, 1:] - corners[:, :1])
+    row, column = np.divmod(own.texels % own.page_side**2, own.page_side)
+    np.testing.assert_allclose(there, np.stack([column, row], axis=1) + 0.5, atol=1e-4)  # none is moved
+    points = _points(next(iter(source.batches())), own.triangles, places)
     assert len(np.unique(points.round(4), axis=0)) == len(points) >= 4 * 128 - 64
 
 
@@ -216,15 +221,12 @@ def test_base_colours_are_those_that_paths_meet(spread: float) -> None:
     source = squares(Material("Wall", (1.0, 1.0, 1.0), image))
     atlas, index, _ = atlas_of(source, lambda points: np.ones(len(points)))
     placed = placed_texels(replace(atlas, spread=spread), source)
-    _, triangle = _owned(atlas.charts)
+    own = own_texels(atlas.charts)
     fine = np.zeros(len(index))
-    steps = (np.arange(16) + 0.5) / 16.0
-    for x in steps:
-        for y in steps:
-            at = 0.5 + (np.array([x, y]) - 0.5) * spread
-            points = _points(next(iter(source.batches())), triangle, _barycentric(atlas.charts, index, triangle, at))
-            row, column = (np.clip(points[:, axis] % 16.0 * 8.0, 0, 127).astype(int) for axis in (1, 0))
-            fine += image.pixels[row, column, 0] / len(steps) ** 2
+    for place in texel_places_reference(own, side=16, spread=spread).transpose(1, 0, 2):
+        points = _points(next(iter(source.batches())), own.triangles, place)
+        row, column = (np.clip(points[:, axis] % 16.0 * 8.0, 0, 127).astype(int) for axis in (1, 0))
+        fine += image.pixels[row, column, 0] / 16**2
     whole = placed_texels(replace(atlas, spread=1.5 - spread), source)
     error, others = (np.abs(each.albedo[:, 0] - fine).mean() for each in (placed, whole))
     assert error < 0.5 * others and error < 0.05

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Places within texels, as weights of their triangle's corners: where a texel's paths go out from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..runtime.kernels import kernel
+from ..runtime.threads import run_parts
+
+
+@dataclass(frozen=True, eq=False)
+class BatchTexels:
+    """Texels of an atlas that belong to triangles of one batch.
+
+    texels: (n,) int64 of all pages. triangles: (n,) int64 in the batch. corners: (T, 3, 2) float64 of the batch's
+    triangles on their pages (`Charts.corner_texels`), whose side is `page_side`.
+    """
+
+    texels: np.ndarray
+    triangles: np.ndarray
+    corners: np.ndarray
+    page_side: int
+
+    def __len__(self) -> int:
+        return len(self.texels)
+
+    def only(self, chosen: np.ndarray) -> BatchTexels:
+        """Select some of the texels, by a mask (n,) or by indices."""
+        return replace(self, texels=self.texels[chosen], triangles=self.triangles[chosen])
+
+
+def texel_places(own: BatchTexels, *, side: int = 1, spread: float = 1.0) -> np.ndarray:
+    """Weights (n, side * side, 2) float32 of corners 1 and 2 of the triangle at places in each texel.
+
+    Places are the centres of side x side equal parts of a square around the texel's centre that is `spread` of it wide,
+    column by column; those beyond the triangle are moved into it.
+    """
+    out = np.empty((len(own), side * side, 2), np.float32)
+    run_parts(_places, len(own), own.texels, own.triangles, own.corners, own.page_side, side, spread, out)
+    return out
+
+
+def texel_places_reference(own: BatchTexels, *, side: int = 1, spread: float = 1.0) -> np.ndarray:
+    """Reference of `texel_places` in NumPy."""
+    row, column = np.divmod(own.texels % own.page_side**2, own.page_side)
+    corners = own.corners[own.triangles]
+    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
+    found = np.empty((len(own), side * side, 2), np.float32)
+    for number, steps in enumerate(np.ndindex(side, side)):
+        at = 0.5 + ((np.array(steps) + 0.5) / side - 0.5) * spread
+        place = np.stack([column, row], axis=1) + at - corners[:, 0]
+        first = (place[:, 0] * two[:, 1] - place[:, 1] * two[:, 0]) / area
+        second = (one[:, 0] * place[:, 1] - one[:, 1] * place[:, 0]) / area
+        weights = np.maximum(np.stack([first, second], axis=1), 0.0)
+        found[:, number] = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
+    return found
+
+
+@kernel
+def _places(first, last, texels, triangles, corners, page_side, side, spread, out):  # type: ignore[no-untyped-def]
+    """Write the weights of some texels."""
+    for index in range(first, last):
+        row = texels[index] // page_side % page_side
+        column = texels[index] % page_side
+        t = triangles[index]
+        left = column + 0.5 - corners[t, 0, 0]
+        low = row + 0.5 - corners[t, 0, 1]
+        one_x = corners[t, 1, 0] - corners[t, 0, 0]
+        one_y = corners[t, 1, 1] - corners[t, 0, 1]
+        two_x = corners[t, 2, 0] - corners[t, 0, 0]
+        two_y = corners[t, 2, 1] - corners[t, 0, 1]
+        area = one_x * two_y - one_y * two_x
+        for i in range(side):
+            x = left + ((i + 0.5) / side - 0.5) * spread
+            for j in range(side):
+                y = low + ((j + 0.5) / side - 0.5) * spread
+                one = max((x * two_y - y * two_x) / area, 0.0)
+                two = max((one_x * y - one_y * x) / area, 0.0)
+                beyond = max(one + two, 1.0)
+                out[index, i * side + j, 0] = one / beyond
+                out[index, i * side + j, 1] = two / beyond
