@@ -26,7 +26,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_work_follows_what_is_asked_for() -> None:
     plain = work_of(FIGURES, JobSettings())
-    assert work_of(FIGURES, JobSettings.of(samples=36))["light"] == pytest.approx(plain["light"] * 40 / 12)
+    assert work_of(FIGURES, JobSettings.of(samples=36))["light"] == pytest.approx(plain["light"] * 40 / 8)
     assert work_of(FIGURES, JobSettings.of(reference=True))["views"] > 20 * plain["views"]
     assert work_of(FIGURES, JobSettings.of(refined_samples=1024.0))["views"] > 3 * plain["views"]
     assert plain["cycles"] == 0.0 < work_of(FIGURES, JobSettings.of(cycles=CyclesSettings()))["cycles"]

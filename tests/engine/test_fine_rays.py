@@ -46,13 +46,13 @@ def seen(octree, camera, finer):
 
 def test_the_finer_ray_of_a_pixel(octree, camera, buffers):
     """It goes on from the voxel that the centre ray met, so it is a miss where that met nothing."""
-    expected = np.where(buffers.hit, seen(octree, camera, 4.0), np.float32(0))
+    expected = np.where(buffers.hit, seen(octree, camera, 8.0), np.float32(0))
     np.testing.assert_array_equal(buffers.fine, expected)
     assert (buffers.fine != buffers.preview).any()
 
 
 def test_four_finer_rays_are_those_of_a_picture_twice_as_large(octree, camera, buffers):
-    large = seen(octree, replace(camera, width_px=48, height_px=36), 2.0).reshape(18, 2, 24, 2)
+    large = seen(octree, replace(camera, width_px=48, height_px=36), 4.0).reshape(18, 2, 24, 2)
     np.testing.assert_allclose(buffers.fine_4, large.mean(axis=(1, 3)).ravel(), atol=1e-7)
 
 

@@ -83,13 +83,20 @@ def page_mesh() -> Iterator[bpy.types.Mesh]:
 
 @contextmanager
 def page_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
-    """Object of `mesh` in `scene` that no ray meets, and that is not seen in a window."""
-    with temporary(bpy.data.objects.new(_NAME, mesh)) as item:
-        scene.collection.objects.link(item)
-        # Cycles drops objects that no ray at all can meet: scattering in volumes is what remains.
-        for ray in ("camera", "diffuse", "glossy", "transmission", "shadow"):
-            setattr(item, f"visible_{ray}", False)
+    """Object of `mesh` in `scene` that no ray meets, and that is not seen in a window.
+
+    A twin of it stands at the same place: Cycles puts a mesh that is used once into the tree of all others, where each
+    ray would look at its triangles, just above those of the surface, only to leave them out; one that is used twice is
+    an instance, which rays leave out as a whole.
+    """
+    with temporary(bpy.data.objects.new(_NAME, mesh)) as item, temporary(bpy.data.objects.new(_NAME, mesh)) as twin:
+        for each in (item, twin):
+            scene.collection.objects.link(each)
+            # Cycles drops objects that no ray at all can meet: scattering in volumes is what remains.
+            for ray in ("camera", "diffuse", "glossy", "transmission", "shadow"):
+                setattr(each, f"visible_{ray}", False)
         sync_view_layers()  # where the bake looks for it
         for layer in scene.view_layers if window_is_alive() else ():
-            item.hide_set(True, view_layer=layer)
+            for each in (item, twin):
+                each.hide_set(True, view_layer=layer)
         yield item
