@@ -58,6 +58,7 @@ def needed_levels(
     pixels: np.ndarray,
     *,
     lookahead: int = DEFAULT_LOOKAHEAD,
+    coarser: int = 0,
 ) -> Steps[None]:
     """Raise `needed` (8^b,) uint8, by block of level b, to the level of leaves that look-ahead takes where rays hit.
 
@@ -66,13 +67,14 @@ def needed_levels(
     nodes: of the octree so far. lookahead: levels, of the weights in use. A pixel's centre ray asks for the voxel that
     stops it and for its neighbours, which its patches show; rays with the footprint of the patch's voxels ask for what
     they hit themselves, and so for what the gaps of the coarse picture show.
+    coarser: levels that the camera's pixels are coarser than those that look-ahead is for, whose footprints rays have.
     """
     unit = camera_in_unit_cube(camera, grid)
     block_level = (len(needed).bit_length() - 1) // 3
     for first in range(0, camera.height_px, _ROWS_PER_STEP):
         last = min(first + _ROWS_PER_STEP, camera.height_px)
         for offset, levels, margin in [((0.0, 0.0), 0, 1), *((offset, lookahead, 0) for offset in FINE_OFFSETS)]:
-            stops = _stops(nodes, unit, (first, last), offset, levels, lookahead)
+            stops = _stops(nodes, unit, (first, last), offset, levels + coarser, lookahead + coarser)
             _request(stops, margin, block_level, needed)
             if margin:
                 _count(stops, block_level, pixels)

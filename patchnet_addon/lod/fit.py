@@ -17,7 +17,7 @@ from ..octree.grid import Grid
 from ..octree.leaf_levels import LeafLevels
 from ..octree.levels import hierarchy
 from ..octree.nodes import Nodes
-from ..octree.voxelize import voxelize
+from ..octree.voxelize import LeafSums, voxelize
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ..runtime.errors import GeometryError
 from ..runtime.kernels import kernel
@@ -29,6 +29,7 @@ from .detail import lookahead_share, needed_levels
 BLOCK_LEVEL = 8  # also the level of the leaves that no camera sees
 LAYOUT_BYTES = 16 * 8**BLOCK_LEVEL  # what is known of each block, and what fitting keeps beside it
 LEVELS_PER_ROUND = 2
+_COARSER = 1  # levels that rays of all but the last look lie farther apart than pixels: a block covers many of these
 LABEL = "Fitting to the cameras"
 
 
@@ -71,7 +72,7 @@ def fit_leaf_levels(
     surface = leaves[block_level]
     needed, last = np.zeros(len(surface), np.uint8), False
     for cap in _caps(block_level, deepest):
-        seen, pixels = yield from _look(leaves, grid, cameras, layout, lookahead)
+        seen, pixels = yield from _look(leaves, grid, cameras, layout, lookahead, coarser=0 if last else _COARSER)
         # The last look sees the finest leaves, and through their gaps: it adds to what was asked for, takes nothing.
         needed = np.maximum(needed, seen[surface]) if last else seen[surface]
         wanted = layout.levels.copy()
@@ -122,16 +123,24 @@ def _changed(
 
 
 def _look(
-    leaves: dict[int, np.ndarray], grid: Grid, cameras: Sequence[Camera], layout: LeafLevels, lookahead: int
+    leaves: dict[int, np.ndarray],
+    grid: Grid,
+    cameras: Sequence[Camera],
+    layout: LeafLevels,
+    lookahead: int,
+    *,
+    coarser: int,
 ) -> Steps[tuple[np.ndarray, np.ndarray]]:
     """Levels (blocks,) uint8 that all cameras ask for where they see the leaves so far.
 
-    With them: how many pixels (blocks,) uint32 show each block.
+    With them: how many pixels (blocks,) uint32 show each block. coarser: levels that rays lie farther apart than pixels
+    do; what they ask for is that of pixels.
     """
     needed, pixels = np.zeros(len(layout.levels), np.uint8), np.zeros(len(layout.levels), np.uint32)
     nodes = Nodes(*hierarchy(leaves, max(leaves)))
     for camera in cameras:
-        steps = needed_levels(nodes, grid, camera, needed, pixels, lookahead=lookahead)
+        apart = camera.with_size(*(max(side >> coarser, 1) for side in (camera.width_px, camera.height_px)))
+        steps = needed_levels(nodes, grid, apart, needed, pixels, lookahead=lookahead, coarser=coarser)
         yield from labelled(steps, f"{LABEL}: {camera.name}")
     return needed, pixels
 
@@ -159,10 +168,14 @@ def _within(layout: LeafLevels, pixels: np.ndarray, leaves: dict[int, np.ndarray
 
 def _leaf_keys(source: MeshSource, grid: Grid, layout: LeafLevels, shade: ShadingFn) -> Steps[dict[int, np.ndarray]]:
     """Ascending keys of the leaves on each level."""
-    steps = voxelize(source, grid, shade, lambda leaves, _: {part.level: part.keys for part in leaves}, layout=layout)
+    steps = voxelize(source, grid, shade, _keys_of, layout=layout, only_keys=True)
     passes = yield from labelled(steps, LABEL)
     levels = sorted({level for keys in passes for level in keys})
     return {level: np.concatenate([keys[level] for keys in passes if level in keys]) for level in levels}
+
+
+def _keys_of(leaves: list[LeafSums], _block_level: int) -> dict[int, np.ndarray]:
+    return {part.level: part.keys for part in leaves}
 
 
 @kernel

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Surface sums per leaf in fixed point: integers add up to the same whatever the order, and so does the octree.
 
-Leaves live in bricks of 4x4x4 cells, and a hash table finds a brick by its key. Neighbouring fragments share a brick,
-so most lookups stay in cache, and only bricks are sorted at the end, not fragments.
+Leaves live in bricks of cells (`bricks.py`).
 """
 
 from __future__ import annotations
@@ -15,11 +14,10 @@ from ..runtime.kernels import device, kernel
 from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments
+from .bricks import BRICK_BITS, BRICK_CELLS, find_brick, table_of
 from .leaf_boxes import WHOLE, joined_boxes, unpacked
 
 MIN_OPACITY = 1.0 / 255.0
-_BRICK_BITS = 6
-_BRICK_CELLS = 1 << _BRICK_BITS
 # A leaf's area counts in 2^-40 of a voxel's face: four million coincident layers fit, and what is smaller counts as
 # one unit, so that every touched voxel stays. Luminance times area needs more room, and so do red and blue: multiples
 # of 2^24 units, and the rest. Green is what those two leave of luminance.
@@ -63,10 +61,10 @@ class LeafAccumulator:
         self._area_unit = voxel_size_world**2 / _AREA_UNITS
         self._columns = _COLUMNS
         keys = np.zeros(1 << 10, np.uint64)
-        rows = np.zeros(_BRICK_CELLS << 10, np.int32)
+        rows = np.zeros(BRICK_CELLS << 10, np.int32)
         sums = np.zeros(_COLUMNS << 12, np.int64)
         boxes = np.zeros(1 << 12, np.uint32)
-        self._bricks = _Bricks(_table_of(keys, 0), keys, rows, sums, boxes, np.zeros(2, np.int64))
+        self._bricks = _Bricks(table_of(keys, 0), keys, rows, sums, boxes, np.zeros(2, np.int64))
 
     def __len__(self) -> int:
         """Leaves so far."""
@@ -110,8 +108,8 @@ class LeafAccumulator:
         if bricks == len(self._bricks.keys):
             more = bricks + bricks // 2
             self._bricks.keys.resize(more, refcheck=False)
-            self._bricks.rows.resize(more * _BRICK_CELLS, refcheck=False)
-            self._bricks = self._bricks._replace(table=_table_of(self._bricks.keys, bricks))
+            self._bricks.rows.resize(more * BRICK_CELLS, refcheck=False)
+            self._bricks = self._bricks._replace(table=table_of(self._bricks.keys, bricks))
         if leaves * self._columns == len(self._bricks.sums):
             room = min(leaves + leaves // 2, INT32_COUNT - 1)
             self._bricks.sums.resize(room * self._columns, refcheck=False)
@@ -126,46 +124,6 @@ class LeafAccumulator:
         boxes = np.empty(leaves, np.uint32)
         _emit(order, self._bricks, self._area_unit, keys, sums, boxes)
         return keys, sums, unpacked(boxes)
-
-
-def _table_of(brick_key: np.ndarray, bricks: int) -> np.ndarray:
-    """Hash table (a power of two,) int32 with room for as many bricks as `brick_key` holds; -1 where empty."""
-    table = np.full(1 << (2 * len(brick_key) - 1).bit_length(), -1, np.int32)
-    _insert_all(table, brick_key, bricks)
-    return table
-
-
-@device
-def _slot(table, key):  # type: ignore[no-untyped-def]
-    """Slot where the search for a brick begins: Fibonacci hashing."""
-    mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
-    return np.int64((mixed >> np.uint64(32)) & np.uint64(len(table) - 1))
-
-
-@kernel
-def _insert_all(table, brick_key, bricks):  # type: ignore[no-untyped-def]
-    for brick in range(bricks):
-        slot = _slot(table, brick_key[brick])
-        while table[slot] >= 0:
-            slot = (slot + 1) & (len(table) - 1)
-        table[slot] = brick
-
-
-@device
-def _find_brick(key, table, brick_key, count):  # type: ignore[no-untyped-def]
-    """Index of a brick, new ones included; -1 if there is no room for a new one."""
-    slot = _slot(table, key)
-    while table[slot] >= 0:
-        if brick_key[table[slot]] == key:
-            return np.int64(table[slot])
-        slot = (slot + 1) & (len(table) - 1)
-    brick = count[0]
-    if brick == len(brick_key):
-        return np.int64(-1)
-    table[slot] = brick
-    brick_key[brick] = key
-    count[0] += 1
-    return brick
 
 
 @device
@@ -200,12 +158,12 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ign
     for i in range(first, len(keys)):
         if not opacity[i] >= MIN_OPACITY:
             continue
-        key = keys[i] >> np.uint64(_BRICK_BITS)
+        key = keys[i] >> np.uint64(BRICK_BITS)
         if brick < 0 or brick_key[brick] != key:
-            brick = _find_brick(key, table, brick_key, count)
+            brick = find_brick(key, table, brick_key, count)
             if brick < 0:
                 return i
-        cell = brick * _BRICK_CELLS + np.int64(keys[i] & np.uint64(_BRICK_CELLS - 1))
+        cell = brick * BRICK_CELLS + np.int64(keys[i] & np.uint64(BRICK_CELLS - 1))
         if brick_rows[cell] == 0:
             if count[1] * columns == len(rows):
                 return i
@@ -236,13 +194,13 @@ def _emit(order, bricks, area_unit, keys, sums, boxes):  # type: ignore[no-untyp
     leaf = 0
     columns = _COLUMNS if sums.shape[1] == 5 else _COLOR_COLUMNS
     for brick in order:
-        for cell in range(_BRICK_CELLS):
-            number = np.int64(brick_rows[brick * _BRICK_CELLS + cell])
+        for cell in range(BRICK_CELLS):
+            number = np.int64(brick_rows[brick * BRICK_CELLS + cell])
             if number == 0:
                 continue
             row = (number - 1) * columns
             boxes[leaf] = leaf_boxes[number - 1]
-            keys[leaf] = (brick_key[brick] << np.uint64(_BRICK_BITS)) | np.uint64(cell)
+            keys[leaf] = (brick_key[brick] << np.uint64(BRICK_BITS)) | np.uint64(cell)
             sums[leaf, 0] = rows[row] * area_unit
             sums[leaf, 1] = (rows[row + 1] * _WHOLE + rows[row + 2] * _PART) * area_unit
             for axis in range(3):

@@ -20,6 +20,7 @@ from .blocks import BlockRange, CellSet, all_cells, plan_passes, tasks_of, to_ce
 from .clip import clip_triangles
 from .grid import Grid
 from .leaf_levels import LeafLevels
+from .occupancy import OccupiedCells
 
 Kept = TypeVar("Kept")
 Watch = Callable[[int, TriangleBatch, Fragments, np.ndarray], None]
@@ -34,8 +35,8 @@ class LeafSums:
     """Surface integrals over the leaf cells of one level, in ascending order of their key.
 
     keys: (n,) uint64. sums: (n, 5) float32 or float64: area, area * luminance, area * normal (x, y, z), in world units
-    and weighed by opacity; (n, 7) with area * red and area * blue, in colours of that luminance. boxes: (n, 3) uint8
-    around the surface in each (`leaf_boxes.py`); None for whole voxels.
+    and weighed by opacity; (n, 7) with area * red and area * blue, in colours of that luminance; (n, 0) where only keys
+    are asked for. boxes: (n, 3) uint8 around the surface in each (`leaf_boxes.py`); None for whole voxels.
     """
 
     level: int
@@ -62,6 +63,7 @@ def voxelize(
     layout: LeafLevels | None = None,
     block_fragments: int = BLOCK_FRAGMENTS,
     watch: Watch | None = None,
+    only_keys: bool = False,
 ) -> Steps[list[Kept]]:
     """Clip every triangle of `source` against the leaf cells and integrate what `shade` says of the pieces.
 
@@ -71,11 +73,12 @@ def voxelize(
     these, level by level, coarse first, and the level of the blocks, and says what is kept of them; it and `shade` are
     called in threads, as is `watch`, which hears of all fragments: their level, batch and luminance. The leaves do not
     depend on this division, nor on the order of triangles, as far as `shade` does not.
+    only_keys: add nothing up; the leaves' sums are (n, 0), and `block_fragments` counts for less memory.
     """
     passes = plan_passes(source, grid, layout or LeafLevels.uniform(grid.depth), block_fragments, usable_cores())
     kept = []
     for number, ranges in enumerate(passes):
-        shares = [_Share(blocks, grid, shade, watch) for blocks in ranges]
+        shares = [_Share(blocks, grid, shade, watch, only_keys) for blocks in ranges]
         done, total = number * source.triangle_count, len(passes) * source.triangle_count
         for report in _on_all_cores(shares, source):
             yield Progress(done + report, total, "Voxelizing")
@@ -91,13 +94,16 @@ def all_leaves(leaves: list[LeafSums], _block_level: int) -> list[LeafSums]:
 class _Share:
     """Share of a pass that one core computes: the leaves of some blocks."""
 
-    def __init__(self, blocks: BlockRange, grid: Grid, shade: ShadingFn, watch: Watch | None) -> None:
+    def __init__(self, blocks: BlockRange, grid: Grid, shade: ShadingFn, watch: Watch | None, only_keys: bool) -> None:
         self.block_level = blocks.layout.block_level
         self._grid = grid
         self._shade = shade
         self._watch = watch
         self._cells = blocks.cells()
-        self._leaves = {level: LeafAccumulator(grid.side_world / (1 << level)) for level in self._cells}
+        self._leaves: dict[int, LeafAccumulator | OccupiedCells] = {
+            level: OccupiedCells() if only_keys else LeafAccumulator(grid.side_world / (1 << level))
+            for level in self._cells
+        }
 
     def add(self, batch: TriangleBatch, areas_world: np.ndarray, normals: np.ndarray) -> None:
         """Clip, shade and add up the batch's triangles, with areas (T,) and unit normals (T, 3)."""
@@ -112,7 +118,14 @@ class _Share:
 
     def take(self) -> list[LeafSums]:
         """Take the leaves, level by level; they are let go here."""
-        return [LeafSums(level, *self._leaves.pop(level).take()) for level in self._cells if len(self._leaves[level])]
+        return [_sums_of(level, self._leaves.pop(level)) for level in self._cells if len(self._leaves[level])]
+
+
+def _sums_of(level: int, leaves: LeafAccumulator | OccupiedCells) -> LeafSums:
+    if isinstance(leaves, OccupiedCells):
+        keys = leaves.take()
+        return LeafSums(level, keys, np.empty((len(keys), 0), np.float32))
+    return LeafSums(level, *leaves.take())
 
 
 def _on_all_cores(shares: Sequence[_Share], source: MeshSource) -> Iterator[int]:

@@ -113,6 +113,7 @@ def needed_levels_reference(
     offsets: np.ndarray,
     *,
     lookahead: int = DEFAULT_LOOKAHEAD,
+    coarser: int = 0,
 ) -> np.ndarray:
     """Reference of `detail.needed_levels`: levels (8^block_level,) of leaves that look-ahead takes where rays hit.
 
@@ -123,12 +124,12 @@ def needed_levels_reference(
     for (x, y), finer, margin in [((0.0, 0.0), 0, 1), *((tuple(offset), lookahead, 0) for offset in offsets)]:
         sx = 2 * (column + 0.5 + x) / camera.width_px - 1
         sy = 2 * (row + 0.5 + y) / camera.height_px - 1
-        node, t = first_hits_reference(octree, camera, sx, sy, 0.5**finer)
+        node, t = first_hits_reference(octree, camera, sx, sy, 0.5 ** (finer + coarser))
         hit = node >= 0
         speed = pixel_rays(octree, camera, sx, sy)[2]
         unit = camera_in_unit_cube(camera, octree.grid)
         pixel = unit.side_at_0 + unit.side_per_z * t[hit] * speed[hit]
-        wanted = fitting_level_of(pixel).astype(int) + lookahead
+        wanted = fitting_level_of(pixel / 2**coarser).astype(int) + lookahead
         for level, index, depth in zip(octree.level_of(node[hit]), node[hit], wanted, strict=True):
             cell = octree.cells(level)[index - octree.level_start[level]]
             low = np.floor((cell - margin) * 2.0 ** (block_level - level)).astype(int)

@@ -71,6 +71,17 @@ def test_needed_levels_equal_the_reference(camera, block_level):
     assert pixels.sum() == first_hits(octree, camera).hit.sum()
 
 
+def test_rays_that_lie_farther_apart_ask_for_what_pixels_ask_for():
+    octree, (_, camera, _) = random_octree(seed=3, depth=6, count=500, adaptive=True), cameras()
+    counts = 8**4
+    one, two, pixels = np.zeros(counts, np.uint8), np.zeros(counts, np.uint8), np.zeros(counts, np.uint32)
+    drain(needed_levels(octree.nodes, octree.grid, camera, one, pixels))
+    drain(needed_levels(octree.nodes, octree.grid, camera.with_size(20, 15), two, pixels, coarser=1))
+    fewer = needed_levels_reference(octree, camera.with_size(20, 15), 4, np.array(FINE_OFFSETS), coarser=1)
+    np.testing.assert_array_equal(two, fewer)
+    assert set(two[two > 0]) == set(one[one > 0]) and 0 < (two > 0).sum() < (one > 0).sum()
+
+
 def test_all_pixels_have_look_ahead_with_far_fewer_leaves(mesh, camera):
     grid = Grid.around(mesh.bounds_world, 9)
     fitted = drain(fit_leaf_levels(mesh, grid, [camera], shade))

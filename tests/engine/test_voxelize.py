@@ -12,6 +12,7 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.clip_reference import clip_reference
 from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -152,6 +153,26 @@ def test_huge_triangle_is_divided_among_tasks_without_loss():
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 10), position_shade))
     expected = triangle_areas_and_normals(mesh.parts[0].corners_world)[0].sum()
     assert octree.area_world[octree.level(10)].sum(dtype=np.float64) == pytest.approx(expected, rel=1e-6)
+
+
+def test_occupied_cells_are_those_of_the_leaves():
+    """Where nothing is added up the cells are the same: of several levels, with gaps, in few and in many passes."""
+    mesh = TriangleMesh.from_arrays(soup(300, seed=4))
+    grid = Grid.around(mesh.bounds_world, 8)
+    levels = np.random.default_rng(5).integers(4, 9, 8**3).astype(np.uint8)
+    layout = LeafLevels(levels)
+
+    def with_gaps(batch, fragments):
+        luminance, _ = position_shade(batch, fragments)
+        return luminance, (fragments.triangle % 3 > 0).astype(np.float32)
+
+    expected = leaves_of(mesh, grid, with_gaps, layout=layout)
+    assert len(expected) == 5
+    for count in (1 << 10, 1 << 24):
+        found = leaves_of(mesh, grid, with_gaps, layout=layout, only_keys=True, block_fragments=count)
+        for one, two in zip(expected, found, strict=True):
+            assert one.level == two.level and two.sums.shape == (len(two.keys), 0)
+            np.testing.assert_array_equal(one.keys, two.keys)
 
 
 def test_opacity_cuts_the_surface():

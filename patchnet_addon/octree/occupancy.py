@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Occupied leaf cells, a bit each: what the fit of a layout to cameras asks of the surface, without light and areas."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..runtime.kernels import kernel
+from ..surface.mesh import Fragments
+from .accumulate import MIN_OPACITY
+from .bricks import BRICK_BITS, BRICK_CELLS, find_brick, table_of
+
+_FIRST_BRICKS = 1 << 10
+
+
+class OccupiedCells:
+    """Cells that opaque fragments lie in, until `take` hands them out in order of their key.
+
+    The cells are those that `LeafAccumulator` makes leaves of, in 12 bytes for each brick of 64 and its hash table.
+    """
+
+    def __init__(self) -> None:
+        self._keys = np.zeros(_FIRST_BRICKS, np.uint64)
+        self._cells = np.zeros(_FIRST_BRICKS, np.uint64)  # a bit for each cell of a brick
+        self._used = np.zeros(1, np.int64)
+        self._table = table_of(self._keys, 0)
+
+    def __len__(self) -> int:
+        """Bricks so far."""
+        return int(self._used[0])
+
+    def add(self, fragments: Fragments, _luminance: np.ndarray, opacity: np.ndarray, *_: np.ndarray) -> None:
+        """Add the cells of fragments with an opacity (F,) of 1/255 or more; takes what `LeafAccumulator.add` does."""
+        opacity = np.asarray(opacity, np.float32)
+        first = 0
+        while first < len(fragments):
+            first = _mark(first, fragments.keys, opacity, self._table, self._keys, self._used, self._cells)
+            if first < len(fragments):
+                more = len(self) + len(self) // 2
+                self._keys.resize(more, refcheck=False)
+                self._cells.resize(more, refcheck=False)
+                self._table = table_of(self._keys, len(self))
+
+    def take(self) -> np.ndarray:
+        """Keys (n,) uint64 of the cells, ascending."""
+        bricks = len(self)
+        order = np.argsort(self._keys[:bricks])
+        keys = np.empty(_count(self._cells[:bricks]), np.uint64)
+        _list(order, self._keys, self._cells, keys)
+        return keys
+
+
+@kernel
+def _mark(first, keys, opacity, table, brick_keys, used, cells):  # type: ignore[no-untyped-def]
+    """Mark the cells of fragments from `first` on; returns the first that found no room, or their number."""
+    brick = np.int64(-1)
+    for i in range(first, len(keys)):
+        if not opacity[i] >= MIN_OPACITY:
+            continue
+        key = keys[i] >> np.uint64(BRICK_BITS)
+        if brick < 0 or brick_keys[brick] != key:
+            brick = find_brick(key, table, brick_keys, used)
+            if brick < 0:
+                return i
+        cells[brick] |= np.uint64(1) << (keys[i] & np.uint64(BRICK_CELLS - 1))
+    return len(keys)
+
+
+@kernel
+def _count(cells):  # type: ignore[no-untyped-def]
+    """Return how many bits are set."""
+    count = 0
+    for bits in cells:
+        while bits:
+            bits &= bits - np.uint64(1)
+            count += 1
+    return count
+
+
+@kernel
+def _list(order, brick_keys, cells, keys):  # type: ignore[no-untyped-def]
+    """Write the keys of the cells of all bricks, in Morton order."""
+    at = 0
+    for brick in order:
+        for cell in range(BRICK_CELLS):
+            if (cells[brick] >> np.uint64(cell)) & np.uint64(1):
+                keys[at] = (brick_keys[brick] << np.uint64(BRICK_BITS)) | np.uint64(cell)
+                at += 1
