@@ -99,7 +99,9 @@ def build_lit_octree(
             source = seen_through(source, settings.light.gloss)
         state = _state(context, source, settings, recipe)
     with clock.stage("depth"):
-        choice = yield from _choice(context, source, settings, recipe)
+        choice, cameras = yield from _choice(context, source, settings, recipe)
+        if settings.light.is_baked and not recipe.unlit and not cameras:
+            cameras = _lookers(context, settings, source, recipe)
     if recipe.after_grid is not None:
         yield from recipe.after_grid(source, choice)
     with recipe.baking():
@@ -118,6 +120,7 @@ def build_lit_octree(
                     kept=kept,
                     depsgraph=recipe.depsgraph,
                     rotation=recipe.rotation,
+                    cameras=cameras,
                 )
         with clock.stage("voxelize"):
             if recipe.bisect is not None:
@@ -162,12 +165,24 @@ def _provenance(recipe: Recipe, state: SceneState) -> dict[str, Any]:
     return known | recipe.provenance
 
 
-def _choice(context: bpy.types.Context, source: SceneMesh, settings: JobSettings, recipe: Recipe) -> Steps[GridChoice]:
+def _choice(
+    context: bpy.types.Context, source: SceneMesh, settings: JobSettings, recipe: Recipe
+) -> Steps[tuple[GridChoice, Sequence[Camera]]]:
+    """Grid and levels, and the cameras that they were chosen for."""
     if recipe.grid is not None:
         _check_inside(source.bounds_world, recipe.grid.grid)
-        return recipe.grid
+        return recipe.grid, ()
     cameras = fit_cameras(context, settings, source) if recipe.cameras is None else recipe.cameras(source)
-    return (yield from choose_grid(source, cameras, settings))
+    return (yield from choose_grid(source, cameras, settings)), cameras
+
+
+def _lookers(context: bpy.types.Context, settings: JobSettings, source: SceneMesh, recipe: Recipe) -> Sequence[Camera]:
+    """Cameras that look where none are needed for the depth; none if the scene has none."""
+    depsgraph, wanted = recipe.depsgraph or context.evaluated_depsgraph_get(), settings.view
+    try:
+        return choose_cameras(depsgraph, wanted.cameras, wanted.size, settings.surface.bounds_world(source))
+    except SceneError:
+        return ()
 
 
 def _check_inside(bounds_world: np.ndarray, grid: Grid) -> None:

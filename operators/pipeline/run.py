@@ -38,7 +38,6 @@ from .lit_octree import Recipe, build_lit_octree, fit_cameras
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs
 from .output_folder import output_folder
 from .reports import write_report
-from .seen_backs import back_warnings
 from .stages import GridChoice, encode, load_network
 from .unfinished import Meanwhile, first_look, stand_in_look
 from .versions import machine, versions
@@ -162,11 +161,9 @@ def _compute(
                 sun = settings.light.daylight
                 cycles.append((yield from refine_view(context, views[-1], wanted.cycles, sun=sun)))
             views[-1].report["cycles"] = cycles[-1].report
-    with clock.stage("views"):
-        backs = yield from back_warnings(context, made.source, views, settings.light)
     unseen = dict.fromkeys(warning for item in views for warning in item.warnings)
     others = estimators_warning(wanted.strategy, coded.weights_hash)
-    warnings = (*made.warnings, *encoding.warnings, *([others] if others else []), *unseen, *backs)
+    warnings = (*made.warnings, *encoding.warnings, *([others] if others else []), *unseen)
     report = job_report(coded, views, wanted, clock.seconds, warnings) | {"encoder": encoding.text}
     return JobResult(coded, tuple(views), report, warnings, made.layout, tuple(cycles), made.state)
 

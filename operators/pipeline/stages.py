@@ -125,6 +125,7 @@ def lit(
     kept: BakePageCache | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
     rotation: int = 0,
+    cameras: Sequence[Camera] = (),
 ) -> Steps[tuple[ShadingFn, tuple[str, ...], dict[str, Any]]]:
     """Surface in the light of the settings, sentences about what had to be assumed, and notes for reports.
 
@@ -132,6 +133,7 @@ def lit(
     kept: where a bake finds pages of one that was stopped, and leaves its own.
     depsgraph: what `source` was read from; None takes the context's.
     rotation: seed of the direction of two lights, 0 for their usual one.
+    cameras: those that look, see `bake_luminance`.
     """
     if not light.is_baked:
         return (yield from two_lights(source, light, rotation)), (), {}
@@ -144,7 +146,7 @@ def lit(
         lambda: _texel_sizes(source, choice, light), Progress(0, 1, "Measuring the surface")
     )
     atlas = yield from bake_luminance(
-        context, source, texel_world, light, device=compute.device, kept=kept, depsgraph=depsgraph
+        context, source, texel_world, light, device=compute.device, kept=kept, depsgraph=depsgraph, cameras=cameras
     )
     if light.denoise:
         atlas = yield from computed(lambda: _denoised(atlas, source), Progress(0, 1, "Denoising light"))

@@ -70,7 +70,7 @@ class LightSettings:
 
     kind: "cycles" bakes global illumination with `samples` per texel, "two-lights" is methods 7.3.
     exposure: factor on luminance; None chooses it by the surface (methods 7.1).
-    both_sides: of opaque sheets, voxels hold the mean of both sides; else the light of the side that normals show.
+    both_sides: of opaque sheets, voxels hold the mean of both sides; else the light of one, by normals and cameras.
     gloss: whose reflections are baked, and from where they are seen: auto, off, above, camera.
     denoise: baked light is averaged with that around it, as far as it differs by its noise (methods 7.2g).
     incremental: bake only what changed since the last bake of the scene, and what that may change in the light by more

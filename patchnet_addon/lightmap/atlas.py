@@ -34,6 +34,7 @@ class Atlas:
     opacity; None where it is not known. samples: paths a texel. warnings: sentences about what was left out.
     notes: what was baked, for reports, as plain JSON values.
     spread: side of the square around a texel's centre that its paths go out from, in texels.
+    turned: (T,) bool, triangles whose texels hold the light of their back; None where all have that of their front.
     """
 
     charts: Charts
@@ -43,6 +44,7 @@ class Atlas:
     noise: np.ndarray | None = None
     notes: dict[str, Any] = field(default_factory=dict)
     spread: float = 1.0
+    turned: np.ndarray | None = None
 
 
 def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:

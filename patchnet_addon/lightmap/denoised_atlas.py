@@ -95,6 +95,8 @@ def _placed(
         corners = charts.corner_texels(np.arange(batch.first_triangle, batch.first_triangle + len(batch)))
         own = BatchTexels(mine, local, corners, charts.page_side)
         numbers = local + batch.first_triangle
+        if atlas.turned is not None:  # what is on the other side has other light
+            normals = np.where(atlas.turned[batch.first_triangle :][: len(batch), None], -normals, normals)
         logs = charts.log_width[numbers].astype(np.float64) + charts.log_height[numbers]
         area = areas[local] / np.where(charts.kind[numbers] == SINGLE, 1.0, np.exp2(logs) / 2.0)
         values = atlas.texels[mine]

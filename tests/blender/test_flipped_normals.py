@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Surfaces whose normals point the wrong way: what light they get, and which objects a warning names."""
+"""Surfaces whose normals point the wrong way: which side's light they get, and which objects a warning names."""
 
 import json
 from collections.abc import Callable
@@ -10,10 +10,19 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
+from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.cycles.bake.side_probe import light_of_sides
+from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.pipeline.run import JobResult, run_job
+from patchnet.operators.scene.cameras import choose_cameras
+from patchnet.operators.scene.read import read_scene
+from patchnet.operators.scene.scene_mesh import SceneMesh
+from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.patchnet_addon.lightmap.atlas import Atlas
+from patchnet.patchnet_addon.lightmap.chart_lookup import triangle_means
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
+from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.tests.blender.light_scene import CUBE_FACES
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
@@ -87,10 +96,10 @@ def room(inward: bool, *, closed: bool, lit: bool = True, world: float = 0.05) -
     camera((0, -1.8, 1.4), (0, 1, 1))
 
 
-def sheet(down: bool) -> None:
+def sheet(down: bool, ground_down: bool = False) -> None:
     """A sheet in the sun above the ground, seen from above."""
     start()
-    square("Ground", 3.0, 0.0)
+    square("Ground", 3.0, 0.0, ground_down)
     square("Sheet", 1.0, 0.6, down)
     lamp("SUN", (1, -1, 5), 3.0)
     camera((1.5, -2.5, 2.6), (0, 0, 0.4))
@@ -111,6 +120,36 @@ def grid(flipped: Callable[[int], bool]) -> None:
     camera((1.5, -2.5, 2.6), (0, 0, 0.2))
 
 
+def shelter(down: bool) -> None:
+    """A grid of 8 x 8 squares, half in the sun and half in a dark shed with an open side."""
+    grid(lambda _: down)
+    add("Shed", corners_of((-1.05, -1.05, -0.2), (0, 1.05, 0.9)), CUBE_FACES[1:])  # without the far side
+    bpy.data.objects["Shed"].rotation_euler.z = np.pi
+    camera((2.2, -2.0, 1.6), (0, 0, 0.1))
+
+
+def curtain(into_room: bool, *, from_room: bool) -> None:
+    """A curtain in the open side of a dim room, with the sun on it, seen from the room or from outside."""
+    start()
+    add("Room", corners_of((-1, -1, 0), (1, 1, 1.5)), [INWARD[n] for n in (0, 1, 3, 4, 5)])  # open towards -y
+    face = (0, 1, 2, 3) if into_room else (3, 2, 1, 0)
+    add("Curtain", [(1, -1, 0), (-1, -1, 0), (-1, -1, 1.5), (1, -1, 1.5)], [face])
+    lamp("SUN", (0, -5, 3), 5.0)
+    bpy.data.objects["Lamp"].rotation_euler.x = np.pi / 3  # down and towards y
+    lamp("POINT", (0, 0.3, 1.2), 1.0)
+    camera((0, 0.9, 0.7), (0, -1, 0.7)) if from_room else camera((0, -4, 0.7), (0, -1, 0.7))
+
+
+def lampshade(height: float) -> None:
+    """A lampshade, open above and below, with a lamp inside; seen from a height."""
+    start()
+    around = [(0.4 * np.cos(a), 0.4 * np.sin(a)) for a in np.linspace(0, 2 * np.pi, 12, endpoint=False)]
+    faces = [(i, (i + 1) % 12, 12 + (i + 1) % 12, 12 + i) for i in range(12)]
+    add("Shade", [(x, y, z) for z in (0.0, 0.6) for x, y in around], faces)
+    lamp("POINT", (0, 0, 0.3), 20.0)
+    camera((0, -2.0, height), (0, 0, 0.3))
+
+
 def box(inward: bool) -> None:
     """A closed box on the ground, seen from outside."""
     start()
@@ -129,29 +168,64 @@ def said(result: JobResult) -> str:
     return " ".join(warning for warning in result.warnings if FROM_BEHIND in warning)
 
 
+def turned(result: JobResult) -> list[str]:
+    """Names of the objects that show their back."""
+    return list(result.report["light"].get("turned_objects", []))
+
+
+def picture(result: JobResult) -> np.ndarray:
+    """Light of what the camera sees."""
+    buffers = result.views[0].buffers
+    return np.asarray(buffers.preview[buffers.hit] / result.coded.octree.exposure)
+
+
 def seen_light(result: JobResult) -> float:
     """Median light of what the camera sees."""
-    buffers = result.views[0].buffers
-    return float(np.median(buffers.preview[buffers.hit])) / result.coded.octree.exposure
+    return float(np.median(picture(result)))
+
+
+DECIDED = {
+    "walls": (lambda flip: room(not flip, closed=False), [f"Wall {number}" for number in range(6)]),
+    "sheet": (lambda flip: sheet(flip), ["Sheet"]),
+    "ground": (lambda flip: sheet(False, ground_down=flip), ["Ground"]),
+    "half of a grid": (lambda flip: grid(lambda column: flip and column < 4), ["Grid"]),
+    "ground in a shed": (shelter, ["Grid"]),
+    "curtain from outside": (lambda flip: curtain(flip, from_room=False), ["Curtain"]),
+}
+
+
+@pytest.mark.parametrize("case", DECIDED)
+def test_sheets_seen_from_behind_where_the_light_is_look_as_if_they_were_right(case: str) -> None:
+    build, names = DECIDED[case]
+    build(False)
+    right = run()
+    assert turned(right) == [] and said(right) == ""
+    build(True)
+    bpy.context.view_layer.update()
+    before = scene_snapshot()
+    flipped = run()
+    assert_unchanged(before)
+    assert set(turned(flipped)) <= set(names) and turned(flipped) and said(flipped) == ""
+    wanted, found = picture(right), picture(flipped)
+    assert len(wanted) == len(found)
+    assert np.abs(found - wanted).mean() < 0.1 * wanted.mean()
 
 
 @pytest.mark.parametrize(
     ("build", "named"),
-    [
-        (lambda: room(False, closed=False), "'Wall 0'"),
-        (lambda: room(False, closed=True), "'Walls'"),
-        (lambda: sheet(True), "'Sheet'"),
-        (lambda: grid(lambda column: column < 4), "'Grid'"),
-    ],
+    [(lambda: room(False, closed=True), "'Walls'"), (lambda: lampshade(1.6), "'Shade'")],
+    ids=["closed room", "lampshade from above"],
 )
-def test_flipped_surfaces_that_look_too_dark_are_named(build: Callable[[], None], named: str) -> None:
+def test_what_light_cannot_decide_is_named(build: Callable[[], None], named: str, tmp_path: Path) -> None:
     build()
     bpy.context.view_layer.update()
     before = scene_snapshot()
-    result = run()
+    result = run(out=tmp_path / "out")
     assert_unchanged(before)
+    assert turned(result) == []
     assert named in said(result) and "--both-sides" in said(result)
-    assert "'Table'" not in said(result) and "'Ground'" not in said(result) and "'Block'" not in said(result)
+    assert "'Table'" not in said(result)
+    assert said(result) in json.loads((tmp_path / "out" / "report.json").read_text())["warnings"]
 
 
 @pytest.mark.parametrize(
@@ -163,14 +237,19 @@ def test_flipped_surfaces_that_look_too_dark_are_named(build: Callable[[], None]
         lambda: room(True, closed=True, lit=False),
         lambda: room(False, closed=False, lit=False),
         lambda: sheet(False),
-        lambda: grid(lambda _: False),
+        lambda: curtain(True, from_room=True),
+        lambda: lampshade(0.3),
         lambda: box(False),
     ],
-    ids=["room", "closed room", "room in a bright world", "cellar", "flipped cellar", "sheet", "grid", "box"],
-)
-def test_what_is_right_or_dark_on_both_sides_is_not_named(build: Callable[[], None]) -> None:
+    ids=[
+        "room", "closed room", "room in a bright world", "cellar", "flipped cellar", "sheet", "curtain", "lampshade",
+        "box",
+    ],
+)  # fmt: skip
+def test_what_is_right_or_dark_on_both_sides_stays_and_is_not_named(build: Callable[[], None]) -> None:
     build()
-    assert said(run()) == ""
+    result = run()
+    assert said(result) == "" and turned(result) == []
 
 
 def test_a_closed_box_with_flipped_normals_has_the_light_outside() -> None:
@@ -178,7 +257,7 @@ def test_a_closed_box_with_flipped_normals_has_the_light_outside() -> None:
     right = seen_light(run())
     box(True)
     flipped = run()
-    assert said(flipped) == ""
+    assert said(flipped) == "" and turned(flipped) == []
     assert seen_light(flipped) == pytest.approx(right, rel=0.05)
 
 
@@ -193,7 +272,7 @@ def test_walls_whose_front_sees_nothing_lit_have_the_light_of_the_room(closed: b
 
 
 def test_both_sides_helps_and_says_nothing() -> None:
-    sheet(True)
+    lampshade(1.6)
     dark, both = run(), run(both_sides=True)
     assert said(both) == ""
     mine = dark.views[0].buffers.hits
@@ -205,11 +284,49 @@ def test_both_sides_helps_and_says_nothing() -> None:
     assert behind.sum() > 20 and after > 1.5 * before
 
 
-def test_the_report_has_the_warning(tmp_path: Path) -> None:
+def test_a_sheet_is_baked_on_one_side_as_a_whole() -> None:
+    """Half of it lies in the dark, where neither side gets much; each half alone would be decided for itself."""
+    shelter(True)
+    source, atlas = baked(look=True)
+    own = triangles_of(source, "Grid")
+    assert atlas.turned is not None and atlas.turned[own].all() and atlas.turned.sum() == own.sum()
+    means = triangle_means(atlas.charts, atlas.texels, np.flatnonzero(own))
+    assert means[:, 1].min() == pytest.approx(1.0)  # each texel was baked, on one side
+
+
+def test_every_way_to_the_octree_asks_the_cameras() -> None:
     sheet(True)
-    result = run(out=tmp_path / "out")
-    report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert said(result) in report["warnings"]
+    settings = JobSettings.of(depth=5, samples=1, size=(32, 24))
+    made = drain(build_lit_octree(bpy.context, settings, StageClock()))
+    assert made.octree.provenance["turned_objects"] == ["Sheet"]
+    bpy.data.objects.remove(bpy.data.objects["Camera"])
+    made = drain(build_lit_octree(bpy.context, settings, StageClock()))
+    assert "turned_objects" not in made.octree.provenance
+
+
+def test_an_incremental_bake_bakes_again_what_is_seen_from_the_other_side() -> None:
+    sheet(True)
+    _, dark = baked(look=False, incremental=True)
+    source, again = baked(look=True, incremental=True)
+    _, whole = baked(look=True)
+    own = triangles_of(source, "Sheet")
+    light = [triangle_means(atlas.charts, atlas.texels, np.flatnonzero(own))[:, 0] for atlas in (dark, again, whole)]
+    assert (light[1] > 2.0 * light[0]).all()
+    np.testing.assert_allclose(light[1], light[2], rtol=0.1)
+    assert again.notes["incremental"]["triangles_baked"] < source.triangle_count
+
+
+def baked(*, look: bool, incremental: bool = False) -> tuple[SceneMesh, Atlas]:
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    source = read_scene(depsgraph, "VISIBLE")
+    cameras = choose_cameras(depsgraph, (), (32, 24), source.bounds_world) if look else ()
+    light = LightSettings(samples=16, incremental=incremental, denoise=False)
+    return source, drain(bake_luminance(bpy.context, source, 0.1, light, cameras=cameras))
+
+
+def triangles_of(source: SceneMesh, name: str) -> np.ndarray:
+    owners = [owner for part in source.parts for owner in part.objects for _ in range(len(part.mesh))]
+    return np.array(owners) == name
 
 
 def test_the_probe_measures_both_sides() -> None:

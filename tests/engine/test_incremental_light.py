@@ -178,12 +178,14 @@ def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
     charts = layout(triangles(12))
     texels = np.random.default_rng(4).random((charts.texel_count, 4)).astype(np.float32)
     drift = np.linspace(0, 1, 12, dtype=np.float32)
-    record = BakeRecord(charts, texels, drift, ["a", "b", "a"], np.array([4, 4, 4]), {"all": "x", "items": []})
+    turned, items = np.arange(12) % 5 == 0, {"all": "x", "items": []}
+    record = BakeRecord(charts, texels, drift, turned, ["a", "b", "a"], np.array([4, 4, 4]), items)
     assert load_record("key", tmp_path) is None
     save_record("key", record, tmp_path)
     found = load_record("key", tmp_path)
     assert found is not None and found.scene == record.scene and list(found.placed) == ["a", "b", "a"]
     np.testing.assert_array_equal(found.texels, texels)
+    np.testing.assert_array_equal(found.turned, turned)
     np.testing.assert_array_equal(found.charts.page_size, charts.page_size)
     assert same_charts(found.charts, charts, np.arange(12)).all()
     # One of the two that are alike is gone, another has come.

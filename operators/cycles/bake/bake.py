@@ -6,15 +6,16 @@ surface by far less than a voxel and invisible to all rays, so that it neither s
 computes the light that arrives on it. So instances stay instances, and memory is bounded by the page. Between two
 pages the scene is exactly as before, and so is a file that is saved meanwhile.
 
-Opaque surfaces are baked on the side that their normals show, on the other where that is next to dark. Both sides count
-of cut-outs and of what is translucent, and of all sheets if asked for; not of closed surfaces, whose inner side is
-never seen. A side that gets next to no light beside the other does not count: it is enclosed, although the surface
-has a gap.
+Opaque surfaces are baked on the side that their normals show; a sheet is baked on the other one, as a whole, where
+light and cameras say so (`sheet_survey`). Both sides count of cut-outs and of what is translucent, and of all sheets if
+asked for; not of closed surfaces, whose inner side is never seen. A side that gets next to no light beside the other
+does not count: it is enclosed, although the surface has a gap.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -24,6 +25,7 @@ from ....patchnet_addon.lightmap.charts import Charts
 from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import computed, run_in_worker
+from ....patchnet_addon.tracing.camera import Camera
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.devices import bakes_on_gpu
 from ...schema.table import AUTO
@@ -33,6 +35,7 @@ from .bake_key import bake_key, scene_key
 from .baker import SPREAD, Baker, texel_channels
 from .gloss_passes import place_of_view
 from .incremental import Incremental, incremental_bake
+from .sheet_survey import sides_of_sheets
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ....patchnet_addon.lightmap.atlas import Atlas
@@ -55,6 +58,7 @@ def bake_luminance(
     device: str = AUTO,
     kept: BakePageCache | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
+    cameras: Sequence[Camera] = (),
 ) -> Steps[Atlas]:
     """Diffuse light with global illumination, and emission, on all triangles of `source`.
 
@@ -67,6 +71,7 @@ def bake_luminance(
     device: one of `DEVICES`; automatic is a GPU where the preferences of Cycles enable one.
     kept: finished pages are taken from there and left there.
     depsgraph: what `source` was read from, for the pages' key; None takes the context's.
+    cameras: those that look at the surface: what they see says which side of a sheet is shown (methods 7.2f).
     Raises SceneError if Cycles is not there or cannot bake, SettingError for a GPU that is not enabled.
     """
     from ....patchnet_addon.lightmap.atlas import Atlas
@@ -77,27 +82,30 @@ def bake_luminance(
     charts = yield from run_in_worker(
         lambda: _charts(source, texel_world, light.samples, side), Progress(0, 1, "Laying out charts")
     )
+    sides = yield from sides_of_sheets(context, source, cameras, light, charts.texel_world)
     switches: tuple[object, ...] = (light.color, light.both_sides, light.denoise, bakes_on_gpu(context, device))
     switches += (bool(light.daylight), light.gloss, place_of_view(context.scene, light))
     again: Incremental | None = None
     if light.incremental:
         own = (light.samples, seed, *switches[:-1])
-        again = yield from incremental_bake(graph, source, charts, light, texel_channels(light), own)
+        again = yield from incremental_bake(graph, source, charts, light, texel_channels(light), sides.turned, own)
         charts = again.charts
-    baker = Baker(context, source, charts, light, seed=seed, device=device)
+    baker = Baker(context, source, charts, light, seed=seed, device=device, turned=sides.turned)
     texels = np.zeros((0, baker.channels), np.float32)
     if again is None or (again.before < 0).any():
+        switches += (np.packbits(sides.turned).tobytes(),) if sides.turned.any() else ()
         key = "" if kept is None else bake_key(scene, source, charts, light.samples, seed, switches)
         texels = yield from _pages(baker, charts, kept, key)
-    warnings = (*baker.warnings, *_coarse(charts))
-    notes: dict[str, Any] = {}
+    warnings = (*baker.warnings, *_coarse(charts), *sides.warnings)
+    notes: dict[str, Any] = dict(sides.notes)
     if again is not None:
         done = again
         texels = yield from computed(lambda: done.finish(texels), Progress(1, 1, "Baking light"))
-        charts, notes = again.whole, {"incremental": again.notes}
-    if not light.denoise:
-        return Atlas(charts, texels, light.samples, warnings, notes=notes)
-    return Atlas(charts, texels[:, :-1], light.samples, warnings, noise=texels[:, -1], spread=SPREAD, notes=notes)
+        charts, notes = again.whole, notes | {"incremental": again.notes}
+    turned = sides.turned if sides.turned.any() else None
+    noise = texels[:, -1] if light.denoise else None
+    lit = texels[:, :-1] if light.denoise else texels
+    return Atlas(charts, lit, light.samples, warnings, noise=noise, spread=SPREAD, notes=notes, turned=turned)
 
 
 def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -> Steps[np.ndarray]:

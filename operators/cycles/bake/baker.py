@@ -15,7 +15,6 @@ from ....patchnet_addon.lightmap.charts import Charts
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import computed
 from ....patchnet_addon.surface.chroma import REC709
-from ....patchnet_addon.surface.mesh import Material
 from ...scene.light_links import Links
 from ...scene.precision import LIFT_SHARE
 from ...scene.scene_mesh import SceneMesh
@@ -31,13 +30,12 @@ from .closed_runs import ClosedPieces
 from .gloss_passes import baked_with_gloss, gloss_warnings, view_of_bake
 from .light_links import lit_as
 from .object_data import attributes_needed, lost_inputs
+from .one_sided import one_sided_materials, shows, translucent_materials
 from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
-from .translucency import is_translucent
 
 # Side of the square around a texel's centre that Cycles' paths go out from, in texels: half of it in 4.5, all in 5.2.
 SPREAD = 0.5 if bpy.app.version < (5, 0, 0) else 1.0
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
-_DIM = 0.02  # of the median light on a page: perhaps an enclosed side, into which a little light finds its way
 
 
 class _Passes(NamedTuple):
@@ -54,7 +52,8 @@ class Baker:
     """Baker of pages' sides; holds nothing of Blender's between two calls but the context.
 
     With `both_sides` of the light, backs of opaque sheets count like fronts; else, and always with materials that cull
-    backfaces, only where fronts get no light. With its `daylight`, sun and sky of ours shine, not the scene's world.
+    backfaces, only those of the triangles `turned` (T,) bool, whose fronts do not (`sheet_survey`). With its
+    `daylight`, sun and sky of ours shine, not the scene's world.
     channels: of its texels, 2, or 4 with colour, see `Atlas`, and with `denoise` the noise, half of what two halves of
     the paths differ by. warnings: sentences about what cannot be baked.
     paths_traced: how many paths the last page took.
@@ -69,6 +68,7 @@ class Baker:
         *,
         seed: int = 0,
         device: str = AUTO,
+        turned: np.ndarray | None = None,
     ) -> None:
         """Prepare for `device`, one of `DEVICES`; raises SettingError for a GPU that is not there."""
         self._context = context
@@ -85,18 +85,14 @@ class Baker:
         self._closed = ClosedPieces()
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
         self._attributes = attributes_needed(used)
-        culling = {material.name_full for material in used if material.use_backface_culling}
-        translucent = {material.name_full for material in used if is_translucent(material)}
-        self._translucent = np.array([name in translucent for name in source.material_names])
-        self._one_sided = np.array([name in culling for name in source.material_names])
-        if not light.both_sides:
-            self._one_sided |= np.array([is_opaque(material) for material in source.materials]) & ~self._translucent
+        self._translucent, self._one_sided = translucent_materials(source), one_sided_materials(source, light)
+        self._turned = np.zeros(source.triangle_count, bool) if turned is None else turned
         self.paths_traced = 0
-        turned = source.turned_materials
+        transformed = source.turned_materials
         lost = tuple(
             _lost(material.name, nodes)
             for material in used
-            if (nodes := lost_inputs(material, material.name_full in turned, charts.page_count > 1))
+            if (nodes := lost_inputs(material, material.name_full in transformed, charts.page_count > 1))
         )
         self.warnings = (*lost, *gloss_warnings(source, light))
         # Far less than a voxel, but well above the rounding of single precision coordinates.
@@ -111,9 +107,11 @@ class Baker:
         if len(part) == 0:
             return np.zeros((self._charts.page_side**2, self.channels), np.float32)
         yield at  # what is baked is set up after it: between two steps the scene is as it was
-        sheets = part.only(~part.closed & ~self._one_sided[part.materials])
-        front, back = yield from self.bake(page, part, sheets, at)
-        texels = yield from computed(lambda: self.merged(page, sheets.triangles, front, back), at)
+        turned, two_sided = self._turned[part.triangles], ~part.closed & ~self._one_sided[part.materials]
+        sheets = part.only(two_sided)
+        front, back = yield from self.bake(page, part.only(~turned), part.only(two_sided | turned), at)
+        backs = part.triangles[turned]
+        texels = yield from computed(lambda: self.merged(page, sheets.triangles, front, back, backs=backs), at)
         lit_inside = yield from computed(lambda: part.only(self.black(page, part, front)), at)
         if len(lit_inside):
             at = replace(at, done=page + 0.5)
@@ -128,26 +126,30 @@ class Baker:
         return part.only(self._shown[part.materials])
 
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
-        """(N,) bool: triangles whose back was left out and may be what is seen.
+        """(N,) bool: triangles of closed pieces that get no light, so that their inner side may be what is seen.
 
-        Fronts of closed pieces that get no light: a lamp may be inside. Fronts of sheets that get next to none: their
-        normals may point into a building. Where another triangle of a closed piece gets light from outside, the dark
-        ones of it are only hidden.
+        A lamp may be inside. Where another triangle of the piece gets light from outside, the dark ones are hidden.
         """
         from ....patchnet_addon.lightmap.chart_lookup import group_means
 
         means = group_means(self._charts, front, part.triangles, page)[:, 0]
         dark = means <= 1e-6 * means.max(initial=0.0)
         hidden = part.closed & np.isin(part.pieces, part.pieces[~dark])
-        dim = means <= _DIM * np.median(means[~dark]) if not dark.all() else dark
-        return np.where(part.closed, dark & ~hidden, self._one_sided[part.materials] & (dark | dim))
+        return np.asarray(part.closed & dark & ~hidden)
 
     def merged(
-        self, page: int, triangles: np.ndarray, front: np.ndarray, back: np.ndarray, share: float = 0.5
+        self,
+        page: int,
+        triangles: np.ndarray,
+        front: np.ndarray,
+        back: np.ndarray,
+        *,
+        share: float = 0.5,
+        backs: np.ndarray | None = None,
     ) -> np.ndarray:
         """Page (side * side, C) with both sides of `triangles`, or the lit one where the other is dark.
 
-        share: of the back, where both are lit.
+        share: of the back, where both are lit. backs: triangles of which there is only the back.
         """
         from ....patchnet_addon.lightmap.chart_lookup import group_means, texel_owners
 
@@ -157,6 +159,8 @@ class Baker:
         weight[means[0] < _DARK_SIDE * means[1]] = 1.0
         of_triangle = np.zeros(len(self._charts.page) + 1, np.float32)  # the last one: texels without a triangle
         of_triangle[triangles] = weight
+        if backs is not None:
+            of_triangle[backs] = 1.0
         of_texel = of_triangle[texel_owners(self._charts, page)][:, None]
         return front * (1.0 - of_texel) + back * of_texel
 
@@ -272,16 +276,6 @@ def texel_channels(light: LightSettings) -> int:
     from ....patchnet_addon.lightmap.atlas import COLOR_CHANNELS
 
     return (COLOR_CHANNELS if light.color else 2) + bool(light.denoise)
-
-
-def shows(material: Material) -> bool:
-    """Return whether a surface shows anything: clear glass does not."""
-    return material.alpha > 0.0 or material.alpha_texture is not None
-
-
-def is_opaque(material: Material) -> bool:
-    """Return whether a surface has no gaps: leaves and grilles have, and are meant to be seen from both sides."""
-    return material.alpha >= 1.0 and material.alpha_texture is None
 
 
 def _lost(name: str, nodes: tuple[str, ...]) -> str:

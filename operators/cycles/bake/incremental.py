@@ -31,6 +31,7 @@ class Incremental:
 
     charts: of the triangles that are baked again, those of the whole surface if nothing stays. texels: (N, C) of all
     charts, what stays is in them. before: (T,) int64, which triangle of the last bake stays as this one, -1 for none.
+    turned: (T,) bool, baked on the back.
     notes: what was baked and why, for reports.
     """
 
@@ -39,6 +40,7 @@ class Incremental:
     texels: np.ndarray
     before: np.ndarray
     drift: np.ndarray
+    turned: np.ndarray
     notes: dict[str, Any]
     _key: str = ""
     _placed: list[str] = field(default_factory=list)
@@ -55,7 +57,7 @@ class Incremental:
         elif len(texels):
             again = np.where(self.before < 0, np.arange(len(self.before)), -1)
             copied(self.texels, self.whole, texels, self.charts, again)
-        record = BakeRecord(self.whole, self.texels, self.drift, self._placed, self._counts, self._scene)
+        record = BakeRecord(self.whole, self.texels, self.drift, self.turned, self._placed, self._counts, self._scene)
         save_record(self._key, record)
         return self.texels
 
@@ -66,10 +68,12 @@ def incremental_bake(
     charts: Charts,
     light: LightSettings,
     channels: int,
+    turned: np.ndarray,
     switches: tuple[object, ...],
 ) -> Steps[Incremental]:
     """Compare the scene with that of its last bake.
 
+    turned: (T,) bool, triangles that are baked on the back; those that were on the other side are baked again.
     switches: whatever else determines the light; bakes with others have records of their own.
     """
     from ....patchnet_addon.lightmap.incremental.record import load_record
@@ -84,7 +88,7 @@ def incremental_bake(
     record = yield from computed(lambda: load_record(key), Progress(0, 1, "Looking for what changed"))
     texels = np.zeros((charts.page_count * charts.page_side**2, channels), np.float32)
     nothing = np.full(source.triangle_count, -1, np.int64)
-    found = Incremental(charts, charts, texels, nothing, np.zeros(source.triangle_count, np.float32), {})
+    found = Incremental(charts, charts, texels, nothing, np.zeros(source.triangle_count, np.float32), turned, {})
     found._key, found._placed, found._counts, found._scene = key, placed, counts, now
     reason = "there is no earlier bake"
     if record is not None and record.texels.shape[1] == channels:
@@ -106,6 +110,7 @@ def _keep(
 
     before = record.triangles_before(found._placed, found._counts)
     before[~same_charts(record.charts, found.whole, before)] = -1
+    before[record.turned[before] != found.turned] = -1  # of -1, too: that stays -1
     stays = before >= 0
     drift = np.where(stays, record.drift[np.where(stays, before, 0)], 0.0)
     if len(change.boxes) or change.lit:

@@ -14,7 +14,6 @@ import numpy as np
 
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.surface.chroma import REC709
-from ...scene_access.overrides import object_mode
 from ...scene_access.temporary import temporary
 from ...scene_access.window_job import when_job_ended, window_is_alive
 from ..daylight import daylight
@@ -22,9 +21,9 @@ from .bake_call import BakeTarget, bake_as_job, bake_now
 from .bake_scene import cycles_settings, page_image, page_mesh, page_object
 from .page_mesh import CHART_LAYER
 
-SAMPLES = 16  # a texel
-_BLOCK = 8  # texels of a side of a point's block; the lower left half of it is baked
-_PER_ROW = 16  # blocks
+SAMPLES = 64  # a texel
+_BLOCK = 4  # texels of a side of a point's block; the lower left half of it is baked
+_PER_ROW = 32  # blocks
 _NAME = "PatchNet Probe"
 
 
@@ -48,7 +47,6 @@ def light_of_sides(
     size = np.array([_PER_ROW, -(-count // _PER_ROW)]) * _BLOCK
     stack = ExitStack()
     try:
-        stack.enter_context(object_mode(context))
         if with_daylight:
             stack.enter_context(daylight(scene))
         stack.enter_context(cycles_settings(scene, SAMPLES, 0, on_gpu=False))

@@ -31,13 +31,15 @@ class BakeRecord:
     """Light of a bake and what it was baked of.
 
     texels: (pages * side * side, C) float32 on `charts`. drift: (T,) float32, by how much the luminance of each may
-    differ from a bake of the whole scene, before exposure. placed: of each placed mesh its hash, in the order of
-    the surface's triangles; counts: (I,) int64, triangles of each. scene: what else lights it, as plain JSON values.
+    differ from a bake of the whole scene, before exposure. turned: (T,) bool, whether it is that of the back. placed:
+    of each placed mesh its hash, in the order of the surface's triangles; counts: (I,) int64, triangles of each. scene:
+    what else lights it, as plain JSON values.
     """
 
     charts: Charts
     texels: np.ndarray
     drift: np.ndarray
+    turned: np.ndarray
     placed: Sequence[str]
     counts: np.ndarray
     scene: dict[str, Any]
@@ -73,7 +75,13 @@ def load_record(key: str, root: Path | None = None) -> BakeRecord | None:
             **{name: arrays[name] for name in _CHARTS},
         )
         return BakeRecord(
-            charts, arrays["texels"], arrays["drift"], metadata["placed"], arrays["counts"], metadata["scene"]
+            charts,
+            arrays["texels"],
+            arrays["drift"],
+            arrays["turned"] > 0,
+            metadata["placed"],
+            arrays["counts"],
+            metadata["scene"],
         )
     except (FileFormatError, KeyError) as error:
         _LOG.warning("All light is baked again: %s", error)
@@ -87,6 +95,7 @@ def save_record(key: str, record: BakeRecord, root: Path | None = None) -> None:
     path, charts = _path(key, root), record.charts
     arrays = {name: getattr(charts, name) for name in _CHARTS}
     arrays |= {"texels": record.texels, "drift": record.drift, "counts": record.counts}
+    arrays["turned"] = record.turned.astype(np.uint8)
     metadata = {
         "texel_world": charts.texel_world, "growth": charts.growth, "page_side": charts.page_side,
         "placed": list(record.placed), "scene": record.scene, "written": time.time(),

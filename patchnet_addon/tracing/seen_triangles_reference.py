@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reference of `seen_triangles`: each ray of each camera against all triangles (Moeller and Trumbore 1997)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .camera import PERSPECTIVE, Camera
+from .seen_triangles import HEIGHT_PX, WIDTH_PX, SeenTriangles
+
+
+def seen_triangles_reference(cameras: Sequence[Camera], corners_world: np.ndarray) -> SeenTriangles:
+    """What cameras see of triangles (N, 3, 3) float64, of which there is at least one."""
+    pictures = [_seen(camera, corners_world) for camera in cameras]
+    return SeenTriangles(*(np.stack(column) for column in zip(*pictures, strict=True)))
+
+
+def _seen(camera: Camera, corners_world: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    x = (2.0 * np.arange(WIDTH_PX) + 1.0) / WIDTH_PX - 1.0 + camera.shift_x
+    y = (2.0 * np.arange(HEIGHT_PX) + 1.0) / HEIGHT_PX - 1.0 + camera.shift_y
+    across = x[None, :, None] * camera.half_x * np.asarray(camera.right)
+    aside = (across + y[:, None, None] * camera.half_y * np.asarray(camera.up)).reshape(-1, 1, 3)  # (R, 1, 3)
+    forward, position = np.asarray(camera.forward), np.asarray(camera.position_world)
+    if camera.kind == PERSPECTIVE:  # not of unit length: distances along it are axial
+        origin, toward = np.broadcast_to(position, aside.shape), forward + aside
+    else:
+        origin, toward = position + aside, np.broadcast_to(forward, aside.shape)
+    start, one, two = corners_world[:, 0], *(corners_world[:, i] - corners_world[:, 0] for i in (1, 2))  # (N, 3)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        p, s = np.cross(toward, two), origin - start
+        scale = 1.0 / (one * p).sum(axis=-1)  # (R, N)
+        q = np.cross(s, one)
+        u, v = (s * p).sum(axis=-1) * scale, (toward * q).sum(axis=-1) * scale
+        depth = (two * q).sum(axis=-1) * scale
+        met = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (depth >= camera.clip_start) & (depth <= camera.clip_end)
+    depth = np.where(met, depth, np.inf)
+    nearest = depth.argmin(axis=1)
+    ray = np.arange(len(depth))
+    behind = (toward[:, 0] * np.cross(one, two)[nearest]).sum(axis=-1) > 0.0
+    hit = np.isfinite(depth[ray, nearest])
+    shape = HEIGHT_PX, WIDTH_PX
+    return (
+        np.where(hit, nearest, -1).reshape(shape),
+        (hit & behind).reshape(shape),
+        depth[ray, nearest].reshape(shape),
+    )
