@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..patchnet_addon.runtime import bounds
 from .shared.arguments import add_number, add_out
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..operators.verify_light import CheckSettings, LightCheck
 
 _COLUMNS = ("silhouettes", "creases", "shadows", "textures", "smooth")
+_WHOLE = "whole voxels"
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
@@ -59,6 +60,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     )
     add_number(parser, "--rays", bounds.RAYS, default=32, help="rays per pixel side through the octree (32)")
     add_number(parser, "--difference", bounds.DIFFERENCE, default=0.2, help="end of the pictures' legend (0.2)")
+    parser.add_argument(
+        "--whole-voxels", action="store_true",
+        help="also compare the same octree without the boxes in its finest voxels, and write whole_voxels.png",
+    )  # fmt: skip
     add_out(parser, "folder for the report and the pictures", required=True)
     return parser
 
@@ -82,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     check_outputs({args.out / name: kind for name, kind in check_files(()).items()}, given, folder=args.out)
     open_or_build(args.scene)
     folders = camera_folders_of(settings)
-    with output_folder(args.out, check_files(folders.values()), [*given, *scene_inputs()]) as folder:
+    with output_folder(args.out, check_files(folders.values(), args.whole_voxels), [*given, *scene_inputs()]) as folder:
         with quiet_stdout(), ProgressBars() as bars:
             check = drain(verify_light(bpy.context, settings), bars.show)
         save_check(check, folder, settings.difference, folders)
@@ -100,7 +105,7 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
     names = () if number else tuple(name.strip() for name in args.cameras.split(",") if name.strip())
     given = given_settings(args) | {"cameras": names}
     job = JobSettings.of(**given, depth=args.depth, size=tuple(args.size), color=False, out=args.out)
-    return CheckSettings(job, number, args.render_samples, args.rays, args.difference)
+    return CheckSettings(job, number, args.render_samples, args.rays, args.difference, args.whole_voxels)
 
 
 def camera_folders_of(settings: CheckSettings) -> dict[str, str]:
@@ -123,14 +128,21 @@ def print_check(check: LightCheck) -> None:
     shares = "  ".join(f"{name:>11}" for name in _COLUMNS)
     print(f"{'camera':<12} {'PSNR dB':>7} {'ratio':>6} {'both hit':>8} {'noise dB':>8} {'FLIP':>7}  {shares}")
     for view in check.report["cameras"]:
-        regions = "  ".join(f"{view['regions'][name]['error']:>11.1%}" for name in _COLUMNS)
-        print(
-            f"{view['camera']:<12} {view['psnr_db']:>7.2f} {_ratio(view['mean_ratio']):>6} "
-            f"{_ratio(view['mean_ratio_where_both_hit']):>8} {view['reference_noise_db']:>8.1f} "
-            f"{'not run' if view['flip'] is None else format(view['flip'], '.4f'):>7}  {regions}"
-        )
-    mean = check.report["mean"]
-    print(f"{'all':<12} {mean['psnr_db']:>7.2f} {_ratio(mean['mean_ratio']):>6}")
+        _print_row(view["camera"], view, f"{view['reference_noise_db']:.1f}")
+        if whole := view.get("whole_voxels"):
+            _print_row(_WHOLE, whole, "")
+    for name, key in (("all", "mean"), (_WHOLE, "mean_whole_voxels")):
+        if mean := check.report.get(key):
+            print(f"{name:<12} {mean['psnr_db']:>7.2f} {_ratio(mean['mean_ratio']):>6}")
+
+
+def _print_row(name: str, figures: dict[str, Any], noise_db: str) -> None:
+    regions = "  ".join(f"{figures['regions'][region]['error']:>11.1%}" for region in _COLUMNS)
+    flip = "not run" if figures["flip"] is None else format(figures["flip"], ".4f")
+    print(
+        f"{name:<12} {figures['psnr_db']:>7.2f} {_ratio(figures['mean_ratio']):>6} "
+        f"{_ratio(figures['mean_ratio_where_both_hit']):>8} {noise_db:>8} {flip:>7}  {regions}"
+    )
 
 
 def _ratio(value: float | None) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -30,12 +30,16 @@ _COVERAGE_RAYS = 8
 
 @dataclass(frozen=True, eq=False)
 class CameraCheck:
-    """Pictures of one camera (H, W) float32, exposed and clamped to [0, 1], row 0 at the bottom, and figures."""
+    """Pictures of one camera (H, W) float32, exposed and clamped to [0, 1], row 0 at the bottom, and figures.
+
+    whole: the octree without boxes in its finest voxels, where that is asked for.
+    """
 
     camera: Camera
     cycles: np.ndarray
     octree: np.ndarray
     report: dict[str, Any]
+    whole: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,32 +100,52 @@ def check_camera(
     context: bpy.types.Context, octree: Octree, camera: Camera, settings: CheckSettings
 ) -> Steps[CameraCheck]:
     """Look at the octree and at Cycles' render through one camera, and compare."""
-    from ...patchnet_addon.tracing.supersample import supersample
-
-    shape = camera.height_px, camera.width_px
-    mine = (yield from supersample(octree, camera, settings.rays)).reshape(shape)
-    white = replace(octree, luminance=np.full_like(octree.luminance, round(LUMINANCE_SCALE)))
-    coverage = (yield from supersample(white, camera, min(_COVERAGE_RAYS, settings.rays))).reshape(shape)
+    mine = yield from _look(octree, camera, settings.rays)
+    whole = None
+    if settings.whole_voxels:
+        steps = _look(replace(octree, leaf_box=None), camera, settings.rays)
+        whole = yield from labelled(steps, "{}, whole voxels")
     halves = yield from render_halves(context, camera, settings.render_samples)
     if settings.compares_all_light:
         first, second = halves
         halves = replace(first, luminance=first.combined), replace(second, luminance=second.combined)
-    report = _figures(mine, coverage, halves, octree.exposure) | _placed(camera)
+    report = _figures(mine, halves, octree.exposure) | _noise(halves, octree.exposure) | _placed(camera)
+    if whole is not None:
+        report["whole_voxels"] = _figures(whole, halves, octree.exposure)
     cycles = np.clip(octree.exposure * _mean(halves), 0.0, 1.0).astype(np.float32)
-    return CameraCheck(camera, cycles, mine, report)
+    return CameraCheck(camera, cycles, mine.luminance, report, None if whole is None else whole.luminance)
+
+
+class _Look(NamedTuple):
+    """Picture of an octree (H, W), and how much of each pixel it covers (H, W)."""
+
+    luminance: np.ndarray
+    coverage: np.ndarray
+
+
+def _look(octree: Octree, camera: Camera, rays: int) -> Steps[_Look]:
+    from ...patchnet_addon.tracing.supersample import supersample
+
+    shape = camera.height_px, camera.width_px
+    luminance = (yield from supersample(octree, camera, rays)).reshape(shape)
+    white = replace(octree, luminance=np.full_like(octree.luminance, round(LUMINANCE_SCALE)))
+    return _Look(luminance, (yield from supersample(white, camera, min(_COVERAGE_RAYS, rays))).reshape(shape))
 
 
 def _mean(halves: Sequence[Reference]) -> np.ndarray:
     return np.mean([half.luminance for half in halves], axis=0)
 
 
-def _figures(mine: np.ndarray, coverage: np.ndarray, halves: Sequence[Reference], exposure: float) -> dict[str, Any]:
-    """Figures of a view; the noise of the mean of two independent halves is half their difference."""
-    first, second = (half.luminance * np.float32(exposure) for half in halves)
-    cycles = (first + second) / 2
-    guides = Guides(halves[0].coverage, coverage, halves[0].depth_world, halves[0].albedo, halves[0].normal)
-    noise = psnr(np.clip(first, 0, 1) / 2 + 0.5, np.clip(second, 0, 1) / 2 + 0.5)
-    return compare(mine, cycles, guides) | {"reference_noise_db": noise}
+def _figures(look: _Look, halves: Sequence[Reference], exposure: float) -> dict[str, Any]:
+    cycles = np.mean([half.luminance * np.float32(exposure) for half in halves], axis=0)
+    guides = Guides(halves[0].coverage, look.coverage, halves[0].depth_world, halves[0].albedo, halves[0].normal)
+    return compare(look.luminance, cycles, guides)
+
+
+def _noise(halves: Sequence[Reference], exposure: float) -> dict[str, Any]:
+    """Noise of the mean of two independent halves, which is half their difference."""
+    first, second = (np.clip(half.luminance * np.float32(exposure), 0, 1) / 2 for half in halves)
+    return {"reference_noise_db": psnr(first + 0.5, second + 0.5)}
 
 
 def _placed(camera: Camera) -> dict[str, Any]:
@@ -141,12 +165,14 @@ def _report(
     timings_s: dict[str, float],
     warnings: tuple[str, ...],
 ) -> dict[str, Any]:
-    mse = [10.0 ** (-check.report["psnr_db"] / 10.0) for check in checks]
+    means = {"mean": _mean_figures([(check.octree, check.cycles, check.report) for check in checks])}
+    if settings.whole_voxels:
+        whole = [
+            (check.whole, check.cycles, check.report["whole_voxels"]) for check in checks if check.whole is not None
+        ]
+        means["mean_whole_voxels"] = _mean_figures(whole)
     return {
-        "mean": {
-            "psnr_db": -10.0 * float(np.log10(np.mean(mse))),
-            "mean_ratio": _overall_ratio(checks),
-        },
+        **means,
         "cameras": [check.report for check in checks],
         "octree": {
             "depth": octree.depth,
@@ -154,7 +180,11 @@ def _report(
             "voxel_world": octree.grid.voxel_size_world,
             "exposure": octree.exposure,
         },
-        "settings": {"render_samples": settings.render_samples, "rays": settings.rays},
+        "settings": {
+            "render_samples": settings.render_samples,
+            "rays": settings.rays,
+            "whole_voxels": settings.whole_voxels,
+        },
         "light": octree.provenance,
         "timings_s": timings_s,
         "warnings": list(warnings),
@@ -163,6 +193,9 @@ def _report(
     }
 
 
-def _overall_ratio(checks: list[CameraCheck]) -> float | None:
-    total = sum(float(check.cycles.sum(dtype=np.float64)) for check in checks)
-    return sum(float(check.octree.sum(dtype=np.float64)) for check in checks) / total if total else None
+def _mean_figures(views: Sequence[tuple[np.ndarray, np.ndarray, dict[str, Any]]]) -> dict[str, Any]:
+    """Figures over all views, each a picture, that of Cycles, and its figures."""
+    mine = sum(float(view[0].sum(dtype=np.float64)) for view in views)
+    cycles = sum(float(view[1].sum(dtype=np.float64)) for view in views)
+    mse = [10.0 ** (-figures["psnr_db"] / 10.0) for _, _, figures in views]
+    return {"psnr_db": -10.0 * float(np.log10(np.mean(mse))), "mean_ratio": mine / cycles if cycles else None}

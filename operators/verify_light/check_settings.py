@@ -18,7 +18,8 @@ class CheckSettings:
     job: how the octree is made: depth, light, samples, texels, size and cameras; its `out` takes the results.
     viewpoints: so many cameras are placed in the free space of the scene; 0 takes the job's cameras.
     render_samples: paths per pixel of the Cycles reference, in two halves of different seeds. rays: per pixel side, of
-    the octree's picture. difference: luminance at the ends of the pictures' legend.
+    the octree's picture. difference: luminance at the ends of the pictures' legend. whole_voxels: the same octree
+    without the boxes in its finest voxels is compared, too.
     """
 
     job: JobSettings
@@ -26,6 +27,7 @@ class CheckSettings:
     render_samples: int = 256
     rays: int = int(bounds.RAYS.high)
     difference: float = 0.2
+    whole_voxels: bool = False
 
     @property
     def compares_all_light(self) -> bool:

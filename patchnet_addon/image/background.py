@@ -2,7 +2,7 @@
 """Background behind a picture's light: a colour, the world as each pixel sees it, or none (transparent film).
 
 Light of surfaces is over black and weighed by alpha, the share of a pixel in which rays met something. Strategies and
-errors look at that light alone (methods 5.1).
+errors look at that light alone (methods 5).
 """
 
 from __future__ import annotations

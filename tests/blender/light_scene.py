@@ -17,6 +17,7 @@ from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
+from patchnet.patchnet_addon.lightmap.denoised_atlas import denoised_atlas
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
@@ -52,15 +53,17 @@ class Comparison:
 
 
 def compare(samples: int = 128, names: Sequence[str] = ("Floor",)) -> Comparison:
-    """Bake the objects `names` alone and render them, twice each, so that the noise is known.
+    """Bake the objects `names` alone, denoised as by default, and render them, twice each, so that the noise is known.
 
     samples: paths a pixel, of the picture and, spread over its texels, of the bake.
     """
     select(names)
     source = read_scene(bpy.context.evaluated_depsgraph_get(), "SELECTED")
     texel_world, paths = 2.0 / PIXELS / FINER, -(-samples // FINER**2)
-    light = LightSettings(samples=paths, color=False, denoise=False)  # as many paths in two halves have more noise
-    atlases = [drain(bake_luminance(bpy.context, source, texel_world, light, seed=seed)) for seed in (1, 2)]
+    light = LightSettings(samples=paths, color=False)
+    assert light.denoise, "what users get"
+    bakes = [drain(bake_luminance(bpy.context, source, texel_world, light, seed=seed)) for seed in (1, 2)]
+    atlases = [denoised_atlas(bake, source) for bake in bakes]
     baked = [regions(luminance_at_points(source, atlas)) for atlas in atlases]
     rendered = [regions(picture(samples, seed)) for seed in (3, 4)]
     variance = sum(_smooth((one - other) ** 2) / 4.0 for one, other in (baked, rendered))

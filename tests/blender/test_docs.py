@@ -10,6 +10,10 @@ import bpy
 import pytest
 
 from patchnet.docs import make_commands, make_operators
+from patchnet.operators.overlay.panel import PATCHNET_PT_overlay
+from patchnet.operators.schema.table import TABLE
+from patchnet.operators.ui import panels, presets_menu
+from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import build
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -46,6 +50,40 @@ def test_commands_page_is_what_the_script_makes() -> None:
     assert make_commands.PAGE.read_text(encoding="utf-8") == make_commands.page(), (
         "run python docs/make_commands.py and commit docs/commands.md"
     )
+
+
+def settings_of_panels() -> dict[str, set[str]]:
+    """Names of the settings that each panel of the tab draws, whatever other settings are chosen; by its title."""
+    values, window = bpy.context.scene.patchnet, bpy.context.window_manager.patchnet_overlay
+    tabs = [panel for panel in panels.CLASSES if panel is not presets_menu.PATCHNET_PT_presets]
+    found: dict[str, set[str]] = {}
+    values.incremental = True
+    for chosen in ("resolution", "importance"):
+        for value, _, _ in TABLE[chosen].choices:
+            setattr(values, chosen, value)
+            for panel in tabs:
+                names = set(drawn(panel)) & set(values.bl_rna.properties.keys())
+                found.setdefault(panel.bl_label, set()).update(values.bl_rna.properties[name].name for name in names)
+    names = set(drawn(PATCHNET_PT_overlay, shown_by="show_viewport")) & set(window.bl_rna.properties.keys())
+    found[PATCHNET_PT_overlay.bl_label] = {window.bl_rna.properties[name].name for name in names}
+    return {title: settings for title, settings in found.items() if settings}
+
+
+def test_panel_page_names_every_setting_of_every_panel() -> None:
+    build()
+    text = (DOCS / "panel.md").read_text(encoding="utf-8")
+    table = text.partition("| where | settings |\n|---|---|\n")[2].partition("\n\n")[0]
+    rows = dict(line.strip("| ").split(" | ", 1) for line in table.splitlines())
+    named = {where: set(re.findall(r"\*\*(.+?)\*\*", settings)) for where, settings in rows.items()}
+    named["Preview"] ^= {"Y", "Picture Size Y"}  # beside X, as in the panel
+    assert named == settings_of_panels()
+
+
+def test_command_line_page_names_every_argument_of_run() -> None:
+    run = (DOCS / "commands.md").read_text(encoding="utf-8").partition("\n## `run`\n")[2].partition("\n## ")[0]
+    named = set(re.findall(r"--[\w-]+", (DOCS / "command-line.md").read_text(encoding="utf-8")))
+    arguments = {name for name in re.findall(r"`(--[\w-]+)`", run) if not name.startswith("--cycles-")}
+    assert len(arguments) > 30 and arguments - named == set()
 
 
 def cells(page: Path) -> list[str]:

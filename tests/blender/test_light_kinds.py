@@ -119,7 +119,7 @@ def test_environment_picture(ending: str, tmp_path: Path) -> None:
     node = tree.nodes.new("ShaderNodeTexEnvironment")
     node.image = bpy.data.images.load(picture.filepath_raw)
     tree.links.new(node.outputs[0], tree.nodes["Background"].inputs["Color"])
-    assert_agrees(compare(256), contrast=0.3)
+    assert_agrees(compare(512), contrast=0.3)
 
 
 def test_emitting_mesh_that_is_not_selected() -> None:
@@ -204,4 +204,4 @@ def test_light_through_transmission(kind: str, source: str) -> None:
         world()
     else:
         lamp("AREA", 200.0, (0, 0, 2), size=4.0)
-    assert_agrees(compare(512), contrast=0.05)
+    assert_agrees(compare(512 if source == "world" else 768), contrast=0.05)

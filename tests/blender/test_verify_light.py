@@ -43,7 +43,7 @@ def within_bounds(report: dict) -> bool:
 
 def test_the_room_agrees_and_half_the_light_does_not(room: None) -> None:
     before = scene_snapshot()
-    check: LightCheck = drain(verify_light(bpy.context, settings()))
+    check: LightCheck = drain(verify_light(bpy.context, replace(settings(), whole_voxels=True)))
     assert_unchanged(before)
     (frame,) = check.report["cameras"]
     assert within_bounds(frame), frame
@@ -52,6 +52,9 @@ def test_the_room_agrees_and_half_the_light_does_not(room: None) -> None:
     json.dumps(check.report, allow_nan=False)
     whole = drain(check_camera(bpy.context, replace(check.octree, leaf_box=None), check.cameras[0].camera, settings()))
     assert whole.report["psnr_db"] < frame["psnr_db"] - 1.0, "boxes show where in a voxel its surface is"
+    assert frame["whole_voxels"]["psnr_db"] == pytest.approx(whole.report["psnr_db"])
+    assert check.report["mean_whole_voxels"]["mean_ratio"] == pytest.approx(whole.report["mean_ratio"])
+    np.testing.assert_array_equal(check.cameras[0].whole, whole.octree)
     dark = replace(check.octree, luminance=check.octree.luminance // 2)
     wrong = drain(check_camera(bpy.context, dark, check.cameras[0].camera, settings()))
     assert wrong.report["mean_ratio"] == pytest.approx(0.5 * frame["mean_ratio"], rel=0.02)
@@ -133,6 +136,22 @@ def test_the_command_writes_pictures_and_report(tmp_path: Path, capsys: pytest.C
     for folder in folders:
         names = {path.name for path in folder.iterdir()}
         assert names == {"cycles.png", "octree.png", "difference.png", "side_by_side.png"}
+    assert "whole voxels" not in printed and "mean_whole_voxels" not in report
+
+
+def test_the_command_compares_whole_voxels_beside_boxes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "check"
+    arguments = ["room", "--depth", "4", "--cameras", "Front", "--size", "16", "16", "--samples", "1", "--rays", "2"]
+    assert (
+        commands.main(["verify-light", *arguments, "--render-samples", "2", "--whole-voxels", "--out", str(out)]) == 0
+    )
+    report = json.loads((out / "report.json").read_text())
+    (frame,) = report["cameras"]
+    assert f"{frame['folder']}/whole_voxels.png" in report["files"]
+    assert frame["whole_voxels"]["psnr_db"] != frame["psnr_db"]
+    assert report["mean_whole_voxels"]["psnr_db"] == pytest.approx(frame["whole_voxels"]["psnr_db"])
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("whole voxels")]
+    assert len(rows) == 2 and all(f"{frame['whole_voxels']['psnr_db']:.2f}" in row for row in rows)
 
 
 def test_settings_outside_their_range_are_refused() -> None:

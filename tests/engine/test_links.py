@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Links of README, changelog and docs lead to files and headings that are there, and every page is on the site."""
+"""Links of README, changelog and docs lead to files and headings that are there, and every page is on the site.
+
+So do files and sections that pages and code name without a link. `make docs`, which is slow, finds dead links on the
+site; what only the site lacks is looked for here, too.
+"""
 
 import re
 from functools import cache
@@ -11,7 +15,12 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.glob("*.md"))]
+ON_THE_SITE = 4  # levels of headings that links may name: `myst_heading_anchors` of conf.py
 FENCED = re.compile(r"^( *)(`{3,}|~{3,}).*?^\1\2 *$", re.MULTILINE | re.DOTALL)
+FRONT_ENDS = "## For developers"  # as docs/index.md says
+CARD = ROOT / "patchnet_addon" / "network" / "weights" / "model_card.md"
+SOURCES = [path for part in ("patchnet_addon", "operators", "commands", "training", "tests", "docs")
+           for path in sorted((ROOT / part).rglob("*.py"))]  # fmt: skip
 CODE = re.compile(r"(`+)(?!`).+?(?<!`)\1(?!`)", re.DOTALL)
 LINK = re.compile(r"(?<!\\)\[(?:[^\[\]]|\[[^\]]*\])*\]\((?P<target>[^()\s]+(?:\([^()\s]*\)[^()\s]*)*)\)")
 TAG = re.compile(r"\b(?:src|href)=\"([^\"]+)\"")
@@ -32,10 +41,16 @@ def slug(heading: str) -> str:
 
 
 @cache
-def anchors(page: Path) -> frozenset[str]:
-    """Names of a page's headings, with the numbers that headings of the same text get."""
+def anchors(page: Path, on_the_site: bool = False) -> frozenset[str]:
+    """Names of a page's headings, with the numbers that headings of the same text get.
+
+    on_the_site: of README those alone that the front page shows.
+    """
     found: list[str] = []
-    for heading in re.findall(r"^#{1,6} +(.+?) *#*$", FENCED.sub("", page.read_text(encoding="utf-8")), re.MULTILINE):
+    text = FENCED.sub("", page.read_text(encoding="utf-8"))
+    if on_the_site and page == ROOT / "README.md":
+        text = text.partition(FRONT_ENDS)[0]
+    for heading in re.findall(rf"^#{{1,{ON_THE_SITE}}} +(.+?) *#*$", text, re.MULTILINE):
         name = slug(heading)
         same = sum(bool(re.fullmatch(rf"{re.escape(name)}(-\d+)?", other)) for other in found)
         found.append(f"{name}-{same}" if same else name)
@@ -57,7 +72,8 @@ def fault(page: Path, target: str) -> str:
         return "" if 0 < int(line[1]) <= lines else f"{target}: {path} has {lines} lines"
     if file.suffix != ".md":
         return f"{target}: {path} has no headings"
-    return "" if anchor in anchors(file) else f"{target}: {file.name} has no heading #{anchor}"
+    there = anchors(file, on_the_site=page.parent == DOCS)
+    return "" if anchor in there else f"{target}: {file.name} has no heading #{anchor}"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -67,13 +83,14 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 def test_dead_links_are_found(tmp_path: Path) -> None:
-    targets = ["tutorial.md", "tutorial.md#nowhere", "gone.md", "../setup.py#L99999", "../../other/file.md", "#gone"]
+    targets = ["tutorial.md", "../README.md#install", "tutorial.md#nowhere", "gone.md", "../setup.py#L99999"]
+    targets += ["../../other/file.md", "#gone", "../README.md#documentation"]  # of which the site shows nothing
     text = "# Top\n\n" + "\n".join(f"[a `b` c]({target})" for target in targets)
     text += '\n\n`[code](gone.md)`, [site](https://example.org/x.md) and <img src="pictures/gone.png" width="3">'
     assert links(text) == [*targets, "pictures/gone.png"]
     page = DOCS / "gpu.md"
     faults = [fault(page, target) for target in links(text)]
-    assert [bool(text) for text in faults] == [False, True, True, True, True, True, True]
+    assert [bool(text) for text in faults] == [False, False] + 7 * [True]
 
 
 def test_headings_have_the_names_that_github_gives() -> None:
@@ -82,12 +99,51 @@ def test_headings_have_the_names_that_github_gives() -> None:
     assert {"patchnet-for-blender", "three-clicks"} <= anchors(ROOT / "README.md")
 
 
-def test_every_page_is_in_the_navigation() -> None:
+def test_navigation_has_every_page_and_no_other() -> None:
     index = (DOCS / "index.md").read_text(encoding="utf-8")
-    listed = [
-        name
-        for block in re.findall(r"```\{toctree\}\n(.*?)```", index, re.DOTALL)
-        for name in block.split()
-        if not name.startswith(":") and (DOCS / f"{name}.md").exists()
-    ]
+    assert f'end-before: "{FRONT_ENDS}"' in index
+    blocks = re.findall(r"```\{toctree\}\n(.*?)```", index, re.DOTALL)
+    listed = [line for block in blocks for line in block.split("\n") if line and not line.startswith(":")]
     assert sorted(listed) == sorted(page.stem for page in DOCS.glob("*.md") if page.stem != "index")
+    levels = re.search(r"^myst_heading_anchors = (\d)$", (DOCS / "conf.py").read_text(encoding="utf-8"), re.MULTILINE)
+    assert levels and int(levels[1]) == ON_THE_SITE
+
+
+@pytest.mark.parametrize("page", [page for page in (*PAGES, CARD) if page.name != "CHANGELOG.md"], ids=lambda p: p.name)
+def test_files_that_pages_name_are_there(page: Path) -> None:
+    """Without a link, as `tests/engine/test_links.py`; the changelog names what was there then."""
+    text = page.read_text(encoding="utf-8")
+    named = set(re.findall(r"`((?:patchnet_addon|operators|commands|training|tests|docs)/[\w/.-]+\.\w+)`", text))
+    named |= set(re.findall(r"\bdocs/[\w/-]+\.(?:md|py|js|json|yaml|sh)\b", text))
+    made_up = {"operators/count_voxels.py", "commands/levels.py"}  # of a new operator, and of a new sub-command
+    assert [name for name in sorted(named - made_up) if not (ROOT / name).exists()] == []
+
+
+def test_pages_that_code_names_are_there() -> None:
+    named = {(name, path) for path in SOURCES for name in re.findall(r"\bdocs/[\w-]+\.md\b", path.read_text("utf-8"))}
+    assert len(named) > 5
+    assert [f"{path}: {name}" for name, path in sorted(named) if not (ROOT / name).exists()] == []
+
+
+def sections() -> set[str]:
+    """Numbers of what docs/methods.md defines: headings, and the items below them that begin with a number."""
+    found, section = set(), ""
+    for line in (DOCS / "methods.md").read_text(encoding="utf-8").splitlines():
+        if heading := re.match(r"#+ (\d+)((?:\.\d+)?[a-z]?)\b", line):
+            section = heading[1]
+            found.add("".join(heading.groups()))
+        elif section and (item := re.match(r"(?: ?| +(?=\d+[a-z]))(\d+[a-z]?) ", line)):
+            found.add(f"{section}.{item[1]}")
+    return found
+
+
+def test_sections_of_methods_that_are_cited_are_there() -> None:
+    cite = re.compile(r"\bmethods(?:\.md)?,? (?:section )?((?:\d+(?:\.\d+)?[a-z]?(?:, | and | to )?)+)")
+    cited = {
+        (number, path.relative_to(ROOT).as_posix())
+        for path in (*SOURCES, *PAGES)
+        for numbers in cite.findall(path.read_text(encoding="utf-8"))
+        for number in re.findall(r"\d+(?:\.\d+)?[a-z]?", numbers)
+    }
+    assert {"4.1d", "7.2g", "7.13"} <= {number for number, _ in cited} & sections()
+    assert [f"{path}: methods {number}" for number, path in sorted(cited) if number not in sections()] == []

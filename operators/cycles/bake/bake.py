@@ -88,6 +88,8 @@ def bake_luminance(
     again: Incremental | None = None
     if light.incremental:
         own = (light.samples, seed, *switches[:-1])
+        # What sides were measured with is gone again, from the context's graph once that is asked for anew.
+        graph = depsgraph or context.evaluated_depsgraph_get()
         again = yield from incremental_bake(graph, source, charts, light, texel_channels(light), sides.turned, own)
         charts = again.charts
     baker = Baker(context, source, charts, light, seed=seed, device=device, turned=sides.turned)
