@@ -85,7 +85,7 @@ def tube(path: np.ndarray, radius: float | np.ndarray, sides: int = 6) -> Shape:
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     other = np.cross(along, across)
     angles = np.linspace(0, 2 * np.pi, sides, endpoint=False)
-    around = np.cos(angles)[None, :, None] * across[:, None] - np.sin(angles)[None, :, None] * other[:, None]
+    around = np.cos(angles)[None, :, None] * across[:, None] + np.sin(angles)[None, :, None] * other[:, None]
     shape = sheet(path[:, None] + around * np.broadcast_to(radius, len(path))[:, None, None], closed=True)
     count = len(path) * sides
     shape.faces += [tuple(range(sides))[::-1], tuple(range(count - sides, count))]

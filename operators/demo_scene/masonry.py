@@ -158,9 +158,9 @@ def _cornice() -> Shape:
 def _gable(collection: bpy.types.Collection, name: str, x: float, material: bpy.types.Material) -> None:
     """Wall that closes the arcade at one side, under the slope of its roof."""
     profile = np.array([(ARCADE_Y, 0.0), (5.7, 0.0), (5.7, 5.1), (INSIDE, 5.1), (ARCADE_Y, 4.24)])
-    rings = [np.column_stack([np.full(5, x + side * WALL / 2), profile]) for side in (1, -1)]
+    rings = [np.column_stack([np.full(5, x + side * WALL / 2), profile]) for side in (-1, 1)]
     shape = sheet(np.stack(rings), closed=True)
-    shape.faces += [tuple(range(5)), tuple(range(5, 10))[::-1]]
+    shape.faces += [tuple(range(5))[::-1], tuple(range(5, 10))]
     place(collection, name, Shape(shape.vertices, shape.faces), material, repeat=1.6)
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from patchnet.operators.demo_scene import build_courtyard, save_demo_scene
 from patchnet.operators.demo_scene.geometry import Shape, projected_uv
+from patchnet.patchnet_addon.surface.sheets import sheets_of
 
 
 @dataclass
@@ -87,6 +88,25 @@ def test_size(built: tuple[Placed, Placed]) -> None:
     assert 200_000 <= placed.triangles <= 600_000
     assert 11.0 < placed.extent < 16.0
     assert placed.area < 8.0 * placed.extent**2  # leaf cards count whole here, and are half empty
+
+
+@pytest.mark.usefixtures("built")
+def test_normals_of_closed_things_point_outwards() -> None:
+    inwards, closed = set(), 0
+    for mesh in bpy.data.meshes:
+        mesh.calc_loop_triangles()
+        corners = np.empty(len(mesh.loop_triangles) * 3, np.int32)
+        mesh.loop_triangles.foreach_get("vertices", corners)
+        places = np.empty(len(mesh.vertices) * 3, np.float32)
+        mesh.vertices.foreach_get("co", places)
+        triangles, vertices = corners.reshape(-1, 3), places.reshape(-1, 3)
+        sheet, is_open = sheets_of(vertices, triangles)
+        a, b, c = vertices[triangles].astype(np.float64).transpose(1, 0, 2)
+        volume = np.bincount(sheet[sheet >= 0], np.einsum("tc,tc->t", a, np.cross(b, c))[sheet >= 0], len(is_open))
+        closed += np.count_nonzero(~is_open)
+        if (volume[~is_open] < 0).any():
+            inwards.add(mesh.name)
+    assert closed > 100 and inwards == set()
 
 
 def test_everything_is_there(built: tuple[Placed, Placed]) -> None:
