@@ -57,7 +57,7 @@ def write_card(
         "## How they were made\n",
         f"    {notes['command']}\n",
         f"{notes['sample_passes']:,} sample passes in {notes['steps']:,} steps, {notes['minutes']:.0f} minutes on"
-        f" {notes['machine']}; versions {notes['versions']}.\n",
+        f" {notes['machine']}; versions {notes['versions']}.{_extension(notes)}\n",
         f"Hash of the code: {_quoted(notes.get('code'))}; commit: {_quoted(notes.get('commit'))}.\n",
         *_table(["setting", "value"], [[name, str(value)] for name, value in asdict(settings).items()]),
         "## Data\n",
@@ -107,6 +107,12 @@ def draw_curves(curve: list[dict[str, Any]], validations: list[dict[str, Any]], 
     axes.legend(fontsize="x-small")
     figure.savefig(path, dpi=110)
     return True
+
+
+def _extension(notes: dict[str, Any]) -> str:
+    """Sentence on a run that got more passes after its end."""
+    ends = [f"{passes:,}" for passes in notes.get("extended_from", ())]
+    return f" It was a run of {' and then '.join(ends)} passes first, and went on from there." if ends else ""
 
 
 def _quoted(value: str | None) -> str:

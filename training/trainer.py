@@ -89,6 +89,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     run = asdict(settings) | {"data": list(notes["octrees"].values()), "lookahead": corpus.lookahead}
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
+        notes |= {name: run[name] for name in run if name == "extended_from"}
     with enough_memory("training"):
         crew = crew_for(learner, corpus, voxels, threads, options.gather, processes)
     end = min(total, options.stop_after or total)
@@ -199,14 +200,20 @@ def write_checkpoint(out: Path, run: dict[str, Any], state: dict[str, Any]) -> N
 
 
 def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None:
-    """Go on from a checkpoint; raises PatchNetError if it is damaged or of other settings or data."""
+    """Go on from a checkpoint; raises PatchNetError if it is damaged or of other settings or data.
+
+    A run may have more passes than before: `run` then states those that it had, in `extended_from`.
+    """
     try:
         state = torch.load(path, map_location=CPU, weights_only=True)
         before = {"lookahead": DEFAULT_LOOKAHEAD, "network": PAPER.name, "loss": ABSOLUTE}
         other = before | {"encoder": MLP.name, "fresh": False} | state["run"]
-        changed = [name for name in run if other.get(name) != run[name]]
+        extended = other.get("passes", 0) < run.get("passes", 0)
+        changed = [name for name in run if other.get(name) != run[name] and not (extended and name == "passes")]
         if not changed:
             learner.load(state["learner"])
+            earlier = [*other.get("extended_from", ()), *([other["passes"]] if extended else ())]
+            run |= {"extended_from": earlier} if earlier else {}
     except (RuntimeError, KeyError, ValueError, EOFError, pickle.UnpicklingError) as cause:
         raise FileFormatError(f"{path} is damaged ({type(cause).__name__}): start the run anew") from cause
     if changed:
