@@ -20,7 +20,9 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         parser, "--threads", bounds.THREADS, help="threads of the CPU that train, or gather batches for a GPU "
         "(all cores)",
     )  # fmt: skip
-    parser.add_argument("--resume", action="store_true", help="continue the run in --out, for more passes or steps if it is given more")
+    parser.add_argument(
+        "--resume", action="store_true", help="continue the run in --out, for more passes or steps if it is given more"
+    )
     add_number(
         parser, "--stop-after", bounds.STOP_AFTER, metavar="STEPS", help="end early, leaving a checkpoint to resume "
         "from",

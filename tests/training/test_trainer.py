@@ -122,6 +122,19 @@ def test_resumed_run_equals_uninterrupted(datasets: list[Dataset], tmp_path: Pat
     assert resumed.metadata["sample_passes"] == 6 * 256
 
 
+def test_a_finished_run_goes_on_for_more_passes(datasets: list[Dataset], tmp_path: Path) -> None:
+    """As one whose schedule was that of all passes from where it goes on; weights state where that was, fewer fail."""
+    first = drain(train(datasets, SETTINGS, RunOptions(tmp_path)))
+    assert "extended_from" not in first.metadata
+    more = replace(SETTINGS, passes=2 * SETTINGS.passes)
+    drain(train(datasets, more, RunOptions(tmp_path, resume=True, stop_after=8)))
+    with pytest.raises(SettingError, match="other values of passes"):
+        drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
+    longer = drain(train(datasets, more, RunOptions(tmp_path, resume=True)))
+    assert longer.metadata["sample_passes"] == 12 * 256 and longer.metadata["extended_from"] == [SETTINGS.passes]
+    assert longer.hash != first.hash
+
+
 def test_refuses_what_does_not_fit(datasets: list[Dataset], tmp_path: Path) -> None:
     with pytest.raises(SettingError, match="nothing to train on"):
         drain(train([], SETTINGS, RunOptions(tmp_path)))
