@@ -62,7 +62,7 @@ done
 [ -d "$work/unseen-samples" ] ||
     "$patchnet" dataset "$work"/unseen/*.safetensors --samples 240000 --seed 1 --out "$work/unseen-samples"
 resume=$([ -e "$work/run/checkpoint.pt" ] && echo --resume || true)
-"$patchnet" train "$work/samples" --validate "$work/unseen-samples" --preset improved --passes 96000000 \
+"$patchnet" train "$work/samples" --validate "$work/unseen-samples" --preset improved --passes 128000000 \
     --out "$work/run" $resume
 
 # The estimator of errors, which learns from what these weights say of the octrees.
