@@ -32,7 +32,9 @@ def yard_octree() -> Octree:
     batch = TriangleBatch(corners, np.zeros((len(corners), 3, 2), np.float32), materials, 0)
     mesh = TriangleMesh((batch,), tuple(Material(f"gray {gray}", (gray,) * 3) for gray in _GRAYS))
     grid = Grid.around(mesh.bounds_world, DEPTH)
-    return drain(build_octree(mesh, grid, two_lights_shade(mesh), exposure=1.0, provenance={"scene": "yard"}))
+    return drain(
+        build_octree(mesh, grid, two_lights_shade(mesh), exposure=1.0, provenance={"scene": "yard"}, boxes=True)
+    )
 
 
 def yard_cameras() -> list[Camera]:
