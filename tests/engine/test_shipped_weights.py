@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Quality of the shipped weights on a scene that no training saw, against limits that untrained weights break.
 
-Values in comments are those of the weights f6b0841a3e69a78cc550bdcd3e5c96c8 on voxels with boxes, as jobs make them; limits
-leave about 15 % above them, 5 to 9 % for scores, near which those without codes come.
+Values in comments are those of the weights f6b0841a3e69a78cc550bdcd3e5c96c8 on voxels with boxes, as jobs make them.
+Limits leave about 15 % above them, 5 to 9 % for scores, near which those without codes come.
 """
 
 from dataclasses import replace
