@@ -61,17 +61,18 @@ def denoise_reference(texels: Texels, cells: Cells) -> np.ndarray:
 def denoise(texels: Texels, cells: Cells) -> np.ndarray:
     """Light (N, C) float32 without most of its noise."""
     count, channels = texels.light.shape
-    boxes = _boxes(texels.points, cells.first)
+    boxes = np.concatenate([_boxes(values, cells.first) for values in (texels.points, texels.normals)], axis=1)
+    bounds = boxes, np.ascontiguousarray(texels.points.T)
     guide = np.empty((count, 1 + channels), np.float32)
     none = np.empty((0, 1 + channels), np.float32)
-    run_parts(_filter, len(cells.around), texels, cells, boxes, none, REACH / 2.0, guide)
+    run_parts(_filter, len(cells.around), texels, cells, bounds, none, REACH / 2.0, guide)
     out = np.empty((count, 1 + channels), np.float32)
-    run_parts(_filter, len(cells.around), texels, cells, boxes, guide, REACH, out)
+    run_parts(_filter, len(cells.around), texels, cells, bounds, guide, REACH, out)
     return out[:, 1:]
 
 
 def _boxes(points: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Lowest and highest corner (K, 2, 3) float32 of the points (N, 3) of each cell; first: (K + 1,), none is empty."""
+    """Lowest and highest (K, 2, 3) float32 of values (N, 3) of the texels of each cell; first: (K + 1,)."""
     return np.stack([side.reduceat(points, first[:-1], axis=0) for side in (np.minimum, np.maximum)], axis=1)
 
 
@@ -130,14 +131,15 @@ def _weights_reference(
 
 
 @kernel
-def _filter(first, last, texels, cells, boxes, guide, reach, out):  # type: ignore[no-untyped-def]
-    """Write variance and light of the texels of some cells."""
+def _filter(first, last, texels, cells, bounds, guide, reach, out):  # type: ignore[no-untyped-def]
+    """Write variance and light of the texels of some cells. bounds: boxes of cells (K, 4, 3), and points (3, N)."""
+    picked = np.empty(MOST_WALLS, np.int64)  # no cell lends more, to either sum
     between = np.empty((_MOST_BETWEEN, 3))
     sums = np.empty(3 + texels.light.shape[1])  # weight, its square, variance, light
     for cell in range(first, last):
         for p in range(cells.first[cell], cells.first[cell + 1]):
-            count = _find_between(texels, cells, boxes, cell, p, reach, between)
-            _add_around(texels, cells, boxes, cell, p, reach, guide, (between, count), sums)
+            count = _find_between(texels, cells, bounds, cell, p, reach, picked, between)
+            _add_around(texels, cells, bounds, cell, p, reach, guide, picked, (between, count), sums)
             if len(guide):
                 out[p, 0] = sums[2] / (sums[0] * sums[0])
             else:
@@ -156,8 +158,37 @@ def _is_far(boxes, cell, x, y, z, farthest):  # type: ignore[no-untyped-def]
 
 
 @lean_device
-def _find_between(texels, cells, boxes, cell, p, reach, between):  # type: ignore[no-untyped-def]
+def _pick_near(points, texels, step, place, farthest, picked):  # type: ignore[no-untyped-def]
+    """Write those of every `step`-th texel that lie within the root of `farthest` of a place, or just beyond.
+
+    points: (3, N). texels: the first, and the last but one. No branch depends on a distance: most texels are far away,
+    and nobody knows which.
+    """
+    x, y, z = np.float32(place[0]), np.float32(place[1]), np.float32(place[2])
+    limit = np.float32(farthest * (1.0 + 1e-5))
+    count = 0
+    for q in range(texels[0], texels[1], step):
+        dx, dy, dz = points[0, q] - x, points[1, q] - y, points[2, q] - z
+        picked[count] = q
+        count += np.int64(dx * dx + dy * dy + dz * dz <= limit)
+    return count
+
+
+@lean_device
+def _cosines(boxes, cell, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Bounds of the cosines of a normal with those of the texels of a cell, a little wider than rounding."""
+    low, high = -1e-5, 1e-5
+    for axis, along in ((0, nx), (1, ny), (2, nz)):
+        one, two = along * boxes[cell, 2, axis], along * boxes[cell, 3, axis]
+        low += min(one, two)
+        high += max(one, two)
+    return low, high
+
+
+@lean_device
+def _find_between(texels, cells, bounds, cell, p, reach, picked, between):  # type: ignore[no-untyped-def]
     """Write the places, in the plane of p, of texels of other surfaces that stand on it; returns how many."""
+    boxes, points = bounds
     size = float(texels.size[p])
     farthest = (reach * size) ** 2
     px, py, pz = float(texels.points[p, 0]), float(texels.points[p, 1]), float(texels.points[p, 2])
@@ -167,13 +198,17 @@ def _find_between(texels, cells, boxes, cell, p, reach, between):  # type: ignor
         near = cells.around[cell, neighbour]
         if near < 0 or _is_far(boxes, near, px, py, pz, farthest):
             continue
+        low, high = _cosines(boxes, near, nx, ny, nz)
+        if low >= _CROSSING or high <= -_CROSSING:  # all of it lies along the plane of p
+            continue
         begin, end = cells.first[near], cells.first[near + 1]
         step = -(-(end - begin) // MOST_WALLS)
-        for q in range(begin, end, step):
+        for index in range(_pick_near(points, (begin, end), step, (px, py, pz), farthest, picked)):
+            q = picked[index]
             x = float(texels.points[q, 0]) - px
             y = float(texels.points[q, 1]) - py
             z = float(texels.points[q, 2]) - pz
-            if x * x + y * y + z * z > farthest:  # most of them: the first question
+            if x * x + y * y + z * z > farthest:
                 continue
             height = x * nx + y * ny + z * nz
             if height <= _LOW * size or height >= _HIGH * size:  # p itself is at 0
@@ -207,8 +242,9 @@ def _is_hidden(x, y, z, found, size):  # type: ignore[no-untyped-def]
 
 
 @lean_device
-def _add_around(texels, cells, boxes, cell, p, reach, guide, found, sums):  # type: ignore[no-untyped-def]
+def _add_around(texels, cells, bounds, cell, p, reach, guide, picked, found, sums):  # type: ignore[no-untyped-def]
     """Sum weights, variance and light of the texels around p that agree with it."""
+    boxes, points = bounds
     size = float(texels.size[p])
     farthest = (reach * size) ** 2
     px, py, pz = float(texels.points[p, 0]), float(texels.points[p, 1]), float(texels.points[p, 2])
@@ -219,9 +255,12 @@ def _add_around(texels, cells, boxes, cell, p, reach, guide, found, sums):  # ty
         near = cells.around[cell, neighbour]
         if near < 0 or _is_far(boxes, near, px, py, pz, farthest):
             continue
+        if _cosines(boxes, near, nx, ny, nz)[1] < _AGREES:
+            continue
         begin, end = cells.first[near], cells.first[near + 1]
         step = -(-(end - begin) // MOST_IN_CELL)
-        for q in range(begin, end, step):
+        for index in range(_pick_near(points, (begin, end), step, (px, py, pz), farthest, picked)):
+            q = picked[index]
             x = float(texels.points[q, 0]) - px
             y = float(texels.points[q, 1]) - py
             z = float(texels.points[q, 2]) - pz

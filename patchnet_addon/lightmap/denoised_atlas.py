@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..octree.voxelize import triangle_areas_and_normals
+from ..runtime.threads import run_parts
 from ..surface.mesh import MeshSource, TriangleBatch
 from ..surface.textures import TextureTable
 from .atlas import COLOR_CHANNELS, MIN_OPACITY, Atlas
@@ -124,12 +125,16 @@ def _placed(
 
 def _points(batch: TriangleBatch, triangles: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
     """Points (n, 3) float64 of triangles (n,)."""
-    corners = batch.corners_world[triangles]
-    return np.asarray(
-        corners[:, 0]
-        + barycentric[:, :1] * (corners[:, 1] - corners[:, 0])
-        + barycentric[:, 1:] * (corners[:, 2] - corners[:, 0])
-    )
+    start = batch.corners_world[:, 0]
+    edges = batch.corners_world[:, 1:] - start[:, None]
+    found = np.empty((len(triangles), 3))
+
+    def place(first: int, last: int) -> None:
+        own, weights = triangles[first:last], barycentric[first:last]
+        found[first:last] = start[own] + weights[:, :1] * edges[own, 0] + weights[:, 1:] * edges[own, 1]
+
+    run_parts(place, len(triangles))
+    return found
 
 
 def cells_of(points: np.ndarray, size: np.ndarray, least: float, origin: np.ndarray) -> tuple[np.ndarray, Cells]:

@@ -29,7 +29,7 @@ from .detail import lookahead_share, needed_levels
 BLOCK_LEVEL = 8  # also the level of the leaves that no camera sees
 LAYOUT_BYTES = 16 * 8**BLOCK_LEVEL  # what is known of each block, and what fitting keeps beside it
 LEVELS_PER_ROUND = 2
-_COARSER = 1  # levels that rays of all but the last look lie farther apart than pixels: a block covers many of these
+_COARSER = 2  # levels that rays of all but the last look lie farther apart than pixels: a block covers many of these
 LABEL = "Fitting to the cameras"
 
 
