@@ -166,7 +166,7 @@ def _pick_near(points, texels, step, place, farthest, picked):  # type: ignore[n
     """
     x, y, z = np.float32(place[0]), np.float32(place[1]), np.float32(place[2])
     limit = np.float32(farthest * (1.0 + 1e-5))
-    count = 0
+    count = np.int64(0)
     for q in range(texels[0], texels[1], step):
         dx, dy, dz = points[0, q] - x, points[1, q] - y, points[2, q] - z
         picked[count] = q
