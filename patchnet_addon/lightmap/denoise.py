@@ -161,7 +161,7 @@ def _is_far(boxes, cell, x, y, z, farthest):  # type: ignore[no-untyped-def]
 def _pick_near(points, texels, step, place, farthest, picked):  # type: ignore[no-untyped-def]
     """Write those of every `step`-th texel that lie within the root of `farthest` of a place, or just beyond.
 
-    points: (3, N). texels: the first, and the last but one. No branch depends on a distance: most texels are far away,
+    points: (3, N). texels: the first, and the one after the last. No branch depends on a distance: most texels are far away,
     and nobody knows which.
     """
     x, y, z = np.float32(place[0]), np.float32(place[1]), np.float32(place[2])
