@@ -161,8 +161,8 @@ def _is_far(boxes, cell, x, y, z, farthest):  # type: ignore[no-untyped-def]
 def _pick_near(points, texels, step, place, farthest, picked):  # type: ignore[no-untyped-def]
     """Write those of every `step`-th texel that lie within the root of `farthest` of a place, or just beyond.
 
-    points: (3, N). texels: the first, and the one after the last. No branch depends on a distance: most texels are far away,
-    and nobody knows which.
+    points: (3, N). texels: the first, and the one after the last. No branch depends on a distance: most texels are far
+    away, and nobody knows which.
     """
     x, y, z = np.float32(place[0]), np.float32(place[1]), np.float32(place[2])
     limit = np.float32(farthest * (1.0 + 1e-5))
