@@ -86,5 +86,5 @@ IMPROVED = TrainSettings(
     loss=SQUARED,
 )
 QUICK_SAMPLES = SAMPLES // 4
-SHIPPED_PASSES = 96_000_000  # of the shipped weights, see shipped_weights.sh
+SHIPPED_PASSES = 128_000_000  # of the shipped weights, see shipped_weights.sh
 PRESETS = {"quick": replace(IMPROVED, passes=8 * QUICK_SAMPLES), "paper": PAPER, "improved": IMPROVED}

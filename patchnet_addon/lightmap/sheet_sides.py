@@ -86,10 +86,10 @@ def turned_sheets(light: np.ndarray, areas: np.ndarray, seen: np.ndarray) -> np.
 
 
 def _usual(front: np.ndarray, areas: np.ndarray, black: float) -> float:
-    """Median by area of the fronts that get light; 0 where none does."""
+    """Median by area of the fronts that get light, the upper one of two; 0 where none does."""
     shining = np.flatnonzero(front > black)
     if not len(shining):
         return 0.0
     order = shining[np.argsort(front[shining])]
     sums = np.cumsum(areas[order])
-    return float(front[order[np.searchsorted(sums, sums[-1] / 2.0)]])
+    return float(front[order[min(np.searchsorted(sums, sums[-1] / 2.0, side="right"), len(order) - 1)]])

@@ -122,7 +122,7 @@ def test_what_is_done_is_skipped(octrees, out, rows, monkeypatch, capsys):
 
 
 def test_other_budget_is_refused(octrees, out, capsys):
-    assert main(words(octrees, out, "--kinds", "scene", "--passes", "4096")) == 2
+    assert main(words(octrees, out, "--kinds", "scene", "--passes", "1024")) == 2
     assert "other values of passes" in capsys.readouterr().err
 
 

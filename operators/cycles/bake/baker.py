@@ -112,12 +112,12 @@ class Baker:
         front, back = yield from self.bake(page, part.only(~turned), part.only(two_sided | turned), at)
         backs = part.triangles[turned]
         texels = yield from computed(lambda: self.merged(page, sheets.triangles, front, back, backs=backs), at)
-        lit_inside = yield from computed(lambda: part.only(self.black(page, part, front)), at)
-        if len(lit_inside):
+        dark = yield from computed(lambda: part.only(self.black(page, part, front)), at)
+        if len(dark):
             at = replace(at, done=page + 0.5)
             yield at
-            _, back = yield from self.bake(page, part.only(np.zeros(len(part), bool)), lit_inside, at)
-            texels = yield from computed(lambda: self.merged(page, lit_inside.triangles, texels, back, share=0.0), at)
+            _, back = yield from self.bake(page, part.only(np.zeros(len(part), bool)), dark, at)
+            texels = yield from computed(lambda: self.merged(page, dark.triangles, texels, back, share=0.0), at)
         return texels
 
     def triangles(self, page: int) -> PageTriangles:
@@ -126,16 +126,18 @@ class Baker:
         return part.only(self._shown[part.materials])
 
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
-        """(N,) bool: triangles of closed pieces that get no light, so that their inner side may be what is seen.
+        """(N,) bool: triangles without any light, so that their other side may be what is seen.
 
-        A lamp may be inside. Where another triangle of the piece gets light from outside, the dark ones are hidden.
+        Of closed pieces, a lamp may be inside; where another triangle of the piece gets light from outside, the dark
+        ones are hidden. A sheet may glow on its back alone, which light that falls on it does not tell.
         """
         from ....patchnet_addon.lightmap.chart_lookup import group_means
 
         means = group_means(self._charts, front, part.triangles, page)[:, 0]
         dark = means <= 1e-6 * means.max(initial=0.0)
         hidden = part.closed & np.isin(part.pieces, part.pieces[~dark])
-        return np.asarray(part.closed & dark & ~hidden)
+        sheets = ~part.closed & self._one_sided[part.materials] & ~self._turned[part.triangles]
+        return np.asarray(dark & (part.closed & ~hidden | sheets))
 
     def merged(
         self,
