@@ -30,7 +30,7 @@ from .closed_runs import ClosedPieces
 from .gloss_passes import baked_with_gloss, gloss_warnings, view_of_bake
 from .light_links import lit_as
 from .object_data import attributes_needed, lost_inputs
-from .one_sided import one_sided_materials, shows, translucent_materials
+from .one_sided import one_sided_materials, shining_materials, shows, translucent_materials
 from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
 
 # Side of the square around a texel's centre that Cycles' paths go out from, in texels: half of it in 4.5, all in 5.2.
@@ -86,6 +86,7 @@ class Baker:
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
         self._attributes = attributes_needed(used)
         self._translucent, self._one_sided = translucent_materials(source), one_sided_materials(source, light)
+        self._shining = shining_materials(source)
         self._turned = np.zeros(source.triangle_count, bool) if turned is None else turned
         self.paths_traced = 0
         transformed = source.turned_materials
@@ -129,14 +130,14 @@ class Baker:
         """(N,) bool: triangles without any light, so that their other side may be what is seen.
 
         Of closed pieces, a lamp may be inside; where another triangle of the piece gets light from outside, the dark
-        ones are hidden. A sheet may glow on its back alone, which light that falls on it does not tell.
+        ones are hidden. A sheet may shine on its back alone, which light that falls on it does not tell.
         """
         from ....patchnet_addon.lightmap.chart_lookup import group_means
 
         means = group_means(self._charts, front, part.triangles, page)[:, 0]
         dark = means <= 1e-6 * means.max(initial=0.0)
         hidden = part.closed & np.isin(part.pieces, part.pieces[~dark])
-        sheets = ~part.closed & self._one_sided[part.materials] & ~self._turned[part.triangles]
+        sheets = ~part.closed & (self._one_sided & self._shining)[part.materials] & ~self._turned[part.triangles]
         return np.asarray(dark & (part.closed & ~hidden | sheets))
 
     def merged(

@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
 import numpy as np
 
 from ....patchnet_addon.surface.mesh import Material
 from ...scene.scene_mesh import SceneMesh
 from ...settings.groups import LightSettings
+from ..daylight import emits
 from .translucency import is_translucent
 
 
@@ -24,8 +27,18 @@ def one_sided_materials(source: SceneMesh, light: LightSettings) -> np.ndarray:
 
 def translucent_materials(source: SceneMesh) -> np.ndarray:
     """(M,) bool: materials through which light shines from behind."""
+    return _those_that(is_translucent, source)
+
+
+def shining_materials(source: SceneMesh) -> np.ndarray:
+    """(M,) bool: materials that shine by themselves, on one side perhaps."""
+    return _those_that(emits, source)
+
+
+def _those_that(applies: Callable[[bpy.types.Material], bool], source: SceneMesh) -> np.ndarray:
+    """(M,) bool: materials of the surface that something applies to."""
     used = set(source.material_names)
-    names = {item.name_full for item in bpy.data.materials if item.name_full in used and is_translucent(item)}
+    names = {item.name_full for item in bpy.data.materials if item.name_full in used and applies(item)}
     return np.array([name in names for name in source.material_names], bool)
 
 
