@@ -14,7 +14,7 @@ from ..runtime.kernels import device, kernel
 from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments
-from .bricks import BRICK_BITS, BRICK_CELLS, find_brick, table_of
+from .bricks import BRICK_BITS, BRICK_CELLS, brick_of, table_of
 from .leaf_boxes import WHOLE, joined_boxes, unpacked
 
 MIN_OPACITY = 1.0 / 255.0
@@ -158,11 +158,9 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ign
     for i in range(first, len(keys)):
         if not opacity[i] >= MIN_OPACITY:
             continue
-        key = keys[i] >> np.uint64(BRICK_BITS)
-        if brick < 0 or brick_key[brick] != key:
-            brick = find_brick(key, table, brick_key, count)
-            if brick < 0:
-                return i
+        brick = brick_of(keys[i], brick, table, brick_key, count)
+        if brick < 0:
+            return i
         cell = brick * BRICK_CELLS + np.int64(keys[i] & np.uint64(BRICK_CELLS - 1))
         if brick_rows[cell] == 0:
             if count[1] * columns == len(rows):

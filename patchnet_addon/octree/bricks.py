@@ -38,7 +38,7 @@ def _insert_all(table, brick_key, bricks):  # type: ignore[no-untyped-def]
 
 
 @device
-def find_brick(key, table, brick_key, count):  # type: ignore[no-untyped-def]
+def _find_brick(key, table, brick_key, count):  # type: ignore[no-untyped-def]
     """Index of a brick, new ones included; -1 if there is no room for a new one."""
     slot = _slot(table, key)
     while table[slot] >= 0:
@@ -52,3 +52,12 @@ def find_brick(key, table, brick_key, count):  # type: ignore[no-untyped-def]
     brick_key[brick] = key
     count[0] += 1
     return brick
+
+
+@device
+def brick_of(cell_key, last, table, brick_key, count):  # type: ignore[no-untyped-def]
+    """Index of the brick of a cell, new ones included; -1 if there is no room for a new one. last: looked up before."""
+    key = cell_key >> np.uint64(BRICK_BITS)
+    if last >= 0 and brick_key[last] == key:
+        return last
+    return _find_brick(key, table, brick_key, count)

@@ -8,7 +8,7 @@ import numpy as np
 from ..runtime.kernels import kernel
 from ..surface.mesh import Fragments
 from .accumulate import MIN_OPACITY
-from .bricks import BRICK_BITS, BRICK_CELLS, find_brick, table_of
+from .bricks import BRICK_BITS, BRICK_CELLS, brick_of, table_of
 
 _FIRST_BRICKS = 1 << 10
 
@@ -57,11 +57,9 @@ def _mark(first, keys, opacity, table, brick_keys, used, cells):  # type: ignore
     for i in range(first, len(keys)):
         if not opacity[i] >= MIN_OPACITY:
             continue
-        key = keys[i] >> np.uint64(BRICK_BITS)
-        if brick < 0 or brick_keys[brick] != key:
-            brick = find_brick(key, table, brick_keys, used)
-            if brick < 0:
-                return i
+        brick = brick_of(keys[i], brick, table, brick_keys, used)
+        if brick < 0:
+            return i
         cells[brick] |= np.uint64(1) << (keys[i] & np.uint64(BRICK_CELLS - 1))
     return len(keys)
 
