@@ -41,13 +41,13 @@ def image_denoised(atlas: Atlas, source: MeshSource, *, demodulated: bool) -> At
     demodulated: base colours are divided out before and multiplied in afterwards, as our own filter does it.
     """
     from ...patchnet_addon.lightmap.atlas import COLOR_CHANNELS
-    from ...patchnet_addon.lightmap.denoised_atlas import placed_texels
+    from ...patchnet_addon.lightmap.denoised_atlas import divisor, placed_texels
 
-    place, albedo, _, texels = placed_texels(atlas, source)
+    place, base, _, texels = placed_texels(atlas, source)
     shape = (atlas.charts.page_count, atlas.charts.page_side, atlas.charts.page_side, 3)
     color, guide, normal = (np.zeros((atlas.charts.texel_count, 3), np.float32) for _ in range(3))
     columns = [0, 2, 3] if atlas.texels.shape[1] == COLOR_CHANNELS else [0]
-    opacity, albedo = atlas.texels[place, 1:2], albedo[:, : len(columns)]
+    opacity, albedo = atlas.texels[place, 1:2], divisor(base[:, : len(columns)])
     shining = atlas.texels[place][:, columns] / opacity
     color[place] = texels.light if demodulated else _rgb(shining)
     guide[place], normal[place] = (1.0 if demodulated else _rgb(albedo)), texels.normals

@@ -185,7 +185,7 @@ def _denoised(atlas: Atlas, source: MeshSource) -> Atlas:
 
 
 def _baked(atlas: Atlas, source: MeshSource) -> ShadingFn:
-    from ...patchnet_addon.lightmap.atlas import atlas_shade
+    from ...patchnet_addon.lightmap.atlas_shade import atlas_shade
 
     return atlas_shade(atlas, source)
 

@@ -6,16 +6,21 @@ What is left of a texture after its base colour is divided out would be noise th
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
+from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments, TriangleBatch
-from ..surface.texture_color import color_of_fragments
-from ..surface.texture_lookup import surface_of_fragments
+from ..surface.texels import MipChain
+from ..surface.texture_color import color_of_fragments, trilinear_color
+from ..surface.texture_lookup import level_of_size, on_texture, surface_of_fragments, trilinear_luminance, uv_at
 from ..surface.textures import TextureTable
-from .texel_places import BatchTexels, texel_places
+from .texel_places import BatchTexels, place_in_texel, texel_frame, texel_places
 
 _PLACES = 4  # along a texel's side, in which its base colour is looked up where that has a texture
-_AT_ONCE = 1 << 16  # texels whose places are in memory together
 _EMPTY = 1e-6  # weight of a gap: where all is gap, its colour counts nevertheless
 
 
@@ -29,14 +34,30 @@ def base_colors(
     """
     found = np.empty((len(own), 3 if colored else 1), np.float32)
     materials = batch.materials[own.triangles]
-    textured = (table.materials.chain[materials] >= 0) | (table.materials.color_chain[materials] >= 0)
+    textured = table.materials.chain[materials] >= 0
     found[~textured] = _plain(table, batch, colored)[materials[~textured]]
     left = np.flatnonzero(textured)
-    for first in range(0, len(left), _AT_ONCE):
-        part = left[first : first + _AT_ONCE]
-        share = area[part] * (spread / _PLACES) ** 2
-        found[part] = _means(table, batch, own.only(part), share, spread, colored)
+    share = area[left] * (spread / _PLACES) ** 2
+    texels = own.texels[left], own.triangles[left], own.corners, own.page_side, share, float(spread)
+    means = np.empty((len(left), found.shape[1]), np.float32)
+    run_parts(_means, len(left), texels, batch.arrays, table.chains, table.materials, means)
+    found[left] = means
     return found
+
+
+def base_colors_reference(
+    table: TextureTable, batch: TriangleBatch, own: BatchTexels, area: np.ndarray, *, spread: float, colored: bool
+) -> np.ndarray:
+    """Reference of `base_colors` by lookups of fragments, one for each place."""
+    places = texel_places(own, side=_PLACES, spread=spread)
+    count, each, _ = places.shape
+    share = np.repeat(area * (spread / _PLACES) ** 2, each)
+    triangles = np.repeat(own.triangles.astype(np.int32), each)
+    pieces = Fragments(np.zeros(count * each, np.uint64), triangles, places.reshape(-1, 2), share)
+    color, opacity = _colors(table, batch, pieces, colored)
+    weight = opacity.reshape(count, each).astype(np.float64) + _EMPTY
+    total = np.einsum("nkc,nk->nc", color.reshape(count, each, -1), weight)
+    return np.asarray(total / weight.sum(axis=1, keepdims=True))
 
 
 def _plain(table: TextureTable, batch: TriangleBatch, colored: bool) -> np.ndarray:
@@ -50,22 +71,6 @@ def _plain(table: TextureTable, batch: TriangleBatch, colored: bool) -> np.ndarr
     return found
 
 
-def _means(
-    table: TextureTable, batch: TriangleBatch, own: BatchTexels, share: np.ndarray, spread: float, colored: bool
-) -> np.ndarray:
-    """Mean base colours (n, 1 or 3) over places in texels, each with an area `share` (n,)."""
-    places = texel_places(own, side=_PLACES, spread=spread)
-    count, each, _ = places.shape
-    pieces = Fragments(
-        np.zeros(count * each, np.uint64), np.repeat(own.triangles.astype(np.int32), each), places.reshape(-1, 2),
-        np.repeat(share, each),
-    )  # fmt: skip
-    color, opacity = _colors(table, batch, pieces, colored)
-    weight = opacity.reshape(count, each).astype(np.float64) + _EMPTY
-    total = np.einsum("nkc,nk->nc", color.reshape(count, each, -1), weight)
-    return np.asarray(total / weight.sum(axis=1, keepdims=True))
-
-
 def _colors(
     table: TextureTable, batch: TriangleBatch, pieces: Fragments, colored: bool
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -75,3 +80,66 @@ def _colors(
         return luminance[:, None], opacity
     color = color_of_fragments(table, batch, pieces, luminance)
     return np.stack([luminance, color[:, 0], color[:, 2]], axis=1), opacity
+
+
+@device
+def _hue(colors, levels, chain, level, u, v):  # type: ignore[no-untyped-def]
+    """Red and blue of luminance 1, farther around where there is but a gap; 1 where all is black."""
+    red, green, blue = trilinear_color(colors, levels, chain, level, u, v)
+    while red + green + blue <= 0.0 and level + 1.0 <= chain.level_count - 1:
+        level += 1.0
+        red, green, blue = trilinear_color(colors, levels, chain, level, u, v)
+    own = RED * red + GREEN * green + BLUE * blue
+    return (red / own, blue / own) if own > 0.0 else (1.0, 1.0)
+
+
+@kernel
+def _means(first, last, texels, triangles, chains, materials, out):  # type: ignore[no-untyped-def]
+    """Write mean base colours over the places in textured texels, each with an area `share`."""
+    texel, triangle, page_corners, page_side, share, spread = texels
+    values, colors, levels, transform = chains.texels, chains.colors, chains.levels, chains.transform
+    colored = out.shape[1] > 1
+    for index in range(first, last):
+        t = triangle[index]
+        material = triangles.materials[t]
+        corners, uvs = triangles.corners_world[t], triangles.uvs[t]
+        k = materials.chain[material]
+        c = materials.color_chain[material] if materials.color_chain[material] >= 0 else k
+        chain = MipChain(chains.first[k], chains.level_count[k], chains.wrap[k])
+        color_chain = MipChain(chains.first[c], chains.level_count[c], chains.wrap[c])
+        level = level_of_size(levels, chain, transform[k], corners, uvs, share[index])
+        color_level = level if c == k else level_of_size(levels, color_chain, transform[c], corners, uvs, share[index])
+        plain = materials.opacity[material]
+        threshold = materials.threshold[material] / plain
+        whole = colored and c == k and chains.solid[k] and math.isnan(threshold)  # the colours alone say all
+        frame = texel_frame(texel[index], page_corners[t], page_side)
+        total, total_red, total_blue, weights = 0.0, 0.0, 0.0, 0.0
+        for place in range(_PLACES * _PLACES):
+            s, r = uv_at(uvs, place_in_texel(frame, place // _PLACES, place % _PLACES, _PLACES, spread))
+            u, v = on_texture(transform[k], s, r)
+            if whole:
+                red, green, blue = trilinear_color(colors, levels, chain, level, u, v)
+                total += RED * red + GREEN * green + BLUE * blue
+                total_red += red
+                total_blue += blue
+                weights += 1.0
+                continue
+            premultiplied, opacity = trilinear_luminance(values, levels, chain, level, threshold, u, v)
+            around = opacity
+            if c != k:
+                u, v = on_texture(transform[c], s, r)
+                premultiplied, around = trilinear_luminance(values, levels, color_chain, color_level, math.nan, u, v)
+            luminance = premultiplied / around if around > 1e-6 else 0.0
+            if math.isnan(threshold):
+                opacity *= plain
+            weight = min(opacity, 1.0) + _EMPTY
+            weights += weight
+            total += weight * luminance
+            if colored and luminance > 0.0:
+                red, blue = _hue(colors, levels, color_chain, color_level, u, v)
+                total_red += weight * luminance * red
+                total_blue += weight * luminance * blue
+        out[index, 0] = total / weights
+        if colored:
+            out[index, 1] = total_red / weights
+            out[index, 2] = total_blue / weights

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -12,29 +11,30 @@ import numpy as np
 from ..octree.voxelize import triangle_areas_and_normals
 from ..runtime.threads import run_parts
 from ..surface.mesh import MeshSource, TriangleBatch
-from ..surface.textures import TextureTable
-from .atlas import COLOR_CHANNELS, MIN_OPACITY, Atlas
-from .base_colors import base_colors
-from .chart_lookup import texel_owners
-from .charts import Charts
+from .atlas import Atlas
 from .denoise import REACH, Cells, Texels, denoise
-from .packing import SINGLE
-from .texel_places import BatchTexels, texel_places
+from .texel_bases import TexelBases, texel_bases
+from .texel_places import texel_places
 
 _LEAST_ALBEDO = 0.02  # darker base colours count as this, and such texels mix with each other only
 _AXIS_BITS, _AXIS_CELLS = 19, 1 << 19
 
 
 class Placed(NamedTuple):
-    """Texels of one batch that are denoised, and their places in the atlas.
+    """Texels that are denoised, and their places in the atlas.
 
-    albedo: (n, C), which is divided out. area: (n,) float32 of the surface that each is the texel of.
+    base: (n, C) float32, base colours, see `divisor`. area: (n,) float32 of the surface that each is the texel of.
     """
 
     place: np.ndarray
-    albedo: np.ndarray
+    base: np.ndarray
     area: np.ndarray
     texels: Texels
+
+    def between(self, first: int, last: int) -> Placed:
+        """View of some of them."""
+        texels = Texels(*(column[first:last] for column in self.texels))
+        return Placed(self.place[first:last], self.base[first:last], self.area[first:last], texels)
 
 
 def denoised_atlas(atlas: Atlas, source: MeshSource) -> Atlas:
@@ -44,97 +44,80 @@ def denoised_atlas(atlas: Atlas, source: MeshSource) -> Atlas:
     """
     if atlas.noise is None:
         return atlas
-    index, albedo, _, texels = placed_texels(atlas, source)
+    index, base, _, texels = placed_texels(atlas, source)
     if not len(index):
         return replace(atlas, noise=None)
+    bases = np.zeros((len(atlas.texels), base.shape[1]), np.float32)
+    bases[index] = base
     order, cells = cells_of(texels.points, texels.size, atlas.charts.texel_world, np.zeros(3))
     found = denoise(Texels(*(np.ascontiguousarray(column[order]) for column in texels)), cells)
-    index, albedo = index[order], albedo[order]
+    index = index[order]
     values = atlas.texels.copy()
-    columns = [0, 2, 3] if albedo.shape[1] > 1 else [0]
-    values[index[:, None], columns] = found * albedo * values[index, 1:2]
-    return replace(atlas, texels=values, noise=None)
+    columns = [0, 2, 3] if base.shape[1] > 1 else [0]
+    values[index[:, None], columns] = found * divisor(base[order]) * values[index, 1:2]
+    return replace(atlas, texels=values, noise=None, base=bases)
+
+
+def divisor(base: np.ndarray) -> np.ndarray:
+    """Base colours (n, C) that light is divided by before texels are averaged, and multiplied with after it."""
+    return np.maximum(base, np.float32(_LEAST_ALBEDO))
 
 
 def placed_texels(atlas: Atlas, source: MeshSource) -> Placed:
     """Texels of an atlas with `noise` that are denoised: all that met a surface and do not emit, in any order."""
-    table = TextureTable.from_materials(source.materials, color=atlas.texels.shape[1] == COLOR_CHANNELS)
-    parts = list(_placed(atlas, source, table, *_owned(atlas.charts)))
-    if not parts:
-        none = np.empty(0, np.float32)
-        return Placed(np.empty(0, np.int64), none.reshape(0, 1), none, Texels(*(none,) * len(Texels._fields)))
-    place, albedo, area = (np.concatenate([part[column] for part in parts]) for column in range(3))
-    texels = Texels(*(np.concatenate(column) for column in zip(*(part.texels for part in parts), strict=True)))
-    return Placed(place, albedo, area, texels)
+    parts = list(texel_bases(atlas, source))
+    ends = np.cumsum([len(part.own) for part in parts]).tolist()
+    found = _blank(ends[-1] if ends else 0, parts[0].color.shape[1] if parts else 1)
+    for part, last in zip(parts, ends, strict=True):
+        _place(atlas, part, source.bounds_world[0], found.between(last - len(part.own), last))
+    return found
 
 
-def _owned(charts: Charts) -> tuple[np.ndarray, np.ndarray]:
-    """Texels (n,) int64 of the atlas that belong to triangles, and these (n,) int32, in the order of triangles."""
-    side = charts.page_side**2
-    owners = [texel_owners(charts, page) for page in range(charts.page_count)]
-    index = np.concatenate([np.flatnonzero(own >= 0) + page * side for page, own in enumerate(owners)])
-    triangle = np.concatenate([own[own >= 0] for own in owners])
-    order = np.argsort(triangle, kind="stable")
-    return index[order], triangle[order]
+def _blank(count: int, channels: int) -> Placed:
+    def column(*shape: int, kind: type = np.float32) -> np.ndarray:
+        return np.empty((count, *shape), kind)
+
+    texels = Texels(
+        column(3), column(3), column(), column(kind=np.int32), column(channels), column(), column()
+    )  # fmt: skip
+    return Placed(column(kind=np.int64), column(channels), column(), texels)
 
 
-def _placed(
-    atlas: Atlas, source: MeshSource, table: TextureTable, index: np.ndarray, triangle: np.ndarray
-) -> Iterator[Placed]:
-    """Place the texels `index` of triangles (n,), ascending, batch by batch."""
-    charts, noise = atlas.charts, atlas.noise
+def _place(atlas: Atlas, part: TexelBases, origin: np.ndarray, out: Placed) -> None:
+    """Write the texels of one batch of an atlas with `noise`; points from `origin` (3,), the surface's corner.
+
+    From there, single precision tells texels apart far from the world's origin, too.
+    """
+    batch, own, charts, noise = part.batch, part.own, atlas.charts, atlas.noise
     assert noise is not None
-    for batch in source.batches():
-        first, last = np.searchsorted(triangle, [batch.first_triangle, batch.first_triangle + len(batch)])
-        mine, local = index[first:last], triangle[first:last].astype(np.int64) - batch.first_triangle
-        plain = table.materials.emission[batch.materials[local]] <= 0.0
-        keep = plain & (atlas.texels[mine, 1] > MIN_OPACITY)
-        mine, local = mine[keep], local[keep]
-        if not len(mine):
-            continue
-        areas, normals = triangle_areas_and_normals(batch.corners_world)
-        corners = charts.corner_texels(np.arange(batch.first_triangle, batch.first_triangle + len(batch)))
-        own = BatchTexels(mine, local, corners, charts.page_side)
-        numbers = local + batch.first_triangle
-        if atlas.turned is not None:  # what is on the other side has other light
-            normals = np.where(atlas.turned[batch.first_triangle :][: len(batch), None], -normals, normals)
-        logs = charts.log_width[numbers].astype(np.float64) + charts.log_height[numbers]
-        area = areas[local] / np.where(charts.kind[numbers] == SINGLE, 1.0, np.exp2(logs) / 2.0)
-        values = atlas.texels[mine]
-        colored = values.shape[1] == COLOR_CHANNELS
-        albedo = base_colors(table, batch, own, area, spread=atlas.spread, colored=colored)
-        albedo = np.maximum(albedo, np.float32(_LEAST_ALBEDO))
-        shining = values[:, [0, 2, 3]] if albedo.shape[1] > 1 else values[:, :1]
-        light = shining / (albedo * values[:, 1:2])
-        variance = (noise[mine] / (albedo[:, 0] * values[:, 1])) ** 2
-        weight = charts.page_samples[charts.page[numbers]] * values[:, 1]
-        size = np.maximum(np.sqrt(area), charts.texel_world)
-        # From the surface's corner, so that single precision tells texels apart far from the origin, too.
-        points = _points(batch, local, texel_places(own)[:, 0]) - source.bounds_world[0]
+    _, normals = triangle_areas_and_normals(batch.corners_world)
+    if atlas.turned is not None:  # what is on the other side has other light
+        normals = np.where(atlas.turned[batch.first_triangle :][: len(batch), None], -normals, normals)
+    centres = texel_places(own)[:, 0]
+    columns = [0, 2, 3] if part.color.shape[1] > 1 else [0]
+
+    def place(first: int, last: int) -> None:
+        mine, local, here = own.texels[first:last], own.triangles[first:last], out.between(first, last)
+        values, base, area, texels = atlas.texels[mine], part.color[first:last], part.area[first:last], here.texels
+        albedo, opacity = divisor(base), values[:, 1]
+        here.place[:], here.base[:], here.area[:] = mine, base, area
+        texels.points[:] = _points(batch, local, centres[first:last]) - origin
+        texels.normals[:] = normals[local]
+        texels.size[:] = np.maximum(np.sqrt(area), charts.texel_world)
         # Noise of what is black is not the noise of light.
-        mixes = 2 * batch.materials[local].astype(np.int64) + (albedo[:, 0] <= _LEAST_ALBEDO)
-        columns = (points, normals[local], size, mixes, light, variance, weight)
-        kinds = (np.float32, np.float32, np.float32, np.int32, np.float32, np.float32, np.float32)
-        yield Placed(
-            mine,
-            albedo,
-            area.astype(np.float32),
-            Texels(*(np.asarray(c, kind) for c, kind in zip(columns, kinds, strict=True))),
-        )
+        texels.material[:] = 2 * batch.materials[local].astype(np.int64) + (albedo[:, 0] <= _LEAST_ALBEDO)
+        texels.light[:] = values[:, columns] / (albedo * opacity[:, None])
+        texels.variance[:] = (noise[mine] / (albedo[:, 0] * opacity)) ** 2
+        texels.weight[:] = charts.page_samples[charts.page[local + batch.first_triangle]] * opacity
+
+    run_parts(place, len(own))
 
 
 def _points(batch: TriangleBatch, triangles: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
     """Points (n, 3) float64 of triangles (n,)."""
-    start = batch.corners_world[:, 0]
-    edges = batch.corners_world[:, 1:] - start[:, None]
-    found = np.empty((len(triangles), 3))
-
-    def place(first: int, last: int) -> None:
-        own, weights = triangles[first:last], barycentric[first:last]
-        found[first:last] = start[own] + weights[:, :1] * edges[own, 0] + weights[:, 1:] * edges[own, 1]
-
-    run_parts(place, len(triangles))
-    return found
+    corners = batch.corners_world[triangles]
+    edges = corners[:, 1:] - corners[:, :1]
+    return np.asarray(corners[:, 0] + barycentric[:, :1] * edges[:, 0] + barycentric[:, 1:] * edges[:, 1])
 
 
 def cells_of(points: np.ndarray, size: np.ndarray, least: float, origin: np.ndarray) -> tuple[np.ndarray, Cells]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..runtime.kernels import kernel
+from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 
 
@@ -60,26 +60,37 @@ def texel_places_reference(own: BatchTexels, *, side: int = 1, spread: float = 1
     return found
 
 
+@device
+def texel_frame(texel, corners, page_side):  # type: ignore[no-untyped-def]
+    """Place of a texel's lower left from a triangle's first corner, (2,), edges to the others, (2,) each, and area."""
+    left = texel % page_side - corners[0, 0]
+    low = texel // page_side % page_side - corners[0, 1]
+    one_x = corners[1, 0] - corners[0, 0]
+    one_y = corners[1, 1] - corners[0, 1]
+    two_x = corners[2, 0] - corners[0, 0]
+    two_y = corners[2, 1] - corners[0, 1]
+    return left, low, one_x, one_y, two_x, two_y, one_x * two_y - one_y * two_x
+
+
+@device
+def place_in_texel(frame, i, j, side, spread):  # type: ignore[no-untyped-def]
+    """Weights of corners 1 and 2 at the place (i, j) of side x side."""
+    left, low, one_x, one_y, two_x, two_y, area = frame
+    x = left + 0.5 + ((i + 0.5) / side - 0.5) * spread
+    y = low + 0.5 + ((j + 0.5) / side - 0.5) * spread
+    one = max((x * two_y - y * two_x) / area, 0.0)
+    two = max((one_x * y - one_y * x) / area, 0.0)
+    beyond = max(one + two, 1.0)
+    return one / beyond, two / beyond
+
+
 @kernel
 def _places(first, last, texels, triangles, corners, page_side, side, spread, out):  # type: ignore[no-untyped-def]
     """Write the weights of some texels."""
     for index in range(first, last):
-        row = texels[index] // page_side % page_side
-        column = texels[index] % page_side
-        t = triangles[index]
-        left = column + 0.5 - corners[t, 0, 0]
-        low = row + 0.5 - corners[t, 0, 1]
-        one_x = corners[t, 1, 0] - corners[t, 0, 0]
-        one_y = corners[t, 1, 1] - corners[t, 0, 1]
-        two_x = corners[t, 2, 0] - corners[t, 0, 0]
-        two_y = corners[t, 2, 1] - corners[t, 0, 1]
-        area = one_x * two_y - one_y * two_x
+        frame = texel_frame(texels[index], corners[triangles[index]], page_side)
         for i in range(side):
-            x = left + ((i + 0.5) / side - 0.5) * spread
             for j in range(side):
-                y = low + ((j + 0.5) / side - 0.5) * spread
-                one = max((x * two_y - y * two_x) / area, 0.0)
-                two = max((one_x * y - one_y * x) / area, 0.0)
-                beyond = max(one + two, 1.0)
-                out[index, i * side + j, 0] = one / beyond
-                out[index, i * side + j, 1] = two / beyond
+                one, two = place_in_texel(frame, i, j, side, spread)
+                out[index, i * side + j, 0] = one
+                out[index, i * side + j, 1] = two

@@ -37,8 +37,9 @@ LABEL = "Fitting to the cameras"
 class FittedLevels:
     """Levels of the leaves, and what bounded them.
 
-    wanted: the deepest level that the cameras ask for. leaves: how many there are.
-    lookahead_share: share of hit pixels with look-ahead in the camera that has least of it.
+    wanted: the deepest level that the cameras ask for. leaves: about how many there are.
+    lookahead_share: share of hit pixels with look-ahead in the camera that has least of it; 1 where nothing bounded
+    the levels, so that leaves are as deep as all cameras ask for.
     """
 
     layout: LeafLevels
@@ -77,22 +78,19 @@ def fit_leaf_levels(
         needed = np.maximum(needed, seen[surface]) if last else seen[surface]
         wanted = layout.levels.copy()
         wanted[surface] = np.clip(needed, block_level, cap)
-        finer = _within(LeafLevels(wanted), pixels, leaves, max_leaves)
-        leaves = yield from _changed(leaves, layout, finer, source, grid, shade)
-        layout = finer
+        finer, expected = _within(LeafLevels(wanted), pixels, leaves, max_leaves)
         if last:
             break
+        leaves = yield from _changed(leaves, layout, finer, source, grid, shade)
+        layout = finer
         last = needed.max(initial=0) <= cap or cap == deepest
+    fitted = FittedLevels(finer, wanted=int(needed.max(initial=block_level)), leaves=expected, lookahead_share=1.0)
+    if (finer.levels[surface] >= needed).all():
+        return fitted
+    leaves = yield from _changed(leaves, layout, finer, source, grid, shade)
     nodes = Nodes(*hierarchy(leaves, max(leaves)))
-    return FittedLevels(
-        layout,
-        wanted=int(needed.max(initial=block_level)),
-        leaves=sum(len(keys) for keys in leaves.values()),
-        lookahead_share=min(
-            (lookahead_share(nodes, grid, camera, lookahead=lookahead) for camera in cameras),
-            default=1,
-        ),
-    )
+    share = min((lookahead_share(nodes, grid, camera, lookahead=lookahead) for camera in cameras), default=1.0)
+    return replace(fitted, leaves=sum(len(keys) for keys in leaves.values()), lookahead_share=share)
 
 
 def _caps(block_level: int, deepest: int) -> Iterator[int]:
@@ -145,10 +143,13 @@ def _look(
     return needed, pixels
 
 
-def _within(layout: LeafLevels, pixels: np.ndarray, leaves: dict[int, np.ndarray], max_leaves: float) -> LeafLevels:
+def _within(
+    layout: LeafLevels, pixels: np.ndarray, leaves: dict[int, np.ndarray], max_leaves: float
+) -> tuple[LeafLevels, int]:
     """Layout, or one with at most about `max_leaves`: a level less in the blocks with the fewest pixels per leaf.
 
-    A block has four times as many leaves a level deeper, as far as that can be known from its present `leaves`.
+    With it, about how many leaves it has. A block has four times as many leaves a level deeper, as far as that can be
+    known from its present `leaves`.
     """
     expected = np.zeros(len(layout.levels), np.float32)
     for level, keys in leaves.items():
@@ -163,7 +164,7 @@ def _within(layout: LeafLevels, pixels: np.ndarray, leaves: dict[int, np.ndarray
         lowered = deep[: np.searchsorted(gain, excess) + 1]
         levels[lowered] -= 1
         expected[lowered] *= 0.25
-    return LeafLevels(levels)
+    return LeafLevels(levels), round(expected.sum(dtype=np.float64))
 
 
 def _leaf_keys(source: MeshSource, grid: Grid, layout: LeafLevels, shade: ShadingFn) -> Steps[dict[int, np.ndarray]]:

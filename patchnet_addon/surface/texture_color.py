@@ -59,7 +59,7 @@ def _bilinear(colors, level, u, v):  # type: ignore[no-untyped-def]
 
 
 @device
-def _trilinear(colors, levels, chain, level, u, v):  # type: ignore[no-untyped-def]
+def trilinear_color(colors, levels, chain, level, u, v):  # type: ignore[no-untyped-def]
     """Trilinear colour between the two nearest levels."""
     fine = int(level)
     weight = level - fine
@@ -93,7 +93,7 @@ def _colors(begin, end, triangles, fragments, chains, materials, luminance, out)
             chain = MipChain(first[k], level_count[k], wrap[k])
             level = level_of_size(levels, chain, m, corners[t], uvs[t], area[index])
             while True:
-                red, green, blue = _trilinear(colors, levels, chain, level, u, v)
+                red, green, blue = trilinear_color(colors, levels, chain, level, u, v)
                 if red + green + blue > 0.0 or level + 1.0 > chain.level_count - 1 or luminance[index] <= 0.0:
                     break
                 level += 1.0

@@ -67,7 +67,7 @@ def level_of_size(levels, chain, m, corners, uvs, area):  # type: ignore[no-unty
 
 
 @device
-def _trilinear(texels, levels, chain, level, threshold, u, v):  # type: ignore[no-untyped-def]
+def trilinear_luminance(texels, levels, chain, level, threshold, u, v):  # type: ignore[no-untyped-def]
     """Opacity * luminance, and opacity, around (u, v), between the two nearest levels."""
     fine = int(level)
     weight = level - fine
@@ -131,7 +131,7 @@ def _surface(begin, end, triangles, fragments, chains, materials, luminance_out,
                 premultiplied, opacity = footprint_means(rows, count, u, v, texels, levels, chain, threshold)
         if premultiplied < 0.0 and opacity != 0.0:
             level = level_of_size(levels, chain, m, corners[t], uvs[t], area[index])
-            premultiplied, around = _trilinear(texels, levels, chain, level, threshold, u, v)
+            premultiplied, around = trilinear_luminance(texels, levels, chain, level, threshold, u, v)
             luminance = premultiplied / around if around > 1e-6 else 0.0
             opacity = around if opacity < 0.0 else opacity
         else:
@@ -142,7 +142,7 @@ def _surface(begin, end, triangles, fragments, chains, materials, luminance_out,
             u, v = on_texture(m, s, r)
             chain = MipChain(first[k], level_count[k], wrap[k])
             level = level_of_size(levels, chain, m, corners[t], uvs[t], area[index])
-            premultiplied, around = _trilinear(texels, levels, chain, level, math.nan, u, v)
+            premultiplied, around = trilinear_luminance(texels, levels, chain, level, math.nan, u, v)
             luminance = premultiplied / around if around > 1e-6 else 0.0
         luminance_out[index] = luminance
         if math.isnan(threshold):

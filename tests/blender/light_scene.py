@@ -16,7 +16,8 @@ from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.settings.groups import LightSettings
-from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
+from patchnet.patchnet_addon.lightmap.atlas import Atlas
+from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
 from patchnet.patchnet_addon.lightmap.denoised_atlas import denoised_atlas
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments

@@ -12,7 +12,8 @@ from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.scene_access.devices import gpu_is_enabled
 from patchnet.operators.settings.groups import LightSettings
-from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
+from patchnet.patchnet_addon.lightmap.atlas import Atlas
+from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments

@@ -7,7 +7,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
+from patchnet.patchnet_addon.lightmap.atlas import Atlas
+from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
 from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.lightmap.irradiance import ExactSums, irradiance_of_materials
@@ -55,9 +56,11 @@ def shuffled(order: np.ndarray, parts: int) -> tuple[TriangleMesh, np.ndarray]:
 
 
 def baked(mesh: TriangleMesh, seen: np.ndarray) -> Atlas:
+    """All texels of a triangle hold the same, light and base colour: where they lie depends on the order."""
     charts = drain(layout_charts(mesh, 0.01))
     owners = np.concatenate([texel_owners(charts, page) for page in range(charts.page_count)]).ravel()
-    return Atlas(charts, np.where(owners[:, None] >= 0, seen[owners], 0.0).astype(np.float32))
+    texels = np.where(owners[:, None] >= 0, seen[owners], 0.0).astype(np.float32)
+    return Atlas(charts, texels, base=0.2 + 0.5 * texels[:, :1])
 
 
 def leaves(order: np.ndarray, parts: int, block_fragments: int) -> LeafSums:
@@ -111,7 +114,8 @@ def test_colour_does_not_depend_on_order_and_changes_no_luminance(parts: int, bl
         mesh, seen = shuffled(order, parts)
         atlas = baked(mesh, seen)
         hue = np.stack([0.5 * atlas.texels[:, 0], 2.0 * atlas.texels[:, 0] * atlas.texels[:, 1]], axis=-1)
-        shade = atlas_shade(Atlas(atlas.charts, np.concatenate([atlas.texels, hue], axis=1)), mesh)
+        texels, base = np.concatenate([atlas.texels, hue], axis=1), np.repeat(atlas.base, 3, axis=1)
+        shade = atlas_shade(Atlas(atlas.charts, texels, base=base), mesh)
         (leaves,) = leaves_of(mesh, Grid.around(mesh.bounds_world, 6), shade, block_fragments=block_fragments)
         return leaves
 

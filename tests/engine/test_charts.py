@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from patchnet.patchnet_addon.lightmap.atlas import Atlas, atlas_shade
+from patchnet.patchnet_addon.lightmap.atlas import Atlas
+from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
 from patchnet.patchnet_addon.lightmap.chart_lookup import lookup, texel_owners, triangle_means
 from patchnet.patchnet_addon.lightmap.charts import Charts, layout_charts
 from patchnet.patchnet_addon.lightmap.packing import SINGLE

@@ -9,7 +9,8 @@ import pytest
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.charts import Charts, layout_charts
 from patchnet.patchnet_addon.lightmap.denoise import REACH, Texels, denoise, denoise_reference
-from patchnet.patchnet_addon.lightmap.denoised_atlas import _owned, _points, cells_of, denoised_atlas, placed_texels
+from patchnet.patchnet_addon.lightmap.denoised_atlas import _points, cells_of, denoised_atlas, placed_texels
+from patchnet.patchnet_addon.lightmap.texel_bases import _owned
 from patchnet.patchnet_addon.lightmap.texel_places import BatchTexels, texel_places_reference
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
@@ -228,7 +229,7 @@ def test_base_colours_are_those_that_paths_meet(spread: float) -> None:
         row, column = (np.clip(points[:, axis] % 16.0 * 8.0, 0, 127).astype(int) for axis in (1, 0))
         fine += image.pixels[row, column, 0] / 16**2
     whole = placed_texels(replace(atlas, spread=1.5 - spread), source)
-    error, others = (np.abs(each.albedo[:, 0] - fine).mean() for each in (placed, whole))
+    error, others = (np.abs(each.base[:, 0] - fine).mean() for each in (placed, whole))
     assert error < 0.5 * others and error < 0.05
     np.testing.assert_allclose(placed.area.sum(), 512.0, rtol=0.15)
 

@@ -86,8 +86,9 @@ def test_all_pixels_have_look_ahead_with_far_fewer_leaves(mesh, camera):
     grid = Grid.around(mesh.bounds_world, 9)
     fitted = drain(fit_leaf_levels(mesh, grid, [camera], shade))
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=fitted.layout))
-    assert share_of(octree, camera) > 0.99 and fitted.lookahead_share > 0.99
-    assert octree.depth == fitted.layout.deepest == fitted.wanted and octree.leaf_count == fitted.leaves
+    assert share_of(octree, camera) > 0.99 and fitted.lookahead_share == 1.0
+    assert octree.depth == fitted.layout.deepest == fitted.wanted
+    assert octree.leaf_count == pytest.approx(fitted.leaves, rel=0.05)
     uniform = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 10), shade))
     assert share_of(uniform, camera) < 0.9 and octree.leaf_count < uniform.leaf_count
 
@@ -108,7 +109,7 @@ def test_fewer_leaves_where_memory_is_short(mesh, camera):
     assert less.leaves < 0.7 * full.leaves
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=less.layout))
     assert 0.3 < share_of(octree, camera) < 0.99
-    assert less.lookahead_share == pytest.approx(share_of(octree, camera))
+    assert less.lookahead_share == pytest.approx(share_of(octree, camera)) and octree.leaf_count == less.leaves
     bounded = drain(fit_leaf_levels(mesh, grid, [camera], shade, deepest=9))
     assert bounded.layout.deepest == 9 < bounded.wanted and bounded.lookahead_share < 0.9
 

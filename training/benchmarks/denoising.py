@@ -11,7 +11,7 @@ import numpy as np
 
 from ...patchnet_addon.lightmap.atlas import MIN_OPACITY, Atlas
 from ...patchnet_addon.lightmap.denoise import Cells, Texels
-from ...patchnet_addon.lightmap.denoised_atlas import cells_of, placed_texels
+from ...patchnet_addon.lightmap.denoised_atlas import cells_of, divisor, placed_texels
 from ...patchnet_addon.surface.mesh import MeshSource
 from ...patchnet_addon.surface.textures import TextureTable
 
@@ -59,7 +59,7 @@ def errors_by_region(
     blank = noisy.noise if noisy.noise is not None else np.zeros(len(noisy.texels), np.float32)
     placed = placed_texels(replace(noisy, noise=blank), source)
     order, cells = cells_of(placed.texels.points, placed.texels.size, reference.charts.texel_world, np.zeros(3))
-    place, albedo, area = placed.place[order], placed.albedo[order, 0], placed.area[order].astype(np.float64)
+    place, albedo, area = placed.place[order], divisor(placed.base[order, 0]), placed.area[order].astype(np.float64)
     texels = Texels(*(column[order] for column in placed.texels))
     known, truth = reference.texels[place, 1] > MIN_OPACITY, _shown(reference, place)
     light = np.where(known, truth / albedo, np.nan)
