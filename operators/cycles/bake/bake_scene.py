@@ -23,7 +23,8 @@ from ...scene_access.window_job import window_is_alive
 _NAME = "PatchNet Bake"
 # Side of what Cycles samples at a time, in texels. It hears of a stop between two passes over a tile only, and a pass
 # over a whole page takes a processor many seconds: too long for a window. Small tiles take up to a fifth longer, so
-# without one a page and its two halves are one tile, and what stops a command does not ask Cycles. The bits are the same.
+# without one a page with both its halves is one tile, and what stops a command does not ask Cycles. The bits are the
+# same.
 _TILE_SIDE_IN_WINDOW, _TILE_SIDE = 256, 4096
 # Unbiased, and as many paths as were asked for; bounces and light stay the user's.
 _SETTINGS = {
