@@ -21,6 +21,7 @@ from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..pipeline.lit_octree import Recipe, build_lit_octree
 from ..pipeline.stages import encode, load_network
+from ..scene_access.frames import values_of_graph
 from ..scene_access.own import quiet
 from ..scene_access.temporary import scene_copy
 from ..schema.table import GLOSS_CAMERA
@@ -126,11 +127,11 @@ def _compute(
 
 @contextmanager
 def _bake_context(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> Iterator[None]:
-    """Let the context show a copy of the scene if Cycles bakes."""
+    """Let the context show a copy of the scene, at the frame of the graph, if Cycles bakes."""
     if not settings.light.is_baked:
         yield
         return
-    with quiet(), scene_copy(scene) as copy:
+    with quiet(), values_of_graph(depsgraph), scene_copy(scene) as copy:
         layer = copy.view_layers[depsgraph.view_layer.name]
         with bpy.context.temp_override(scene=copy, view_layer=layer):
             yield

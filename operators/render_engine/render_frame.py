@@ -24,6 +24,7 @@ from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.world.background import background
 from ..importance.pixels import read_strokes
+from ..scene_access.frames import values_of_graph
 from ..schema.table import AUTO, CYCLES, VISIBLE
 from ..session.scene_session import in_main_thread
 from ..session.world_maps import kept_background
@@ -147,7 +148,8 @@ def _world(
     """What the camera sees behind all surfaces, see `combined`; black with a warning where nothing can find out."""
     baked = octree.provenance.get("light") == CYCLES
     if in_main_thread():
-        seen = yield from background(depsgraph, camera, AUTO, baked=baked)
+        with values_of_graph(depsgraph):
+            seen = yield from background(depsgraph, camera, AUTO, baked=baked)
     else:
         seen = kept_background(depsgraph, camera, baked=baked)
     for warning in seen.warnings:

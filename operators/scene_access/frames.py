@@ -31,7 +31,7 @@ def kept_frame(scene: bpy.types.Scene) -> Iterator[None]:
     def restore() -> None:
         with suppress(ReferenceError), quiet():  # another file may have been opened meanwhile
             go_to_frame(scene, frame, subframe)
-            for owner, path, index, value in before:
+            for _, owner, path, index, value in before:
                 with suppress(*_UNREADABLE):
                     if _get(owner, path, index) != value:
                         _set(owner, path, index, value)
@@ -48,21 +48,44 @@ def kept_frame(scene: bpy.types.Scene) -> Iterator[None]:
         when_job_ended(restore)
 
 
+@contextmanager
+def values_of_graph(depsgraph: bpy.types.Depsgraph) -> Iterator[None]:
+    """Let data-blocks hold the animated values that a graph has evaluated, within the block.
+
+    The graph of an animation that is rendered does not write them back: without this, what reads the data-blocks again,
+    as a bake of Blender's does without looking at keys, sees the frame that the file was left at.
+    """
+    before = []
+    for block, owner, path, index, value in _animated_values():
+        with suppress(*_UNREADABLE):
+            evaluated = block.evaluated_get(depsgraph)
+            shown = _get(evaluated if owner == block else evaluated.node_tree, path, index)
+            if shown != value:
+                before.append((owner, path, index, value))
+                _set(owner, path, index, shown)
+    try:
+        yield
+    finally:
+        for each in before:
+            with suppress(ReferenceError, *_UNREADABLE):
+                _set(*each)
+
+
 def go_to_frame(scene: bpy.types.Scene, frame: int, subframe: float = 0.0) -> None:
     """Let the scene be at a frame; its own handlers run, and finish."""
     with interrupts_wait():
         scene.frame_set(frame, subframe=subframe)
 
 
-def _animated_values() -> Iterator[tuple[bpy.types.ID, str, int, Any]]:
-    """Owner, path, index and present value of all that has keys."""
-    for owner in _animated():
+def _animated_values() -> Iterator[tuple[bpy.types.ID, bpy.types.ID, str, int, Any]]:
+    """Data-block, owner, path, index and present value of all that has keys; the owner may be the block's node tree."""
+    for block, owner in _animated():
         for curve in fcurves(owner.animation_data):
             with suppress(*_UNREADABLE):  # keys of something that is gone
-                yield owner, curve.data_path, curve.array_index, _get(owner, curve.data_path, curve.array_index)
+                yield block, owner, curve.data_path, curve.array_index, _get(owner, curve.data_path, curve.array_index)
 
 
-def _animated() -> Iterator[bpy.types.ID]:
+def _animated() -> Iterator[tuple[bpy.types.ID, bpy.types.ID]]:
     for name in dir(bpy.data):
         collection = getattr(bpy.data, name)
         if not isinstance(collection, bpy.types.bpy_prop_collection):
@@ -70,7 +93,7 @@ def _animated() -> Iterator[bpy.types.ID]:
         for block in collection:
             for owner in (block, getattr(block, "node_tree", None)):
                 if getattr(owner, "animation_data", None) is not None:
-                    yield owner
+                    yield block, owner
 
 
 def fcurves(animation: bpy.types.AnimData) -> Iterator[bpy.types.FCurve]:

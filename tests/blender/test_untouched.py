@@ -131,7 +131,7 @@ PLACES = (
     "patchnet_addon.lod.depth.choose_depth",
     "patchnet_addon.lightmap.charts.layout_charts",
     "patchnet_addon.lightmap.chart_lookup.triangle_means",
-    "patchnet_addon.lightmap.atlas.atlas_shade",
+    "patchnet_addon.lightmap.atlas_shade.atlas_shade",
     "patchnet_addon.octree.build.build_octree",
     "patchnet_addon.codes.encode.encode_octree",
 )
