@@ -15,6 +15,7 @@ from ..surface.mesh import Fragments, TriangleBatch
 from ..surface.textures import TextureTable
 
 _MAX = 4.0  # what texture can do to light, either way: beyond it the two base colours are not of one texel
+_LEAST_HUE = 1.0 / 16.0  # of a channel: what it loses is no brightness, and no noise grows
 _MIN_ALBEDO = 1e-3
 _SOLID = 0.999  # opacity; with gaps in them, texels hold light of their own kind
 
@@ -45,4 +46,4 @@ def hue_detail(base: np.ndarray, held: np.ndarray) -> np.ndarray:
     """
     luminance = REC709[0] * held[:, 0] + REC709[1] * held[:, 1] + REC709[2] * held[:, 2]  # the same bits in any order
     held = np.where(luminance[:, None] > _MIN_ALBEDO, held / np.maximum(luminance, _MIN_ALBEDO)[:, None], base)
-    return np.clip(np.maximum(base, _MIN_ALBEDO) / np.maximum(held, _MIN_ALBEDO), 1.0 / _MAX, _MAX)
+    return np.clip(np.maximum(base, _MIN_ALBEDO) / np.maximum(held, _MIN_ALBEDO), _LEAST_HUE, _MAX)
