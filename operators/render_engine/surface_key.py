@@ -28,7 +28,7 @@ def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
     digest.text(*(values[name] for name in result_fields(OCTREE, LIGHT, CODES)))
     for scope in dict.fromkeys((settings.surface.scope, VISIBLE)):  # what is not voxelized shadows nevertheless
         add_surface(digest, read_scene(depsgraph, scope))
-    digest.block(depsgraph.scene.world)
+    digest.block(depsgraph.scene_eval.world)  # `depsgraph.scene` keeps values of the frame that it was left at
     for instance in depsgraph.object_instances:
         item = instance.object
         if item.type == "LIGHT" and not item.hide_render:
