@@ -62,7 +62,12 @@ def octree_of_frame(
         look_again(result, scene)
     fits = result is not None and (not result.stale or result.is_stale_by_gloss_alone)
     kept = result if fits else None
-    if kept is not None and kept.stale and not animation:
+    if kept is not None and animation and _is_gloss_of_one_view(kept):
+        if threading.current_thread() is threading.main_thread() and not settings.light.from_camera:
+            kept = None  # else its frame, or all of them, would show another gloss than those that are baked now
+        else:
+            warn(_GLOSS)
+    elif kept is not None and kept.stale:
         warn(_GLOSS)
     here = kept is not None and kept.octree.provenance.get("frame") == scene.frame_current
     if kept is not None and ((here and not animation) or not may_change(scene)):
@@ -81,9 +86,14 @@ def octree_of_frame(
     result = yield from _compute(depsgraph, camera, settings, warn, nothing_there=results.result_of(scene) is None)
     if key:
         session.made_frame = KeyedResult(result, key)
-    if kept is None:
+    if not fits:
         results.keep(scene, result, "octree", "light")
     return (yield from _coded(scene, result, settings))
+
+
+def _is_gloss_of_one_view(result: SceneResult) -> bool:
+    """Return whether a camera saw the gloss that was baked."""
+    return result.state is not None and bool(result.state.gloss_from)
 
 
 def _coded(scene: bpy.types.Scene, result: SceneResult, settings: JobSettings) -> Steps[CodedOctree]:

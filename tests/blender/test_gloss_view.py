@@ -138,6 +138,30 @@ def test_the_engine_shows_the_gloss_that_is_there_and_says_so(monkeypatch: pytes
     assert result().octree is octree and result().stale == {"light"}
 
 
+def test_an_animation_has_one_gloss_in_all_frames(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Automatic sees it from above there, also in the frame that a still with its camera's gloss was made of."""
+    metal()
+    run()
+    still, said, bakes = result(), [], []
+    monkeypatch.setattr(render_frame, "warn", lambda _, text: said.append(text))
+    bake = baker.bake_now
+    monkeypatch.setattr(baker, "bake_now", lambda *values, **more: bakes.append(1) or bake(*values, **more))
+    scene = bpy.context.scene
+    scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
+    scene.frame_start, scene.frame_end = scene.frame_current, scene.frame_current + 1
+    scene.render.filepath = str(tmp_path / "picture")
+    bpy.ops.render.render(animation=True)
+    count = len(bakes)
+    assert count and not any("Gloss" in text for text in said) and result() is still
+    scene.frame_end += 2
+    bpy.ops.render.render(animation=True)
+    assert len(bakes) == 2 * count, "once for all frames"
+    scene.patchnet.gloss = "camera"
+    run(gloss="camera")
+    bpy.ops.render.render(animation=True)
+    assert any("where it stood during the bake" in text for text in said)
+
+
 def test_files_know_from_where_gloss_was_seen(tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An octree that is found again when the file is opened, and one that is loaded."""
     monkeypatch.setenv("PATCHNET_KEEP", "1")
