@@ -31,7 +31,7 @@ from . import (
     voxelize_objects,
 )
 from .jobs import job_operator
-from .scene_access import overrides, unread_file
+from .scene_access import bake_report, overrides, unread_file
 from .session import kept_results, scene_session, staleness, world_maps
 from .ui import panels, preferences, presets_menu, properties
 
@@ -76,6 +76,7 @@ _OPERATORS = (
     clear_cache,
     *_OTHER_PYTHON,
     copy_diagnostics,
+    bake_report,
 )
 _CLASSES = tuple(item for module in (*_OPERATORS, panels) for item in module.CLASSES)
 

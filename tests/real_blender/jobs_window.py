@@ -113,6 +113,7 @@ def edit_meanwhile() -> clicks.Session:
     watch = operators().in_window._watch
     clicks.window().scene.objects["Sun"].rotation_euler.x += 0.1
     yield from clicks.wait_for(lambda: not running(), "the job ends", 60.0)
+    yield 0.3
     seen["edited"] = {
         "changes": watch.changes,
         "told": heard.told[-1:],
@@ -147,6 +148,21 @@ def resume() -> clicks.Session:
     yield from start(4)
     yield from clicks.wait_for(lambda: not running(), "the job ends", 240.0)
     seen["resumed"] = [label for label in heard.labels if label.startswith("Resuming")]
+
+
+def reports() -> clicks.Session:
+    """Blender's report at the end of each page is followed by ours: the status bar shows the last one."""
+    editor = clicks.area("PROPERTIES")
+    editor.type = "INFO"
+    yield 0.3
+    with bpy.context.temp_override(window=clicks.window(), area=editor, region=clicks.region("WINDOW", "INFO")):
+        bpy.ops.info.select_all(action="SELECT")
+        bpy.ops.info.report_copy()
+    editor.type = "PROPERTIES"
+    lines = bpy.context.window_manager.clipboard.splitlines()
+    baked = [number for number, line in enumerate(lines) if line.startswith("Baking map saved")]
+    seen["reports"] = [lines[number + 1] if number + 1 < len(lines) else "" for number in baked]
+    yield 0.3
 
 
 def after_the_job() -> clicks.Session:
@@ -205,6 +221,7 @@ def session() -> clicks.Session:
         edit_meanwhile,
         undo_meanwhile,
         resume,
+        reports,
         after_the_job,
         false_reports,
         render,

@@ -71,6 +71,11 @@ def test_demo_scene_resumes(jobs: dict) -> None:
     assert len(jobs["resumed"]) == 1
 
 
+def test_users_are_not_told_to_save_what_was_baked(jobs: dict) -> None:
+    pages_of_the_last_job = jobs["reports"][-4:]
+    assert pages_of_the_last_job == 4 * ["A part of the light is baked; there is nothing to save"]
+
+
 def test_only_changes_make_light_stale(jobs: dict) -> None:
     assert jobs["ended"]["stale"] == {}
     assert jobs["stale after"] == {"closed window": {}, "new collection": {}, "deleted image": {}}

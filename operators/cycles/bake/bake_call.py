@@ -18,6 +18,7 @@ import bpy
 from ....patchnet_addon.runtime.errors import SceneError, StoppedError
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
+from ...scene_access.bake_report import replace_bake_report
 from ...scene_access.window_job import BAKE, as_job
 from .page_mesh import CHART_LAYER
 
@@ -67,6 +68,7 @@ def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) ->
             return at
 
         end = yield from as_job(BAKE, lambda: _called(context, target, "INVOKE_DEFAULT"), look)
+    replace_bake_report()
     if end.cancelled:
         raise StoppedError(_STOPPED)
     if not end.completed or not target.image.is_dirty:
