@@ -24,6 +24,7 @@ from .benches import (
     first_use,
     fit,
     frame,
+    incremental,
     nodes,
     opening,
     scene,
@@ -35,8 +36,8 @@ from .benches import (
 
 BENCHES = {
     "voxelize": voxel_grids, "depths": depths, "open": opening, "nodes": nodes, "scene": scene, "fit": fit,
-    "bake": bake, "denoise": denoise, "encode": encode, "decode": decode, "trace": trace, "frame": frame,
-    "device": device, "first-use": first_use, "train": train, "walkthrough": walkthrough,
+    "bake": bake, "incremental": incremental, "denoise": denoise, "encode": encode, "decode": decode, "trace": trace,
+    "frame": frame, "device": device, "first-use": first_use, "train": train, "walkthrough": walkthrough,
 }  # fmt: skip
 
 
