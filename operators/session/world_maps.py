@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """World maps: the world's light in all directions, for viewports, and for renders beside a window.
 
-Cycles bakes in Blender's main thread, and not while a viewport is drawn. So a map is made by a timer, as soon as a
-window has time, and kept in the scene's session with the key of the world that it shows.
+Cycles bakes not while a viewport is drawn, and is to be asked in Blender's main thread. So a map is made by a timer, as
+soon as a window has time, and kept in the scene's session with the key of the world that it shows.
 """
 
 from __future__ import annotations
@@ -13,23 +13,26 @@ import bpy
 
 from ...patchnet_addon.image.background import BLACK
 from ...patchnet_addon.image.cube_map import pixel_directions
-from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.errors import PatchNetError, StoppedError
 from ...patchnet_addon.runtime.log import event
+from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.world.background import Background, SeenWorld, seen_world
 from ..cycles.world.environment import world_map
-from ..scene_access.window_job import job_is_running
+from ..scene_access.own import quiet
+from ..scene_access.window_job import in_window, job_is_running
 from ..state.digest import Digest
 from .results import listeners
 from .scene_session import KeyedMap, session_of
 
-_AGAIN_S = 0.5
+_AGAIN_S, _LOOK_S = 0.5, 0.1
 _ENGINE = "PATCHNET"  # as `render_engine/engine.py` has it
 _NO_MAP = (
     "Black is shown behind objects: Cycles cannot look at the world while a window renders, and does so afterwards: "
     "render again"
 )
 _waiting: list[str] = []  # names of scenes whose maps are to be made
+_making: Steps[None] | None = None  # of the map that is being made
 
 
 def world_key(seen: SeenWorld) -> str:
@@ -64,17 +67,38 @@ def ask_for_map(scene: bpy.types.Scene) -> None:
 
 
 def _make_maps() -> float | None:
-    """Make the maps that wait; again later while Blender bakes or renders."""
-    if job_is_running():
-        return _AGAIN_S
-    while _waiting:
+    """Make the maps that wait, in a job of Blender's own that Esc stops; again later while Blender bakes or renders."""
+    global _making
+    if _making is None:
+        if job_is_running():
+            return _AGAIN_S
+        if not _waiting:
+            return None
         scene = bpy.data.scenes.get(_waiting.pop())
-        if scene is not None:
-            keep_map(scene)
-    return None
+        _making = keep_map(scene) if scene is not None else None
+        return 0.0
+    try:
+        window = bpy.context.window_manager.windows[0]  # timers have none, and a job belongs to one
+        with bpy.context.temp_override(window=window), quiet(), in_window(True):
+            next(_making)
+    except (StopIteration, ReferenceError):  # another file may have been opened meanwhile
+        _end_map()
+        return 0.0
+    except BaseException:
+        _end_map()
+        raise
+    return _LOOK_S
 
 
-def keep_map(scene: bpy.types.Scene) -> None:
+def _end_map() -> None:
+    """Forget the map that is being made."""
+    global _making
+    if _making is not None:
+        _making.close()
+        _making = None
+
+
+def keep_map(scene: bpy.types.Scene) -> Steps[None]:
     """Make the map of a scene's world, if there is none that shows it, and redraw the viewports."""
     layer = next((window.view_layer for window in bpy.context.window_manager.windows if window.scene == scene), None)
     depsgraph = (layer or scene.view_layers[0]).depsgraph
@@ -85,7 +109,10 @@ def keep_map(scene: bpy.types.Scene) -> None:
     if seen.color is not None or seen.world is None or (session.world is not None and session.world.key == key):
         return
     try:
-        session.world = KeyedMap(key, world_map(seen.world.original, seen.frame))
+        session.world = KeyedMap(key, (yield from world_map(seen.world.original, seen.frame)))
+    except StoppedError as stop:  # by Esc, or by a render: who asks again gets it
+        event("warning", f"{stop}: what is behind objects is as before", logging.WARNING)
+        return
     except PatchNetError as error:
         session.world = KeyedMap(key, None)
         event("warning", f"Black is shown behind objects: {error}", logging.WARNING)
@@ -109,5 +136,6 @@ def unregister() -> None:
     """End the timer."""
     listeners.remove(_after_step)
     _waiting.clear()
+    _end_map()
     if bpy.app.timers.is_registered(_make_maps):
         bpy.app.timers.unregister(_make_maps)

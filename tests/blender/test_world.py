@@ -166,7 +166,7 @@ def test_large_pictures_are_baked_in_parts(scene: bpy.types.Scene, monkeypatch: 
 
 def test_a_map_shows_all_directions(scene: bpy.types.Scene) -> None:
     gradient(scene)
-    known = world_map(scene.world, (1, 0.0))
+    known = drain(world_map(scene.world, (1, 0.0)))
     assert known.faces.shape == (6, MAP_SIDE_PX, MAP_SIDE_PX, 3)
     directions = np.random.default_rng(0).normal(size=(500, 3))
     unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
@@ -179,7 +179,7 @@ def test_a_render_beside_a_window_shows_the_map_that_is_kept(scene: bpy.types.Sc
     depsgraph = bpy.context.evaluated_depsgraph_get()
     missing = kept_background(depsgraph, camera, baked=False)
     assert missing.light is not None and not missing.light.any() and "render again" in missing.warnings[0]
-    keep_map(scene)
+    drain(keep_map(scene))
     kept = kept_background(depsgraph, camera, baked=False)
     assert kept.light is not None and kept.warnings == ()
     assert psnr(kept.light, seen_by(camera)) > 50.0
@@ -210,12 +210,12 @@ def test_a_viewport_shows_colours_at_once_and_a_sky_as_soon_as_there_is_a_map(
     gradient(scene)
     first = behind()
     assert not first.world.any() and behind(changed=False).identity == first.identity and asked == [scene.name]
-    keep_map(scene)
+    drain(keep_map(scene))
     assert isinstance(behind(changed=False).world, CubeMap) and behind().identity != first.identity
     known = behind().identity
     scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.5
     assert behind().identity == known and asked == [scene.name] * 2, "as it was until there is another map"
-    keep_map(scene)
+    drain(keep_map(scene))
     assert behind().identity != known
     scene.render.film_transparent = True
     assert behind(changed=False).world is None
@@ -225,7 +225,7 @@ def test_a_preview_with_a_map_is_that_of_its_pixels(scene: bpy.types.Scene, weig
     gradient(scene)
     made = run(weights=weights)
     camera, octree = made.views[0].camera, made.coded.octree
-    known = world_map(scene.world, (1, 0.0))
+    known = drain(world_map(scene.world, (1, 0.0)))
     picture = AdaptivePicture(octree, camera, STRATEGIES["ss-variance"])
     preview = ViewportPreview(picture, 0.1, known)
     drain(preview.steps)

@@ -22,11 +22,15 @@ from ...scene_access.bake_report import replace_bake_report
 from ...scene_access.window_job import BAKE, as_job
 from .page_mesh import CHART_LAYER
 
-_STOPPED = "Cycles stopped baking the light of the scene: start it again, it goes on where it was"
+LIGHT, WORLD = "light of the scene", "world"
+_STOPPED = {
+    LIGHT: "Cycles stopped baking the light of the scene: start it again, it goes on where it was",
+    WORLD: "Cycles stopped looking at the world",
+}
+_TYPES = {LIGHT: "COMBINED", WORLD: "ENVIRONMENT"}
 _DIFFUSE = {"DIRECT", "INDIRECT", "DIFFUSE", "EMIT"}
 _GLOSSY = {"GLOSSY", "TRANSMISSION"}
 _ARGUMENTS: dict[str, Any] = {
-    "type": "COMBINED",
     "margin": 0,
     "use_clear": True,
     "use_selected_to_active": False,
@@ -40,7 +44,8 @@ _ARGUMENTS: dict[str, Any] = {
 class BakeTarget:
     """Object to bake into the active images of its materials, and the scene and view layer that light it.
 
-    gloss: bake what is reflected and passes through, too.
+    gloss: bake what is reflected and passes through, too. what: `LIGHT` of its surface, or `WORLD`, which is seen in
+    the directions that its points are.
     """
 
     scene: bpy.types.Scene
@@ -48,12 +53,13 @@ class BakeTarget:
     item: bpy.types.Object
     image: bpy.types.Image
     gloss: bool = False
+    what: str = LIGHT
 
 
 def bake_now(context: bpy.types.Context, target: BakeTarget) -> None:
     """Bake; raises SceneError."""
     if "FINISHED" not in _called(context, target, "EXEC_DEFAULT"):
-        raise StoppedError(_STOPPED)
+        raise StoppedError(_STOPPED[target.what])
 
 
 def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) -> Steps[None]:
@@ -70,9 +76,9 @@ def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) ->
         end = yield from as_job(BAKE, lambda: _called(context, target, "INVOKE_DEFAULT"), look)
     replace_bake_report()
     if end.cancelled:
-        raise StoppedError(_STOPPED)
+        raise StoppedError(_STOPPED[target.what])
     if not end.completed or not target.image.is_dirty:
-        raise SceneError("Cycles cannot bake the light of the scene: Blender's status bar or terminal says why")
+        raise SceneError(f"Cycles cannot bake the {target.what}: Blender's status bar or terminal says why")
 
 
 @contextmanager
@@ -103,8 +109,9 @@ def _called(context: bpy.types.Context, target: BakeTarget, how: str) -> set[str
     try:
         with interrupts_wait(), context.temp_override(**override):
             filters = _DIFFUSE | _GLOSSY if target.gloss else _DIFFUSE
-            result: set[str] = bpy.ops.object.bake(how, pass_filter=filters, **_ARGUMENTS)
+            kind = _TYPES[target.what]
+            result: set[str] = bpy.ops.object.bake(how, type=kind, pass_filter=filters, **_ARGUMENTS)
     except RuntimeError as cause:
         reason = str(cause).strip().removeprefix("Error: ")
-        raise SceneError(f"Cycles cannot bake the light of the scene ({reason})") from cause
+        raise SceneError(f"Cycles cannot bake the {target.what} ({reason})") from cause
     return result

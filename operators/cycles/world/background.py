@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ....patchnet_addon.image.background import BLACK
-from ....patchnet_addon.runtime.errors import SceneError
+from ....patchnet_addon.runtime.errors import SceneError, StoppedError
 from ....patchnet_addon.runtime.progress import Steps
 from ....patchnet_addon.tracing.camera import Camera
 from ...schema.table import AUTO, BLACK_BACKGROUND, TRANSPARENT
@@ -66,7 +66,7 @@ def background(
 ) -> Steps[Background]:
     """What a camera sees behind all objects, by the setting `choice`; baked, daylight: as for `seen_world`.
 
-    Black with a warning if Cycles is not there.
+    Black with a warning if Cycles is not there. Raises StoppedError after Esc.
     """
     if is_transparent(choice, depsgraph.scene):
         return Background(None)
@@ -77,6 +77,8 @@ def background(
         return Background(BLACK if seen.color is None else seen.color)
     try:
         return Background((yield from world_view(seen.world.original, seen.frame, camera)))
+    except StoppedError:  # the job is over, not only its background
+        raise
     except SceneError as error:
         return Background(BLACK, (_UNSEEN.format(error),))
 
