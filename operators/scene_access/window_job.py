@@ -63,11 +63,8 @@ class JobEnd:
 def as_job(kind: str, start: Callable[[], object], at: Callable[[], Progress]) -> Steps[JobEnd]:
     """Call `start`, which starts a job of that kind, and wait until it has ended; reports are `at`, as waiting.
 
-    A job of that kind that runs already, as for the map of a world, comes first: Blender would stop it for this one.
     Closing these steps does not stop the job: what it works on must stay until `when_job_ended`.
     """
-    while job_is_running(kind):
-        yield replace(at(), waiting=True)
     ended: list[tuple[str, float]] = []
     with _told(kind, ended):
         begun = time.perf_counter()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """World maps: the world's light in all directions, for viewports, and for renders beside a window.
 
-Cycles bakes not while a viewport is drawn, and is to be asked in Blender's main thread. So a map is made by a timer, as
-soon as a window has time, and kept in the scene's session with the key of the world that it shows.
+Cycles bakes in Blender's main thread, and not while a viewport is drawn. So a map is made by a timer, as soon as a
+window has time, part by part, and kept in the scene's session with the key of the world that it shows.
 """
 
 from __future__ import annotations
@@ -13,19 +13,18 @@ import bpy
 
 from ...patchnet_addon.image.background import BLACK
 from ...patchnet_addon.image.cube_map import pixel_directions
-from ...patchnet_addon.runtime.errors import PatchNetError, StoppedError
+from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.log import event
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.world.background import Background, SeenWorld, seen_world
 from ..cycles.world.environment import world_map
-from ..scene_access.own import quiet
 from ..scene_access.window_job import in_window, job_is_running
 from ..state.digest import Digest
 from .results import listeners
 from .scene_session import KeyedMap, session_of
 
-_AGAIN_S, _LOOK_S = 0.5, 0.1
+_AGAIN_S, _BETWEEN_S = 0.5, 0.02
 _ENGINE = "PATCHNET"  # as `render_engine/engine.py` has it
 _NO_MAP = (
     "Black is shown behind objects: Cycles cannot look at the world while a window renders, and does so afterwards: "
@@ -67,27 +66,25 @@ def ask_for_map(scene: bpy.types.Scene) -> None:
 
 
 def _make_maps() -> float | None:
-    """Make the maps that wait, in a job of Blender's own that Esc stops; again later while Blender bakes or renders."""
+    """Make a part of a map that waits, so that the window lives between two; again later while Blender renders."""
     global _making
+    if job_is_running():
+        return _AGAIN_S
     if _making is None:
-        if job_is_running():
-            return _AGAIN_S
         if not _waiting:
             return None
         scene = bpy.data.scenes.get(_waiting.pop())
         _making = keep_map(scene) if scene is not None else None
         return 0.0
     try:
-        window = bpy.context.window_manager.windows[0]  # timers have none, and a job belongs to one
-        with bpy.context.temp_override(window=window), quiet(), in_window(True):
+        with in_window(True):
             next(_making)
     except (StopIteration, ReferenceError):  # another file may have been opened meanwhile
         _end_map()
-        return 0.0
     except BaseException:
         _end_map()
         raise
-    return _LOOK_S
+    return _BETWEEN_S
 
 
 def _end_map() -> None:
@@ -110,9 +107,6 @@ def keep_map(scene: bpy.types.Scene) -> Steps[None]:
         return
     try:
         session.world = KeyedMap(key, (yield from world_map(seen.world.original, seen.frame)))
-    except StoppedError as stop:  # by Esc, or by a render: who asks again gets it
-        event("warning", f"{stop}: what is behind objects is as before", logging.WARNING)
-        return
     except PatchNetError as error:
         session.world = KeyedMap(key, None)
         event("warning", f"Black is shown behind objects: {error}", logging.WARNING)

@@ -15,14 +15,16 @@ from patchnet.operators.cycles.camera_render import combined_light
 from patchnet.operators.cycles.daylight import SKY_COLOR, SKY_STRENGTH
 from patchnet.operators.cycles.render_call import render
 from patchnet.operators.cycles.scene_copy import prepared
+from patchnet.operators.cycles.world import environment
 from patchnet.operators.cycles.world.background import background
-from patchnet.operators.cycles.world.environment import MAP_SIDE_PX, world_map
+from patchnet.operators.cycles.world.environment import MAP_SIDE_PX, SAMPLES, world_map, world_view
 from patchnet.operators.cycles.world.plain import world_color
 from patchnet.operators.overlay.textures import texels
 from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.render_engine.viewport_preview import ViewportPreview
 from patchnet.operators.render_engine.viewport_world import ViewportWorld, WorldBehind
 from patchnet.operators.scene.cameras import choose_cameras
+from patchnet.operators.scene_access.window_job import in_window
 from patchnet.operators.session.scene_session import KeyedMap, session_of
 from patchnet.operators.session.shown_view import REFINED, view_to_show
 from patchnet.operators.session.world_maps import keep_map, kept_background
@@ -162,6 +164,37 @@ def test_large_pictures_are_baked_in_parts(scene: bpy.types.Scene, monkeypatch: 
     whole = seen_by(camera)
     monkeypatch.setattr("patchnet.operators.cycles.world.environment._PART_PX", 7 * SIZE[0])
     assert psnr(seen_by(camera), whole) > 55.0
+
+
+def test_beside_a_window_parts_are_short_and_stop_between_two(
+    scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gradient(scene)
+    camera = camera_of(scene)
+    whole = seen_by(camera)
+    monkeypatch.setattr(environment, "_FIRST_PATHS", 12 * SIZE[0] * SAMPLES)
+    with in_window(True):
+        assert psnr(seen_by(camera), whole) > 55.0
+        before = scene_snapshot()
+        steps = world_view(scene.world, (1, 0.0), camera, SAMPLES)
+        rows = [next(steps).done for _ in range(3)]
+        assert rows[:2] == [0, 3] and rows[2] > 3
+        assert_unchanged(before)
+        steps.close()
+    assert_unchanged(before)
+
+
+@pytest.mark.parametrize(
+    ("reading", "each", "least", "most"),
+    [(1.0, 1e-6, 500_000, 1_500_000), (0.0, 1e-5, 30_000, 50_000), (0.1, 1e-3, 10_000, 10_000)],
+)
+def test_parts_are_short_but_where_reading_the_world_takes_longer(
+    reading: float, each: float, least: int, most: int
+) -> None:
+    parts = environment._Parts(10_000)
+    for _ in range(20):
+        parts.took(reading + each * parts.pixels)
+    assert least <= parts.pixels <= most
 
 
 def test_a_map_shows_all_directions(scene: bpy.types.Scene) -> None:

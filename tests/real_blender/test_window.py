@@ -4,6 +4,7 @@
 from pathlib import Path
 
 IMAGES = {f"PatchNet Far {name}" for name in ("preview", "heatmap", "overlay", "refined", "priority", "coverage")}
+PATIENCE_S = 15.0  # as in test_escape.py
 STEPS = ("voxelize", "bake_light", "precompute_codes", "render_preview", "run_all")
 
 
@@ -29,6 +30,11 @@ def test_escape_stops_and_leaves_no_trace(visit: dict) -> None:
     stopped = visit["stopped bake"]
     assert stopped["was_running"] == "Bake Light"
     assert stopped["light"] == "none" and stopped["unchanged"]
+
+
+def test_escape_stops_while_the_world_is_looked_at(visit: dict) -> None:
+    stopped = visit["stopped world"]
+    assert stopped["was_running"] == "Render Preview" and stopped["seconds"] < PATIENCE_S
 
 
 def test_steps_do_their_work(visit: dict) -> None:

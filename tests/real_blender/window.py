@@ -146,6 +146,21 @@ def stopped_job(buttons: dict[str, tuple[int, int]], name: str):
     return {"was_running": was_running, "seconds_to_stop": round(stopped - start, 1)}
 
 
+def stopped_world(buttons: dict[str, tuple[int, int]]):
+    """Esc while the world behind objects is looked at, which would take minutes: the next picture is not made."""
+    world, name = module("cycles.world.background"), "patchnet.render_preview"
+    samples, world.SAMPLES = world.SAMPLES, 1 << 16
+    before = len(heard.labels)
+    yield from clicks.click((yield from clicks.find_again(name, buttons[name])))
+    yield from clicks.wait_for(lambda: any(label.endswith(": World") for label in heard.labels[before:]), "the world")
+    yield 1.0
+    was_running, start = running(), time.monotonic()
+    yield from clicks.key("ESC", *clicks.over_viewport())
+    yield from clicks.wait_for(lambda: not running(), "Esc stops the job")
+    seen["stopped world"] = {"was_running": was_running, "seconds": round(time.monotonic() - start, 1)}
+    world.SAMPLES = samples
+
+
 def change_and_undo(_buttons: dict[str, tuple[int, int]]):
     """Moving an object makes the result stale, and says so; undo brings the object back, and all still lives."""
     window, (x, y) = clicks.window(), clicks.over_viewport()
@@ -197,7 +212,7 @@ def session():
     visit.save("open_tab")
     buttons = yield from clicks.find_buttons({f"patchnet.{name}" for name in STEPS})
     seen["buttons"] = sorted(buttons)
-    for part in (too_early, nothing_selected, step_by_step, change_and_undo, all_at_once, free_memory):
+    for part in (too_early, nothing_selected, step_by_step, stopped_world, change_and_undo, all_at_once, free_memory):
         yield from part(buttons)
         visit.save(part.__name__)
 

@@ -22,15 +22,11 @@ from ...scene_access.bake_report import replace_bake_report
 from ...scene_access.window_job import BAKE, as_job
 from .page_mesh import CHART_LAYER
 
-LIGHT, WORLD = "light of the scene", "world"
-_STOPPED = {
-    LIGHT: "Cycles stopped baking the light of the scene: start it again, it goes on where it was",
-    WORLD: "Cycles stopped looking at the world",
-}
-_TYPES = {LIGHT: "COMBINED", WORLD: "ENVIRONMENT"}
+_STOPPED = "Cycles stopped baking the light of the scene: start it again, it goes on where it was"
 _DIFFUSE = {"DIRECT", "INDIRECT", "DIFFUSE", "EMIT"}
 _GLOSSY = {"GLOSSY", "TRANSMISSION"}
 _ARGUMENTS: dict[str, Any] = {
+    "type": "COMBINED",
     "margin": 0,
     "use_clear": True,
     "use_selected_to_active": False,
@@ -44,8 +40,7 @@ _ARGUMENTS: dict[str, Any] = {
 class BakeTarget:
     """Object to bake into the active images of its materials, and the scene and view layer that light it.
 
-    gloss: bake what is reflected and passes through, too. what: `LIGHT` of its surface, or `WORLD`, which is seen in
-    the directions that its points are.
+    gloss: bake what is reflected and passes through, too.
     """
 
     scene: bpy.types.Scene
@@ -53,13 +48,12 @@ class BakeTarget:
     item: bpy.types.Object
     image: bpy.types.Image
     gloss: bool = False
-    what: str = LIGHT
 
 
 def bake_now(context: bpy.types.Context, target: BakeTarget) -> None:
     """Bake; raises SceneError."""
     if "FINISHED" not in _called(context, target, "EXEC_DEFAULT"):
-        raise StoppedError(_STOPPED[target.what])
+        raise StoppedError(_STOPPED)
 
 
 def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) -> Steps[None]:
@@ -76,9 +70,9 @@ def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) ->
         end = yield from as_job(BAKE, lambda: _called(context, target, "INVOKE_DEFAULT"), look)
     replace_bake_report()
     if end.cancelled:
-        raise StoppedError(_STOPPED[target.what])
+        raise StoppedError(_STOPPED)
     if not end.completed or not target.image.is_dirty:
-        raise SceneError(f"Cycles cannot bake the {target.what}: Blender's status bar or terminal says why")
+        raise SceneError("Cycles cannot bake the light of the scene: Blender's status bar or terminal says why")
 
 
 @contextmanager
@@ -109,9 +103,8 @@ def _called(context: bpy.types.Context, target: BakeTarget, how: str) -> set[str
     try:
         with interrupts_wait(), context.temp_override(**override):
             filters = _DIFFUSE | _GLOSSY if target.gloss else _DIFFUSE
-            kind = _TYPES[target.what]
-            result: set[str] = bpy.ops.object.bake(how, type=kind, pass_filter=filters, **_ARGUMENTS)
+            result: set[str] = bpy.ops.object.bake(how, pass_filter=filters, **_ARGUMENTS)
     except RuntimeError as cause:
         reason = str(cause).strip().removeprefix("Error: ")
-        raise SceneError(f"Cycles cannot bake the {target.what} ({reason})") from cause
+        raise SceneError(f"Cycles cannot bake the light of the scene ({reason})") from cause
     return result

@@ -9,12 +9,12 @@ import bpy
 import numpy as np
 
 from ....patchnet_addon.image.background import BLACK
-from ....patchnet_addon.runtime.errors import SceneError, StoppedError
+from ....patchnet_addon.runtime.errors import SceneError
 from ....patchnet_addon.runtime.progress import Steps
 from ....patchnet_addon.tracing.camera import Camera
 from ...schema.table import AUTO, BLACK_BACKGROUND, TRANSPARENT
 from ..daylight import SKY_COLOR, SKY_STRENGTH, has_light
-from .environment import world_view
+from .environment import SAMPLES, world_view
 from .plain import world_color
 
 _UNSEEN = "Black is shown behind objects: {}"
@@ -66,7 +66,7 @@ def background(
 ) -> Steps[Background]:
     """What a camera sees behind all objects, by the setting `choice`; baked, daylight: as for `seen_world`.
 
-    Black with a warning if Cycles is not there. Raises StoppedError after Esc.
+    Black with a warning if Cycles is not there.
     """
     if is_transparent(choice, depsgraph.scene):
         return Background(None)
@@ -76,9 +76,7 @@ def background(
     if seen.color is not None or seen.world is None:
         return Background(BLACK if seen.color is None else seen.color)
     try:
-        return Background((yield from world_view(seen.world.original, seen.frame, camera)))
-    except StoppedError:  # the job is over, not only its background
-        raise
+        return Background((yield from world_view(seen.world.original, seen.frame, camera, SAMPLES)))
     except SceneError as error:
         return Background(BLACK, (_UNSEEN.format(error),))
 
