@@ -18,6 +18,8 @@ SUN_ANGLE = 0.009  # radians, as from the earth
 SUN_ROTATION = (0.42, 0.16, 0.6)  # radians: high enough to reach the floor of a courtyard
 SKY_COLOR = (0.55, 0.7, 1.0)
 SKY_STRENGTH = 0.8
+# Of nodes that shine, the inputs for color and strength.
+EMISSION_INPUTS = {"EMISSION": ("Color", "Strength"), "BSDF_PRINCIPLED": ("Emission Color", "Emission Strength")}
 
 
 def has_light(depsgraph: bpy.types.Depsgraph) -> bool:
@@ -59,11 +61,10 @@ def emits(material: bpy.types.Material) -> bool:
     """Return whether a material shines by itself."""
     if not material.use_nodes or material.node_tree is None:
         return False
-    names = {"EMISSION": ("Color", "Strength"), "BSDF_PRINCIPLED": ("Emission Color", "Emission Strength")}
     return any(
-        all(_bright(node.inputs[name]) for name in names[node.type])
+        all(_bright(node.inputs[name]) for name in EMISSION_INPUTS[node.type])
         for node in material.node_tree.nodes
-        if node.type in names and node.outputs[0].is_linked
+        if node.type in EMISSION_INPUTS and node.outputs[0].is_linked
     )
 
 

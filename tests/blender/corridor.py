@@ -16,12 +16,7 @@ def build_corridor(pieces: int = 3) -> bpy.types.Object:
     matt = principled("Matt", (0.5, 0.5, 0.5), roughness=1.0, specular=0.0)
     scene = bpy.context.scene
     shell = place(scene.collection, "Corridor", box((0.0, 0.0, 0.0), (LENGTH, WIDTH, HEIGHT)), matt)
-    mesh = bmesh.new()
-    mesh.from_mesh(shell.data)
-    bmesh.ops.reverse_faces(mesh, faces=mesh.faces)
-    bmesh.ops.subdivide_edges(mesh, edges=mesh.edges, cuts=(1 << pieces) - 1, use_grid_fill=True)
-    mesh.to_mesh(shell.data)
-    mesh.free()
+    subdivide(shell, pieces, inside_out=True)
     for number, x in enumerate((2.0, LENGTH - 2.0)):
         data = bpy.data.lights.new("Lamp", "POINT")
         data.energy, data.shadow_soft_size = 60.0, 0.1
@@ -33,3 +28,14 @@ def build_corridor(pieces: int = 3) -> bpy.types.Object:
     scene.world = None
     bpy.context.view_layer.update()
     return item
+
+
+def subdivide(item: bpy.types.Object, times: int, *, inside_out: bool = False) -> None:
+    """Divide each edge of an object's mesh in 2 to the power of `times`."""
+    mesh = bmesh.new()
+    mesh.from_mesh(item.data)
+    if inside_out:
+        bmesh.ops.reverse_faces(mesh, faces=mesh.faces)
+    bmesh.ops.subdivide_edges(mesh, edges=mesh.edges, cuts=(1 << times) - 1, use_grid_fill=True)
+    mesh.to_mesh(item.data)
+    mesh.free()

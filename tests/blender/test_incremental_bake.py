@@ -10,14 +10,17 @@ import pytest
 
 from patchnet.operators.cycles.bake import baker
 from patchnet.operators.cycles.bake.bake import bake_luminance
-from patchnet.operators.cycles.bake.scene_items import change_of, scene_items, sky_luminance
+from patchnet.operators.cycles.bake.scene_items import change_of, emission_at_most, scene_items, sky_luminance
+from patchnet.operators.demo_scene.geometry import box, place
+from patchnet.operators.demo_scene.materials import principled
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.chart_lookup import triangle_means
+from patchnet.patchnet_addon.lightmap.incremental.follow import albedo_of
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.corridor import BOX, LENGTH, build_corridor
+from patchnet.tests.blender.corridor import BOX, LENGTH, build_corridor, subdivide
 
 pytestmark = pytest.mark.usefixtures("empty_scene", "own_cache")
 
@@ -77,6 +80,57 @@ def test_a_scene_that_did_not_change_bakes_nothing(monkeypatch: pytest.MonkeyPat
     _, second = baked(samples=1)
     np.testing.assert_array_equal(second.texels, first.texels)
     assert notes(second)["pages_baked"] == 0 and notes(second)["pages_kept"] == notes(second)["pages"]
+
+
+def test_in_the_open_what_stays_is_right_and_is_most_of_it() -> None:
+    """A post in the sun beside a wall, under a gray sky: its shadows and what is near are baked again."""
+    scene = bpy.context.scene
+    matt = principled("Matt", (0.5, 0.5, 0.5), roughness=1.0, specular=0.0)
+    ground = place(scene.collection, "Ground", box((-8.0, -8.0, -0.1), (8.0, 8.0, 0.0)), matt)
+    wall = place(scene.collection, "Wall", box((-8.0, 2.0, 0.0), (8.0, 2.3, 2.0)), matt)
+    for item in (ground, wall):
+        subdivide(item, 5)
+    post = place(scene.collection, "Post", box((-0.2, -0.2, 0.0), (0.2, 0.2, 1.2)), matt)
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.data.energy, sun.rotation_euler = 3.0, (0.6, 0.2, 0.0)
+    scene.collection.objects.link(sun)
+    scene.world = bpy.data.worlds.new("Gray")
+    scene.world.use_nodes = True
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.3, 0.3, 0.3, 1.0)
+    source, first = baked(samples=64)
+    post.location.x += 0.5
+    source, second = baked(samples=64)
+    _, full = baked(incremental=False, samples=64)
+    old, new, right = means(source, first), means(source, second), means(source, full)
+    white = np.quantile(right, 0.995)
+    changed = np.abs(right - old) > TOLERANCE * white
+    assert changed.sum() > 10 and (new[changed] != old[changed]).all(), "all that changed is baked again"
+    assert np.abs(new - right)[new == old].max() < TOLERANCE * white
+    assert 0.0 < notes(second)["texels_baked"] < 0.3 and "whole_because" not in notes(second)
+
+
+def test_suns_and_emitters_take_no_more_light_away_than_they_give() -> None:
+    """A lit plane shows what is counted for its sun; a lantern counts by its material and its surface."""
+    scene = bpy.context.scene
+    place(scene.collection, "Ground", box((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0)), principled("Matt", (0.5, 0.5, 0.5)))
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.data.energy, sun.data.color, scene.world = 3.0, (1.0, 0.5, 0.2), None
+    scene.collection.objects.link(sun)
+    source, atlas = baked(incremental=False, samples=4)
+    items = {item["name"]: item for item in scene_items(bpy.context.evaluated_depsgraph_get(), False)["items"]}
+    told = albedo_of(source.materials[0]) * items["Sun"]["at_most"] / np.pi
+    assert told == pytest.approx(atlas.texels[:, 0].max(), rel=0.02) and "intensity" not in items["Sun"]
+    glow = principled("Glow", (0.0, 0.0, 0.0))
+    lantern = place(scene.collection, "Lantern", box((0.0, 0.0, 1.0), (1.0, 1.0, 2.0)), glow)
+    inputs = glow.node_tree.nodes["Principled BSDF"].inputs
+    inputs["Emission Color"].default_value, inputs["Emission Strength"].default_value = (1.0, 1.0, 1.0, 1.0), 2.0
+    assert emission_at_most(lantern) == pytest.approx(2.0)
+    bpy.context.view_layer.update()
+    items = {item["name"]: item for item in scene_items(bpy.context.evaluated_depsgraph_get(), False)["items"]}
+    assert items["Lantern"]["at_most"] == pytest.approx(12.0)
+    noise = glow.node_tree.nodes.new("ShaderNodeTexNoise")
+    glow.node_tree.links.new(noise.outputs[0], inputs["Emission Strength"])
+    assert emission_at_most(lantern) is None
 
 
 def test_many_small_errors_do_not_add_up() -> None:

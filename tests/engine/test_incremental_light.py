@@ -8,8 +8,9 @@ import pytest
 
 from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
 from patchnet.patchnet_addon.lightmap.charts import Charts, layout_charts
-from patchnet.patchnet_addon.lightmap.incremental.bounce import change_bound, groups_of, joined_boxes
+from patchnet.patchnet_addon.lightmap.incremental.bounce import change_bound, groups_of
 from patchnet.patchnet_addon.lightmap.incremental.follow import Change, Levels, albedo_of, follow
+from patchnet.patchnet_addon.lightmap.incremental.hidden import hidden_share, joined_boxes
 from patchnet.patchnet_addon.lightmap.incremental.pieces import Pieces, pieces_of
 from patchnet.patchnet_addon.lightmap.incremental.record import BakeRecord, load_record, save_record
 from patchnet.patchnet_addon.lightmap.incremental.shadows import Lamp, may_shadow
@@ -98,25 +99,57 @@ def test_in_a_closed_room_a_wall_gets_what_the_others_send() -> None:
     pieces = drain(pieces_of(TriangleMesh.from_arrays(room(2.0, 4))))
     groups = groups_of(pieces, np.full(len(pieces.area), 0.5))
     floor = groups.centre[:, 2] < -0.99
-    nothing = np.empty((0, 2, 3)), np.empty(0)
-    bound = change_bound(groups, np.ones(len(floor)), *nothing, 0.0)
+    bound = change_bound(groups, np.ones(len(floor)))
     # All walls shine with 1, albedo 1/2: 1 + 1/2 + 1/4 + ... = 2.
     assert bound.mean() == pytest.approx(2.0, rel=0.1) and bound.min() > 1.4
-    one = change_bound(groups, floor.astype(float), *nothing, 0.0)
+    one = change_bound(groups, floor.astype(float))
     opposite = groups.centre[:, 2] > 0.99
     # The floor sends a cube's opposite wall a fifth of what it gets, before any further bounce.
     assert one[opposite].mean() > 0.19 and one[floor].mean() < one[opposite].mean()
-    assert change_bound(groups, np.zeros(len(floor)), *nothing, 0.0).max() == 0.0
+    assert change_bound(groups, np.zeros(len(floor))).max() == 0.0
 
 
 def test_what_hides_a_box_falls_with_its_distance() -> None:
     pieces = drain(pieces_of(TriangleMesh.from_arrays(plane(20.0, 20), GRAY)))
     groups = groups_of(pieces, np.full(len(pieces.area), 0.5))
     box = np.array([[[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]]])
-    bound = change_bound(groups, np.zeros(len(groups.area)), box, np.array([np.inf]), 2.0)
+    share = hidden_share(groups, box, np.array([np.inf]))
     distance = np.linalg.norm(groups.centre[:, :2], axis=1)
-    assert bound[distance < 1].min() == pytest.approx(2.0), "beside it all may be hidden"
-    assert bound[distance > 9].max() < 0.04 and bound.min() > 0.0
+    assert share[distance < 1].min() == pytest.approx(1.0), "beside it all may be hidden"
+    assert share[distance > 9].max() < 0.004 and share.min() > 0.0
+    wire = hidden_share(groups, box, np.array([0.01]))
+    assert (wire <= share).all() and wire[distance > 3].max() < 0.2 * share[distance > 3].min() + 0.001
+
+
+def test_no_group_sees_more_of_a_box_than_its_share() -> None:
+    """Against directions that are spread as light falls: from points anywhere in groups, along any of their normals."""
+    rng = np.random.default_rng(5)
+    corners = triangles(1000, seed=5) * 0.2
+    pieces = drain(pieces_of(TriangleMesh.from_arrays(corners, GRAY)))
+    groups = groups_of(pieces, np.full(len(pieces.area), 0.5), 12)
+    boxes = np.array([[[1.0, -0.2, 0.0], [1.4, 0.9, 0.7]], [[-1.5, -1.5, -1.0], [-1.4, -0.4, -0.3]]])
+    share = hidden_share(groups, boxes, np.full(2, np.inf))
+    chosen = rng.choice(len(pieces.area), 200, replace=False)
+    turn, height = rng.uniform(0, 2 * np.pi, 20_000), np.sqrt(rng.uniform(0, 1, 20_000))
+    for piece in chosen:
+        start = pieces.centre[piece] + pieces.radius[piece] * rng.uniform(-0.5, 0.5, 3)
+        seen = 0.0
+        for side in (1.0, -1.0):
+            normal = side * pieces.normal[piece]
+            along = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+            along /= np.linalg.norm(along)
+            flat = np.sqrt(1.0 - height**2)[:, None] * (
+                np.cos(turn)[:, None] * along + np.sin(turn)[:, None] * np.cross(normal, along)
+            )
+            way = flat + height[:, None] * normal
+            with np.errstate(divide="ignore"):
+                ends = (boxes[:, None] - start).transpose(2, 0, 1, 3) / way[None, None]
+            enter = ends.min(axis=0).max(axis=-1)
+            leave = ends.max(axis=0).min(axis=-1)
+            seen = max(seen, float(((enter <= leave) & (leave >= 0.0)).any(axis=0).mean()))
+        assert seen <= share[groups.of[piece]] + 0.01, "but for the noise of 20,000 directions"
+    far = share < 0.9
+    assert far.sum() > 50
 
 
 def test_boxes_that_show_no_more_together_are_one() -> None:

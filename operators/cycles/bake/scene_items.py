@@ -18,7 +18,15 @@ from ....patchnet_addon.lightmap.incremental.shadows import Lamp
 from ....patchnet_addon.surface.chroma import REC709
 from ...scene_access.own import is_own
 from ...state.digest import Digest
-from ..daylight import SKY_COLOR, SKY_STRENGTH, SUN_ANGLE, SUN_ROTATION, emits
+from ..daylight import (
+    EMISSION_INPUTS,
+    SKY_COLOR,
+    SKY_STRENGTH,
+    SUN_ANGLE,
+    SUN_ROTATION,
+    SUN_STRENGTH,
+    emits,
+)
 from .bake_key import add_materials, add_object, add_world
 
 Item = dict[str, Any]
@@ -113,7 +121,9 @@ def _followed(item: Item) -> Lamp:
 
 
 def _lamp_of(item: Item) -> Lamp:
-    return Lamp(tuple(item["place"]), item["radius"], item["is_far"], item.get("intensity", math.inf))
+    """Lamp of an item; of one whose changes are not followed, `at_most` is what a shadow can take."""
+    known = item.get("intensity", item.get("at_most"))
+    return Lamp(tuple(item["place"]), item["radius"], item["is_far"], math.inf if known is None else known)
 
 
 def _contents(item: bpy.types.Object, shown: bpy.types.Object) -> str:
@@ -150,7 +160,28 @@ def _placed(instance: bpy.types.DepsgraphObjectInstance, contents: str, shines: 
         return found | {"kind": "surface"}
     low, high = np.array(box)
     around = {"place": ((low + high) / 2).tolist(), "radius": float(np.linalg.norm(high - low) / 2), "is_far": False}
-    return found | {"kind": "emitter"} | around
+    at_most = None if math.isinf(found["area"]) else emission_at_most(item)
+    sent = None if at_most is None else at_most * found["area"]  # no view of it is larger than its surface
+    return found | {"kind": "emitter"} | around | {"at_most": sent}
+
+
+def emission_at_most(item: bpy.types.Object) -> float | None:
+    """Luminance that an object sends out where it is brightest, or more; None where nobody knows."""
+    brightest = 0.0
+    for slot in item.material_slots:
+        if not slot.material or not emits(slot.material):
+            continue
+        sent = 0.0  # of all its nodes together: none is mixed by more than 1
+        for node in slot.material.node_tree.nodes:
+            names = EMISSION_INPUTS.get(node.type)
+            if names is None:
+                continue
+            color, strength = (node.inputs[name] for name in names)
+            if color.is_linked or strength.is_linked:
+                return None
+            sent += max(_luminance(color.default_value), 0.0) * max(strength.default_value, 0.0)
+        brightest = max(brightest, sent)
+    return brightest
 
 
 def _points(item: bpy.types.Object) -> np.ndarray:
@@ -182,7 +213,9 @@ def _lamp(lamp: bpy.types.Light, matrix: np.ndarray) -> Item:
     place = matrix[:3, 3].tolist()
     if lamp.type == "SUN":
         towards = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
-        return {"kind": "sun", "place": towards.tolist(), "radius": math.tan(min(lamp.angle, 3.0) / 2), "is_far": True}
+        radius = math.tan(min(lamp.angle, 3.0) / 2)
+        sun = {"kind": "sun", "place": towards.tolist(), "radius": radius, "is_far": True}
+        return sun | {"at_most": _strength(lamp)}
     scale = float(np.linalg.norm(matrix[:3, :3], axis=0).max())
     if lamp.type == "AREA":
         width = lamp.size
@@ -199,7 +232,15 @@ def _intensity(lamp: bpy.types.Light) -> float | None:
     """Radiant intensity of a lamp where it is strongest, as luminance; None where nodes or a narrow spread decide."""
     if lamp.type == "AREA" and getattr(lamp, "spread", math.pi) < math.pi - 1e-3:
         return None
-    strength = lamp.energy * 2.0 ** getattr(lamp, "exposure", 0.0) * _luminance(lamp.color)
+    strength = _strength(lamp)
+    return None if strength is None else float(strength / (math.pi if lamp.type == "AREA" else 4.0 * math.pi))
+
+
+def _strength(lamp: bpy.types.Light) -> float | None:
+    """Power of a lamp, or what falls on a plane that faces a sun, as luminance; None where nodes decide."""
+    if not getattr(lamp, "normalize", True):
+        return None
+    strength = lamp.energy * 2.0 ** getattr(lamp, "exposure", 0.0) * _luminance(_color(lamp))
     tree = lamp.node_tree if lamp.use_nodes else None
     if tree is not None:
         emission = [node for node in tree.nodes if node.type == "EMISSION"]
@@ -208,7 +249,12 @@ def _intensity(lamp: bpy.types.Light) -> float | None:
             return None
         strength *= emission[0].inputs["Strength"].default_value
         strength *= _luminance(emission[0].inputs["Color"].default_value)
-    return float(strength / (math.pi if lamp.type == "AREA" else 4.0 * math.pi))
+    return float(strength)
+
+
+def _color(lamp: bpy.types.Light) -> np.ndarray:
+    color = np.array(lamp.color[:3], np.float64)
+    return color * np.array(lamp.temperature_color[:3]) if getattr(lamp, "use_temperature", False) else color
 
 
 def _luminance(color: Any) -> float:
@@ -256,5 +302,5 @@ def _sun_of_ours() -> Item:
     from mathutils import Euler
 
     towards = list(Euler(SUN_ROTATION).to_matrix().col[2])
-    around = {"place": towards, "radius": math.tan(SUN_ANGLE / 2), "is_far": True}
+    around = {"place": towards, "radius": math.tan(SUN_ANGLE / 2), "is_far": True, "at_most": SUN_STRENGTH}
     return {"key": "sun", "name": "PatchNet Sun", "kind": "sun"} | around

@@ -37,8 +37,8 @@ class Groups:
     albedo: np.ndarray
 
 
-def groups_of(pieces: Pieces, albedo: np.ndarray, along: int = _ALONG) -> Groups:
-    """Group pieces whose albedo is (N,), in fewer cells than `along` a side if there were too many."""
+def groups_of(pieces: Pieces, albedo: np.ndarray, along: int = _ALONG, most: int = _MOST_GROUPS) -> Groups:
+    """Group pieces whose albedo is (N,), in fewer cells than `along` a side if there were more than `most` groups."""
     low, high = pieces.centre.min(axis=0), pieces.centre.max(axis=0)
     cell = max(float((high - low).max()) / along, 1e-30)
     x, y, z = np.minimum(((pieces.centre - low) / cell).astype(np.int64), along).T
@@ -47,8 +47,8 @@ def groups_of(pieces: Pieces, albedo: np.ndarray, along: int = _ALONG) -> Groups
     keys = (((x * (along + 1) + y) * (along + 1) + z) * 3 + axis) * 2 + side
     found, of = np.unique(keys, return_inverse=True)
     of = of.reshape(-1)
-    if len(found) > _MOST_GROUPS and along > 2:
-        return groups_of(pieces, albedo, along * 3 // 4)
+    if len(found) > most and along > 2:
+        return groups_of(pieces, albedo, along * 3 // 4, most)
     count = len(found)
     weight = np.maximum(pieces.area, 1e-30)
     area = np.bincount(of, weight, count)
@@ -61,20 +61,13 @@ def groups_of(pieces: Pieces, albedo: np.ndarray, along: int = _ALONG) -> Groups
     return Groups(of, centre, radius, normal, spread, area, np.bincount(of, weight * albedo, count) / area)
 
 
-def change_bound(
-    groups: Groups, changed: np.ndarray, boxes: np.ndarray, areas: np.ndarray, box_light: float
-) -> np.ndarray:
+def change_bound(groups: Groups, changed: np.ndarray) -> np.ndarray:
     """Largest change of light that comes by way of others, as the luminance (G,) that it gives a white surface.
 
-    changed: (G,) largest change of luminance of groups whose direct light changed, mean over their area. boxes: (B, 2,
-    3), in which things of the surface `areas` (B,) came, went or changed: what is seen in their place changes by at
-    most `box_light`.
+    changed: (G,) largest change of luminance that groups have at first, mean over their area.
     """
     factors = _between(groups)
-    change = np.zeros(len(groups.area))
-    for box, area in zip(*joined_boxes(boxes, areas), strict=True):
-        change += _of_box(groups, box, min(_half_surface(box), float(area)))
-    step = np.minimum(change, 1.0) * box_light + _gathered(factors, changed)
+    step = _gathered(factors, changed)
     total = step.copy()
     for _ in range(_BOUNCES):
         step = _gathered(factors, groups.albedo * step)
@@ -98,59 +91,27 @@ def _between(groups: Groups) -> np.ndarray:
     """
     count = len(groups.area)
     factors = np.empty((count, count), np.float32)
+    centre, normal = groups.centre.astype(np.float32), groups.normal.astype(np.float32)
+    spread, area = groups.spread.astype(np.float32), groups.area.astype(np.float32)
     for first in range(0, count, _CHUNK):
         part = slice(first, first + _CHUNK)
-        offset = groups.centre[None] - groups.centre[part, None]  # (C, G, 3)
+        offset = centre[None] - centre[part, None]  # (C, G, 3)
         square = np.einsum("cgx,cgx->cg", offset, offset)
-        direction = offset / np.sqrt(np.maximum(square, 1e-30))[..., None]
-        at = _largest_cosine(np.einsum("cgx,cx->cg", direction, groups.normal[part]), groups.spread[part, None])
-        of = _largest_cosine(-np.einsum("cgx,gx->cg", direction, groups.normal), groups.spread[None])
-        factors[part] = groups.area[None] * at * of / (np.pi * square + groups.area[None])
+        inverse = 1.0 / np.sqrt(np.maximum(square, np.float32(1e-30)))
+        at = largest_cosine(np.einsum("cgx,cx->cg", offset, normal[part]) * inverse, spread[part, None])
+        of = largest_cosine(-np.einsum("cgx,gx->cg", offset, normal) * inverse, spread[None])
+        factors[part] = area[None] * at * of / (np.float32(np.pi) * square + area[None])
     flat = np.flatnonzero(groups.spread < 1e-3)
     factors[flat, flat] = 0.0  # a plane does not see itself
-    return factors / np.maximum(factors.sum(axis=1, keepdims=True), 1.0)
+    factors /= np.maximum(factors.sum(axis=1, keepdims=True), 1.0)
+    return factors
 
 
-def _of_box(groups: Groups, box: np.ndarray, shown: float) -> np.ndarray:
-    """Share (G,) of what arrives that things in a box (2, 3) hide or send whose views have the area `shown` at most."""
-    size = np.ptp(box, axis=0)
-    outside = np.maximum(np.maximum(box[0] - groups.centre, groups.centre - box[1]), 0.0)
-    near = np.maximum(np.linalg.norm(outside, axis=1) - groups.radius, 1e-12)
-    offset = box.mean(axis=0) - groups.centre
-    distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-30)
-    slack = np.arcsin(np.clip((groups.radius + np.linalg.norm(size) / 2) / distance, 0.0, 1.0))
-    cosine = np.einsum("gx,gx->g", offset / distance[:, None], groups.normal)
-    share: np.ndarray = np.minimum(
-        shown * _largest_cosine(np.abs(cosine), groups.spread + slack) / (np.pi * near**2), 1.0
-    )
-    return share
-
-
-def joined_boxes(boxes: np.ndarray, areas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Boxes (B, 2, 3) and areas (B,) with those as one that show no more together: the parts of a chair that moved."""
-    left, shown = list(boxes), areas.tolist()
-    joined = True
-    while joined:
-        joined = False
-        for one in range(len(left)):
-            for other in range(one + 1, len(left)):
-                both = np.stack([np.minimum(left[one], left[other])[0], np.maximum(left[one], left[other])[1]])
-                if _half_surface(both) <= _half_surface(left[one]) + _half_surface(left[other]):
-                    left[one], shown[one] = both, shown[one] + shown[other]
-                    del left[other], shown[other]
-                    joined = True
-                    break
-    return np.array(left).reshape(-1, 2, 3), np.array(shown)
-
-
-def _half_surface(box: np.ndarray) -> float:
-    """Half of a box's surface: no view of it is larger."""
-    x, y, z = (box[1] - box[0]).tolist()
-    return float(x * y + y * z + z * x)
-
-
-def _largest_cosine(cosine: np.ndarray, slack: np.ndarray) -> np.ndarray:
+def largest_cosine(cosine: np.ndarray, slack: np.ndarray) -> np.ndarray:
     """Largest cosine of an angle that differs by at most `slack` radians, at least 0."""
-    angle = np.arccos(np.clip(cosine, -1.0, 1.0))
-    largest: np.ndarray = np.maximum(np.cos(np.maximum(angle - slack, 0.0)), 0.0)
+    known = np.clip(cosine, -1.0, 1.0)
+    turn = np.minimum(slack, np.pi)
+    nearest = np.cos(turn)
+    turned = known * nearest + np.sqrt(1.0 - known**2) * np.sin(turn)
+    largest: np.ndarray = np.where(known >= nearest, 1.0, np.maximum(turned, 0.0)).astype(known.dtype)
     return largest

@@ -11,11 +11,13 @@ from ...runtime.progress import Progress, Steps
 from ...surface.chroma import REC709
 from ...surface.mesh import Material, MeshSource
 from .bounce import change_bound, groups_of
+from .hidden import hidden_share
 from .pieces import Pieces, pieces_of
 from .shadows import Lamp, may_shadow
 
 _BRIGHTEST = 0.999  # quantile of the surface's luminance: above it are sparks of noise
 _WHITE = 0.995  # as of the automatic exposure (methods 7.1)
+_FINE, _MOST_FINE = 64, 60_000  # cells a side and groups for what is near to a change
 _LIGHTEST = 0.95  # quantile of a texture's albedo
 
 
@@ -60,25 +62,32 @@ def follow(source: MeshSource, change: Change, brightest: float, limit: float) -
     """
     pieces = yield from pieces_of(source)
     albedo = (yield from _albedo_of_triangles(source))[pieces.triangle]
+    yield Progress(0, 1, "Following shadows")
+    near = groups_of(pieces, albedo, _FINE, _MOST_FINE)
     direct = np.zeros(len(pieces.area))
+    boxes = np.unique(change.boxes, axis=0)
     for number, lamp in enumerate(change.lamps):
         yield Progress(number, len(change.lamps), "Following shadows")
-        light = np.minimum(lamp.light_on(pieces, albedo), brightest)
-        direct += np.where(may_shadow(pieces, lamp, change.boxes), light, 0.0)
+        part = np.flatnonzero(may_shadow(near, lamp, boxes)[near.of])
+        mine = Pieces(*(values[part] for values in pieces))
+        light = np.minimum(lamp.light_on(mine, albedo[part]), brightest)
+        direct[part] += np.where(may_shadow(mine, lamp, boxes), light, 0.0)
     yield Progress(0, 1, "Following light")
     direct += sum((lamp.light_on(pieces, albedo) for lamp in change.lit), np.zeros(len(albedo)))
-    bound = direct + _scattered(pieces, albedo, change, direct, brightest)
+    direct += albedo * (hidden_share(near, change.boxes, change.areas) * brightest)[near.of]
+    yield Progress(1, 2, "Following light")
+    bound = direct + _scattered(pieces, albedo, direct)
     most = np.zeros(source.triangle_count)
     np.maximum.at(most, pieces.triangle, bound)
     return most > limit, most
 
 
-def _scattered(pieces: Pieces, albedo: np.ndarray, change: Change, direct: np.ndarray, brightest: float) -> np.ndarray:
-    """Bound (N,) for what comes by way of other surfaces whose direct light changed by at most `direct` (N,)."""
+def _scattered(pieces: Pieces, albedo: np.ndarray, changed: np.ndarray) -> np.ndarray:
+    """Bound (N,) for what comes by way of other surfaces whose light changed by at most `changed` (N,) at first."""
     groups = groups_of(pieces, albedo)
     weight = np.maximum(pieces.area, 1e-30)
-    changed = np.bincount(groups.of, weight * direct, len(groups.area)) / groups.area
-    bound: np.ndarray = albedo * change_bound(groups, changed, change.boxes, change.areas, brightest)[groups.of]
+    mean = np.bincount(groups.of, weight * changed, len(groups.area)) / groups.area
+    bound: np.ndarray = albedo * change_bound(groups, mean)[groups.of]
     return bound
 
 

@@ -5,12 +5,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from .pieces import Pieces
 
 _CHUNK = 1 << 16
+_LEAN = 0.1  # of shading normals from those of the surface, as what it adds to a cosine
+
+
+class Balls(Protocol):
+    """Balls: centre (N, 3) and radius (N,) in world units."""
+
+    @property
+    def centre(self) -> np.ndarray:
+        """Middles."""
+
+    @property
+    def radius(self) -> np.ndarray:
+        """Radii."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +33,8 @@ class Lamp:
 
     place: position in world units, or the unit direction to one that is infinitely far. is_far: whether it is.
     radius: of a ball around it in world units; of a far one the tangent of the half angle that it is seen under.
-    intensity: radiant intensity where it is strongest, as luminance; infinite where nobody knows.
+    intensity: radiant intensity where it is strongest, of a far one what falls on a plane that faces it; as luminance,
+    infinite where nobody knows.
     """
 
     place: tuple[float, float, float]
@@ -31,13 +46,16 @@ class Lamp:
         """Luminance (N,) that it gives pieces of an albedo (N,) at most, as if nothing stood in its way."""
         if not math.isfinite(self.intensity):
             return np.full(len(pieces.area), np.inf)
+        if self.is_far:  # from either side, on normals that may lean
+            cosine = np.abs(pieces.normal @ np.asarray(self.place)) + self.radius + _LEAN
+            return np.asarray(albedo * self.intensity / np.pi * np.minimum(cosine, 1.0))
         distance = np.linalg.norm(pieces.centre - np.asarray(self.place), axis=1) - pieces.radius - self.radius
         light: np.ndarray = albedo * self.intensity / (np.pi * np.maximum(distance, 1e-6) ** 2)
         return light
 
 
-def may_shadow(pieces: Pieces, lamp: Lamp, boxes: np.ndarray) -> np.ndarray:
-    """(N,) bool: a segment from a ball around a piece to a ball around the lamp may meet one of the boxes (B, 2, 3).
+def may_shadow(pieces: Balls, lamp: Lamp, boxes: np.ndarray) -> np.ndarray:
+    """(N,) bool: a segment from a ball to a ball around the lamp may meet one of the boxes (B, 2, 3).
 
     The segment between the centres is asked, against boxes that are larger by the larger of both radii: never too few.
     """
