@@ -3,14 +3,18 @@
 
 Errors are of the luminance of texels, by region: smooth light, edges of shadows, contact shadows, textures. All come
 from the same paths. The rival is Open Image Denoise, as Blender's compositor has it, on the pages that the texels lie
-on, with base colours and normals as guides; once on light from which base colours are divided out, as ours. An error
-without denoising falls as the number of paths grows, which says how many more it takes.
+on, with base colours and normals as guides; once on light from which base colours are divided out, as ours. Bakes of
+more paths without denoising say how many of them have the same error.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import time
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +28,7 @@ if TYPE_CHECKING:
     from ...training.benchmarks.timing import Comparison
 
 HELP = "the error of denoised light against light with its noise, by region"
+_UNDENOISED = (8, 16, 32, 64)
 _RIVALS = {"Open Image Denoise": False, "Open Image Denoise, without base colors": True}
 
 
@@ -39,6 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "measured (1)",
     )  # fmt: skip
     add_number(parser, "--texel-voxels", bounds.TEXEL_VOXELS, default=2.0, help="side of a texel in finest voxels (2)")
+    parser.add_argument(
+        "--undenoised", type=int, nargs="*", metavar="N", default=_UNDENOISED,
+        help="paths per texel of further bakes without denoising, to see which has the error of the denoised one "
+        f"({' '.join(map(str, _UNDENOISED))})",
+    )  # fmt: skip
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="folder where bakes are left for the next run")
 
 
@@ -56,15 +66,15 @@ def measure(args: argparse.Namespace) -> Comparison:
     with quiet_stdout(), ProgressBars() as bars:
         open_or_build(args.scene)
         bakes = drain(bakes_of(args), bars.show)
-        rivals = _rivals(bakes.halves, bakes.source)
+        others = _rivals(bakes.halves, bakes.source) | bakes.more
     start = time.perf_counter()
     denoised = denoised_atlas(bakes.halves, bakes.source)
     seconds = time.perf_counter() - start
-    errors = errors_by_region(bakes.plain, denoised, bakes.reference, bakes.source, rivals)
+    errors = errors_by_region(bakes.plain, denoised, bakes.reference, bakes.source, others)
     return _compared(args, errors, seconds, int(bakes.halves.charts.texel_count))
 
 
-def _rivals(noisy: Atlas, source: Any) -> dict[str, Atlas]:
+def _rivals(noisy: Atlas, source: Any) -> dict[str | int, Atlas]:
     """Atlases of other denoisers, by name; none where this Blender has none."""
     from .image_denoiser import image_denoised, is_there
 
@@ -77,6 +87,10 @@ def _compared(args: argparse.Namespace, errors: list[Any], seconds: float, texel
     from ...training.benchmarks.timing import Comparison
 
     whole = errors[0]
+    undenoised = {args.samples: whole.noisy} | {
+        key: error for key, error in whole.rivals.items() if isinstance(key, int)
+    }
+    errors = [replace(each, rivals={k: v for k, v in each.rivals.items() if isinstance(k, str)}) for each in errors]
     details = {
         "scene": Path(args.scene).name,
         "depth": args.depth,
@@ -86,10 +100,24 @@ def _compared(args: argparse.Namespace, errors: list[Any], seconds: float, texel
         "texels": texels,
         "seconds": seconds,
         "regions": [each.as_json() for each in errors],
-        "samples_without": args.samples / whole.ratio if whole.ratio else None,
+        "undenoised": undenoised,
+        "samples_without": samples_of_error(undenoised, whole.denoised),
     }
     gain = whole.noisy / whole.denoised if whole.denoised else None
     return Comparison("denoise", whole.denoised, whole.noisy, gain, details, unit="mean squared error of luminance")
+
+
+def samples_of_error(errors: Mapping[int, float], wanted: float) -> float | None:
+    """Paths whose bakes have the error `wanted`, by the errors of some numbers of paths; None where none is so small.
+
+    Between two of them errors are taken for a power of the paths.
+    """
+    known = sorted(errors.items())
+    for (few, larger), (many, smaller) in pairwise(known):
+        if larger >= wanted >= smaller and larger > smaller > 0.0:
+            share = math.log(larger / max(wanted, 1e-30)) / math.log(larger / smaller)
+            return float(few * (many / few) ** share)
+    return None
 
 
 def text(values: dict[str, Any]) -> str:
@@ -106,9 +134,11 @@ def text(values: dict[str, Any]) -> str:
     ]  # fmt: skip
     rivals = [f"ratio of {name}" for name in values["regions"][0]["rivals"]]
     heads = ["region", "surface", "with noise", "denoised", "ratio", *rivals, "noise of the reference"]
-    more = values["samples_without"]
+    without = ", ".join(f"{paths} paths {error:.2e}" for paths, error in values["undenoised"].items())
+    same = values["samples_without"]
+    told = f"the error of the denoised bake takes {same:.0f}" if same else "none has the error of the denoised bake"
     return (
         f"{values['scene']} at depth {values['depth']}, {values['samples']} paths a texel against "
         f"{values['reference_samples']:,}: denoised in {values['seconds']:.1f} s\n\n{markdown_table(heads, rows)}\n\n"
-        + (f"Without denoising, the same error over all takes {more:.0f} paths a texel" if more else "")
+        f"Without denoising, over all: {without}; {told}"
     )

@@ -26,12 +26,14 @@ class Bakes:
     """Surface with its light of few paths and of many.
 
     halves: of few paths, as Denoise has them baked, in two halves that tell its noise. plain: of as many, as bakes
-    without Denoise have them, where the reference was baked. reference: of many; it knows its noise.
+    without Denoise have them, where the reference was baked. more: of more paths than that, by their number, likewise.
+    reference: of many; it knows its noise.
     """
 
     source: SceneMesh
     halves: Atlas
     plain: Atlas
+    more: dict[int, Atlas]
     reference: Atlas
 
 
@@ -57,11 +59,19 @@ def bakes_of(args: argparse.Namespace) -> Steps[Bakes]:
     halves = yield from _baked(source, charts, light, 1, everywhere, args.keep)
     chosen = everywhere if args.share >= 1.0 else in_blocks(source, charts.texel_world, args.share)
     plain = yield from _baked(source, charts, replace(light, denoise=False), 1, chosen, args.keep)
-    # On the same charts: which triangles share paths depends on how many there are.
-    factor = max(round(args.reference_samples / args.samples), 1)
-    charts = replace(charts, page_samples=charts.page_samples * factor)
+    more = {}
+    for samples in sorted(set(args.undenoised)):
+        if samples > args.samples:
+            larger = _with_paths(charts, args.samples, samples)
+            more[samples] = yield from _baked(source, larger, replace(light, denoise=False), 1, chosen, args.keep)
+    charts = _with_paths(charts, args.samples, args.reference_samples)
     reference = yield from _baked(source, charts, light, 2, chosen, args.keep)
-    return Bakes(source, halves, plain, reference)
+    return Bakes(source, halves, plain, more, reference)
+
+
+def _with_paths(charts: Charts, before: int, samples: int) -> Charts:
+    """Charts with more paths and the same places: which triangles share paths depends on how many there are."""
+    return replace(charts, page_samples=charts.page_samples * max(round(samples / before), 1))
 
 
 def _baked(

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from patchnet.commands.benches.denoise import samples_of_error
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.lightmap.denoised_atlas import placed_texels
@@ -85,3 +86,11 @@ def test_blocks_take_their_share_of_the_surface() -> None:
     shares = np.bincount(cell.reshape(-1), chosen) / np.bincount(cell.reshape(-1))
     assert set(np.unique(shares)) == {0.0, 1.0}
     assert in_blocks(source, 1.0, 1.0).all() and not in_blocks(source, 1.0, 0.0).any()
+
+
+def test_paths_that_have_an_error_are_found_between_bakes() -> None:
+    errors = {4: 0.4, 8: 0.2, 16: 0.1, 64: 0.05}
+    assert samples_of_error(errors, 0.1) == pytest.approx(16.0)
+    assert samples_of_error(errors, 0.2 / 2**0.5) == pytest.approx(8 * 2**0.5)
+    assert samples_of_error(errors, 0.0707107) == pytest.approx(32.0, rel=1e-4), "half as steep"
+    assert samples_of_error(errors, 0.01) is None and samples_of_error({4: 0.4}, 0.1) is None

@@ -27,7 +27,7 @@ class RegionError:
     """Squared error of luminance in a region, the mean over its surface by area and opacity.
 
     share: of the surface. noisy, denoised: errors before and after. reference_noise: of what both are compared with.
-    rivals: errors after other denoisers, by name.
+    rivals: errors of other atlases, by what they are called.
     """
 
     region: str
@@ -35,7 +35,7 @@ class RegionError:
     noisy: float
     denoised: float
     reference_noise: float
-    rivals: dict[str, float] = field(default_factory=dict)
+    rivals: dict[str | int, float] = field(default_factory=dict)
 
     @property
     def ratio(self) -> float:
@@ -48,7 +48,7 @@ class RegionError:
 
 
 def errors_by_region(
-    noisy: Atlas, denoised: Atlas, reference: Atlas, source: MeshSource, rivals: Mapping[str, Atlas] | None = None
+    noisy: Atlas, denoised: Atlas, reference: Atlas, source: MeshSource, rivals: Mapping[str | int, Atlas] | None = None
 ) -> list[RegionError]:
     """Errors of atlases against one of many more paths, on the same charts, wherever that one has light.
 
@@ -67,14 +67,15 @@ def errors_by_region(
     area *= np.clip(reference.texels[place, 1], 0.0, 1.0)  # of gaps nothing is seen
     assert reference.noise is not None
     squares = {"reference_noise": (reference.noise[place] / np.maximum(reference.texels[place, 1], MIN_OPACITY)) ** 2}
-    atlases = {"noisy": noisy, "denoised": denoised} | {f"rival {name}": each for name, each in (rivals or {}).items()}
+    atlases = {"noisy": noisy, "denoised": denoised}
     squares |= {name: (_shown(each, place) - truth) ** 2 for name, each in atlases.items()}
+    others = {name: (_shown(each, place) - truth) ** 2 for name, each in (rivals or {}).items()}
     found = []
     for region, chosen in regions.items():
         if chosen.any():
             means = {name: float(np.average(each[chosen], weights=area[chosen])) for name, each in squares.items()}
-            others = {name.removeprefix("rival "): means.pop(name) for name in list(means) if name.startswith("rival ")}
-            found.append(RegionError(region, float(area[chosen].sum() / area[known].sum()), **means, rivals=others))
+            beside = {name: float(np.average(each[chosen], weights=area[chosen])) for name, each in others.items()}
+            found.append(RegionError(region, float(area[chosen].sum() / area[known].sum()), **means, rivals=beside))
     return found
 
 
