@@ -61,7 +61,7 @@ def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) ->
 
     Closing these steps does not stop the job: what it works on must stay until `when_job_ended`.
     """
-    with _editors_keep_images(context.window_manager) as give_back:
+    with editors_keep_images(context.window_manager) as give_back:
 
         def look() -> Progress:
             give_back()
@@ -76,10 +76,10 @@ def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) ->
 
 
 @contextmanager
-def _editors_keep_images(manager: bpy.types.WindowManager) -> Iterator[Callable[[], None]]:
-    """Image Editors show what they did before: a bake that runs as a job puts its image into all of them.
+def editors_keep_images(manager: bpy.types.WindowManager) -> Iterator[Callable[[], None]]:
+    """Image Editors show what they did before: a bake puts its image into the largest, as a job into all of them.
 
-    The value gives the images back at once; Blender takes the editors soon after the job began, not right then.
+    The value gives the images back at once; Blender takes the editors soon after a job began, not right then.
     """
     areas = [area for window in manager.windows for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
     shown = [(area.spaces.active, area.spaces.active.image) for area in areas]

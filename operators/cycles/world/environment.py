@@ -23,6 +23,7 @@ from ....patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from ...scene_access.own import quiet
 from ...scene_access.temporary import sync_view_layers, temporary
 from ...scene_access.window_job import window_is_alive
+from ..bake.bake_call import editors_keep_images
 from ..scene_copy import looking_through
 
 SAMPLES = 16  # a pixel of a picture
@@ -158,7 +159,8 @@ def _bake(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
     override |= {"active_object": item, "object": item, "selected_objects": [item]}
     how = {"margin": 0, "use_clear": True, "target": "IMAGE_TEXTURES", "save_mode": "INTERNAL", "uv_layer": _LAYER}
     try:
-        with interrupts_wait(), bpy.context.temp_override(**override):
+        keeping = editors_keep_images(bpy.context.window_manager)
+        with keeping, interrupts_wait(), bpy.context.temp_override(**override):
             bpy.ops.object.bake(type="ENVIRONMENT", use_selected_to_active=False, **how)
     except RuntimeError as cause:
         reason = str(cause).strip().removeprefix("Error: ")
