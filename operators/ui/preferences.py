@@ -99,8 +99,9 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
         layout = self.layout
         layout.use_property_split = True
         layout.prop(self, "cache_folder", placeholder="The Extension's Own")
-        row = layout.row()
-        row.label(text=kept.cache or "Size not measured")
+        split = layout.split(factor=0.6)  # room for all sizes
+        split.label(text=kept.cache or "Size not measured")
+        row = split.row()
         row.operator("patchnet.measure_cache", text="Measure")
         row.operator("patchnet.clear_cache", text="Clear", icon="TRASH")
         layout.prop(self, "kept_gib")
