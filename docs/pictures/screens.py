@@ -169,6 +169,10 @@ def engine():
     """A final render, and the viewport in the engine's shading mode."""
     scene = clicks.window().scene
     scene.render.engine = "PATCHNET"
+    clicks.area("VIEW_3D").spaces.active.shading.type = "RENDERED"  # which asks for a map of the world
+    session = module("session.scene_session").session_of(scene)
+    yield from clicks.wait_for(lambda: session.world is not None, "the world's map", JOB_S)
+    clicks.area("VIEW_3D").spaces.active.shading.type = "SOLID"
     bpy.context.preferences.view.render_display_type = "NONE"
     ended: list[bool] = []
     note = lambda *_: ended.append(True)  # noqa: E731

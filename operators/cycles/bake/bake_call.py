@@ -8,8 +8,6 @@ too, between two objects.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +17,7 @@ from ....patchnet_addon.runtime.errors import SceneError, StoppedError
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ...scene_access.bake_report import replace_bake_report
+from ...scene_access.image_editors import editors_keep_images
 from ...scene_access.window_job import BAKE, as_job
 from .page_mesh import CHART_LAYER
 
@@ -73,27 +72,6 @@ def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) ->
         raise StoppedError(_STOPPED)
     if not end.completed or not target.image.is_dirty:
         raise SceneError("Cycles cannot bake the light of the scene: Blender's status bar or terminal says why")
-
-
-@contextmanager
-def editors_keep_images(manager: bpy.types.WindowManager) -> Iterator[Callable[[], None]]:
-    """Image Editors show what they did before: a bake puts its image into the largest, as a job into all of them.
-
-    The value gives the images back at once; Blender takes the editors soon after a job began, not right then.
-    """
-    areas = [area for window in manager.windows for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
-    shown = [(area.spaces.active, area.spaces.active.image) for area in areas]
-
-    def give_back() -> None:
-        for space, image in shown:
-            with suppress(ReferenceError):  # the editor or the image is gone
-                if space.image != image:
-                    space.image = image
-
-    try:
-        yield give_back
-    finally:
-        give_back()
 
 
 def _called(context: bpy.types.Context, target: BakeTarget, how: str) -> set[str]:
