@@ -4,16 +4,24 @@
 from __future__ import annotations
 
 import threading
+import time
 
 NOTE = "compiling, once on this machine"
 
 _lock = threading.Lock()
 _count = 0
+_spent_s = _since = 0.0  # until the last compilation ended, and when the one that runs began
 
 
 def is_compiling() -> bool:
     """Return whether a kernel is compiled in some thread; one that is loaded from the cache is not."""
     return _count > 0
+
+
+def compiling_seconds() -> float:
+    """Seconds of this process in which kernels were compiled."""
+    with _lock:
+        return _spent_s + (time.monotonic() - _since if _count > 0 else 0.0)
 
 
 def compilation_begins() -> None:
@@ -27,6 +35,9 @@ def compilation_ends() -> None:
 
 
 def _change(by: int) -> None:
-    global _count
+    global _count, _spent_s, _since
     with _lock:
-        _count += by
+        now = time.monotonic()
+        if _count > 0:
+            _spent_s += now - _since
+        _count, _since = _count + by, now

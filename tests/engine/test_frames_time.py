@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Share of an animation that is done and seconds left, with a clock that the test sets."""
 
+import time
+
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.runtime import compiling
 from patchnet.patchnet_addon.runtime.frames_time import FramesTime
 from patchnet.patchnet_addon.runtime.progress import Progress
 from patchnet.tests.engine.test_job_time import Clock
@@ -41,6 +44,29 @@ def test_a_slow_first_frame_is_forgotten_and_the_bar_never_falls() -> None:
     whole = np.array([report.whole for report in found])
     assert (np.diff(whole) >= 0).all()
     assert found[-25].left_s == pytest.approx(left[-25], rel=0.1)
+
+
+def test_what_the_first_frame_compiled_is_none_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled = iter([0.0, 0.0, 50.0, 50.0])
+    monkeypatch.setattr("patchnet.patchnet_addon.runtime.frames_time.compiling_seconds", lambda: next(compiled))
+    clock = Clock()
+    frames = FramesTime(3, clock)
+    frames.begin()
+    clock.now += 56.0
+    frames.end()
+    frames.begin()
+    assert frames.see(Progress(0, 1, "second")).left_s == pytest.approx(12.0)
+
+
+def test_seconds_of_compilation_count_once() -> None:
+    before = compiling.compiling_seconds()
+    for change in (compiling.compilation_begins, compiling.compilation_begins):  # one calls another
+        change()
+    time.sleep(0.05)
+    for change in (compiling.compilation_ends, compiling.compilation_ends):
+        change()
+    spent = compiling.compiling_seconds() - before
+    assert spent > 0.04 and compiling.compiling_seconds() - before == spent and not compiling.is_compiling()
 
 
 def test_frames_that_are_made_again_are_more_than_expected() -> None:
