@@ -24,7 +24,7 @@ from ..state.digest import Digest
 from .results import listeners
 from .scene_session import KeyedMap, session_of
 
-_AGAIN_S, _BETWEEN_S = 0.5, 0.02
+_AGAIN_S, _BETWEEN_S = 0.5, 0.2
 _ENGINE = "PATCHNET"  # as `render_engine/engine.py` has it
 _NO_MAP = (
     "Black is shown behind objects: Cycles cannot look at the world while a window renders, and does so afterwards: "

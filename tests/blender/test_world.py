@@ -191,9 +191,9 @@ def test_beside_a_window_parts_are_short_and_stop_between_two(
 def test_parts_are_short_but_where_reading_the_world_takes_longer(
     reading: float, each: float, least: int, most: int
 ) -> None:
-    parts = environment._Parts(10_000)
+    parts = environment.Parts(10_000)
     for _ in range(20):
-        parts.took(reading + each * parts.pixels)
+        parts.took(parts.pixels, reading + each * parts.pixels)
     assert least <= parts.pixels <= most
 
 

@@ -29,17 +29,20 @@ from ..scene_copy import looking_through
 SAMPLES = 16  # a pixel of a picture
 MAP_SIDE_PX, MAP_SAMPLES = 512, 2  # of a face of a cube map
 _PART_PX = 1 << 21  # pixels that are baked at once where no window waits
-_FIRST_PATHS, _PART_S = 1 << 19, 0.4  # of parts beside a window, see `_Parts`
+_FIRST_PATHS, _PART_S = 1 << 19, 0.4  # of parts beside a window, see `Parts`
 _FEW_PX = 8  # side of the picture of an orthographic camera, which sees one colour
 _LAYER, _NAME = "PatchNet World", "PatchNet World"
 _LARGEST = 65504.0  # float16
 
 
-def world_view(world: bpy.types.World, frame: tuple[int, float], camera: Camera, samples: int) -> Steps[np.ndarray]:
+def world_view(
+    world: bpy.types.World, frame: tuple[int, float], camera: Camera, samples: int, parts: Parts | None = None
+) -> Steps[np.ndarray]:
     """Light (P, 3) float32, linear and unexposed, that pixels of `camera` see of an original world; (3,) for one that
     is orthographic.
 
-    frame: number and the part of it that has passed. Raises SceneError if Cycles cannot bake; in the main thread alone.
+    frame: number and the part of it that has passed. parts: sizes that are learned from other views, too. Raises
+    SceneError if Cycles cannot bake; in the main thread alone.
     """
     label = f"{camera.name}: World"
     if camera.kind == ORTHOGRAPHIC:
@@ -48,7 +51,7 @@ def world_view(world: bpy.types.World, frame: tuple[int, float], camera: Camera,
             picture = _baked(scene, view_corners(camera), (_FEW_PX, _FEW_PX), samples)
         return picture.mean(axis=0)
     light = np.empty((camera.height_px, camera.width_px, 3), np.float32)
-    parts = _Parts(_FIRST_PATHS // samples if window_is_alive() else _PART_PX)
+    parts = parts or Parts(_FIRST_PATHS // samples if window_is_alive() else _PART_PX)
     row = 0
     while row < camera.height_px:
         yield Progress(row, camera.height_px, label)
@@ -58,7 +61,7 @@ def world_view(world: bpy.types.World, frame: tuple[int, float], camera: Camera,
         with _world_scene(world, frame, camera) as scene:
             part = _baked(scene, _rows_of(view_corners(camera), row, last, camera.height_px), size, samples)
         if window_is_alive():
-            parts.took(time.perf_counter() - begun)
+            parts.took(size[0] * size[1], time.perf_counter() - begun)
         light[row:last] = part.reshape(last - row, camera.width_px, 3)
         row = last
     return light.reshape(-1, 3)
@@ -66,14 +69,15 @@ def world_view(world: bpy.types.World, frame: tuple[int, float], camera: Camera,
 
 def world_map(world: bpy.types.World, frame: tuple[int, float]) -> Steps[CubeMap]:
     """Light of an original world in all directions; raises SceneError if Cycles cannot bake; in the main thread."""
+    parts = Parts(_FIRST_PATHS // MAP_SAMPLES) if window_is_alive() else None
     faces = np.empty((len(FACES), MAP_SIDE_PX, MAP_SIDE_PX, 3), np.float16)
     for face in range(len(FACES)):
-        light = yield from world_view(world, frame, face_camera(face, MAP_SIDE_PX), MAP_SAMPLES)
+        light = yield from world_view(world, frame, face_camera(face, MAP_SIDE_PX), MAP_SAMPLES, parts)
         faces[face] = np.clip(light, -_LARGEST, _LARGEST).reshape(MAP_SIDE_PX, MAP_SIDE_PX, 3)
     return CubeMap(faces)
 
 
-class _Parts:
+class Parts:
     """Sizes of parts that a window stands still for: it is drawn, and hears Esc, between two.
 
     Such a bake cannot run as a job of Blender's own, as those of pages do: Blender frees what the job writes to at the
@@ -84,9 +88,9 @@ class _Parts:
         self._least, self.pixels = pixels, max(1, pixels // 4)  # two sizes tell what reading the world takes
         self._last = 0, 0.0
 
-    def took(self, seconds: float) -> None:
-        """Learn from a part that took so long: parts grow where reading the world is most of what they take."""
-        (before, took), now = self._last, self.pixels
+    def took(self, now: int, seconds: float) -> None:
+        """Learn from a part of `now` pixels that took so long: parts grow where reading the world is most of that."""
+        before, took = self._last
         self._last = now, seconds
         if not before:
             self.pixels = self._least
