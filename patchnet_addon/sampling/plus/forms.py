@@ -86,13 +86,14 @@ class Form:
     """Form of the estimator.
 
     name: of its network in files. network: whether it sees what PatchNet says. rays: further finer rays that it
-    sees in a pixel, 0, 1 or 4 (2x2); with any, also what lies behind the patch. shown: plane of the picture
-    whose error it estimates, LUMINANCE or PREDICTED; differences of luminance are those to its pixel.
+    sees in a pixel, 0, 1 or 4 (2x2). behind: whether it also sees what lies behind the patch. shown: plane of the
+    picture whose error it estimates, LUMINANCE or PREDICTED; differences of luminance are those to its pixel.
     """
 
     name: str
     network: bool
     rays: int
+    behind: bool
     shown: Plane = Plane.LUMINANCE
 
     @cached_property
@@ -147,7 +148,7 @@ def _luminances(form: Form) -> Iterator[Feature]:
             yield from _all_of(Plane.OPEN, (CENTRE,))
     if form.rays == 1 or predicted:
         yield from _all_of(Plane.FINE)
-    if form.rays and not predicted:
+    if form.behind and not predicted:
         yield from _all_of(Plane.BEHIND, (CENTRE,), weight=HIDDEN_BEHIND)
         if form.network:
             yield from _all_of(Plane.PREDICTED)
@@ -172,13 +173,14 @@ def _geometry(form: Form) -> Iterator[Feature]:
         yield Feature(Kind.VALUE, Plane.LOOK_AHEAD, CENTRE)
         for place in WINDOW:
             yield Feature(Kind.VALUE, Plane.COVERAGE, place)
-    if form.shown == Plane.PREDICTED or form.rays:
+    if form.behind:
         yield Feature(Kind.VALUE, Plane.BEHIND_HIT, CENTRE)
 
 
 _ALL = (
-    *(Form(f"plus-{rays}", True, rays) for rays in (0, 1, 4)),
-    *(Form(f"plain-{rays}", False, rays) for rays in (0, 1, 4)),
-    *(Form(f"predicted-{rays}", True, rays, Plane.PREDICTED) for rays in (1, 4)),
+    *(Form(f"plus-{rays}", True, rays, rays > 0) for rays in (0, 1, 4)),
+    *(Form(f"plain-{rays}", False, rays, rays > 0) for rays in (0, 1, 4)),
+    *(Form(f"predicted-{rays}", True, rays, True, Plane.PREDICTED) for rays in (1, 4)),
+    Form("fine-1", False, 1, False),
 )
 FORMS: dict[str, Form] = {form.name: form for form in _ALL}
