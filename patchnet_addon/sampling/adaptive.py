@@ -97,7 +97,8 @@ class AdaptivePicture:
         finding importance raises.
         """
         pace, camera, bands = pace or Pace(), self.camera, []
-        first = self.strategy if self._staged is None else self._staged.first_look
+        staged, budget = self._staged, self._budget
+        first = self.strategy if staged is None or budget is None else staged.first_look(budget)
         wanted = [first] if self.coded is None else [first, STRATEGIES["patchnet"]]  # for coverage
         row = 0
         while row < camera.height_px:

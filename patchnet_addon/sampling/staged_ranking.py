@@ -9,7 +9,6 @@ budget, and which surely are not. Only those between get the ray behind their pa
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -43,25 +42,30 @@ class Stage:
     reached: float
 
 
-def staged_scores(
-    buffers: PixelBuffers, looks: Looks, stages: Sequence[Stage], budget: float, estimators: Estimators
-) -> np.ndarray:
+@dataclass(frozen=True)
+class Plan:
+    """Plan of a ranking. first_rays: finer rays that all pixels get, 1 or 4. stages: those after the first score."""
+
+    first_rays: int
+    stages: tuple[Stage, ...]
+
+
+def staged_scores(buffers: PixelBuffers, looks: Looks, plan: Plan, budget: float, estimators: Estimators) -> np.ndarray:
     """Scores (P,) float32 of the preview's pixels, by which a share `budget` of the active ones is refined.
 
     Pixels that the last stage looked at have the error that they are expected to have. All others have the score of an
     earlier one, and are above or below the cut as that has decided: only the order about the cut decides what a budget
-    leaves. buffers: hits, the finer ray, and importance. Raises SettingError for a budget outside 0 to 1.
+    leaves. buffers: hits, the first finer rays, and importance. Raises SettingError for a budget outside 0 to 1.
     """
     pool = np.flatnonzero(buffers.active)
     refined = refined_count(buffers, budget, len(pool))
-    score = first_scores(buffers)
-    known = KnownPixels(buffers, looks)
+    score = first_scores(buffers, plan.first_rays)
+    known = KnownPixels(buffers, looks, plan.first_rays)
     sure = pool[:0]
-    for stage in stages:
+    for stage in plan.stages:
         last = len(pool) if math.isinf(stage.reached) else math.ceil(stage.reached * refined) - len(sure)
         first = math.floor(stage.sure * refined) - len(sure)
-        urgency = priority(buffers, score)
-        above, pool = _split(_split(pool, urgency, last)[0], urgency, first)
+        above, pool = _between(pool, priority(buffers, score), first, last)
         sure = np.concatenate([sure, above])
         if not len(pool):
             break
@@ -70,25 +74,34 @@ def staged_scores(
     return score
 
 
-def first_scores(buffers: PixelBuffers) -> np.ndarray:
-    """Scores (P,) float32 of all active pixels: difference to the finer ray, and variance of the window."""
+def first_scores(buffers: PixelBuffers, rays: int) -> np.ndarray:
+    """Scores (P,) float32 of all active pixels by the first finer rays.
+
+    By one: its difference, and a share of the window's variance. By four: that of their mean, and the mean's variance.
+    """
     from .window_variance import window_variance  # compiled code, which registration must not load
 
-    assert buffers.fine is not None
-    difference = buffers.preview - buffers.fine
-    variance = window_variance(buffers.picture(buffers.preview)).ravel()
-    score = np.sqrt(difference * difference + np.float32(VARIANCE_SHARE) * variance.astype(np.float32))
-    return np.where(buffers.active, score, np.float32(0.0))
+    if rays == 4:
+        assert buffers.fine_rays is not None and buffers.fine_4 is not None
+        difference = buffers.preview - buffers.fine_4
+        deviation = buffers.fine_rays - buffers.fine_4[:, None]
+        variance = np.einsum("pr,pr->p", deviation, deviation) * np.float32(1 / (3 * 4))  # of a mean of four
+    else:
+        assert buffers.fine is not None
+        difference = buffers.preview - buffers.fine
+        around = window_variance(buffers.picture(buffers.preview)).ravel()
+        variance = np.float32(VARIANCE_SHARE) * around.astype(np.float32)
+    return np.where(buffers.active, np.sqrt(difference * difference + variance), np.float32(0.0))
 
 
-def _split(pixels: np.ndarray, urgency: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The `count` of pixels (N,) whose urgency (P,) is highest, and the others, both in rising order."""
-    if count >= len(pixels):
-        return pixels, pixels[:0]
-    if count <= 0:
-        return pixels[:0], pixels
-    order = np.argpartition(-urgency[pixels], count - 1)
-    return np.sort(pixels[order[:count]]), np.sort(pixels[order[count:]])
+def _between(pixels: np.ndarray, urgency: np.ndarray, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
+    """The `first` of pixels (N,) by falling urgency (P,), and those after them up to the `last`, in rising order."""
+    last = min(max(last, 0), len(pixels))
+    first = min(max(first, 0), last)
+    cuts = [cut for cut in (first, last) if 0 < cut < len(pixels)]
+    if cuts:
+        pixels = pixels[np.argpartition(-urgency[pixels], cuts)]
+    return pixels[:first], np.sort(pixels[first:last])
 
 
 def _keep_apart(score: np.ndarray, urgency: np.ndarray, sure: np.ndarray, pool: np.ndarray, refined: int) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
@@ -13,9 +14,8 @@ from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.progress import Steps
 from .pixel_buffers import PixelBuffers
 from .staged_looks import Looks, TracedLooks
-from .staged_plans import Plan
-from .staged_ranking import staged_scores
-from .strategy import FINE, Strategy
+from .staged_ranking import Plan, staged_scores
+from .strategy import FINE, FINE_4, Strategy
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
@@ -30,12 +30,11 @@ class StagedStrategy(Strategy):
     plan: stages for a budget. Without one, `scores` looks at all pixels alike.
     """
 
-    plan: Plan = lambda _budget: ()
+    plan: Callable[[float], Plan] = lambda _budget: Plan(1, ())
 
-    @property
-    def first_look(self) -> Strategy:
-        """Strategy that needs what the first stage does: the finer ray of every pixel."""
-        return replace(self, needs=frozenset({FINE}))
+    def first_look(self, budget: float) -> Strategy:
+        """Strategy that needs what the first score within a budget does: the finer ray of every pixel, or four."""
+        return replace(self, needs=frozenset({FINE_4 if self.plan(budget).first_rays == 4 else FINE}))
 
     def scores_within(self, buffers: PixelBuffers, looks: Looks, budget: float) -> np.ndarray:
         """(P,) float32 scores of a view, of which a share `budget` of the active pixels is refined.
@@ -47,7 +46,7 @@ class StagedStrategy(Strategy):
         return staged_scores(buffers, looks, self.plan(budget), budget, shipped_estimators())
 
 
-def in_stages(strategy: Strategy, plan: Plan) -> StagedStrategy:
+def in_stages(strategy: Strategy, plan: Callable[[float], Plan]) -> StagedStrategy:
     """The same strategy, which ranks by a plan where a budget is known."""
     return StagedStrategy(**{field.name: getattr(strategy, field.name) for field in fields(Strategy)}, plan=plan)
 
@@ -68,7 +67,7 @@ def scores_in_stages(
     from .trace import trace_view
 
     lookahead = DEFAULT_LOOKAHEAD if coded is None else coded.weights.lookahead
-    first = [strategy.first_look]
+    first = [strategy.first_look(budget)]
     buffers = yield from trace_view(octree, camera, first, coded=coded, reference=False, device=device)
     looks = TracedLooks(octree, camera, coded, lookahead, device=device)
     return buffers, strategy.scores_within(buffers, looks, budget)

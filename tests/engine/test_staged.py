@@ -12,7 +12,6 @@ from patchnet.patchnet_addon.codes.predict import predict, predict_pixels
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling import staged_pixels
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error
 from patchnet.patchnet_addon.sampling.plus.compiled import estimate_chosen
@@ -23,7 +22,8 @@ from patchnet.patchnet_addon.sampling.references.registry import EVALUATED, STAG
 from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.staged_looks import KnownLooks, TracedLooks
-from patchnet.patchnet_addon.sampling.staged_ranking import Stage, first_scores, staged_scores
+from patchnet.patchnet_addon.sampling.staged_pixels import KnownPixels
+from patchnet.patchnet_addon.sampling.staged_ranking import Plan, Stage, first_scores, staged_scores
 from patchnet.patchnet_addon.sampling.staged_strategy import scores_in_stages
 from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
@@ -70,20 +70,22 @@ def test_what_is_traced_is_what_is_known(name, budget, coded, buffers):
     strategy = EVALUATED[name]
     first, scores = drain(scores_in_stages(coded.octree, CAMERA, strategy, budget, coded))
     assert first.behind is None and first.prediction is None  # of the whole picture
+    assert (first.fine is None) == (strategy.plan(budget).first_rays == 4)
     expected = strategy.scores_within(buffers, KnownLooks(buffers), budget)
     np.testing.assert_array_equal(scores, expected)
     assert scores.dtype == np.float32
 
 
+@pytest.mark.parametrize("rays", [1, 4])
 @pytest.mark.parametrize("budget", BUDGETS)
-def test_the_last_stage_decides_who_is_refined(budget, buffers, estimators):
+def test_the_last_stage_decides_who_is_refined(budget, rays, buffers, estimators):
     """A plain copy of the rule: those that are sure, then the best of those that the last stage has looked at."""
     stages = Stage(FORMS["fine-1"], 0.3, 2.0), Stage(FORMS["plus-4"], 0.6, 1.3)
-    scores = staged_scores(buffers, KnownLooks(buffers), stages, budget, estimators)
+    scores = staged_scores(buffers, KnownLooks(buffers), Plan(rays, stages), budget, estimators)
     active = np.flatnonzero(buffers.active)
     count = round(budget * len(active))
-    looks = staged_pixels.KnownPixels(buffers, KnownLooks(buffers))
-    value, pool, sure = first_scores(buffers), active, []
+    looks = KnownPixels(buffers, KnownLooks(buffers), rays)
+    value, pool, sure = first_scores(buffers, rays), active, []
     for stage in stages:
         falling = pool[np.argsort(-value[pool], kind="stable")]
         low = max(math.floor(stage.sure * count) - len(sure), 0)
@@ -105,13 +107,13 @@ def test_only_some_pixels_are_looked_at_closely(buffers):
     assert 0 < looks.counts["fine_rays"] == looks.counts["prediction"] == looks.counts["behind"] < 0.6 * refined
     few = Counting(KnownLooks(buffers))
     EVALUATED["patchnet-plus-1-staged"].scores_within(buffers, few, 0.1)
-    assert few.counts.keys() == {"normals", "child_masks"}
+    assert not few.counts  # the finer ray is of all pixels
     EVALUATED["patchnet-plus-1-staged"].scores_within(buffers, few, 0.3)
     assert few.counts.keys() == {"normals", "child_masks", "behind", "prediction"}
 
 
 def test_all_pixels_in_one_stage_have_the_scores_of_the_whole_view(buffers, estimators):
-    everything = (Stage(FORMS["plus-4"], 0.0, math.inf),)
+    everything = Plan(1, (Stage(FORMS["plus-4"], 0.0, math.inf),))
     scores = staged_scores(buffers, KnownLooks(buffers), everything, 0.2, estimators)
     whole = estimated_error(buffers, estimators, FORMS["plus-4"])
     inside = buffers.picture(buffers.active)[1:-1, 1:-1]  # stand-ins are beside active pixels alone
@@ -139,7 +141,7 @@ def test_importance_decides_too(buffers, estimators):
     importance = np.ones(len(buffers.preview), np.float32)
     importance[: len(importance) // 2] = 0.0
     seen = replace(buffers, importance=importance)
-    scores = staged_scores(seen, KnownLooks(seen), (Stage(FORMS["plus-4"], 0.5, 1.5),), 0.2, estimators)
+    scores = staged_scores(seen, KnownLooks(seen), Plan(1, (Stage(FORMS["plus-4"], 0.5, 1.5),)), 0.2, estimators)
     refined = refine(seen, scores, 0.2)
     assert refined.any() and not refined[importance == 0].any()
 

@@ -38,7 +38,22 @@ from .scene_codes import SceneCodes
 REFERENCE_SIDE = 32
 _REFERENCE_PIXELS = 512  # of a frame, enough to be timed
 STAGED_BUDGET = 0.3
-_MEASURED = (0.0, 0.05, 0.1, 0.14, 0.15, 0.2, 0.3, 0.5, 0.74, 0.75, 1.0)  # budgets; between them costs are on a line
+_MEASURED = (
+    0.0,
+    0.05,
+    0.1,
+    0.14,
+    0.15,
+    0.2,
+    0.24,
+    0.25,
+    0.3,
+    0.5,
+    0.7,
+    0.74,
+    0.75,
+    1.0,
+)  # budgets; between them costs are on a line
 
 
 CYCLES_MS_PER_PIXEL = 0.2

@@ -92,7 +92,7 @@ def _packed(estimators: Estimators, form: Form) -> _Network:
         place[form.shown],
         place[Plane.DEPTH],
         place[Plane.PER_PIXEL],
-        place[Plane.NORMAL_X],
+        place.get(Plane.NORMAL_X, 0),  # nobody asks where there is none
         np.concatenate([blocks.ravel() for blocks in hidden]),
         layers[-1][0].ravel(),
         skip,
