@@ -9,8 +9,6 @@ import numpy as np
 
 from .pixel_buffers import PixelBuffers
 from .plus.forms import FORMS, Form
-from .staged_plans import plan_of
-from .staged_strategy import in_stages
 from .strategy import BEHIND, CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PREDICTION, SCENE_LUMINANCE, Strategy
 
 if TYPE_CHECKING:
@@ -56,7 +54,7 @@ def estimators_warning(name: str, weights_hash: str) -> str | None:
 
 
 def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str, description: str) -> Strategy:
-    """Strategy that ranks by the expected error of the picture that is shown; with finer rays, in stages if it can.
+    """Strategy that ranks by the expected error of the picture that is shown.
 
     form: estimates errors of the preview. predicted: those of the predicted picture; None: of the preview always.
     """
@@ -67,7 +65,7 @@ def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str
         chosen = predicted if predicted is not None and buffers.shows_predicted else form
         return estimated_error(buffers, shipped_estimators(), chosen)
 
-    whole = Strategy(
+    return Strategy(
         name=name,
         title=title,
         description=description,
@@ -78,7 +76,6 @@ def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str
         group="network" if form.network else "rays" if form.rays else "screen-space",
         extra_rays=_EXTRA_RAYS[form.rays],
     )
-    return in_stages(whole, plan_of(form)) if form.rays else whole
 
 
 # For the predicted picture, the finer ray and what lies behind are traced anyway.

@@ -15,7 +15,7 @@ from .staged_looks import Looks
 if TYPE_CHECKING:
     from .plus.weights import Estimators
 
-_MOST = 4  # times fewer pixels than the picture has are scored by themselves, more with the whole picture
+_MOST = 10  # times fewer pixels than the picture has are scored by themselves, more with the whole picture
 
 
 class KnownPixels:

@@ -23,7 +23,7 @@ def plan_of(last: Form) -> Callable[[float], Plan]:
 
 def _one_ray(last: Form, budget: float) -> Plan:
     """Plan with one finer ray; `last`, which also looks behind the patch, takes part where it is worth its time."""
-    near = Stage(FORMS["fine-1"], 0.5, 1.4 + 5.0 * budget)
+    near = Stage(FORMS["fine-1"], 0.6, 1.3 + 5.0 * budget)
     return Plan(1, (near, Stage(last, 0.7, 1.2)) if budget >= _NETWORK_FROM else (near,))
 
 
@@ -31,4 +31,4 @@ def _four_rays(last: Form, budget: float) -> Plan:
     """Plan with four finer rays for the pixels near the cut, or for all where that is cheaper than to choose."""
     if budget < _FOUR_FROM:
         return Plan(1, (Stage(FORMS["fine-1"], *_EVERY_PIXEL), Stage(last, 0.7, 1.25)))
-    return Plan(4, (Stage(FORMS["fine-4"], 0.5, 1.5),))
+    return Plan(4, (Stage(FORMS["fine-4"], 0.7, 1.25),))

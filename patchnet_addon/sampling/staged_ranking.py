@@ -82,10 +82,12 @@ def first_scores(buffers: PixelBuffers, rays: int) -> np.ndarray:
     from .window_variance import window_variance  # compiled code, which registration must not load
 
     if rays == 4:
-        assert buffers.fine_rays is not None and buffers.fine_4 is not None
-        difference = buffers.preview - buffers.fine_4
-        deviation = buffers.fine_rays - buffers.fine_4[:, None]
-        variance = np.einsum("pr,pr->p", deviation, deviation) * np.float32(1 / (3 * 4))  # of a mean of four
+        assert buffers.fine_rays is not None
+        first, second, third, fourth = buffers.fine_rays.T
+        mean = ((first + second) + (third + fourth)) * np.float32(0.25)
+        difference = buffers.preview - mean
+        squares = np.einsum("pr,pr->p", buffers.fine_rays, buffers.fine_rays)
+        variance = np.maximum(squares - 4 * mean * mean, 0) * np.float32(1 / (3 * 4))  # of a mean of four
     else:
         assert buffers.fine is not None
         difference = buffers.preview - buffers.fine

@@ -15,7 +15,7 @@ from ..runtime.progress import Steps
 from .pixel_buffers import PixelBuffers
 from .staged_looks import Looks, TracedLooks
 from .staged_ranking import Plan, staged_scores
-from .strategy import FINE, FINE_4, Strategy
+from .strategy import FINE, FINE_RAYS, Strategy
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
@@ -34,7 +34,7 @@ class StagedStrategy(Strategy):
 
     def first_look(self, budget: float) -> Strategy:
         """Strategy that needs what the first score within a budget does: the finer ray of every pixel, or four."""
-        return replace(self, needs=frozenset({FINE_4 if self.plan(budget).first_rays == 4 else FINE}))
+        return replace(self, needs=frozenset({FINE_RAYS if self.plan(budget).first_rays == 4 else FINE}))
 
     def scores_within(self, buffers: PixelBuffers, looks: Looks, budget: float) -> np.ndarray:
         """(P,) float32 scores of a view, of which a share `budget` of the active pixels is refined.
@@ -47,8 +47,14 @@ class StagedStrategy(Strategy):
 
 
 def in_stages(strategy: Strategy, plan: Callable[[float], Plan]) -> StagedStrategy:
-    """The same strategy, which ranks by a plan where a budget is known."""
-    return StagedStrategy(**{field.name: getattr(strategy, field.name) for field in fields(Strategy)}, plan=plan)
+    """The same strategy with a plan for budgets, as `NAME-staged`."""
+    same = {field.name: getattr(strategy, field.name) for field in fields(Strategy)}
+    staged = {
+        "name": f"{strategy.name}-staged",
+        "title": f"{strategy.title}, in stages",
+        "description": f"{strategy.description}. Within a budget, closer looks at pixels near its cut alone: faster",
+    }
+    return StagedStrategy(**same | staged, plan=plan)
 
 
 def scores_in_stages(

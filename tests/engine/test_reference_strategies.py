@@ -263,7 +263,7 @@ def test_registry():
     imported = {value.score.__module__.rpartition(".")[2] for value in map(evaluated, NEW)}
     assert imported - {"patchnet_plus"} <= {path.stem for path in files} and len(files) == 10
     assert all(name == value.name and value.maximum > 0 for name, value in EVALUATED.items())
-    assert len({value.title for value in EVALUATED.values()}) == len(EVALUATED) == len(STRATEGIES) + 28
+    assert len({value.title for value in EVALUATED.values()}) == len(EVALUATED) == len(STRATEGIES) + 27
     with pytest.raises(SettingError, match="ws-lut-coverage"):
         evaluated("best")
     with pytest.raises(SettingError, match="no strategy"):

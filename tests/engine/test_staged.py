@@ -161,7 +161,7 @@ def test_looks_at_nothing(coded, buffers):
 @pytest.mark.parametrize("with_codes", [False, True])
 def test_pictures_with_a_budget_rank_in_stages(with_codes, coded):
     """In bands, with the network's prediction of all pixels that a pass shows, or without."""
-    strategy = STRATEGIES["patchnet-plus-1"]
+    strategy = EVALUATED["patchnet-plus-1-staged"]
     picture = AdaptivePicture(coded.octree, CAMERA, strategy, coded if with_codes else None, budget=0.1)
     drain(picture.trace(Pace(band_pixels=200)))
     _, scores = drain(scores_in_stages(coded.octree, CAMERA, strategy, 0.1, coded))
@@ -173,7 +173,7 @@ def test_pictures_with_a_budget_rank_in_stages(with_codes, coded):
 
 @pytest.mark.parametrize("settings", [{"budget": None}, {"budget": 0.3, "unrefined": "predicted"}, {"budget": 0.9}])
 def test_without_a_budget_and_near_all_pixels_are_looked_at_alike(settings, coded):
-    picture = AdaptivePicture(coded.octree, CAMERA, STRATEGIES["patchnet-plus"], coded, **settings)
+    picture = AdaptivePicture(coded.octree, CAMERA, STRATEGIES["patchnet-plus-staged"], coded, **settings)
     drain(picture.trace())
     whole = AdaptivePicture(coded.octree, CAMERA, STRATEGIES["patchnet-plus"], coded, **settings | {"budget": None})
     drain(whole.trace())

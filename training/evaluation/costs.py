@@ -22,7 +22,6 @@ from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.replace import replaced_file
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.sampling.predicted import PREDICTED
-from ...patchnet_addon.sampling.references.registry import STAGED
 from ...patchnet_addon.sampling.refine import refinement_order
 from ...patchnet_addon.sampling.staged_strategy import StagedStrategy, scores_in_stages
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
@@ -97,11 +96,7 @@ def measure_costs(
 ) -> Costs:
     """Measure frames by every strategy, in turns; those that read the reference have no price."""
     coded = codes.coded
-    staged = {
-        name: strategy
-        for name, strategy in strategies.items()
-        if name in STAGED and isinstance(strategy, StagedStrategy)
-    }
+    staged = {name: strategy for name, strategy in strategies.items() if isinstance(strategy, StagedStrategy)}
     known = [name for name, strategy in strategies.items() if REFERENCE not in strategy.needs and name not in staged]
     frames: dict[str, list[float]] = {name: [] for name in known}
     stages: dict[tuple[str, float], list[float]] = {(name, budget): [] for name in staged for budget in _MEASURED}

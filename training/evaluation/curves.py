@@ -12,7 +12,6 @@ import numpy as np
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling import errors, optimal, random
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from ...patchnet_addon.sampling.references.registry import STAGED
 from ...patchnet_addon.sampling.refine import refinement_order
 from ...patchnet_addon.sampling.staged_looks import KnownLooks
 from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
@@ -125,8 +124,8 @@ def rank_staged(measured: FrameErrors, buffers: PixelBuffers, strategies: Mappin
     Each budget has stages of its own. The view must have all that they look at, and they read it from there.
     """
     looks = KnownLooks(buffers)
-    for row, (name, strategy) in enumerate(strategies.items()):
-        if name in STAGED and isinstance(strategy, StagedStrategy):
+    for row, strategy in enumerate(strategies.values()):
+        if isinstance(strategy, StagedStrategy):
             for index, budget in enumerate(BUDGETS.tolist()):
                 order = refinement_order(buffers, strategy.scores_within(buffers, looks, budget))
                 measured.left[row, index] = errors.sum_left_after(buffers, order, [budget])[0]

@@ -3,6 +3,7 @@
 
 from ...runtime.errors import SettingError
 from ..registry import STRATEGIES
+from ..staged_strategy import StagedStrategy
 from ..strategy import Strategy
 from . import divergences, entropy, fine_rays, fusion, mitchell, plain_plus, ss_variance_hits, staged, tsallis, ws_lut
 
@@ -23,7 +24,7 @@ EVALUATED: dict[str, Strategy] = STRATEGIES | {
     for reference in module.STRATEGIES
 }
 
-STAGED = frozenset(strategy.name for strategy in staged.STRATEGIES)
+STAGED = frozenset(name for name, strategy in EVALUATED.items() if isinstance(strategy, StagedStrategy))
 """Names of those that rank anew for each budget."""
 
 
