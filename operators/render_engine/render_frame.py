@@ -59,7 +59,8 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
         coded = pull(engine, making, 0.0, 0.3, frames)
         importance = None if strokes is None else partial(strokes.weights, coded.octree.grid, rect=rect)
         world = pull(engine, _world(engine, depsgraph, camera, coded.octree), 0.3, 0.3, frames)
-        picture = AdaptivePicture(coded.octree, camera, chosen, coded, importance, wanted.unrefined)
+        budget = wanted.budget if wanted.spp is None else None
+        picture = AdaptivePicture(coded.octree, camera, chosen, coded, importance, wanted.unrefined, budget)
         output = _Output(engine, depsgraph.view_layer.name, kept, picture, world)
         try:
             pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5, frames)

@@ -74,7 +74,8 @@ class Viewport:
         view = context.region_data
         camera = viewport_camera(view.view_matrix, view.window_matrix, (region.width, region.height), bounds)
         idle = self._preview is not None and self._preview.done
-        tiny = AdaptivePicture(octree, camera.with_size(8, 8), chosen, coded, unrefined=values.unrefined)
+        budget = None if values.spp else values.budget
+        tiny = AdaptivePicture(octree, camera.with_size(8, 8), chosen, coded, unrefined=values.unrefined, budget=budget)
         prepared = self._prepare(context, tiny)
         if not (self.mask.ready(context, idle=idle) and prepared):
             self._message(engine, context, _READY_SOON)
@@ -103,8 +104,9 @@ class Viewport:
         state = (id(result), *wanted, background, self.mask.version, rect, *_view(camera))
         if state != self._state or self._preview is None:
             importance = None if strokes is None else partial(strokes.weights, result.octree.grid, rect=rect)
+            budget = None if values.spp else values.budget
             picture = AdaptivePicture(
-                result.octree, camera, strategy(values.strategy), result.coded, importance, values.unrefined
+                result.octree, camera, strategy(values.strategy), result.coded, importance, values.unrefined, budget
             )
             preview = ViewportPreview(picture, values.budget, world, values.spp or None, values.refined_samples)
             self._state, self._preview = state, preview

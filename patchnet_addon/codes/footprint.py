@@ -17,7 +17,7 @@ import numpy as np
 
 from ..network.compiled_layers import TILE
 from ..network.kinds import CHILDREN
-from ..octree.leaf_boxes import covered_share
+from ..octree.leaf_boxes import STEPS, covered_steps
 from ..runtime.kernels import device, lean_device
 from .outer_cells import SMALL
 from .ray_frame import CELLS, SIDE, ray_frames
@@ -106,8 +106,10 @@ def place_box(tile, cell, place, boxes, row, axes):  # type: ignore[no-untyped-d
     if not has_boxes[0]:
         shares[:] = 1
         has_boxes[0] = True
+    at = cell * TILE + place
+    covered, scale = covered_steps(boxes, row), np.float32(1 / STEPS**2)
     for k in range(3):
-        shares[(k * CELLS + cell) * TILE + place] = covered_share(boxes, row, axes[k])
+        shares[k * CELLS * TILE + at] = np.float32(covered[axes[k]]) * scale
 
 
 @lean_device

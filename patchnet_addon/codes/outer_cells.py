@@ -15,7 +15,9 @@ import numpy as np
 
 from ..network.compiled_layers import TILE
 from ..network.kinds import CHILDREN, CORNERS, OUTER
+from ..runtime.bits import lowest_one
 from ..runtime.kernels import device, lean_device
+from ..runtime.vectors import words_set
 from .corner_cells import BASE, BASE_STEPS, SLOPE, SLOPE_BITS, SLOPE_STEPS, face_luminances
 from .patches import OCTANTS
 from .ray_frame import CELLS, SIDE
@@ -82,12 +84,15 @@ def list_cells(words, start, corner, geometry, listed, count):  # type: ignore[n
     geometry: `mask_geometry`. The cell that lies in the voxel itself is left out.
     """
     word_list, geometry_list, numbers = listed.word, listed.geometry, listed.number
-    for octant in range(CORNERS):
+    left = words_set(words, start) & ~(np.int64(1) << (CORNERS - 1 - corner))
+    while left != 0:
+        octant = lowest_one(left)
+        left &= left - 1
         word = words[start + octant]
         word_list[count] = word
         geometry_list[count] = geometry[word & np.uint32(255)]
         numbers[count] = CORNERS * corner + octant
-        count += 1 if word != 0 and octant != CORNERS - 1 - corner else 0
+        count += 1
     return count
 
 

@@ -40,6 +40,10 @@ class Prediction:
     luminance: np.ndarray
     look_ahead: np.ndarray
 
+    def part(self, pixels: np.ndarray) -> Prediction:
+        """Prediction for some of the pixels, given by their indices (N,)."""
+        return Prediction(self.coverage[pixels], self.luminance[pixels], self.look_ahead[pixels])
+
 
 def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
     """Decode coverage and luminance of all pixels, on all cores of the CPU or on a GPU.
@@ -63,6 +67,11 @@ def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
     else:
         run_parts(_predict, parts, rays, CornerCodes.of(coded), DecoderLayers.pack(coded.weights), *results)
     return prediction
+
+
+def predict_pixels(coded: CodedOctree, hits: Hits, pixels: np.ndarray, device: str = CPU) -> Prediction:
+    """Decode chosen pixels, given by their indices (N,), alone; as `predict` otherwise."""
+    return predict(coded, hits.part(pixels), device)
 
 
 def predict_reference(coded: CodedOctree, hits: Hits) -> Prediction:

@@ -42,7 +42,7 @@ def filled_steps(boxes: np.ndarray) -> np.ndarray:
 def covered_shares(boxes: np.ndarray) -> np.ndarray:
     """Shares (n, 3) float32 of their voxel's faces that boxes (n, 3) uint8 cover as seen along each axis.
 
-    Reference of `covered_share`.
+    Reference of `covered_steps`.
     """
     x, y, z = (1 + (boxes >> 4).astype(np.int64) - (boxes & 15)).T
     return (np.stack([y * z, x * z, x * y], axis=1) / STEPS**2).astype(np.float32)
@@ -81,10 +81,10 @@ def filled_share(boxes, row):  # type: ignore[no-untyped-def]
 
 
 @lean_device
-def covered_share(boxes, row, axis):  # type: ignore[no-untyped-def]
-    """Share of its voxel's face that a box covers as seen along an axis, float32."""
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    return np.float32(box_side(boxes, row, first) * box_side(boxes, row, second)) * np.float32(1 / STEPS**2)
+def covered_steps(boxes, row):  # type: ignore[no-untyped-def]
+    """Parts of its voxel's faces that a box covers as seen along each axis, three numbers of 1 / STEPS^2 each."""
+    x, y, z = box_side(boxes, row, 0), box_side(boxes, row, 1), box_side(boxes, row, 2)
+    return y * z, x * z, x * y
 
 
 @lean_device

@@ -117,6 +117,21 @@ def store(_typing: Any, array: Any, _index: Any, vector: Any) -> Any:
     return types.void(array, types.intp, vector), build
 
 
+@intrinsic
+def words_set(_typing: Any, array: Any, _index: Any) -> Any:
+    """Words of eight uint32 from an index on that are not 0, as the bits of an integer: words_set(array, index)."""
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kind = ir.VectorType(ir.IntType(32), OCTANTS)
+        address = array_address(context, builder, signature, *arguments)
+        words = builder.load(builder.bitcast(address, kind.as_pointer()))
+        words.align = 4
+        there = builder.icmp_unsigned("!=", words, ir.Constant(kind, [0] * OCTANTS))
+        return builder.zext(builder.bitcast(there, ir.IntType(OCTANTS)), ir.IntType(64))
+
+    return (_MASK(array, types.intp), build) if array.dtype == types.uint32 else None
+
+
 def _choosing(sign: str) -> Any:
     def typing(_typing: Any, left: Any, right: Any) -> Any:
         def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..octree.octree import Octree
+from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.progress import Progress, Steps
 from ..runtime.worker import run_in_worker
 from ..tracing.camera import Camera
@@ -22,6 +23,8 @@ from .predicted import PREVIEW
 from .refine import priority, refinement_order
 from .registry import STRATEGIES
 from .sample_counts import refined_in_order, runs_of_equal_counts, samples_in_order
+from .staged_looks import TracedLooks
+from .staged_strategy import StagedStrategy
 from .strategy import Strategy
 from .trace import trace_view
 
@@ -64,14 +67,17 @@ class AdaptivePicture:
         coded: CodedOctree | None = None,
         importance: Importance | None = None,
         unrefined: str = PREVIEW,
+        budget: float | None = None,
     ) -> None:
         """Prepare a picture; importance makes the weights that multiply scores of a traced view, None for 1.
 
-        unrefined: what pixels with one ray show, see `PixelBuffers`.
+        unrefined: what pixels with one ray show, see `PixelBuffers`. budget: share of the active pixels that will be
+        refined, for strategies that look at pixels in stages then; None: all pixels are looked at alike.
         """
         self.octree, self.camera, self.strategy, self.coded = octree, camera, strategy, coded
         self._importance = importance
         self.unrefined = unrefined
+        self._budget = budget
         self.colors = np.zeros((camera.pixel_count, 3), np.float32)
         self.alpha = np.zeros(camera.pixel_count, np.float32)
         self.samples = np.zeros(camera.pixel_count, np.int32)
@@ -91,7 +97,9 @@ class AdaptivePicture:
         finding importance raises.
         """
         pace, camera, bands = pace or Pace(), self.camera, []
-        wanted = [self.strategy] if self.coded is None else [self.strategy, STRATEGIES["patchnet"]]  # for coverage
+        staged, budget = self._staged, self._budget
+        first = self.strategy if staged is None or budget is None else staged.first_look(budget)
+        wanted = [first] if self.coded is None else [first, STRATEGIES["patchnet"]]  # for coverage
         row = 0
         while row < camera.height_px:
             yield Progress(row, camera.height_px, "Tracing the preview")
@@ -146,8 +154,22 @@ class AdaptivePicture:
         buffers = joined_buffers(bands)
         if self._importance is not None:
             buffers = replace(buffers, importance=(yield from self._importance(buffers)))
-        score = self.strategy.scores(buffers)
+        score = self._scores(buffers)
         return buffers, score, refinement_order(buffers, score)
+
+    @property
+    def _staged(self) -> StagedStrategy | None:
+        """Strategy where it ranks in stages, which are of the preview's errors; None where all pixels are looked at."""
+        known = self._budget is not None and self.unrefined == PREVIEW
+        return self.strategy if known and isinstance(self.strategy, StagedStrategy) else None
+
+    def _scores(self, buffers: PixelBuffers) -> np.ndarray:
+        staged = self._staged
+        if staged is None or self._budget is None:
+            return self.strategy.scores(buffers)
+        lookahead = DEFAULT_LOOKAHEAD if self.coded is None else self.coded.weights.lookahead
+        looks = TracedLooks(self.octree, self.camera, self.coded, lookahead, buffers.prediction)
+        return staged.scores_within(buffers, looks, self._budget)
 
     def _show(self, start: int, band: PixelBuffers) -> None:
         rows = slice(start, start + len(band.preview))

@@ -11,6 +11,24 @@ from ..octree.octree import POPCOUNT
 from .pixel_buffers import PixelBuffers
 from .plus.forms import FAR, SLOPE, Plane
 
+Pixels = slice | np.ndarray
+
+
+def window_pixels(pixels: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Pixels (9, N) int64 of the windows of pixels (N,), the lowest row first; beyond the picture those at its edge."""
+    row, column = np.divmod(pixels, width)
+    rows = np.clip(row + np.array([-1, 0, 1])[:, None], 0, height - 1) * width  # (3, N)
+    columns = np.clip(column + np.array([-1, 0, 1])[:, None], 0, width - 1)
+    return (rows[:, None] + columns).reshape(9, -1)
+
+
+def chosen_windows(buffers: PixelBuffers, planes: Sequence[Plane], around: np.ndarray) -> np.ndarray:
+    """Windows (C, 9, N) float32 of planes about some pixels, whose neighbours `around` (9, N) names."""
+    found = np.empty((len(planes), *around.shape), np.float32)
+    for values, plane in zip(found, planes, strict=True):
+        values[:] = _PLANES[plane](buffers, around)
+    return found
+
 
 def view_planes(buffers: PixelBuffers, planes: Sequence[Plane], first: int = 0, last: int | None = None) -> np.ndarray:
     """Planes (C, n + 2, W + 2) float32 of rows `first` to `last` - 1 of a view, n of them, with a border of one pixel.
@@ -34,38 +52,38 @@ def view_planes(buffers: PixelBuffers, planes: Sequence[Plane], first: int = 0, 
     return found
 
 
-def _depth(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
+def _depth(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
     assert buffers.cube_side_world is not None
     hits = buffers.hits
     return np.where(hits.node[pixels] >= 0, hits.z_world[pixels] / buffers.cube_side_world, FAR)
 
 
-def _per_pixel(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
+def _per_pixel(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
     """1 / SLOPE pixel sides, per cube side: the voxel's side, which is the cube's / 2^level, tells the pixel's."""
     hits = buffers.hits
     return np.ldexp(np.float32(1.0 / SLOPE), hits.level[pixels]) / hits.ratio[pixels]
 
 
-def _cosine(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
+def _cosine(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
     assert buffers.normal is not None
-    return np.abs(np.einsum("pc,pc->p", buffers.normal[pixels], buffers.hits.direction[pixels]))
+    return np.abs(np.einsum("...c,...c->...", buffers.normal[pixels], buffers.hits.direction[pixels]))
 
 
-def _children(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
+def _children(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
     assert buffers.child_mask is not None
     return POPCOUNT[buffers.child_mask[pixels]] * np.float32(0.125)
 
 
-def _open(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
+def _open(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
     assert buffers.prediction is not None and buffers.scene_luminance is not None
     coverage = buffers.prediction.coverage[pixels]
     return coverage * buffers.prediction.luminance[pixels] + (1.0 - coverage) * np.float32(buffers.scene_luminance)
 
 
-def _part(name: str, *path: str | int) -> Callable[[PixelBuffers, slice], np.ndarray]:
+def _part(name: str, *path: str | int) -> Callable[[PixelBuffers, Pixels], np.ndarray]:
     """Plane that stands in a part of the view."""
 
-    def plane(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
+    def plane(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
         values = getattr(buffers, name)
         for step in path:
             values = values[:, step] if isinstance(step, int) else getattr(values, step)
@@ -74,7 +92,7 @@ def _part(name: str, *path: str | int) -> Callable[[PixelBuffers, slice], np.nda
     return plane
 
 
-_PLANES: dict[Plane, Callable[[PixelBuffers, slice], np.ndarray]] = {
+_PLANES: dict[Plane, Callable[[PixelBuffers, Pixels], np.ndarray]] = {
     Plane.LUMINANCE: _part("preview"),
     Plane.HIT: _part("hit"),
     Plane.DEPTH: _depth,

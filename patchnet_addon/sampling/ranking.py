@@ -11,6 +11,8 @@ from .errors import left_after
 from .pixel_buffers import PixelBuffers
 from .refine import priority, refined_count, refinement_order
 from .sample_counts import refined_in_order, samples_in_order
+from .staged_looks import KnownLooks
+from .staged_strategy import StagedStrategy
 from .strategy import Strategy
 
 
@@ -68,7 +70,10 @@ class Ranking:
 def rank(strategy: Strategy, buffers: PixelBuffers, budget: float) -> Ranking:
     """Score and sort the pixels of a view. Raises SettingError for a budget outside 0 to 1, or a view that lacks
     what the strategy reads."""
-    score = strategy.scores(buffers)
+    if isinstance(strategy, StagedStrategy) and not buffers.shows_predicted:  # stages are of the preview's errors
+        score = strategy.scores_within(buffers, KnownLooks(buffers), budget)
+    else:
+        score = strategy.scores(buffers)
     order = refinement_order(buffers, score)
     mask = np.zeros(len(score), bool)
     mask[order[: refined_count(buffers, budget, len(order))]] = True

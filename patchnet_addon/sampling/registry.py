@@ -9,6 +9,7 @@ from . import (
     patchnet_behind_exact,
     patchnet_exact,
     patchnet_plus,
+    patchnet_plus_staged,
     random,
     ss_variance,
 )
@@ -20,6 +21,7 @@ STRATEGIES: dict[str, Strategy] = {
     strategy.name: strategy
     for strategy in (
         *patchnet_plus.STRATEGIES,
+        patchnet_plus_staged.STRATEGY,
         patchnet_behind.STRATEGY,
         patchnet.STRATEGY,
         ss_variance.STRATEGY,

@@ -123,12 +123,23 @@ def _center_rays(octree: Octree, camera: Camera, needs: frozenset[str], lookahea
 
 def hit_normals(octree: Octree, hits: Hits) -> np.ndarray:
     """Unit normals (P, 3) float32 of the hit voxels; 0 for a miss, and where the normals in a voxel cancel."""
-    mean = np.zeros((len(hits.node), 3), np.float32)
-    mean[hits.hit] = octree.normal_float(hits.node[hits.hit])
+    return node_normals(octree, hits.node)
+
+
+def node_normals(octree: Octree, nodes: np.ndarray) -> np.ndarray:
+    """Unit normals (N, 3) float32 of nodes (N,); 0 where there is none, -1, and where the normals in a voxel cancel."""
+    met = nodes >= 0
+    mean = np.zeros((len(nodes), 3), np.float32)
+    mean[met] = octree.normal_float(nodes[met])
     length = np.linalg.norm(mean, axis=1, keepdims=True)
     return np.divide(mean, length, out=mean, where=length > 0)
 
 
 def hit_child_masks(octree: Octree, hits: Hits) -> np.ndarray:
     """Child masks (P,) uint8 of the hit voxels, bit x + 2y + 4z; 0 for a leaf and for a miss."""
-    return np.where(hits.hit, octree.child_mask[np.maximum(hits.node, 0)], np.uint8(0))
+    return node_child_masks(octree, hits.node)
+
+
+def node_child_masks(octree: Octree, nodes: np.ndarray) -> np.ndarray:
+    """Child masks (N,) uint8 of nodes (N,), bit x + 2y + 4z; 0 for a leaf and where there is none, -1."""
+    return np.where(nodes >= 0, octree.child_mask[np.maximum(nodes, 0)], np.uint8(0))

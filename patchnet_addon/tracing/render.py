@@ -7,7 +7,7 @@ All pictures are (H * W,) with row 0 at the bottom, as Blender stores them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -87,10 +87,18 @@ class Hits:
         """(P,) bool."""
         return self.node >= 0
 
+    def part(self, pixels: np.ndarray) -> Hits:
+        """Hits of some of the pixels, given by their indices (N,), as a picture of one row."""
+        arrays = {name: value[pixels] for name, value in vars(self).items() if name in _OF_PIXELS}
+        return replace(self, width_px=len(pixels), height_px=1, **arrays)
+
     @property
     def up(self) -> np.ndarray:
         """(P, 3) float32, the picture's up orthogonal to each ray (methods 7.14); computed at each call."""
         return ray_up(self.direction, self.camera_up)
+
+
+_OF_PIXELS = {field.name for field in fields(Hits)} - {"width_px", "height_px", "camera_up"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +150,8 @@ def patch_hits(
     traced, _ = trace_pixels(octree, camera, search)
     return PatchHits(
         _hits(octree, camera, traced, background),
-        _seen(octree, traced.fine, background),
-        _seen(octree, traced.behind, background) if behind else None,
+        seen_luminance(octree, traced.fine, background),
+        seen_luminance(octree, traced.behind, background) if behind else None,
         traced.behind if behind else None,
     )
 
@@ -159,7 +167,7 @@ def fine_rays(
     double = camera.with_size(2 * width, 2 * height)
     unit = camera_in_unit_cube(double, octree.grid).finer(finer_than_pixel(lookahead) / 2)
     traced, _ = trace_pixels(octree, double, Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth))
-    quarters = _seen(octree, traced.node, background).reshape(height, 2, width, 2)
+    quarters = seen_luminance(octree, traced.node, background).reshape(height, 2, width, 2)
     return quarters.transpose(0, 2, 1, 3).reshape(height * width, 4)
 
 
@@ -204,11 +212,11 @@ def _hits(octree: Octree, camera: Camera, traced: TracedPixels, background: floa
         entry_voxel=traced.entry,
         direction=traced.direction,
         camera_up=np.asarray(camera.up, np.float64),
-        luminance=_seen(octree, traced.node, background),
+        luminance=seen_luminance(octree, traced.node, background),
     )
 
 
-def _seen(octree: Octree, nodes: np.ndarray, background: float) -> np.ndarray:
+def seen_luminance(octree: Octree, nodes: np.ndarray, background: float) -> np.ndarray:
     """Luminance (P,) float32 of nodes (P,), the background where there is none."""
     return np.where(nodes >= 0, octree.luminance_float(np.maximum(nodes, 0)), np.float32(background))
 

@@ -261,9 +261,9 @@ def test_registry():
     assert list(EVALUATED)[: len(STRATEGIES)] == list(STRATEGIES)
     files = [path for path in Path(references.__file__).parent.glob("*.py") if "\nSTRATEGIES = " in path.read_text()]
     imported = {value.score.__module__.rpartition(".")[2] for value in map(evaluated, NEW)}
-    assert imported - {"patchnet_plus"} <= {path.stem for path in files} and len(files) == 9
+    assert imported - {"patchnet_plus"} <= {path.stem for path in files} and len(files) == 10
     assert all(name == value.name and value.maximum > 0 for name, value in EVALUATED.items())
-    assert len({value.title for value in EVALUATED.values()}) == len(EVALUATED) == len(STRATEGIES) + 24
+    assert len({value.title for value in EVALUATED.values()}) == len(EVALUATED) == len(STRATEGIES) + 27
     with pytest.raises(SettingError, match="ws-lut-coverage"):
         evaluated("best")
     with pytest.raises(SettingError, match="no strategy"):
@@ -275,12 +275,13 @@ def test_groups_and_rays():
     oracles = {"patchnet-exact", "patchnet-behind-exact", "optimal", "ws-lut-luminance"}
     assert {name for name, group in groups.items() if group == "oracle"} == oracles
     plus = {"patchnet-plus": 5, "patchnet-plus-1": 1, "patchnet-plus-0": 0}
-    network = {"patchnet", "patchnet-behind", "fusion", *plus}
+    staged = {"patchnet-plus-staged": 5, "patchnet-plus-1-staged": 1}
+    network = {"patchnet", "patchnet-behind", "fusion", *plus, *staged}
     assert {name for name, group in groups.items() if group == "network"} == network
     assert {name for name, group in groups.items() if group == "world-space"} == {"ws-lut", "ws-lut-coverage"}
     rays = {"fine-ray": 1, "fine-ray-variance": 1, "fine-rays-4": 4, "fine-rays-4-variance": 4}
-    rays |= {"plain-plus-4": 5, "plain-plus-1": 1}
+    rays |= {"plain-plus-4": 5, "plain-plus-1": 1, "plain-plus-4-staged": 5, "plain-plus-1-staged": 1}
     assert groups["plain-plus-0"] == "screen-space"
     assert {name for name, group in groups.items() if group == "rays"} == set(rays)
     extra = {name: value.extra_rays for name, value in EVALUATED.items() if value.extra_rays}
-    assert extra == rays | {"patchnet-behind": 1, "fusion": 1, "patchnet-plus": 5, "patchnet-plus-1": 1}
+    assert extra == rays | staged | {"patchnet-behind": 1, "fusion": 1, "patchnet-plus": 5, "patchnet-plus-1": 1}

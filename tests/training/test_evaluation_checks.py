@@ -67,6 +67,14 @@ def test_rising_errors_are_named(track: TrackErrors) -> None:
         check_track(changed(track, (3, VARIANCE, 60), value))
 
 
+def test_what_ranks_anew_for_each_budget_may_rise(track: TrackErrors) -> None:
+    names = tuple("patchnet-plus-staged" if name == "ss-variance" else name for name in track.strategies)
+    staged = replace(track, strategies=names)
+    check_track(changed(staged, (3, VARIANCE, 60), 1.001 * track.left[3, VARIANCE, 59]))
+    with pytest.raises(CheckError, match="below 'optimal'"):
+        check_track(changed(staged, (3, VARIANCE, 10), 0.0))
+
+
 def test_optimal_that_is_not_lowest_is_named(track: TrackErrors) -> None:
     swapped = replace(track, strategies=("ss-variance", "random", "optimal"))
     with pytest.raises(CheckError, match="below 'optimal'"):

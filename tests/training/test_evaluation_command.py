@@ -86,7 +86,7 @@ def test_picture_metrics_rise_with_the_budget(results):
 def test_claims_are_decided(results):
     lowest, half = results["claims"]["lowest"]["shells"], results["claims"]["half"]["shells"]
     asked = {"patchnet", "patchnet-behind", "fusion", "patchnet-exact", "patchnet-behind-exact"}
-    asked |= {"patchnet-plus", "patchnet-plus-1", "patchnet-plus-0"}
+    asked |= {"patchnet-plus", "patchnet-plus-1", "patchnet-plus-0", "patchnet-plus-staged", "patchnet-plus-1-staged"}
     assert lowest.keys() == asked <= half.keys()
     assert all(isinstance(found["holds"], bool) for found in [*lowest.values(), *half.values()])
 

@@ -5,9 +5,9 @@ import json
 
 import pytest
 
-from patchnet.training.evaluation.costs import Costs, read_costs, write_costs
+from patchnet.training.evaluation.costs import Costs, read_costs, total_ms, write_costs
 
-COSTS = Costs({"patchnet": 2.5}, {1: 0.5, 4: 8.0}, {"predicted": 0.7}, 0.01)
+COSTS = Costs({"patchnet": 2.5}, {"staged": [1.0, 2.0]}, {1: 0.5, 4: 8.0}, {"predicted": 0.7}, 0.01)
 
 
 def test_costs_are_kept(tmp_path):
@@ -28,3 +28,15 @@ def test_costs_without_a_part_are_not_there(tmp_path):
         (tmp_path / "costs.json").write_text(json.dumps({part: values[part] for part in values if part != name}))
         assert read_costs(tmp_path / "costs.json", "key") is None
     assert read_costs(tmp_path / "nothing.json", "key") is None
+
+
+def test_ranking_in_stages_takes_what_the_budget_asks_for():
+    values = {
+        "active_pixels": 200,
+        "frames": 2,
+        "budgets": [0.0, 0.5, 1.0],
+        "ms_per_frame": {"staged": 3.0, "one": 3.0},
+    }
+    values["ms_by_budget"] = {"staged": [1.0, 3.0, 4.0]}
+    assert total_ms(values, "staged", 0.1).tolist() == [1.0, 8.0, 14.0]
+    assert total_ms(values, "one", 0.1).tolist() == [3.0, 8.0, 13.0]

@@ -23,17 +23,36 @@ from ...patchnet_addon.runtime.replace import replaced_file
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.sampling.predicted import PREDICTED
 from ...patchnet_addon.sampling.refine import refinement_order
+from ...patchnet_addon.sampling.staged_strategy import StagedStrategy, scores_in_stages
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.pixels import supersample_pixels
 from ...patchnet_addon.tracing.supersample import supersample
 from ..benchmarks.timing import take_turns
+from .curves import BUDGETS
 from .predicted import predicted_names
 from .scene_codes import SceneCodes
 
 REFERENCE_SIDE = 32
 _REFERENCE_PIXELS = 512  # of a frame, enough to be timed
+STAGED_BUDGET = 0.3
+_MEASURED = (
+    0.0,
+    0.05,
+    0.1,
+    0.14,
+    0.15,
+    0.2,
+    0.24,
+    0.25,
+    0.3,
+    0.5,
+    0.7,
+    0.74,
+    0.75,
+    1.0,
+)  # budgets; between them costs are on a line
 
 
 CYCLES_MS_PER_PIXEL = 0.2
@@ -45,11 +64,13 @@ renders: 0.3 million paths a second."""
 class Costs:
     """Costs on one thread, medians over frames of processor milliseconds.
 
-    ms_per_frame: by strategy. uniform_ms: of a picture of side x side rays in each pixel, by side. predicted_ms: of
-    predicted pictures by name. reference_ms_per_pixel: of 32x32 rays in a pixel that is refined.
+    ms_per_frame: by strategy. ms_by_budget: at each of BUDGETS by those that rank in stages, whose frame of
+    `ms_per_frame` is that of STAGED_BUDGET. uniform_ms: of a picture of side x side rays in each pixel, by side.
+    predicted_ms: of predicted pictures by name. reference_ms_per_pixel: of 32x32 rays in a pixel that is refined.
     """
 
     ms_per_frame: dict[str, float]
+    ms_by_budget: dict[str, list[float]]
     uniform_ms: dict[int, float]
     predicted_ms: dict[str, float]
     reference_ms_per_pixel: float
@@ -62,7 +83,8 @@ class Costs:
     def of_json(cls, values: Mapping[str, Any]) -> Costs:
         """Costs of `as_json`."""
         uniform = {int(side): ms for side, ms in values["uniform_ms"].items()}
-        return cls(values["ms_per_frame"], uniform, dict(values["predicted_ms"]), values["reference_ms_per_pixel"])
+        by_budget, predicted = dict(values["ms_by_budget"]), dict(values["predicted_ms"])
+        return cls(values["ms_per_frame"], by_budget, uniform, predicted, values["reference_ms_per_pixel"])
 
 
 def measure_costs(
@@ -74,8 +96,10 @@ def measure_costs(
 ) -> Costs:
     """Measure frames by every strategy, in turns; those that read the reference have no price."""
     coded = codes.coded
-    priced = {name: strategy for name, strategy in strategies.items() if REFERENCE not in strategy.needs}
-    frames: dict[str, list[float]] = {name: [] for name in priced}
+    staged = {name: strategy for name, strategy in strategies.items() if isinstance(strategy, StagedStrategy)}
+    known = [name for name, strategy in strategies.items() if REFERENCE not in strategy.needs and name not in staged]
+    frames: dict[str, list[float]] = {name: [] for name in known}
+    stages: dict[tuple[str, float], list[float]] = {(name, budget): [] for name in staged for budget in _MEASURED}
     uniform: dict[int, list[float]] = {side: [] for side in sides}
     pictures = dict(zip(predicted_names(list(codes.networks)), [coded, *codes.networks.values()], strict=True))
     predicted: dict[str, list[float]] = {name: [] for name in pictures}
@@ -83,22 +107,31 @@ def measure_costs(
     with limit_threads(1):
         for camera in cameras:
             pixels = _spread_pixels(camera)
-            runs = {name: _frame(codes.of(strategy), camera, strategy) for name, strategy in priced.items()}
+            runs = {name: _frame(codes.of(strategies[name]), camera, strategies[name]) for name in known}
+            runs |= {f"{name} {budget}": _staged(coded, camera, staged[name], budget) for name, budget in stages}
             runs |= {f"uniform {side}": _uniform(coded, camera, side) for side in sides}
             runs |= {f"picture {name}": _predicted(by, camera) for name, by in pictures.items()}
             runs["reference"] = _reference(coded, camera, pixels)
             for run in runs.values():
                 run()  # compiles
             seconds = {name: median(times) for name, times in take_turns(runs, repeats).items()}
-            for name in priced:
+            for name in known:
                 frames[name].append(1e3 * seconds[name])
+            for name, budget in stages:
+                stages[name, budget].append(1e3 * seconds[f"{name} {budget}"])
             for side in sides:
                 uniform[side].append(1e3 * seconds[f"uniform {side}"])
             for name in pictures:
                 predicted[name].append(1e3 * seconds[f"picture {name}"])
             refined.append(1e3 * seconds["reference"] / len(pixels))
+    by_budget = {
+        name: np.interp(BUDGETS, _MEASURED, [median(stages[name, budget]) for budget in _MEASURED]).tolist()
+        for name in staged
+    }
+    at_budget = {name: times[BUDGETS.tolist().index(STAGED_BUDGET)] for name, times in by_budget.items()}
     return Costs(
-        {name: median(times) for name, times in frames.items()},
+        {name: median(times) for name, times in frames.items()} | at_budget,
+        by_budget,
         {side: median(times) for side, times in uniform.items()},
         {name: median(times) for name, times in predicted.items()},
         median(refined),
@@ -111,7 +144,8 @@ def total_ms(values: Mapping[str, Any], strategy: str, ms_per_pixel: float) -> n
     values: of a scene in the results. ms_per_pixel: of the samples of a refined pixel.
     """
     pixels = values["active_pixels"] / max(values["frames"], 1)
-    return np.asarray(values["ms_per_frame"][strategy] + np.asarray(values["budgets"]) * pixels * ms_per_pixel)
+    own = values.get("ms_by_budget", {}).get(strategy, values["ms_per_frame"][strategy])
+    return np.asarray(own) + np.asarray(values["budgets"]) * pixels * ms_per_pixel
 
 
 def write_costs(costs: Costs, path: Path, key: str) -> None:
@@ -133,6 +167,14 @@ def _frame(coded: CodedOctree, camera: Camera, strategy: Strategy):  # type: ign
     def run() -> None:
         buffers = drain(trace_view(coded.octree, camera, [strategy], coded=coded, reference=False))
         refinement_order(buffers, strategy.scores(buffers))
+
+    return run
+
+
+def _staged(coded: CodedOctree, camera: Camera, strategy: StagedStrategy, budget: float):  # type: ignore[no-untyped-def]
+    def run() -> None:
+        buffers, scores = drain(scores_in_stages(coded.octree, camera, strategy, budget, coded))
+        refinement_order(buffers, scores)
 
     return run
 

@@ -56,7 +56,7 @@ def _times(values: Mapping[str, Any], strategy: str) -> tuple[list[Any], list[An
     count = len(values["budgets"])
     if strategy not in values["ms_per_frame"]:
         return [""] * count, [""] * count, [""] * count
-    own = [values["ms_per_frame"][strategy]] * count
+    own = values.get("ms_by_budget", {}).get(strategy, [values["ms_per_frame"][strategy]] * count)
     prices = values["reference_ms_per_pixel"], CYCLES_MS_PER_PIXEL
     rays, cycles = (total_ms(values, strategy, price).tolist() for price in prices)
     return own, rays, cycles

@@ -13,6 +13,9 @@ from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling import errors, optimal, random
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.refine import refinement_order
+from ...patchnet_addon.sampling.staged_looks import KnownLooks
+from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
+from ...patchnet_addon.sampling.strategy import Strategy
 
 OPTIMAL, RANDOM = optimal.STRATEGY.name, random.STRATEGY.name
 BUDGETS = np.arange(101) / 100  # methods 7.25
@@ -113,6 +116,19 @@ def frame_errors(buffers: PixelBuffers, orders: Mapping[str, np.ndarray]) -> Fra
     left = [errors.sum_left_after(buffers, order, budgets) for order in orders.values()]
     variance = float(error.var(ddof=1)) if len(error) > 1 else 0.0
     return FrameErrors(len(error), np.array(left).reshape(len(orders), len(budgets)), variance)
+
+
+def rank_staged(measured: FrameErrors, buffers: PixelBuffers, strategies: Mapping[str, Strategy]) -> None:
+    """Put the errors of strategies that rank in stages into `measured`, which has those of all by one order each.
+
+    Each budget has stages of its own. The view must have all that they look at, and they read it from there.
+    """
+    looks = KnownLooks(buffers)
+    for row, strategy in enumerate(strategies.values()):
+        if isinstance(strategy, StagedStrategy):
+            for index, budget in enumerate(BUDGETS.tolist()):
+                order = refinement_order(buffers, strategy.scores_within(buffers, looks, budget))
+                measured.left[row, index] = errors.sum_left_after(buffers, order, [budget])[0]
 
 
 def pooled_mse(tracks: Sequence[TrackErrors]) -> np.ndarray:

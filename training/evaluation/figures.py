@@ -25,7 +25,8 @@ _STYLES: dict[str, Style] = {
     "patchnet": ("#56b4e9", "-"), "patchnet-behind": (BLUE, "-"), "fusion": (PURPLE, "-"), "ss-variance": (ORANGE, "-"),
     "ws-lut": (GREEN, "-"), "fine-ray": ("#8c510a", "-"), "fine-ray-variance": ("#8c510a", "--"),
     "fine-rays-4": ("#cc79a7", "-"), "fine-rays-4-variance": ("#cc79a7", "--"), "patchnet-behind-exact": (BLUE, ":"),
-    "patchnet-exact": ("#56b4e9", ":"),
+    "patchnet-exact": ("#56b4e9", ":"), "patchnet-plus-staged": ("black", ":"),
+    "patchnet-plus-1-staged": ("#b2182b", ":"),
 }  # fmt: skip
 # For further networks, the first ones that are named; those after them are gray.
 _NETWORK_STYLES = (("black", "-."), ("#e69f00", "-."), ("#882255", "-."), ("#999933", "-."))

@@ -22,7 +22,7 @@ from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import uniform_error
 from ...patchnet_addon.tracing.camera import Camera
-from .curves import TrackErrors, frame_errors, frame_orders
+from .curves import TrackErrors, frame_errors, frame_orders, rank_staged
 from .predicted import predicted_left
 from .quality import lpips_weights, quality_of
 from .scene_codes import SceneCodes, SceneFiles, load_scene
@@ -97,6 +97,7 @@ def evaluate_block(block: FrameBlock) -> None:
             views = _views(buffers, codes)
             orders = frame_orders(buffers, _scores(strategies, views, codes))
             errors = frame_errors(buffers, orders)
+            rank_staged(errors, buffers, strategies)
             # FLIP takes twice as long as all the rest of a frame: the first of a block stands for it.
             quality = quality_of(buffers, orders, lpips_weights(block.lpips), flips=number == 0)
             prediction = buffers.prediction

@@ -25,6 +25,8 @@ _PAIRS = {
     "patchnet-plus-0": ("patchnet", VARIANCE, "ss-variance-hits", "plain-plus-0"),
     "patchnet-plus-1": ("fine-ray", "fine-ray-variance", "patchnet-behind", "fusion", "plain-plus-1"),
     "patchnet-plus": ("fine-rays-4", "fine-rays-4-variance", "plain-plus-4"),
+    "patchnet-plus-1-staged": ("fine-ray", "fine-ray-variance", "patchnet-behind", "fusion", "plain-plus-1-staged"),
+    "patchnet-plus-staged": ("fine-rays-4", "fine-rays-4-variance", "plain-plus-4-staged"),
 }  # strategies and their rivals at as many rays
 
 

@@ -76,6 +76,7 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
         "rays_per_pixel": {name: 1 + strategy.extra_rays for name, strategy in scene.strategies.items()},
         "group": {name: strategy.group for name, strategy in scene.strategies.items()},
         "ms_per_frame": costs.ms_per_frame,
+        "ms_by_budget": costs.ms_by_budget,
         "reference_ms_per_pixel": costs.reference_ms_per_pixel,
         "quality": _quality(frames.quality),
         "uniform": {

@@ -23,7 +23,17 @@ from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
 from .bootstrap import finite
 from .checks import check_track
-from .curves import BUDGETS, OPTIMAL, FrameErrors, TrackErrors, excess_area, frame_errors, frame_orders, pooled_mse
+from .curves import (
+    BUDGETS,
+    OPTIMAL,
+    FrameErrors,
+    TrackErrors,
+    excess_area,
+    frame_errors,
+    frame_orders,
+    pooled_mse,
+    rank_staged,
+)
 
 OCTREE, DIFFUSE, COMBINED = "octree", "diffuse", "combined"  # truths: G1, G2, and G2 with gloss and glass
 
@@ -84,6 +94,7 @@ def measure_camera(
     assert buffers.reference is not None
     scores = {name: strategy.scores(buffers) for name, strategy in strategies.items()}
     errors = {OCTREE: frame_errors(buffers, frame_orders(buffers, scores))}
+    rank_staged(errors[OCTREE], buffers, strategies)
     bias, noise = {}, {}
     for name, truth in truths.items():
         if truth.luminance.shape != buffers.reference.shape:
@@ -91,6 +102,7 @@ def measure_camera(
         seen = replace(buffers, reference=truth.luminance)
         known = {key: each.scores(seen) for key, each in strategies.items() if REFERENCE in each.needs}
         errors[name] = frame_errors(seen, frame_orders(seen, scores | known))
+        rank_staged(errors[name], seen, strategies)
         off = (buffers.reference.astype(np.float64) - truth.luminance) ** 2
         bias[name], noise[name] = float(off[buffers.active].sum()), float(truth.noise[buffers.active].sum())
     return CameraResult(camera, buffers, truths, errors, bias, noise)

@@ -20,7 +20,7 @@ from ...runtime.kernels import device, kernel
 from ...runtime.threads import run_parts
 from ...runtime.vectors import store
 from .features import HIGHEST, LOWEST
-from .forms import FLOOR, Form, Kind, Plane
+from .forms import CENTRE, FLOOR, Form, Kind, Plane
 from .weights import HIDDEN, Estimators
 
 _BAND_ROWS = 256  # whose planes are made at once
@@ -71,6 +71,16 @@ def estimate(
     return scores
 
 
+def estimate_chosen(windows: np.ndarray, estimators: Estimators, form: Form) -> np.ndarray:
+    """Expected error (N,) float32 of N pixels as `estimate` has it; windows: (C, 9, N) float32 of the form's planes."""
+    count = windows.shape[2]
+    scores = np.empty(count, np.float32)
+    # A run that reaches beyond the last pixel reads what stands behind the last window.
+    flat = np.concatenate([windows.ravel(), np.zeros(TILE, np.float32)])
+    run_parts(_estimate_chosen, -(-count // TILE), flat, 9 * count, _packed(estimators, form), scores)
+    return scores
+
+
 @cache
 def _packed(estimators: Estimators, form: Form) -> _Network:
     layers, skip = estimators.networks[form.name]
@@ -82,7 +92,7 @@ def _packed(estimators: Estimators, form: Form) -> _Network:
         place[form.shown],
         place[Plane.DEPTH],
         place[Plane.PER_PIXEL],
-        place[Plane.NORMAL_X],
+        place.get(Plane.NORMAL_X, 0),  # nobody asks where there is none
         np.concatenate([blocks.ravel() for blocks in hidden]),
         layers[-1][0].ravel(),
         skip,
@@ -94,38 +104,70 @@ def _packed(estimators: Estimators, form: Form) -> _Network:
 @kernel
 def _estimate(first, last, planes, shape, active, network, scores):  # type: ignore[no-untyped-def]
     """Write the scores of rows of a band."""
-    depth = len(network.table)
-    features, scale = empty_values(depth), np.empty(TILE, np.float32)
-    tile, others = empty_values(HIDDEN), empty_values(HIDDEN)
+    work = _empty_work(network)
+    _, scale, tile, _ = work
+    at = np.empty(9, np.int64)
     width = active.shape[1]
     for row in range(first, last):
         for column in range(0, width, TILE):
             count = min(TILE, width - column)
             if not active[row, column : column + count].any():
                 continue
-            _fill_features(planes, shape, row * shape[1] + column, network, features, scale)
-            apply_layer(features, depth, tile, HIDDEN, network.hidden, network.bias, network.floor)
-            apply_layer(
-                tile, HIDDEN, others, HIDDEN, network.hidden[depth * HIDDEN :], network.bias[HIDDEN:], network.floor
-            )
-            _apply_last(others, features, network, tile)
+            corner = row * shape[1] + column
+            for window in range(len(at)):
+                at[window] = corner + window // 3 * shape[1] + window % 3
+            _estimate_run(planes, shape[0] * shape[1], at, network, work)
             for place in range(count):
                 if active[row, column + place]:
                     scores[row, column + place] = math.sqrt(scale[place] * tile[place])
 
 
+@kernel
+def _estimate_chosen(first, last, windows, size, network, scores):  # type: ignore[no-untyped-def]
+    """Write the scores of runs of chosen pixels, whose windows (C, 9, N) are flat; size: 9 N."""
+    work = _empty_work(network)
+    _, scale, tile, _ = work
+    at = np.empty(9, np.int64)
+    for start in range(first * TILE, min(last * TILE, len(scores)), TILE):
+        for window in range(len(at)):
+            at[window] = window * len(scores) + start
+        _estimate_run(windows, size, at, network, work)
+        for place in range(min(TILE, len(scores) - start)):
+            scores[start + place] = math.sqrt(scale[place] * tile[place])
+
+
 @device
-def _fill_features(planes, shape, corner, network, features, scale):  # type: ignore[no-untyped-def]
-    """Write the features of a run of pixels and their squared scales; corner: index of its first window in a plane."""
-    size, stride = shape[0] * shape[1], shape[1]
-    centre = corner + stride + 1
+def _empty_work(network):  # type: ignore[no-untyped-def]
+    """Features, squared scales, and values between layers of a run."""
+    features, scale = empty_values(len(network.table)), np.empty(TILE, np.float32)
+    return features, scale, empty_values(HIDDEN), empty_values(HIDDEN)
+
+
+@device
+def _estimate_run(planes, size, at, network, work):  # type: ignore[no-untyped-def]
+    """Estimate a run of pixels: the squared errors over the squared scales are in the first row of the third of `work`.
+
+    size: of a plane. at: (9,) index in a plane of the first pixel's neighbour at each place of the window.
+    """
+    features, scale, tile, others = work
+    depth = len(network.table)
+    _fill_features(planes, size, at, network, features, scale)
+    apply_layer(features, depth, tile, HIDDEN, network.hidden, network.bias, network.floor)
+    apply_layer(tile, HIDDEN, others, HIDDEN, network.hidden[depth * HIDDEN :], network.bias[HIDDEN:], network.floor)
+    _apply_last(others, features, network, tile)
+
+
+@device
+def _fill_features(planes, size, at, network, features, scale):  # type: ignore[no-untyped-def]
+    """Write the features of a run of pixels and their squared scales; size, at: as in `_estimate_run`."""
+    centre = at[CENTRE]
     base, depth = network.base * size + centre, network.depth * size + centre
     per_pixel, normal = network.per_pixel * size + centre, network.normal * size + centre
     for place in range(TILE):
         scale[place] = _FLOOR
     for row in range(len(network.table)):
         kind, plane, window = network.table[row, 0], network.table[row, 1], network.table[row, 2]
-        start = plane * size + corner + window // 3 * stride + window % 3
+        start = plane * size + at[window]
         to = row * TILE
         if kind == _DIFFERENCE:
             share = network.shares[row]

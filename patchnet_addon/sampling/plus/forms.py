@@ -51,7 +51,6 @@ class Plane(IntEnum):
 
 
 NORMALS = (Plane.NORMAL_X, Plane.NORMAL_Y, Plane.NORMAL_Z)
-_ALWAYS = (Plane.DEPTH, Plane.PER_PIXEL, *NORMALS)  # of slopes and angles
 
 
 class Kind(IntEnum):
@@ -86,13 +85,16 @@ class Form:
     """Form of the estimator.
 
     name: of its network in files. network: whether it sees what PatchNet says. rays: further finer rays that it
-    sees in a pixel, 0, 1 or 4 (2x2); with any, also what lies behind the patch. shown: plane of the picture
-    whose error it estimates, LUMINANCE or PREDICTED; differences of luminance are those to its pixel.
+    sees in a pixel, 0, 1 or 4 (2x2). behind: whether it also sees what lies behind the patch. surface: whether it sees
+    normals and children of voxels. shown: plane of the picture whose error it estimates, LUMINANCE or PREDICTED;
+    differences of luminance are those to its pixel.
     """
 
     name: str
     network: bool
     rays: int
+    behind: bool
+    surface: bool = True
     shown: Plane = Plane.LUMINANCE
 
     @cached_property
@@ -104,7 +106,8 @@ class Form:
     @cached_property
     def planes(self) -> tuple[Plane, ...]:
         """Planes that the features are made of, in rising order."""
-        found = {feature.plane for feature in self.features} | {self.shown, *_ALWAYS}
+        found = {feature.plane for feature in self.features} | {self.shown, Plane.DEPTH, Plane.PER_PIXEL}
+        found |= set(NORMALS) if self.surface else set()
         return tuple(sorted(found))
 
     @cached_property
@@ -147,7 +150,7 @@ def _luminances(form: Form) -> Iterator[Feature]:
             yield from _all_of(Plane.OPEN, (CENTRE,))
     if form.rays == 1 or predicted:
         yield from _all_of(Plane.FINE)
-    if form.rays and not predicted:
+    if form.behind and not predicted:
         yield from _all_of(Plane.BEHIND, (CENTRE,), weight=HIDDEN_BEHIND)
         if form.network:
             yield from _all_of(Plane.PREDICTED)
@@ -164,21 +167,23 @@ def _geometry(form: Form) -> Iterator[Feature]:
         yield Feature(Kind.VALUE, Plane.HIT, place)
     for place in AROUND:
         yield Feature(Kind.SLOPE, Plane.DEPTH, place)
-    for place in AROUND:
-        yield Feature(Kind.ANGLE, Plane.NORMAL_X, place)
-    for plane in (Plane.COSINE, Plane.RATIO, Plane.CHILDREN):
+    if form.surface:
+        for place in AROUND:
+            yield Feature(Kind.ANGLE, Plane.NORMAL_X, place)
+    for plane in (Plane.COSINE, Plane.RATIO, Plane.CHILDREN) if form.surface else (Plane.RATIO,):
         yield Feature(Kind.VALUE, plane, CENTRE)
     if form.network:
         yield Feature(Kind.VALUE, Plane.LOOK_AHEAD, CENTRE)
         for place in WINDOW:
             yield Feature(Kind.VALUE, Plane.COVERAGE, place)
-    if form.shown == Plane.PREDICTED or form.rays:
+    if form.behind:
         yield Feature(Kind.VALUE, Plane.BEHIND_HIT, CENTRE)
 
 
 _ALL = (
-    *(Form(f"plus-{rays}", True, rays) for rays in (0, 1, 4)),
-    *(Form(f"plain-{rays}", False, rays) for rays in (0, 1, 4)),
-    *(Form(f"predicted-{rays}", True, rays, Plane.PREDICTED) for rays in (1, 4)),
+    *(Form(f"plus-{rays}", True, rays, rays > 0) for rays in (0, 1, 4)),
+    *(Form(f"plain-{rays}", False, rays, rays > 0) for rays in (0, 1, 4)),
+    *(Form(f"predicted-{rays}", True, rays, True, shown=Plane.PREDICTED) for rays in (1, 4)),
+    *(Form(f"fine-{rays}", False, rays, False, surface=False) for rays in (1, 4)),
 )
 FORMS: dict[str, Form] = {form.name: form for form in _ALL}

@@ -3,14 +3,29 @@
 
 from ...runtime.errors import SettingError
 from ..registry import STRATEGIES
+from ..staged_strategy import StagedStrategy
 from ..strategy import Strategy
-from . import divergences, entropy, fine_rays, fusion, mitchell, plain_plus, ss_variance_hits, tsallis, ws_lut
+from . import divergences, entropy, fine_rays, fusion, mitchell, plain_plus, ss_variance_hits, staged, tsallis, ws_lut
 
 EVALUATED: dict[str, Strategy] = STRATEGIES | {
     reference.name: reference
-    for module in (fusion, plain_plus, fine_rays, ss_variance_hits, mitchell, entropy, divergences, tsallis, ws_lut)
+    for module in (
+        fusion,
+        plain_plus,
+        staged,
+        fine_rays,
+        ss_variance_hits,
+        mitchell,
+        entropy,
+        divergences,
+        tsallis,
+        ws_lut,
+    )
     for reference in module.STRATEGIES
 }
+
+STAGED = frozenset(name for name, strategy in EVALUATED.items() if isinstance(strategy, StagedStrategy))
+"""Names of those that rank anew for each budget."""
 
 
 def evaluated(name: str) -> Strategy:

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Ranking in stages: one finer ray for all pixels, then closer looks at those that are near the budget's cut.
+
+What a pixel's score costs has to be worth it. A finer ray tells already which pixels are surely refined within a
+budget, and which surely are not. Only those between get the ray behind their patch, the network, four more rays
+(methods 12.5).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .pixel_buffers import PixelBuffers
+from .plus.forms import Form
+from .refine import priority, refined_count
+from .staged_looks import Looks
+from .staged_pixels import KnownPixels
+
+if TYPE_CHECKING:
+    from .plus.weights import Estimators
+
+VARIANCE_SHARE = 1 / 16
+"""Share of the variance of 3x3 pixels beside the finer ray's squared difference in the first score."""
+_BESIDE = 1e-6  # relative distance from the cut of scores that have to be above or below it
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Stage of a ranking.
+
+    form: of the estimator that scores the pixels that take part. sure, reached: they are those whose place by the
+    scores before is between sure and reached times the number of pixels that the budget refines. Those before are
+    refined.
+    """
+
+    form: Form
+    sure: float
+    reached: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Plan of a ranking. first_rays: finer rays that all pixels get, 1 or 4. stages: those after the first score."""
+
+    first_rays: int
+    stages: tuple[Stage, ...]
+
+
+def staged_scores(buffers: PixelBuffers, looks: Looks, plan: Plan, budget: float, estimators: Estimators) -> np.ndarray:
+    """Scores (P,) float32 of the preview's pixels, by which a share `budget` of the active ones is refined.
+
+    Pixels that the last stage looked at have the error that they are expected to have. All others have the score of an
+    earlier one, and are above or below the cut as that has decided: only the order about the cut decides what a budget
+    leaves. buffers: hits, the first finer rays, and importance. Raises SettingError for a budget outside 0 to 1.
+    """
+    pool = np.flatnonzero(buffers.active)
+    refined = refined_count(buffers, budget, len(pool))
+    score = first_scores(buffers, plan.first_rays)
+    known = KnownPixels(buffers, looks, plan.first_rays)
+    sure = pool[:0]
+    for stage in plan.stages:
+        last = len(pool) if math.isinf(stage.reached) else math.ceil(stage.reached * refined) - len(sure)
+        first = math.floor(stage.sure * refined) - len(sure)
+        above, pool = _between(pool, priority(buffers, score), first, last)
+        sure = np.concatenate([sure, above])
+        if not len(pool):
+            break
+        score[pool] = known.estimate(stage.form, pool, estimators)
+    _keep_apart(score, priority(buffers, score), sure, pool, refined)
+    return score
+
+
+def first_scores(buffers: PixelBuffers, rays: int) -> np.ndarray:
+    """Scores (P,) float32 of all active pixels by the first finer rays.
+
+    By one: its difference, and a share of the window's variance. By four: that of their mean, and the mean's variance.
+    """
+    from .window_variance import window_variance  # compiled code, which registration must not load
+
+    if rays == 4:
+        assert buffers.fine_rays is not None
+        first, second, third, fourth = buffers.fine_rays.T
+        mean = ((first + second) + (third + fourth)) * np.float32(0.25)
+        difference = buffers.preview - mean
+        squares = np.einsum("pr,pr->p", buffers.fine_rays, buffers.fine_rays)
+        variance = np.maximum(squares - 4 * mean * mean, 0) * np.float32(1 / (3 * 4))  # of a mean of four
+    else:
+        assert buffers.fine is not None
+        difference = buffers.preview - buffers.fine
+        around = window_variance(buffers.picture(buffers.preview)).ravel()
+        variance = np.float32(VARIANCE_SHARE) * around.astype(np.float32)
+    return np.where(buffers.active, np.sqrt(difference * difference + variance), np.float32(0.0))
+
+
+def _between(pixels: np.ndarray, urgency: np.ndarray, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
+    """The `first` of pixels (N,) by falling urgency (P,), and those after them up to the `last`, in rising order."""
+    last = min(max(last, 0), len(pixels))
+    first = min(max(first, 0), last)
+    cuts = [cut for cut in (first, last) if 0 < cut < len(pixels)]
+    if cuts:
+        pixels = pixels[np.argpartition(-urgency[pixels], cuts)]
+    return pixels[:first], np.sort(pixels[first:last])
+
+
+def _keep_apart(score: np.ndarray, urgency: np.ndarray, sure: np.ndarray, pool: np.ndarray, refined: int) -> None:
+    """Change scores (P,) so that the budget refines the pixels `sure`, and of all others only some of the `pool`.
+
+    urgency: (P,) scores times importance.
+    """
+    left = refined - len(sure)
+    if not 0 < left <= len(pool):
+        return
+    cut = np.partition(urgency[pool], len(pool) - left)[len(pool) - left]
+    others = np.ones(len(score), bool)
+    others[sure] = others[pool] = False
+    high = np.flatnonzero(others & (urgency >= cut))
+    low = sure[urgency[sure] <= cut]
+    tiny = np.finfo(np.float32).tiny
+    score[high] *= np.float32(1.0 - _BESIDE) * cut / np.maximum(urgency[high], tiny)
+    score[low] *= np.float32(1.0 + _BESIDE) * cut / np.maximum(urgency[low], tiny)

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Strategies that rank in stages where a budget is known (methods 12.5)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..network.devices import CPU
+from ..runtime.bounds import DEFAULT_LOOKAHEAD
+from ..runtime.progress import Steps
+from .pixel_buffers import PixelBuffers
+from .staged_looks import Looks, TracedLooks
+from .staged_ranking import Plan, staged_scores
+from .strategy import FINE, FINE_RAYS, Strategy
+
+if TYPE_CHECKING:
+    from ..codes.coded_octree import CodedOctree
+    from ..octree.octree import Octree
+    from ..tracing.camera import Camera
+
+
+@dataclass(frozen=True)
+class StagedStrategy(Strategy):
+    """Strategy of the error estimator whose pixels are looked at in stages where a budget is known.
+
+    plan: stages for a budget. Without one, `scores` looks at all pixels alike.
+    """
+
+    plan: Callable[[float], Plan] = lambda _budget: Plan(1, ())
+
+    def first_look(self, budget: float) -> Strategy:
+        """Strategy that needs what the first score within a budget does: the finer ray of every pixel, or four."""
+        return replace(self, needs=frozenset({FINE_RAYS if self.plan(budget).first_rays == 4 else FINE}))
+
+    def scores_within(self, buffers: PixelBuffers, looks: Looks, budget: float) -> np.ndarray:
+        """(P,) float32 scores of a view, of which a share `budget` of the active pixels is refined.
+
+        buffers: as of `first_look`. Raises SettingError for a budget outside 0 to 1.
+        """
+        from .plus.weights import shipped_estimators
+
+        return staged_scores(buffers, looks, self.plan(budget), budget, shipped_estimators())
+
+
+def in_stages(strategy: Strategy, plan: Callable[[float], Plan]) -> StagedStrategy:
+    """The same strategy with a plan for budgets, as `NAME-staged`."""
+    same = {field.name: getattr(strategy, field.name) for field in fields(Strategy)}
+    staged = {
+        "name": f"{strategy.name}-staged",
+        "title": f"{strategy.title}, in stages",
+        "description": f"{strategy.description}. Within a budget, closer looks at pixels near its cut alone: faster",
+    }
+    return StagedStrategy(**same | staged, plan=plan)
+
+
+def scores_in_stages(
+    octree: Octree,
+    camera: Camera,
+    strategy: StagedStrategy,
+    budget: float,
+    coded: CodedOctree | None = None,
+    *,
+    device: str = CPU,
+) -> Steps[tuple[PixelBuffers, np.ndarray]]:
+    """View as the first stage needs it, and scores (P,) float32 within a budget, traced and decoded stage by stage.
+
+    Raises SettingError for a budget outside 0 to 1.
+    """
+    from .trace import trace_view
+
+    lookahead = DEFAULT_LOOKAHEAD if coded is None else coded.weights.lookahead
+    first = [strategy.first_look(budget)]
+    buffers = yield from trace_view(octree, camera, first, coded=coded, reference=False, device=device)
+    looks = TracedLooks(octree, camera, coded, lookahead, device=device)
+    return buffers, strategy.scores_within(buffers, looks, budget)

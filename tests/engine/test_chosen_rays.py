@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rays of chosen pixels alone meet what those of the whole picture meet."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from patchnet.patchnet_addon.tracing.chosen import behind_of, fine_rays_of
+from patchnet.patchnet_addon.tracing.render import fine_rays, patch_hits
+from patchnet.tests.engine.octree_samples import random_octree, with_boxes
+
+PERSPECTIVE = Camera.look_at(np.array([2.1, 1.4, 1.2]), np.full(3, 0.5), size_px=(45, 30))
+CAMERAS = {
+    "perspective": PERSPECTIVE,
+    "inside": Camera.look_at(np.array([0.52, 0.49, 0.51]), np.array([0.9, 0.6, 0.4]), size_px=(33, 17)),
+    "orthographic": replace(PERSPECTIVE, kind=ORTHOGRAPHIC, half_x=0.8, half_y=0.6),
+    "one pixel": PERSPECTIVE.with_size(1, 1),
+}
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["whole voxels", "boxes"])
+def octree(request):
+    found = random_octree(depth=7, count=400)
+    return with_boxes(found) if request.param else found
+
+
+def chosen(camera: Camera, share: float) -> np.ndarray:
+    """Some pixels in any order."""
+    random = np.random.default_rng(3)
+    return random.permutation(camera.pixel_count)[: round(share * camera.pixel_count)]
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 1.0])
+@pytest.mark.parametrize("lookahead", [1, 2, 3])
+def test_they_meet_the_same_voxels(name, share, lookahead, octree):
+    """Bit for bit: picture coordinates are quotients of the same numbers."""
+    camera = CAMERAS[name]
+    pixels = chosen(camera, share)
+    whole = patch_hits(octree, camera, lookahead=lookahead)
+    np.testing.assert_array_equal(behind_of(octree, camera, pixels, lookahead=lookahead), whole.behind_node[pixels])
+    rays = fine_rays_of(octree, camera, pixels, lookahead=lookahead)
+    np.testing.assert_array_equal(rays, fine_rays(octree, camera, lookahead=lookahead)[pixels])
+    assert rays.shape == (len(pixels), 4) and rays.dtype == np.float32
+
+
+def test_something_is_met(octree):
+    camera = CAMERAS["perspective"]
+    pixels = chosen(camera, 1.0)
+    assert (behind_of(octree, camera, pixels) >= 0).any() and fine_rays_of(octree, camera, pixels).any()

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Ranking in stages: traced and known looks agree, who is refined, and what is looked at."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.codes.encode import encode_octree
+from patchnet.patchnet_addon.codes.predict import predict, predict_pixels
+from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
+from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error
+from patchnet.patchnet_addon.sampling.plus.compiled import estimate_chosen
+from patchnet.patchnet_addon.sampling.plus.forms import FORMS
+from patchnet.patchnet_addon.sampling.plus.weights import Estimators
+from patchnet.patchnet_addon.sampling.plus_planes import chosen_windows, window_pixels
+from patchnet.patchnet_addon.sampling.references.registry import EVALUATED, STAGED
+from patchnet.patchnet_addon.sampling.refine import refine
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.staged_looks import KnownLooks, TracedLooks
+from patchnet.patchnet_addon.sampling.staged_pixels import KnownPixels
+from patchnet.patchnet_addon.sampling.staged_ranking import Plan, Stage, first_scores, staged_scores
+from patchnet.patchnet_addon.sampling.staged_strategy import scores_in_stages
+from patchnet.patchnet_addon.sampling.strategy import Strategy
+from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.tests.engine.octree_samples import random_octree
+
+ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)
+CAMERA = Camera.look_at(np.array([2.1, 1.4, 1.2]), np.full(3, 0.5), size_px=(60, 40))
+BUDGETS = [0.0, 0.01, 0.1, 0.3, 0.7, 1.0]
+
+
+@pytest.fixture(scope="module")
+def coded():
+    return drain(encode_octree(random_octree(depth=7, count=400), Weights.random(seed=3)))
+
+
+@pytest.fixture(scope="module")
+def buffers(coded):
+    return drain(trace_view(coded.octree, CAMERA, [ALL], coded=coded, reference=False))
+
+
+@pytest.fixture(scope="module")
+def estimators():
+    return Estimators.random(seed=5)
+
+
+class Counting:
+    """Looks that count how many pixels each kind was asked for."""
+
+    def __init__(self, looks):
+        self._looks, self.counts = looks, {}
+
+    def __getattr__(self, name):
+        def look(*arguments):
+            self.counts[name] = self.counts.get(name, 0) + len(arguments[-1])
+            return getattr(self._looks, name)(*arguments)
+
+        return look
+
+
+@pytest.mark.parametrize("name", sorted(STAGED))
+@pytest.mark.parametrize("budget", BUDGETS)
+def test_what_is_traced_is_what_is_known(name, budget, coded, buffers):
+    strategy = EVALUATED[name]
+    first, scores = drain(scores_in_stages(coded.octree, CAMERA, strategy, budget, coded))
+    assert first.behind is None and first.prediction is None  # of the whole picture
+    assert (first.fine is None) == (strategy.plan(budget).first_rays == 4)
+    expected = strategy.scores_within(buffers, KnownLooks(buffers), budget)
+    np.testing.assert_array_equal(scores, expected)
+    assert scores.dtype == np.float32
+
+
+@pytest.mark.parametrize("rays", [1, 4])
+@pytest.mark.parametrize("budget", BUDGETS)
+def test_the_last_stage_decides_who_is_refined(budget, rays, buffers, estimators):
+    """A plain copy of the rule: those that are sure, then the best of those that the last stage has looked at."""
+    stages = Stage(FORMS["fine-1"], 0.3, 2.0), Stage(FORMS["plus-4"], 0.6, 1.3)
+    scores = staged_scores(buffers, KnownLooks(buffers), Plan(rays, stages), budget, estimators)
+    active = np.flatnonzero(buffers.active)
+    count = round(budget * len(active))
+    looks = KnownPixels(buffers, KnownLooks(buffers), rays)
+    value, pool, sure = first_scores(buffers, rays), active, []
+    for stage in stages:
+        falling = pool[np.argsort(-value[pool], kind="stable")]
+        low = max(math.floor(stage.sure * count) - len(sure), 0)
+        high = max(math.ceil(stage.reached * count) - len(sure), 0)
+        sure, pool = [*sure, *falling[:low]], np.sort(falling[low:high])
+        if len(pool):
+            value[pool] = looks.estimate(stage.form, pool, estimators)
+    expected = np.zeros(len(scores), bool)
+    expected[[*sure, *pool[np.argsort(-value[pool], kind="stable")][: count - len(sure)]]] = True
+    refined = refine(buffers, scores, budget)
+    assert refined.sum() == count == expected.sum()
+    assert (refined == expected).mean() > 0.995  # but for equal scores
+
+
+def test_only_some_pixels_are_looked_at_closely(buffers):
+    looks = Counting(KnownLooks(buffers))
+    EVALUATED["patchnet-plus-staged"].scores_within(buffers, looks, 0.1)
+    refined = 0.1 * buffers.active.sum()
+    assert 0 < looks.counts["fine_rays"] == looks.counts["prediction"] == looks.counts["behind"] < 0.6 * refined
+    few = Counting(KnownLooks(buffers))
+    EVALUATED["patchnet-plus-1-staged"].scores_within(buffers, few, 0.1)
+    assert not few.counts  # the finer ray is of all pixels
+    EVALUATED["patchnet-plus-1-staged"].scores_within(buffers, few, 0.3)
+    assert few.counts.keys() == {"normals", "child_masks", "behind", "prediction"}
+
+
+def test_all_pixels_in_one_stage_have_the_scores_of_the_whole_view(buffers, estimators):
+    everything = Plan(1, (Stage(FORMS["plus-4"], 0.0, math.inf),))
+    scores = staged_scores(buffers, KnownLooks(buffers), everything, 0.2, estimators)
+    whole = estimated_error(buffers, estimators, FORMS["plus-4"])
+    inside = buffers.picture(buffers.active)[1:-1, 1:-1]  # stand-ins are beside active pixels alone
+    np.testing.assert_allclose(
+        buffers.picture(scores)[1:-1, 1:-1][inside], buffers.picture(whole)[1:-1, 1:-1][inside], rtol=1e-5
+    )
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_chosen_pixels_score_as_the_whole_view_does(form, buffers, estimators):
+    pixels = np.flatnonzero(buffers.active)[::7]
+    around = window_pixels(pixels, buffers.width, buffers.height)
+    found = estimate_chosen(chosen_windows(buffers, FORMS[form].planes, around), estimators, FORMS[form])
+    np.testing.assert_allclose(found, estimated_error(buffers, estimators, FORMS[form])[pixels], rtol=1e-6)
+
+
+def test_chosen_pixels_are_decoded_as_all_are(coded, buffers):
+    pixels = np.flatnonzero(buffers.active)[::5]
+    part, whole = predict_pixels(coded, buffers.hits, pixels), predict(coded, buffers.hits).part(pixels)
+    for name in ("coverage", "luminance", "look_ahead"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name))
+
+
+def test_importance_decides_too(buffers, estimators):
+    importance = np.ones(len(buffers.preview), np.float32)
+    importance[: len(importance) // 2] = 0.0
+    seen = replace(buffers, importance=importance)
+    scores = staged_scores(seen, KnownLooks(seen), Plan(1, (Stage(FORMS["plus-4"], 0.5, 1.5),)), 0.2, estimators)
+    refined = refine(seen, scores, 0.2)
+    assert refined.any() and not refined[importance == 0].any()
+
+
+def test_budgets_outside_their_bounds_are_refused(buffers):
+    with pytest.raises(SettingError, match="outside 0 to 1"):
+        EVALUATED["patchnet-plus-staged"].scores_within(buffers, KnownLooks(buffers), 1.5)
+
+
+def test_looks_at_nothing(coded, buffers):
+    looks = TracedLooks(coded.octree, CAMERA, coded, 2)
+    nothing = np.empty(0, np.int64)
+    assert looks.fine_rays(nothing).shape == (0, 4) and looks.behind(nothing)[0].shape == (0,)
+    assert looks.prediction(buffers.hits, nothing).coverage.shape == (0,)
+
+
+@pytest.mark.parametrize("with_codes", [False, True])
+def test_pictures_with_a_budget_rank_in_stages(with_codes, coded):
+    """In bands, with the network's prediction of all pixels that a pass shows, or without."""
+    strategy = EVALUATED["patchnet-plus-1-staged"]
+    picture = AdaptivePicture(coded.octree, CAMERA, strategy, coded if with_codes else None, budget=0.1)
+    drain(picture.trace(Pace(band_pixels=200)))
+    _, scores = drain(scores_in_stages(coded.octree, CAMERA, strategy, 0.1, coded))
+    assert (np.abs(picture.score - scores) > 1e-5).mean() < 0.02  # rays of bands are rounded otherwise
+    assert (picture.buffers.prediction is not None) == with_codes and picture.buffers.behind is None
+    drain(picture.refine(0.1))
+    assert (picture.samples > 1).sum() == round(0.1 * picture.buffers.active.sum())
+
+
+@pytest.mark.parametrize("settings", [{"budget": None}, {"budget": 0.3, "unrefined": "predicted"}, {"budget": 0.9}])
+def test_without_a_budget_and_near_all_pixels_are_looked_at_alike(settings, coded):
+    picture = AdaptivePicture(coded.octree, CAMERA, STRATEGIES["patchnet-plus-staged"], coded, **settings)
+    drain(picture.trace())
+    whole = AdaptivePicture(coded.octree, CAMERA, STRATEGIES["patchnet-plus"], coded, **settings | {"budget": None})
+    drain(whole.trace())
+    active = picture.buffers.active
+    np.testing.assert_allclose(picture.score[active], whole.score[active], rtol=1e-4)
