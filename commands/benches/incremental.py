@@ -44,9 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", default="demo", help="scene file; demo: the courtyard; room: a closed room (demo)")
     add_depth(parser)
     parser.add_argument("--object", default=_CHAIR, help=f"object that moves ({_CHAIR})")
-    parser.add_argument(
-        "--move", type=float, nargs=3, metavar=("X", "Y", "Z"), default=(0.4, 0.0, 0.0), help="how far (0.4 0 0)"
-    )
+    where, axes = (0.4, 0.0, 0.0), ("X", "Y", "Z")
+    add_number(parser, "--move", bounds.COORDINATE, nargs=3, metavar=axes, default=where, help="how far (0.4 0 0)")
     add_number(parser, "--samples", bounds.SAMPLES, default=4, help="paths per texel (4)")
     add_number(parser, "--tolerance", bounds.TOLERANCE, default=0.05, help="of the incremental bake (0.05)")
 
