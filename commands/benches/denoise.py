@@ -44,8 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "measured (1)",
     )  # fmt: skip
     add_number(parser, "--texel-voxels", bounds.TEXEL_VOXELS, default=2.0, help="side of a texel in finest voxels (2)")
-    parser.add_argument(
-        "--undenoised", type=int, nargs="*", metavar="N", default=_UNDENOISED,
+    add_number(
+        parser, "--undenoised", bounds.SAMPLES, nargs="*", metavar="N", default=_UNDENOISED,
         help="paths per texel of further bakes without denoising, to see which has the error of the denoised one "
         f"({' '.join(map(str, _UNDENOISED))})",
     )  # fmt: skip
