@@ -9,6 +9,7 @@ import numpy as np
 
 from .pixel_buffers import PixelBuffers
 from .plus.forms import FORMS, Form
+from .staged_strategy import SUFFIX
 from .strategy import BEHIND, CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PREDICTION, SCENE_LUMINANCE, Strategy
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def estimators_warning(name: str, weights_hash: str) -> str | None:
     """
     from .plus.weights import shipped_estimators
 
-    if name not in {strategy.name for strategy in STRATEGIES}:
+    if name.removesuffix(SUFFIX) not in {strategy.name for strategy in STRATEGIES}:
         return None
     learned = shipped_estimators().metadata.get("patchnet")
     if learned == weights_hash:

@@ -71,6 +71,7 @@ def rank(strategy: Strategy, buffers: PixelBuffers, budget: float) -> Ranking:
     """Score and sort the pixels of a view. Raises SettingError for a budget outside 0 to 1, or a view that lacks
     what the strategy reads."""
     if isinstance(strategy, StagedStrategy) and not buffers.shows_predicted:  # stages are of the preview's errors
+        strategy.check(buffers)
         score = strategy.scores_within(buffers, KnownLooks(buffers), budget)
     else:
         score = strategy.scores(buffers)

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from ..octree.octree import Octree
     from ..tracing.camera import Camera
 
+SUFFIX = "-staged"  # of names
+
 
 @dataclass(frozen=True)
 class StagedStrategy(Strategy):
@@ -50,7 +52,7 @@ def in_stages(strategy: Strategy, plan: Callable[[float], Plan]) -> StagedStrate
     """The same strategy with a plan for budgets, as `NAME-staged`."""
     same = {field.name: getattr(strategy, field.name) for field in fields(Strategy)}
     staged = {
-        "name": f"{strategy.name}-staged",
+        "name": strategy.name + SUFFIX,
         "title": f"{strategy.title}, in stages",
         "description": f"{strategy.description}. Within a budget, closer looks at pixels near its cut alone: faster",
     }

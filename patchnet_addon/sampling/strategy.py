@@ -54,11 +54,12 @@ class Strategy:
     extra_rays: int = 0
 
     def scores(self, buffers: PixelBuffers) -> np.ndarray:
-        """(P,) float32 scores of a view.
+        """(P,) float32 scores of a view; raises SettingError as `check`."""
+        self.check(buffers)
+        return np.asarray(self.score(buffers), np.float32)
 
-        Raises SettingError if the view lacks something that this strategy reads.
-        """
+    def check(self, buffers: PixelBuffers) -> None:
+        """Raise SettingError if a view lacks something that this strategy reads."""
         missing = sorted(need for need in self.needs if getattr(buffers, need) is None)
         if missing:
             raise SettingError(f"Strategy {self.name!r} needs the view's {', '.join(missing)}: compute it first")
-        return np.asarray(self.score(buffers), np.float32)

@@ -13,11 +13,12 @@ from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
-from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error
+from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error, estimators_warning
 from patchnet.patchnet_addon.sampling.plus.compiled import estimate_chosen
 from patchnet.patchnet_addon.sampling.plus.forms import FORMS
 from patchnet.patchnet_addon.sampling.plus.weights import Estimators
 from patchnet.patchnet_addon.sampling.plus_planes import chosen_windows, window_pixels
+from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.references.registry import EVALUATED, STAGED
 from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
@@ -144,6 +145,16 @@ def test_importance_decides_too(buffers, estimators):
     scores = staged_scores(seen, KnownLooks(seen), Plan(1, (Stage(FORMS["plus-4"], 0.5, 1.5),)), 0.2, estimators)
     refined = refine(seen, scores, 0.2)
     assert refined.any() and not refined[importance == 0].any()
+
+
+def test_views_that_lack_something_are_refused(buffers):
+    with pytest.raises(SettingError, match="'patchnet-plus-staged' needs the view's fine_rays"):
+        rank(STRATEGIES["patchnet-plus-staged"], replace(buffers, fine_rays=None), 0.3)
+
+
+def test_estimators_of_other_weights_are_warned_of():
+    warning = estimators_warning("patchnet-plus-staged", "0" * 32)
+    assert warning is not None and "patchnet-plus-staged" in warning
 
 
 def test_budgets_outside_their_bounds_are_refused(buffers):
