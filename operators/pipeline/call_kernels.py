@@ -58,7 +58,7 @@ def main(package: str, folder: str, *search_path: str) -> None:
     hits = part("tracing.render").patch_hits(octree, camera).hits
     nodes_with_codes = part("codes.coded_nodes").coded_nodes(octree, weights.lookahead)
     rows, codes = np.zeros((nodes_with_codes.total, 3), np.uint32), np.zeros((2, 10), np.float16)
-    around = np.zeros((len(codes), 8), np.uint8) if weights.kind.mixes else None
+    around = np.zeros((len(codes), 8), np.uint32) if weights.kind.mixes else None
     coded = part("codes.coded_octree").CodedOctree(octree, weights, codes, rows, nodes_with_codes, around)
     part("codes.predict").predict(coded, hits)
     drain(part("tracing.supersample").supersample(octree, camera, 2))
