@@ -24,6 +24,7 @@ from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.staged_strategy import scores_in_stages
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
 from patchnet.tests.blender.engine_scene import HEIGHT, WIDTH, WORLD, build_for_engine, passes_in, rendered
@@ -87,6 +88,18 @@ def test_refined_pixels_have_as_many_samples_as_the_scene_says(scene: bpy.types.
     samples = rank(chosen, buffers, scene.patchnet.budget).refined_samples(100.0)
     assert set(samples.tolist()) == {1, 64, 256} and 90.0 < samples[samples > 1].mean() <= 100.0
     np.testing.assert_array_equal(counts, buffers.picture(samples))
+
+
+def test_renders_rank_in_stages_if_they_are_told_to(scene: bpy.types.Scene) -> None:
+    scene.patchnet.strategy, scene.patchnet.budget = "patchnet-plus-staged", 0.1
+    found = rendered(scene)
+    camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
+    octree, coded = kept(scene).octree, kept(scene).coded
+    buffers, score = drain(scores_in_stages(octree, camera, STRATEGIES["patchnet-plus-staged"], 0.1, coded))
+    assert np.allclose(found["Priority"][..., 0], buffers.picture(score), rtol=1e-4, atol=1e-6)
+    refined = found["Sample Count"][..., 0] > 1
+    assert refined.sum() == round(0.1 * buffers.active.sum())
+    assert found["Priority"][refined].min() >= found["Priority"][~refined].max()
 
 
 def test_refined_pixels_are_the_reference_over_a_transparent_film(scene: bpy.types.Scene) -> None:
