@@ -18,8 +18,9 @@ from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.chart_lookup import triangle_means
+from patchnet.patchnet_addon.lightmap.incremental import follow
 from patchnet.patchnet_addon.lightmap.incremental.follow import albedo_of
-from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.runtime.progress import Steps, drain
 from patchnet.tests.blender.corridor import BOX, LENGTH, build_corridor, subdivide
 
 pytestmark = pytest.mark.usefixtures("empty_scene", "own_cache")
@@ -53,7 +54,22 @@ def notes(atlas: Atlas) -> dict[str, Any]:
     return atlas.notes["incremental"]
 
 
-def test_a_moved_object_bakes_what_is_near_and_in_its_shadow() -> None:
+@pytest.fixture
+def bounds(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
+    """By how much each triangle's light was said to change at most, (T,) of each bake that followed a change."""
+    found: list[np.ndarray] = []
+    real = follow.follow
+
+    def kept(*arguments: Any) -> Steps[tuple[np.ndarray, np.ndarray]]:
+        followed = yield from real(*arguments)
+        found.append(followed[1])
+        return followed
+
+    monkeypatch.setattr(follow, "follow", kept)
+    return found
+
+
+def test_a_moved_object_bakes_what_is_near_and_in_its_shadow(bounds: list[np.ndarray]) -> None:
     item = build_corridor()
     source, first = baked()
     assert notes(first)["whole_because"] == "there is no earlier bake" and notes(first)["texels_baked"] == 1.0
@@ -62,8 +78,10 @@ def test_a_moved_object_bakes_what_is_near_and_in_its_shadow() -> None:
     _, full = baked(incremental=False)
     x, old, new, right = along(source), means(source, first), means(source, second), means(source, full)
     white = np.quantile(right, 0.995)
-    changed = np.abs(right - old) > 0.2 * TOLERANCE * white
+    change = np.abs(right - old)
+    changed = change > TOLERANCE * white
     assert changed.any() and (new[changed] != old[changed]).all(), "all that changed is baked again"
+    assert (change <= bounds[0] + 0.1 * TOLERANCE * white)[new == old].all(), "no less is counted than changes"
     far = x > 0.6 * LENGTH
     np.testing.assert_array_equal(new[far], old[far])
     assert np.abs(new - right)[new == old].max() < TOLERANCE * white
