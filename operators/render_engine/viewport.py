@@ -36,6 +36,7 @@ class Viewport:
 
     def __init__(self) -> None:
         self._state: tuple[Any, ...] | None = None
+        self._background: Any = None  # identity of the world that the preview shows
         self._preview: ViewportPreview | None = None
         self._preparation: Preparation | None = None
         self._prepared_for: tuple[Any, ...] = ()
@@ -101,7 +102,7 @@ class Viewport:
         world, background = self.world.behind(depsgraph, result.octree)
         rect = None if strokes is None else camera_rect(context)
         wanted = values.strategy, values.unrefined, values.budget, values.refined_samples, values.spp
-        state = (id(result), *wanted, background, self.mask.version, rect, *_view(camera))
+        state = (id(result), *wanted, self.mask.version, rect, *_view(camera))
         if state != self._state or self._preview is None:
             importance = None if strokes is None else partial(strokes.weights, result.octree.grid, rect=rect)
             budget = None if values.spp else values.budget
@@ -109,8 +110,11 @@ class Viewport:
                 result.octree, camera, strategy(values.strategy), result.coded, importance, values.unrefined, budget
             )
             preview = ViewportPreview(picture, values.budget, world, values.spp or None, values.refined_samples)
-            self._state, self._preview = state, preview
+            self._state, self._background, self._preview = state, background, preview
             self._asked = time.perf_counter()  # the first picture comes soon
+        elif background != self._background:
+            self._preview.show_world(world)
+            self._background = background
         return self._preview
 
     def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:

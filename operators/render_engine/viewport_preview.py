@@ -54,6 +54,13 @@ class ViewportPreview:
         self.pace = Pace(*_FIRST_PACE)
         self.steps = self._all()
 
+    def show_world(self, world: np.ndarray | CubeMap | None) -> None:
+        """Show another world behind all surfaces; what is traced and refined stays. world: as for the constructor."""
+        self._map = world if isinstance(world, CubeMap) else None
+        if not isinstance(world, CubeMap):  # the one before is shown until the map has been looked at
+            self._world = world
+        self.steps, self.done = self._look_first(self.steps), False
+
     def work(self, seconds: float) -> None:
         """Do what fits into a slice of time; at least one step; raises PatchNetError."""
         seconds = min(max(seconds, SLICE_S), LONGEST_SLICE_S)
@@ -82,12 +89,20 @@ class ViewportPreview:
         yield Progress(0, 1, "Tracing")
         self._trace_coarsely()
         yield Progress(0, 1, "Tracing the preview")
-        if self._map is not None:
-            known, looking = self._map, Progress(0, 1, "Looking at the world")
-            self._world = yield from computed(lambda: known.look(pixel_directions(self.picture.camera)), looking)
+        yield from self._look()
         yield from self.picture.trace(self.pace)
         for side in (_QUICK_SIDE, _FINE_SIDE):
             yield from self.picture.refine(self._budget, side, self.pace, spp=self._spp, refined=self._refined)
+
+    def _look_first(self, others: Steps[None]) -> Steps[None]:
+        yield from self._look()
+        yield from others
+
+    def _look(self) -> Steps[None]:
+        """Look at the map behind each pixel, where there is one."""
+        known, looking = self._map, Progress(0, 1, "Looking at the world")
+        if known is not None:
+            self._world = yield from computed(lambda: known.look(pixel_directions(self.picture.camera)), looking)
 
     def _trace_coarsely(self) -> None:
         """Fill the picture with large squares of single rays; what `samples` says stays 0 there."""
