@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from ..session.scene_session import open_sessions
-from . import engine, panels
+from . import engine, panels, viewport_handover
 
 _CLASSES = (*engine.CLASSES, *panels.CLASSES)
 
@@ -30,6 +30,7 @@ def unregister() -> None:
     panels.remove_from_blenders()
     for item in reversed(_CLASSES):
         bpy.utils.unregister_class(item)
+    viewport_handover.unregister()
 
 
 def _ends_of_renders() -> tuple[list[Any], ...]:

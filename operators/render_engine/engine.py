@@ -3,10 +3,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import bpy
 
 from ...patchnet_addon.runtime.errors import PatchNetError, StoppedError
 from .passes import PASSES
+
+if TYPE_CHECKING:
+    from .viewport import Viewport
 
 ENGINE = "PATCHNET"
 
@@ -21,7 +26,14 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
     bl_use_eevee_viewport = True  # for Material Preview
     bl_use_shading_nodes_custom = False
 
-    _viewport = None
+    _viewport: Viewport | None = None
+
+    def __del__(self) -> None:
+        """Leave what was drawn to the viewport's next engine, which may follow at once."""
+        if self._viewport is not None:
+            from .viewport_handover import leave
+
+            leave(self._viewport)
 
     def update_render_passes(self, scene: bpy.types.Scene = None, renderlayer: bpy.types.ViewLayer = None) -> None:
         """Tell the compositor which passes there are."""
@@ -44,17 +56,16 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Note that scene or settings changed: `view_draw` finds out what that means, but for painted weights."""
         if self._viewport is not None:
-            self._viewport.world.updated(depsgraph)
-            if depsgraph.id_type_updated("MESH"):
-                self._viewport.mask.meshes_changed()
+            self._viewport.updated(depsgraph)
         self.tag_redraw()
 
     def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Draw a viewport in this engine's shading mode."""
         from .viewport import Viewport
+        from .viewport_handover import left_in
 
         if self._viewport is None:
-            self._viewport = Viewport()
+            self._viewport = left_in(context.region) or Viewport()
         self._viewport.draw(self, context, depsgraph)
 
     def _fail(self, sentence: str) -> None:

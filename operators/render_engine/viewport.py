@@ -32,9 +32,13 @@ _STALE = "the scene has changed: voxelize and bake again"
 
 
 class Viewport:
-    """State of one viewport between two drawings; dropping it frees all of its memory."""
+    """State of one viewport between two drawings; dropping it frees all of its memory.
+
+    region: address of the region of Blender's that it is drawn in, 0 before the first drawing.
+    """
 
     def __init__(self) -> None:
+        self.region = 0
         self._state: tuple[Any, ...] | None = None
         self._background: Any = None  # identity of the world that the preview shows
         self._preview: ViewportPreview | None = None
@@ -44,8 +48,20 @@ class Viewport:
         self._asked = 0.0  # when to be drawn again was asked for
         self.mask, self.world = ViewportMask(), ViewportWorld()
 
+    def updated(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """Hear of a change of the scene, of which drawing does not find out by itself."""
+        self.world.updated(depsgraph)
+        if depsgraph.id_type_updated("MESH"):
+            self.mask.meshes_changed()
+
+    def adopted(self) -> None:
+        """Expect changes that nobody has told of, since the engine before has ended."""
+        self.world.forget()
+        self.mask.meshes_changed()
+
     def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Work for a moment, draw what is there, and ask to be drawn again while there is more to do."""
+        self.region = context.region.as_pointer()
         result = results.result_of(context.scene)
         if result is None:
             self._forget()

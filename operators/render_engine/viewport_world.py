@@ -39,7 +39,11 @@ class ViewportWorld:
     def updated(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Hear of a change of the scene."""
         if any(depsgraph.id_type_updated(kind) for kind in _KINDS):
-            self._known = None
+            self.forget()
+
+    def forget(self) -> None:
+        """Look again at which world it is."""
+        self._known = None
 
     def behind(self, depsgraph: bpy.types.Depsgraph, octree: Octree) -> WorldBehind:
         """World behind `octree` now: a map that is still to be made is black, or shows the world as it was."""

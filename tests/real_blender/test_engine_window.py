@@ -32,6 +32,10 @@ def test_the_viewport_shows_the_world_behind_objects(seen: dict) -> None:
     assert seen["sky"]["share"] > 0.01 and seen["sky"]["least"] > 0.0 and seen["sky"]["spread"] > 0.001
 
 
+def test_a_picture_goes_on_while_the_world_is_looked_at(seen: dict) -> None:
+    assert seen["begun anew"] == 0
+
+
 def test_leaving_the_shading_mode_frees_the_picture(seen: dict) -> None:
     assert seen["references left"] == 3  # the script's list, its variable, and the question itself
 
