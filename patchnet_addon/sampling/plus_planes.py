@@ -9,7 +9,7 @@ import numpy as np
 
 from ..octree.octree import POPCOUNT
 from .pixel_buffers import PixelBuffers
-from .plus.forms import FAR, SLOPE, Plane
+from .plus.forms import CENTRE, FAR, SLOPE, Form, Plane
 
 Pixels = slice | np.ndarray
 
@@ -22,11 +22,15 @@ def window_pixels(pixels: np.ndarray, width: int, height: int) -> np.ndarray:
     return (rows[:, None] + columns).reshape(9, -1)
 
 
-def chosen_windows(buffers: PixelBuffers, planes: Sequence[Plane], around: np.ndarray) -> np.ndarray:
-    """Windows (C, 9, N) float32 of planes about some pixels, whose neighbours `around` (9, N) names."""
-    found = np.empty((len(planes), *around.shape), np.float32)
-    for values, plane in zip(found, planes, strict=True):
-        values[:] = _PLANES[plane](buffers, around)
+def chosen_windows(buffers: PixelBuffers, form: Form, around: np.ndarray) -> np.ndarray:
+    """Windows (C, 9, N) float32 of a form's planes about some pixels, whose neighbours `around` (9, N) names.
+
+    Of planes that are read in the pixels themselves alone, nothing else is filled.
+    """
+    found = np.empty((len(form.planes), *around.shape), np.float32)
+    for values, plane in zip(found, form.planes, strict=True):
+        places = CENTRE if plane in form.of_pixels else slice(None)
+        values[places] = _PLANES[plane](buffers, around[places])
     return found
 
 
@@ -52,16 +56,21 @@ def view_planes(buffers: PixelBuffers, planes: Sequence[Plane], first: int = 0, 
     return found
 
 
+def _at(values: np.ndarray, pixels: Pixels) -> np.ndarray:
+    """Values of pixels; of indices, which are in the picture, without looking at them twice."""
+    return values[pixels] if isinstance(pixels, slice) else values.take(pixels, axis=0, mode="clip")
+
+
 def _depth(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
     assert buffers.cube_side_world is not None
     hits = buffers.hits
-    return np.where(hits.node[pixels] >= 0, hits.z_world[pixels] / buffers.cube_side_world, FAR)
+    return np.where(_at(hits.node, pixels) >= 0, _at(hits.z_world, pixels) / buffers.cube_side_world, FAR)
 
 
 def _per_pixel(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
     """1 / SLOPE pixel sides, per cube side: the voxel's side, which is the cube's / 2^level, tells the pixel's."""
     hits = buffers.hits
-    return np.ldexp(np.float32(1.0 / SLOPE), hits.level[pixels]) / hits.ratio[pixels]
+    return np.ldexp(np.float32(1.0 / SLOPE), _at(hits.level, pixels)) / _at(hits.ratio, pixels)
 
 
 def _cosine(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
@@ -87,7 +96,7 @@ def _part(name: str, *path: str | int) -> Callable[[PixelBuffers, Pixels], np.nd
         values = getattr(buffers, name)
         for step in path:
             values = values[:, step] if isinstance(step, int) else getattr(values, step)
-        return np.asarray(values[pixels])
+        return _at(values, pixels)
 
     return plane
 

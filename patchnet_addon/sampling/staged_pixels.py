@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from .staged_looks import Looks
 if TYPE_CHECKING:
     from .plus.weights import Estimators
 
+_LOOKS = _NORMALS, _BEHIND, _RAYS, _PREDICTION = "normals", "behind", "fine rays", "prediction"
 _MOST = 10  # times fewer pixels than the picture has are scored by themselves, more with the whole picture
 
 
@@ -28,31 +29,27 @@ class KnownPixels:
 
     def __init__(self, buffers: PixelBuffers, looks: Looks, rays: int) -> None:
         """Begin with a view that has hits and the first finer rays, 1 or 4."""
-        from ..codes.predict import Prediction  # compiled code, which registration must not load
-
-        count = len(buffers.preview)
         self._looks = looks
-        self._predicted, self._behind, self._normals = (np.zeros(count, bool) for _ in range(3))
-        self._rays = np.full(count, rays == 4)
-        self._view = replace(
-            buffers,
-            behind=np.zeros(count, np.float32),
-            behind_hit=np.zeros(count, bool),
-            fine_rays=buffers.fine_rays if rays == 4 else _like_the_center(buffers),
-            prediction=Prediction(np.ones(count, np.float32), buffers.preview.copy(), np.zeros(count, bool)),
-            normal=np.zeros((count, 3), np.float32),
-            child_mask=np.zeros(count, np.uint8),
+        self._view = PixelBuffers(
+            buffers.hits,
+            fine=buffers.fine,
+            fine_rays=buffers.fine_rays if rays == 4 else None,
+            cube_side_world=buffers.cube_side_world,
+            scene_luminance=buffers.scene_luminance,
         )
+        self._looked = {look: np.zeros(len(buffers.preview), bool) for look in _LOOKS}
+        self._looked[_RAYS][:] = rays == 4
 
     def estimate(self, form: Form, pixels: np.ndarray, estimators: Estimators) -> np.ndarray:
         """Expected errors (N,) float32 of the preview in pixels (N,), after a look at what `form` reads there."""
         from .plus.compiled import estimate, estimate_chosen  # compiled code, as above
         from .plus_planes import chosen_windows, view_planes, window_pixels
 
-        around = window_pixels(pixels, self._view.width, self._view.height)
+        few = _MOST * len(pixels) < len(self._view.preview)
+        around = window_pixels(pixels, self._view.width, self._view.height) if few or form.surface else pixels[:0]
         view = self._view = self._looked_at(form, pixels, around)
-        if _MOST * len(pixels) < len(view.preview):
-            return estimate_chosen(chosen_windows(view, form.planes, around), estimators, form)
+        if few:
+            return estimate_chosen(chosen_windows(view, form, around), estimators, form)
         there = np.zeros((view.height, view.width), bool)
         there.flat[pixels] = True
 
@@ -63,30 +60,47 @@ class KnownPixels:
 
     def _looked_at(self, form: Form, pixels: np.ndarray, around: np.ndarray) -> PixelBuffers:
         """View after a look at pixels (N,), and at normals of those in their windows (9, N)."""
-        view, looks, hits = self._view, self._looks, self._view.hits
-        assert view.behind is not None and view.behind_hit is not None and view.fine_rays is not None
-        assert view.normal is not None and view.child_mask is not None and view.prediction is not None
-        rays = view.fine_rays
+        view, looks, hits = self._with_stand_ins(form), self._looks, self._view.hits
         if form.surface:
-            there = np.zeros(len(self._normals), bool)
+            assert view.normal is not None and view.child_mask is not None
+            there = np.zeros(len(view.normal), bool)
             there[around.ravel()] = True
-            new = np.flatnonzero(there & ~self._normals)
-            view.normal[new], self._normals[new] = looks.normals(hits, new), True
+            new = self._new(_NORMALS, np.flatnonzero(there))
+            view.normal[new] = looks.normals(hits, new)
             view.child_mask[pixels] = looks.child_masks(hits, pixels)
-        if form.behind and len(new := pixels[~self._behind[pixels]]):
+        if form.behind and len(new := self._new(_BEHIND, pixels)):
+            assert view.behind is not None and view.behind_hit is not None
             view.behind[new], view.behind_hit[new] = looks.behind(new)
-            self._behind[new] = True
-        if form.rays == 4 and len(new := pixels[~self._rays[pixels]]):
-            rays = rays if rays.flags.writeable else rays.copy()
-            rays[new], self._rays[new] = looks.fine_rays(new), True
-        if form.network and len(new := pixels[~self._predicted[pixels]]):
+        if form.rays == 4 and len(new := self._new(_RAYS, pixels)):
+            assert view.fine_rays is not None
+            view.fine_rays[new] = looks.fine_rays(new)
+        if form.network and len(new := self._new(_PREDICTION, pixels)):
+            assert view.prediction is not None
             found = looks.prediction(hits, new)
             view.prediction.coverage[new], view.prediction.luminance[new] = found.coverage, found.luminance
-            view.prediction.look_ahead[new], self._predicted[new] = found.look_ahead, True
-        return replace(view, fine_rays=rays)  # a new one, which has computed nothing of the old values yet
+            view.prediction.look_ahead[new] = found.look_ahead
+        return replace(view) if form.network else view  # a new one has computed nothing of the old prediction yet
 
+    def _new(self, look: str, pixels: np.ndarray) -> np.ndarray:
+        """Pixels of (N,) without such a look, which have one now."""
+        new = pixels[~self._looked[look][pixels]]
+        self._looked[look][new] = True
+        return new
 
-def _like_the_center(buffers: PixelBuffers) -> np.ndarray:
-    """Four finer rays (P, 4) that meet what the one in the pixel's center has met."""
-    assert buffers.fine is not None
-    return np.broadcast_to(buffers.fine[:, None], (len(buffers.fine), 4))
+    def _with_stand_ins(self, form: Form) -> PixelBuffers:
+        """View with all parts that `form` reads."""
+        from ..codes.predict import Prediction  # compiled code, which registration must not load
+
+        view, count = self._view, len(self._view.preview)
+        added: dict[str, Any] = {}
+        if form.surface and view.normal is None:
+            added = {"normal": np.zeros((count, 3), np.float32), "child_mask": np.zeros(count, np.uint8)}
+        if form.behind and view.behind is None:
+            added |= {"behind": np.zeros(count, np.float32), "behind_hit": np.zeros(count, bool)}
+        if form.rays == 4 and view.fine_rays is None:
+            assert view.fine is not None
+            added["fine_rays"] = np.repeat(view.fine, 4).reshape(-1, 4)  # they meet what the one in the center has met
+        if form.network and view.prediction is None:
+            whole = np.ones(count, np.float32), view.preview.copy(), np.zeros(count, bool)
+            added["prediction"] = Prediction(*whole)
+        return replace(view, **added) if added else view

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 VARIANCE_SHARE = 1 / 16
 """Share of the variance of 3x3 pixels beside the finer ray's squared difference in the first score."""
+_TINY = np.finfo(np.float32).tiny
 _BESIDE = 1e-6  # relative distance from the cut of scores that have to be above or below it
 
 
@@ -44,10 +45,15 @@ class Stage:
 
 @dataclass(frozen=True)
 class Plan:
-    """Plan of a ranking. first_rays: finer rays that all pixels get, 1 or 4. stages: those after the first score."""
+    """Plan of a ranking.
+
+    first_rays: finer rays that all pixels get, 1 or 4. stages: those after the first score. around: the first score by
+    one ray has a share of the variance of the pixels around.
+    """
 
     first_rays: int
     stages: tuple[Stage, ...]
+    around: bool = True
 
 
 def staged_scores(buffers: PixelBuffers, looks: Looks, plan: Plan, budget: float, estimators: Estimators) -> np.ndarray:
@@ -59,7 +65,7 @@ def staged_scores(buffers: PixelBuffers, looks: Looks, plan: Plan, budget: float
     """
     pool = np.flatnonzero(buffers.active)
     refined = refined_count(buffers, budget, len(pool))
-    score = first_scores(buffers, plan.first_rays)
+    score = first_scores(buffers, plan.first_rays, around=plan.around)
     known = KnownPixels(buffers, looks, plan.first_rays)
     sure = pool[:0]
     for stage in plan.stages:
@@ -74,10 +80,11 @@ def staged_scores(buffers: PixelBuffers, looks: Looks, plan: Plan, budget: float
     return score
 
 
-def first_scores(buffers: PixelBuffers, rays: int) -> np.ndarray:
+def first_scores(buffers: PixelBuffers, rays: int, *, around: bool = True) -> np.ndarray:
     """Scores (P,) float32 of all active pixels by the first finer rays.
 
-    By one: its difference, and a share of the window's variance. By four: that of their mean, and the mean's variance.
+    By one: its difference, and a share of the window's variance if `around`. By four: that of their mean, and the
+    mean's variance.
     """
     from .window_variance import window_variance  # compiled code, which registration must not load
 
@@ -91,9 +98,15 @@ def first_scores(buffers: PixelBuffers, rays: int) -> np.ndarray:
     else:
         assert buffers.fine is not None
         difference = buffers.preview - buffers.fine
-        around = window_variance(buffers.picture(buffers.preview)).ravel()
-        variance = np.float32(VARIANCE_SHARE) * around.astype(np.float32)
-    return np.where(buffers.active, np.sqrt(difference * difference + variance), np.float32(0.0))
+        if not around:
+            return np.where(buffers.active, np.abs(difference), np.float32(0.0))
+        variance = window_variance(buffers.picture(buffers.preview)).ravel().astype(np.float32)
+        variance *= np.float32(VARIANCE_SHARE)
+    squared = np.multiply(difference, difference, out=difference)
+    squared += variance
+    score: np.ndarray = np.sqrt(squared, out=squared)
+    score *= buffers.active
+    return score
 
 
 def _between(pixels: np.ndarray, urgency: np.ndarray, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
@@ -119,6 +132,5 @@ def _keep_apart(score: np.ndarray, urgency: np.ndarray, sure: np.ndarray, pool: 
     others[sure] = others[pool] = False
     high = np.flatnonzero(others & (urgency >= cut))
     low = sure[urgency[sure] <= cut]
-    tiny = np.finfo(np.float32).tiny
-    score[high] *= np.float32(1.0 - _BESIDE) * cut / np.maximum(urgency[high], tiny)
-    score[low] *= np.float32(1.0 + _BESIDE) * cut / np.maximum(urgency[low], tiny)
+    score[high] *= np.float32(1.0 - _BESIDE) * cut / np.maximum(urgency[high], _TINY)
+    score[low] *= np.float32(1.0 + _BESIDE) * cut / np.maximum(urgency[low], _TINY)

@@ -85,7 +85,7 @@ def trace_view(
         reference_color=sampled.colors if sampled is not None and colored else None,
         reference_alpha=None if sampled is None else sampled.coverage,
         fine=patch.fine,
-        fine_4=None if rays is None else rays.mean(axis=1),
+        fine_4=_mean_of_four(rays) if rays is not None and FINE_4 in needs else None,
         fine_rays=rays,
         exact_1=exact_1,
         normal=hit_normals(octree, hits) if NORMAL in needs else None,
@@ -96,6 +96,13 @@ def trace_view(
         behind_hit=None if behind_node is None else behind_node >= 0,
         unrefined=unrefined,
     )
+
+
+def _mean_of_four(rays: np.ndarray) -> np.ndarray:
+    """Means (P,) of rays (P, 4); NumPy's own take several times as long over so short an axis."""
+    first, second, third, fourth = rays.T
+    mean: np.ndarray = ((first + second) + (third + fourth)) * np.float32(0.25)
+    return mean
 
 
 def _lookahead(needs: frozenset[str], coded: CodedOctree | None, lookahead: int | None) -> int:

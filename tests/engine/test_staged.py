@@ -77,16 +77,16 @@ def test_what_is_traced_is_what_is_known(name, budget, coded, buffers):
     assert scores.dtype == np.float32
 
 
-@pytest.mark.parametrize("rays", [1, 4])
+@pytest.mark.parametrize(("rays", "around"), [(1, True), (1, False), (4, True)])
 @pytest.mark.parametrize("budget", BUDGETS)
-def test_the_last_stage_decides_who_is_refined(budget, rays, buffers, estimators):
+def test_the_last_stage_decides_who_is_refined(budget, rays, around, buffers, estimators):
     """A plain copy of the rule: those that are sure, then the best of those that the last stage has looked at."""
     stages = Stage(FORMS["fine-1"], 0.3, 2.0), Stage(FORMS["plus-4"], 0.6, 1.3)
-    scores = staged_scores(buffers, KnownLooks(buffers), Plan(rays, stages), budget, estimators)
+    scores = staged_scores(buffers, KnownLooks(buffers), Plan(rays, stages, around), budget, estimators)
     active = np.flatnonzero(buffers.active)
     count = round(budget * len(active))
     looks = KnownPixels(buffers, KnownLooks(buffers), rays)
-    value, pool, sure = first_scores(buffers, rays), active, []
+    value, pool, sure = first_scores(buffers, rays, around=around), active, []
     for stage in stages:
         falling = pool[np.argsort(-value[pool], kind="stable")]
         low = max(math.floor(stage.sure * count) - len(sure), 0)
@@ -104,8 +104,8 @@ def test_the_last_stage_decides_who_is_refined(budget, rays, buffers, estimators
 def test_only_some_pixels_are_looked_at_closely(buffers):
     looks = Counting(KnownLooks(buffers))
     EVALUATED["patchnet-plus-staged"].scores_within(buffers, looks, 0.1)
-    refined = 0.1 * buffers.active.sum()
-    assert 0 < looks.counts["fine_rays"] == looks.counts["prediction"] == looks.counts["behind"] < 0.6 * refined
+    assert looks.counts.keys() == {"fine_rays"}  # the network takes part near the whole budget alone
+    assert 0 < looks.counts["fine_rays"] < 1.5 * 0.1 * buffers.active.sum()
     few = Counting(KnownLooks(buffers))
     EVALUATED["patchnet-plus-1-staged"].scores_within(buffers, few, 0.1)
     assert not few.counts  # the finer ray is of all pixels
@@ -127,7 +127,7 @@ def test_all_pixels_in_one_stage_have_the_scores_of_the_whole_view(buffers, esti
 def test_chosen_pixels_score_as_the_whole_view_does(form, buffers, estimators):
     pixels = np.flatnonzero(buffers.active)[::7]
     around = window_pixels(pixels, buffers.width, buffers.height)
-    found = estimate_chosen(chosen_windows(buffers, FORMS[form].planes, around), estimators, FORMS[form])
+    found = estimate_chosen(chosen_windows(buffers, FORMS[form], around), estimators, FORMS[form])
     np.testing.assert_allclose(found, estimated_error(buffers, estimators, FORMS[form])[pixels], rtol=1e-6)
 
 
