@@ -98,7 +98,7 @@ class AdaptivePicture:
         """
         pace, camera, bands = pace or Pace(), self.camera, []
         staged, budget = self._staged, self._budget
-        first = self.strategy if staged is None or budget is None else staged.first_look(budget)
+        first = self.strategy if staged is None or budget is None else staged.first_look()
         wanted = [first] if self.coded is None else [first, STRATEGIES["patchnet"]]  # for coverage
         row = 0
         while row < camera.height_px:

@@ -27,18 +27,16 @@ class KnownPixels:
     pixels that it scores, of which nearly all that matter have been looked at themselves.
     """
 
-    def __init__(self, buffers: PixelBuffers, looks: Looks, rays: int) -> None:
-        """Begin with a view that has hits and the first finer rays, 1 or 4."""
+    def __init__(self, buffers: PixelBuffers, looks: Looks) -> None:
+        """Begin with a view that has hits and the finer ray in each pixel's center."""
         self._looks = looks
         self._view = PixelBuffers(
             buffers.hits,
             fine=buffers.fine,
-            fine_rays=buffers.fine_rays if rays == 4 else None,
             cube_side_world=buffers.cube_side_world,
             scene_luminance=buffers.scene_luminance,
         )
         self._looked = {look: np.zeros(len(buffers.preview), bool) for look in _LOOKS}
-        self._looked[_RAYS][:] = rays == 4
 
     def estimate(self, form: Form, pixels: np.ndarray, estimators: Estimators) -> np.ndarray:
         """Expected errors (N,) float32 of the preview in pixels (N,), after a look at what `form` reads there."""

@@ -20,7 +20,7 @@ def plan_of(last: Form) -> Callable[[float], Plan]:
 
     def plan(budget: float) -> Plan:
         if budget >= _ALL_FROM:
-            return Plan(1, (Stage(last, *_EVERY_PIXEL),))
+            return Plan((Stage(last, *_EVERY_PIXEL),))
         return _FOUR_RAYS if last.rays == 4 else _one_ray(last, budget)
 
     return plan
@@ -30,8 +30,8 @@ def _one_ray(last: Form, budget: float) -> Plan:
     """Plan with one finer ray; `last`, which also looks behind the patch, takes part where it is worth its time."""
     near = Stage(FORMS["fine-1"], 0.5, 1.3 + 5.0 * budget)
     stages = (near, Stage(last, 0.7, 1.2)) if budget >= _NETWORK_FROM else (near,)
-    return Plan(1, stages, around=budget >= _AROUND_FROM)
+    return Plan(stages, around=budget >= _AROUND_FROM)
 
 
 # Four finer rays for the pixels near the cut. What the network adds to them is less than what decoding takes.
-_FOUR_RAYS = Plan(1, (Stage(FORMS["fine-1"], *_EVERY_PIXEL), Stage(FORMS["fine-4"], 0.4, 1.8)), around=False)
+_FOUR_RAYS = Plan((Stage(FORMS["fine-1"], *_EVERY_PIXEL), Stage(FORMS["fine-4"], 0.4, 1.8)), around=False)

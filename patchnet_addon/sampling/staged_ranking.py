@@ -47,11 +47,10 @@ class Stage:
 class Plan:
     """Plan of a ranking.
 
-    first_rays: finer rays that all pixels get, 1 or 4. stages: those after the first score. around: the first score by
-    one ray has a share of the variance of the pixels around.
+    stages: those after the first score, by one finer ray of each pixel. around: that score has a share of the variance
+    of the pixels around.
     """
 
-    first_rays: int
     stages: tuple[Stage, ...]
     around: bool = True
 
@@ -61,12 +60,12 @@ def staged_scores(buffers: PixelBuffers, looks: Looks, plan: Plan, budget: float
 
     Pixels that the last stage looked at have the error that they are expected to have. All others have the score of an
     earlier one, and are above or below the cut as that has decided: only the order about the cut decides what a budget
-    leaves. buffers: hits, the first finer rays, and importance. Raises SettingError for a budget outside 0 to 1.
+    leaves. buffers: hits, the first finer ray, and importance. Raises SettingError for a budget outside 0 to 1.
     """
     pool = np.flatnonzero(buffers.active)
     refined = refined_count(buffers, budget, len(pool))
-    score = first_scores(buffers, plan.first_rays, around=plan.around)
-    known = KnownPixels(buffers, looks, plan.first_rays)
+    score = first_scores(buffers, around=plan.around)
+    known = KnownPixels(buffers, looks)
     sure = pool[:0]
     for stage in plan.stages:
         last = len(pool) if math.isinf(stage.reached) else math.ceil(stage.reached * refined) - len(sure)
@@ -80,28 +79,19 @@ def staged_scores(buffers: PixelBuffers, looks: Looks, plan: Plan, budget: float
     return score
 
 
-def first_scores(buffers: PixelBuffers, rays: int, *, around: bool = True) -> np.ndarray:
-    """Scores (P,) float32 of all active pixels by the first finer rays.
+def first_scores(buffers: PixelBuffers, *, around: bool = True) -> np.ndarray:
+    """Scores (P,) float32 of all active pixels by their finer ray's difference.
 
-    By one: its difference, and a share of the window's variance if `around`. By four: that of their mean, and the
-    mean's variance.
+    A share of the window's variance is in it if `around`.
     """
     from .window_variance import window_variance  # compiled code, which registration must not load
 
-    if rays == 4:
-        assert buffers.fine_rays is not None
-        first, second, third, fourth = buffers.fine_rays.T
-        mean = ((first + second) + (third + fourth)) * np.float32(0.25)
-        difference = buffers.preview - mean
-        squares = np.einsum("pr,pr->p", buffers.fine_rays, buffers.fine_rays)
-        variance = np.maximum(squares - 4 * mean * mean, 0) * np.float32(1 / (3 * 4))  # of a mean of four
-    else:
-        assert buffers.fine is not None
-        difference = buffers.preview - buffers.fine
-        if not around:
-            return np.where(buffers.active, np.abs(difference), np.float32(0.0))
-        variance = window_variance(buffers.picture(buffers.preview)).ravel().astype(np.float32)
-        variance *= np.float32(VARIANCE_SHARE)
+    assert buffers.fine is not None
+    difference = buffers.preview - buffers.fine
+    if not around:
+        return np.where(buffers.active, np.abs(difference), np.float32(0.0))
+    variance = window_variance(buffers.picture(buffers.preview)).ravel().astype(np.float32)
+    variance *= np.float32(VARIANCE_SHARE)
     squared = np.multiply(difference, difference, out=difference)
     squared += variance
     score: np.ndarray = np.sqrt(squared, out=squared)

@@ -15,7 +15,7 @@ from ..runtime.progress import Steps
 from .pixel_buffers import PixelBuffers
 from .staged_looks import Looks, TracedLooks
 from .staged_ranking import Plan, staged_scores
-from .strategy import FINE, FINE_RAYS, Strategy
+from .strategy import FINE, Strategy
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
@@ -32,11 +32,11 @@ class StagedStrategy(Strategy):
     plan: stages for a budget. Without one, `scores` looks at all pixels alike.
     """
 
-    plan: Callable[[float], Plan] = lambda _budget: Plan(1, ())
+    plan: Callable[[float], Plan] = lambda _budget: Plan(())
 
-    def first_look(self, budget: float) -> Strategy:
-        """Strategy that needs what the first score within a budget does: the finer ray of every pixel, or four."""
-        return replace(self, needs=frozenset({FINE_RAYS if self.plan(budget).first_rays == 4 else FINE}))
+    def first_look(self) -> Strategy:
+        """Strategy that needs what the first score within a budget does, the finer ray of every pixel."""
+        return replace(self, needs=frozenset({FINE}))
 
     def scores_within(self, buffers: PixelBuffers, looks: Looks, budget: float) -> np.ndarray:
         """(P,) float32 scores of a view, of which a share `budget` of the active pixels is refined.
@@ -75,7 +75,7 @@ def scores_in_stages(
     from .trace import trace_view
 
     lookahead = DEFAULT_LOOKAHEAD if coded is None else coded.weights.lookahead
-    first = [strategy.first_look(budget)]
+    first = [strategy.first_look()]
     buffers = yield from trace_view(octree, camera, first, coded=coded, reference=False, device=device)
     looks = TracedLooks(octree, camera, coded, lookahead, device=device)
     return buffers, strategy.scores_within(buffers, looks, budget)

@@ -71,22 +71,22 @@ def test_what_is_traced_is_what_is_known(name, budget, coded, buffers):
     strategy = EVALUATED[name]
     first, scores = drain(scores_in_stages(coded.octree, CAMERA, strategy, budget, coded))
     assert first.behind is None and first.prediction is None  # of the whole picture
-    assert (first.fine is None) == (strategy.plan(budget).first_rays == 4)
+    assert first.fine is not None and first.fine_rays is None
     expected = strategy.scores_within(buffers, KnownLooks(buffers), budget)
     np.testing.assert_array_equal(scores, expected)
     assert scores.dtype == np.float32
 
 
-@pytest.mark.parametrize(("rays", "around"), [(1, True), (1, False), (4, True)])
+@pytest.mark.parametrize("around", [True, False])
 @pytest.mark.parametrize("budget", BUDGETS)
-def test_the_last_stage_decides_who_is_refined(budget, rays, around, buffers, estimators):
+def test_the_last_stage_decides_who_is_refined(budget, around, buffers, estimators):
     """A plain copy of the rule: those that are sure, then the best of those that the last stage has looked at."""
     stages = Stage(FORMS["fine-1"], 0.3, 2.0), Stage(FORMS["plus-4"], 0.6, 1.3)
-    scores = staged_scores(buffers, KnownLooks(buffers), Plan(rays, stages, around), budget, estimators)
+    scores = staged_scores(buffers, KnownLooks(buffers), Plan(stages, around), budget, estimators)
     active = np.flatnonzero(buffers.active)
     count = round(budget * len(active))
-    looks = KnownPixels(buffers, KnownLooks(buffers), rays)
-    value, pool, sure = first_scores(buffers, rays, around=around), active, []
+    looks = KnownPixels(buffers, KnownLooks(buffers))
+    value, pool, sure = first_scores(buffers, around=around), active, []
     for stage in stages:
         falling = pool[np.argsort(-value[pool], kind="stable")]
         low = max(math.floor(stage.sure * count) - len(sure), 0)
@@ -114,7 +114,7 @@ def test_only_some_pixels_are_looked_at_closely(buffers):
 
 
 def test_all_pixels_in_one_stage_have_the_scores_of_the_whole_view(buffers, estimators):
-    everything = Plan(1, (Stage(FORMS["plus-4"], 0.0, math.inf),))
+    everything = Plan((Stage(FORMS["plus-4"], 0.0, math.inf),))
     scores = staged_scores(buffers, KnownLooks(buffers), everything, 0.2, estimators)
     whole = estimated_error(buffers, estimators, FORMS["plus-4"])
     inside = buffers.picture(buffers.active)[1:-1, 1:-1]  # stand-ins are beside active pixels alone
@@ -142,7 +142,7 @@ def test_importance_decides_too(buffers, estimators):
     importance = np.ones(len(buffers.preview), np.float32)
     importance[: len(importance) // 2] = 0.0
     seen = replace(buffers, importance=importance)
-    scores = staged_scores(seen, KnownLooks(seen), Plan(1, (Stage(FORMS["plus-4"], 0.5, 1.5),)), 0.2, estimators)
+    scores = staged_scores(seen, KnownLooks(seen), Plan((Stage(FORMS["plus-4"], 0.5, 1.5),)), 0.2, estimators)
     refined = refine(seen, scores, 0.2)
     assert refined.any() and not refined[importance == 0].any()
 
