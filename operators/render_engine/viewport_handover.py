@@ -23,7 +23,7 @@ def leave(viewport: Viewport) -> None:
     """Keep what an engine that ends has drawn, for a moment."""
     _left[viewport.region] = viewport
     if not bpy.app.timers.is_registered(_free):
-        bpy.app.timers.register(_free, first_interval=_KEPT_S)
+        bpy.app.timers.register(_free, first_interval=_KEPT_S, persistent=True)
 
 
 def left_in(region: bpy.types.Region) -> Viewport | None:

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The preview of a viewport without a window: what it ends with, in slices, and how much it does in one."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
+from patchnet.operators.render_engine import viewport_handover
 from patchnet.operators.render_engine.passes import combined
+from patchnet.operators.render_engine.viewport import Viewport
 from patchnet.operators.render_engine.viewport_preview import ViewportPreview
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
@@ -52,3 +56,28 @@ def test_how_fast_tracing_is_says_nothing_about_refining() -> None:
     drain(preview.picture.trace())
     preview._keep_pace(0.3, 0.1)
     assert (preview.pace.batch_rays, preview.pace.band_pixels) == (rays // 2, 2 * pixels)
+
+
+def test_a_viewport_is_left_to_the_next_engine_of_its_region() -> None:
+    """For as long as one or two looks at the time, of which drawing comes between."""
+    viewport = Viewport()
+    viewport.region = 17
+    region, other = (SimpleNamespace(as_pointer=lambda at=at: at) for at in (17, 18))
+    for looks in (0, 1):
+        viewport_handover.leave(viewport)
+        for _ in range(looks):
+            viewport_handover._free()
+        assert viewport_handover.left_in(other) is None
+        assert viewport_handover.left_in(region) is viewport
+        assert viewport_handover.left_in(region) is None
+    viewport_handover.leave(viewport)  # left again between two looks: time begins anew
+    viewport_handover._free()
+    assert viewport_handover.left_in(region) is viewport
+    viewport_handover.leave(viewport)
+    viewport_handover._free()
+    assert viewport_handover.left_in(region) is viewport
+    viewport_handover.leave(viewport)
+    for _ in range(2):
+        viewport_handover._free()
+    assert viewport_handover.left_in(region) is None
+    viewport_handover.unregister()
