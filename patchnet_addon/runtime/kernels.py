@@ -13,13 +13,14 @@ import hashlib
 import logging
 import pickle
 import sys
+import uuid
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 from numba.core import event
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.types.misc import unliteral
 
@@ -61,8 +62,24 @@ def compiled_mark(kernels: str, *of: object) -> Path:
     return folder / f"{kernels}-{hashlib.sha256(repr(versions).encode()).hexdigest()[:16]}"
 
 
+class CacheFile(IndexDataCacheFile):  # type: ignore[misc]
+    """Files of a function's compiled code, each of a name that no other process gives.
+
+    numba numbers them. Two processes that compile a function for different types at once both take the next number, and
+    whoever calls it later for one of these types has the code of the other.
+    """
+
+    def _data_name(self, _number: int) -> str:
+        return f"{Path(self._index_name).stem}.{uuid.uuid4().hex[:12]}.nbc"
+
+
 class _Cache(FunctionCache):  # type: ignore[misc]
     """numba's cache of a function's compiled code; files that cannot be read or written cost time and nothing else."""
+
+    def __init__(self, function: Function) -> None:
+        super().__init__(function)
+        stamp = self._impl.locator.get_source_stamp()
+        self._cache_file = CacheFile(self._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Compiled code for a signature, or None."""

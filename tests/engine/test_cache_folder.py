@@ -9,10 +9,12 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from numba.core.caching import IndexDataCacheFile
 
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
 from patchnet.patchnet_addon.runtime import cache_folder
 from patchnet.patchnet_addon.runtime.cache_folder import kernel_folder, user_cache_folder
+from patchnet.patchnet_addon.runtime.kernels import CacheFile
 
 KERNEL = """
 import logging, sys
@@ -193,3 +195,22 @@ def test_a_full_disk_costs_only_the_compiling(tmp_path: Path, script: Path, monk
     done = start(script, "full")
     assert done.stdout.startswith("3.0 0 ") and "Traceback" not in done.stderr
     assert done.stderr.count("No space left on device") == 1 and str(tmp_path / "full") in done.stderr
+
+
+def test_processes_that_compile_at_once_do_not_swap_their_code(temporary: Path) -> None:
+    """Both have looked at the index before either wrote it, and whose index lasts is the first to write its code."""
+    first, second, later = (CacheFile(str(temporary), "total", ("stamp",)) for _ in range(3))
+    seen = []
+
+    def write_before(name: str, data: str) -> None:
+        seen.append(name)
+        IndexDataCacheFile._save_data(second, name, data)
+        IndexDataCacheFile._save_data(first, seen[0], "of the first")
+
+    first._load_index = second._load_index = dict
+    first._save_data = lambda name, data: seen.append(name)
+    second._save_data = write_before
+    first.save("one type", "of the first")
+    second.save("another type", "of the second")
+    assert later.load("another type") == "of the second"
+    assert later.load("one type") in (None, "of the first")
