@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import bpy
 
+from ..session.memory import give_back
+
 if TYPE_CHECKING:
     from .viewport import Viewport
 
@@ -37,9 +39,12 @@ def left_in(region: bpy.types.Region) -> Viewport | None:
 
 def _free() -> float | None:
     """Free what nobody took since the last time: there was time to draw between the two, however long work took."""
-    for region in [region for region, viewport in _left.items() if viewport in _old]:
+    gone = [region for region, viewport in _left.items() if viewport in _old]
+    for region in gone:
         del _left[region]
     _old[:] = _left.values()
+    if gone:
+        give_back()  # steps of a preview that did not end hold it, and it them
     return _KEPT_S if _left else None
 
 
