@@ -3,15 +3,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import bpy
 
 from ...patchnet_addon.runtime.errors import PatchNetError, StoppedError
 from .passes import PASSES
-
-if TYPE_CHECKING:
-    from .viewport import Viewport
 
 ENGINE = "PATCHNET"
 
@@ -26,7 +21,7 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
     bl_use_eevee_viewport = True  # for Material Preview
     bl_use_shading_nodes_custom = False
 
-    _viewport: Viewport | None = None
+    _viewport = None  # without an annotation: Blender 4.5 looks for the names in those of its classes
 
     def __del__(self) -> None:
         """Leave what was drawn to the viewport's next engine, which may follow at once."""
