@@ -21,7 +21,6 @@ def splitter(axis: int, kept: int):  # type: ignore[no-untyped-def]
     Coordinates before `kept` are left out of the parts: where axes are cut in order, nothing looks at them again.
     """
 
-    @device
     def split(rows, source, count, plane, below, above):  # type: ignore[no-untyped-def]
         """Cut the convex polygon at row `source` at coordinate[axis] = plane; returns the two vertex counts."""
         n_below = below
@@ -54,7 +53,10 @@ def splitter(axis: int, kept: int):  # type: ignore[no-untyped-def]
             b = a
         return n_below - below, n_above - above
 
-    return split
+    # Compiled code is linked by name. Alike but for a number that each process counts anew, those of two processes in
+    # the cache would be taken for one.
+    split.__name__ = split.__qualname__ = f"split_{'xyz'[axis]}_from_{kept}"
+    return device(split)
 
 
 split_x, split_y, split_z = (splitter(axis, axis) for axis in range(3))
