@@ -4,11 +4,13 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from patchnet.operators.render_engine import viewport_handover
 from patchnet.operators.render_engine.passes import combined
 from patchnet.operators.render_engine.viewport import Viewport
 from patchnet.operators.render_engine.viewport_preview import ViewportPreview
+from patchnet.patchnet_addon.image.cube_map import FACES, CubeMap
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
@@ -56,6 +58,27 @@ def test_how_fast_tracing_is_says_nothing_about_refining() -> None:
     drain(preview.picture.trace())
     preview._keep_pace(0.3, 0.1)
     assert (preview.pace.batch_rays, preview.pace.band_pixels) == (rays // 2, 2 * pixels)
+
+
+@pytest.mark.parametrize("slices", [0, 1, 3, None])
+def test_a_map_that_comes_later_stands_behind_what_is_traced(slices: int | None) -> None:
+    """After so many slices of work, or when all of it is done; the picture is not begun anew."""
+    known = CubeMap(np.random.default_rng(1).random((len(FACES), 16, 16, 3)).astype(np.float16))
+    at_once, later = ViewportPreview(new_picture(), 0.4, known), ViewportPreview(new_picture(), 0.4, WORLD)
+    drain(at_once.steps)
+    for _ in range(10_000 if slices is None else slices):
+        if not later.done:
+            later.work(0.0)
+    before = later.picture.buffers
+    later.show_world(known)
+    while not later.done:
+        later.work(0.0)
+    assert before is None or later.picture.buffers is before
+    np.testing.assert_array_equal(later.pixels(), at_once.pixels())
+    later.show_world(WORLD)
+    later.work(0.0)
+    missed = later.picture.alpha == 0.0
+    assert later.done and missed.any() and (later.pixels().reshape(-1, 4)[missed, :3] == WORLD).all()
 
 
 def test_a_viewport_is_left_to_the_next_engine_of_its_region() -> None:

@@ -268,37 +268,6 @@ def test_a_preview_with_a_map_is_that_of_its_pixels(scene: bpy.types.Scene, weig
     np.testing.assert_allclose(found[:, :3], known.look(pixel_directions(camera))[missed], atol=1e-6)
 
 
-@pytest.mark.parametrize("slices", [0, 1, 3, None])
-def test_a_map_that_comes_later_stands_behind_what_is_traced(
-    scene: bpy.types.Scene, weights: Path, slices: int | None
-) -> None:
-    """After so many slices of work, or when all of it is done; the picture is not begun anew."""
-    gradient(scene)
-    made = run(weights=weights)
-    known = drain(world_map(scene.world, (1, 0.0)))
-    camera = made.views[0].camera
-
-    def shown(world: CubeMap | None) -> ViewportPreview:
-        picture = AdaptivePicture(made.coded.octree, camera, STRATEGIES["ss-variance"])
-        return ViewportPreview(picture, 0.1, np.zeros(3, np.float32) if world is None else world)
-
-    at_once, later = shown(known), shown(None)
-    drain(at_once.steps)
-    for _ in range(10_000 if slices is None else slices):
-        if not later.done:
-            later.work(0.0)
-    before = later.picture.buffers
-    later.show_world(known)
-    while not later.done:
-        later.work(0.0)
-    assert before is None or later.picture.buffers is before
-    np.testing.assert_array_equal(later.pixels(), at_once.pixels())
-    later.show_world(np.array([0.5, 0.25, 0.125], np.float32))
-    later.work(0.0)
-    missed = later.picture.alpha == 0.0
-    assert later.done and (later.pixels().reshape(-1, 4)[missed, :3] == [0.5, 0.25, 0.125]).all()
-
-
 def run(**values: object) -> JobResult:
     settings = JobSettings.of(depth=6, size=SIZE, light="two-lights", budget=0.5, **values)
     return drain(run_job(bpy.context, settings))

@@ -21,8 +21,14 @@ def test_python_cannot_call_a_device_function():
 def test_compiled_functions_have_names_of_their_own():
     """Those of two processes in the cache are linked by name: functions made by one line would be taken for another."""
     names = {}
-    for module in kernels._with_kernels():
-        for value in vars(importlib.import_module(f"patchnet.{module}")).values():
+    for name in kernels._with_kernels():
+        try:
+            module = importlib.import_module(f"patchnet.{name}")
+        except ModuleNotFoundError as missing:
+            if missing.name != "torch":
+                raise
+            continue  # training, which is not done here
+        for value in vars(module).values():
             if isinstance(value, CPUDispatcher):
                 function = value.py_func
                 assert "<locals>" not in function.__qualname__
