@@ -38,6 +38,15 @@ STRATEGY_NAMES = {"weiss": "witw20", "kuznetsov": "kkr18", "unet": "ss-unet"}
 SIZE = ["--size", "32", "24"]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def one_thread():
+    """One thread of torch: with several, a product's partial sums are added as they come, now and then rounded anew."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
 @pytest.fixture(scope="module")
 def octree():
     return octree_of_shells(20_000)

@@ -2,7 +2,8 @@
 """Training of map networks on rendered frames: checkpoints, a log of the loss, weights (methods 3.9-3.11).
 
 What is the papers' and what is ours stands with each network. Everything random follows from the seed and the number of
-the step, so a run that was interrupted continues as if it had not been.
+the step, so a run that was interrupted continues as if it had not been: to the bit with one thread of torch, and up to
+the order in which threads' partial sums are added with several.
 """
 
 from __future__ import annotations
