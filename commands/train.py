@@ -5,17 +5,26 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from ..patchnet_addon.network.encoders import ENCODERS
-from ..patchnet_addon.network.kinds import KINDS
+from ..patchnet_addon.network.kinds import KINDS, MIXTURE, WIDTH_STEP
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
 from ..training.run_files import WEIGHTS, check_run
-from ..training.settings import LOSSES, PRECISIONS, PRESETS, SAMPLES, SHIPPED_PASSES, VIEWS, TrainSettings
+from ..training.settings import (
+    LOSSES,
+    PRECISIONS,
+    PRESETS,
+    SAMPLES,
+    SHIPPED_PASSES,
+    VIEWS,
+    TrainSettings,
+    preset_with,
+)
 from .shared.arguments import add_number, add_out
 from .shared.lines import say_note, say_result
 from .shared.training_run import add_run_arguments, keep_freed_memory, require_torch
@@ -82,6 +91,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add_number(parser, "--batch", bounds.BATCH, help="samples per step")
     add_number(parser, "--rate", bounds.LEARNING_RATE, help="highest learning rate")
     parser.add_argument("--network", choices=tuple(KINDS), help="kind of network: paper, or mixture")
+    add_number(
+        parser, "--decoder-width", bounds.DECODER_WIDTH, help=f"values between the layers of a mixture's decoder, a "
+        f"multiple of {WIDTH_STEP} ({MIXTURE.width})",
+    )  # fmt: skip
     parser.add_argument(
         "--encoder", choices=tuple(ENCODERS), help="architecture of the encoder: the paper's linear layers (mlp), 3D "
         "convolutions, or Voxception blocks, both of which need torch wherever they are used",
@@ -157,6 +170,7 @@ def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
         "batch": args.batch,
         "learning_rate": args.rate,
         "network": args.network,
+        "decoder_width": args.decoder_width,
         "loss": args.loss,
         "encoder": args.encoder,
         "schedule": args.schedule,
@@ -165,4 +179,4 @@ def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
         "seed": args.seed,
         "fresh": args.fresh,
     }
-    return replace(PRESETS[args.preset], **{name: value for name, value in changes.items() if value is not None})
+    return preset_with(args.preset, changes)

@@ -21,7 +21,7 @@ import argparse
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,7 @@ from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
 from ..training.networks_of_paper.plan import KINDS, planned_networks
-from ..training.settings import LOSSES, PRESETS
+from ..training.settings import LOSSES, PRESETS, preset_with
 from .shared.arguments import add_device, add_number, add_out
 from .shared.lines import say_result
 from .shared.training_run import keep_freed_memory, require_torch
@@ -142,7 +142,7 @@ def _work(args: argparse.Namespace) -> NetworksRun:
 
     device = found_device(args.device, "--device")
     changes = {"passes": args.passes, "seed": args.seed, "network": args.network, "loss": args.loss}
-    settings = replace(PRESETS[args.preset], **{name: value for name, value in changes.items() if value is not None})
+    settings = preset_with(args.preset, changes)
     notes = {
         "command": describe_command(sys.argv), "versions": describe_versions(), "machine": describe_machine(device)
     }  # fmt: skip

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from ..patchnet_addon.network.encoders import ENCODERS, encoder_sizes, patch_side
-from ..patchnet_addon.network.kinds import KINDS
 from .dataset import Dataset
 from .held_out import is_turned, scene_of
 from .run_files import CARD, CURVES, LOG
@@ -44,7 +43,7 @@ def write_card(
     curve, validations = read_log(folder / LOG)
     lookahead = datasets[0].lookahead
     side = patch_side(lookahead)
-    kind = KINDS[settings.network]
+    kind = settings.kind
     encoder = encoder_text(settings.encoder, lookahead)
     decoder = "-".join(map(str, kind.decoder))
     has_picture = draw_curves(curve, validations, folder / CURVES)

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from ..patchnet_addon.network.encoders import ENCODERS, MLP
-from ..patchnet_addon.network.kinds import KINDS, MIXTURE
+from ..patchnet_addon.network.kinds import KINDS, MIXTURE, WIDTH_STEP, NetworkKind
 from ..patchnet_addon.network.kinds import PAPER as PAPER_KIND
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
@@ -31,7 +33,7 @@ class TrainSettings:
     its kind (`network/kinds.py`). loss: "absolute" errors, whose best guesses are medians, or "squared" ones, whose are
     means, which pictures and mean squared errors need. encoder: its architecture (`network/encoders.py`). fresh: each
     step draws new voxels and views from the octrees (`fresh.py`), where sample files would be gone through again and
-    again.
+    again. decoder_width: values between the layers of a mixture's decoder, a multiple of 6; 0 for those of the kind.
     """
 
     passes: int = 8 * SAMPLES
@@ -50,6 +52,7 @@ class TrainSettings:
     loss: str = ABSOLUTE
     encoder: str = MLP.name
     fresh: bool = False
+    decoder_width: int = 0
 
     def __post_init__(self) -> None:
         for row, value in (
@@ -70,6 +73,21 @@ class TrainSettings:
             raise SettingError(f"Loss '{self.loss}' is unknown: use one of {', '.join(LOSSES)}")
         if self.precision not in PRECISIONS:
             raise SettingError(f"Precision '{self.precision}' is unknown: use one of {', '.join(PRECISIONS)}")
+        own = KINDS[self.network]
+        if not self.decoder_width:
+            object.__setattr__(self, "decoder_width", own.width)  # as cards and checkpoints state it
+        bounds.DECODER_WIDTH.check(self.decoder_width)
+        if self.decoder_width % WIDTH_STEP:
+            raise SettingError(f"Decoder width {self.decoder_width} is no multiple of {WIDTH_STEP}: choose one that is")
+        if self.decoder_width != own.width and not own.mixes:
+            raise SettingError(
+                f"The decoder of the network '{own.name}' is {own.width} wide: leave --decoder-width out"
+            )
+
+    @property
+    def kind(self) -> NetworkKind:
+        """Kind of network, with a decoder of this width."""
+        return KINDS[self.network].of_width(self.decoder_width)
 
 
 PAPER = TrainSettings()
@@ -88,3 +106,10 @@ IMPROVED = TrainSettings(
 QUICK_SAMPLES = SAMPLES // 4
 SHIPPED_PASSES = 128_000_000  # of the shipped weights, see shipped_weights.sh
 PRESETS = {"quick": replace(IMPROVED, passes=8 * QUICK_SAMPLES), "paper": PAPER, "improved": IMPROVED}
+
+
+def preset_with(preset: str, changes: Mapping[str, Any]) -> TrainSettings:
+    """Preset with the values of `changes` that are not None; another network has a decoder of its own width."""
+    given = {name: value for name, value in changes.items() if value is not None}
+    own = {"decoder_width": 0} if "network" in given else {}
+    return replace(PRESETS[preset], **(own | given))

@@ -19,7 +19,7 @@ import torch
 
 from ..patchnet_addon.network.devices import CPU, enough_memory, found_device
 from ..patchnet_addon.network.encoders import MLP
-from ..patchnet_addon.network.kinds import KINDS, PAPER
+from ..patchnet_addon.network.kinds import PAPER
 from ..patchnet_addon.network.weights import Weights, save_weights
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, THREADS
 from ..patchnet_addon.runtime.errors import FileFormatError, SettingError
@@ -115,7 +115,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
 
 def _corpora(datasets: Sequence[Dataset], settings: TrainSettings) -> tuple[AnyCorpus, dict[str, Corpus]]:
     """What a run learns from, and the held-out parts of it by data set."""
-    nearby = KINDS[settings.network].mixes
+    nearby = settings.kind.mixes
     if not settings.fresh:
         return corpus_of(datasets, nearby=nearby)
     return fresh_corpus_of(datasets, nearby=nearby)
@@ -207,7 +207,7 @@ def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None
     try:
         state = torch.load(path, map_location=CPU, weights_only=True)
         before = {"lookahead": DEFAULT_LOOKAHEAD, "network": PAPER.name, "loss": ABSOLUTE}
-        other = before | {"encoder": MLP.name, "fresh": False} | state["run"]
+        other = before | {"encoder": MLP.name, "fresh": False, "decoder_width": PAPER.width} | state["run"]
         extended = other.get("passes", 0) < run.get("passes", 0)
         changed = [name for name in run if other.get(name) != run[name] and not (extended and name == "passes")]
         if not changed:

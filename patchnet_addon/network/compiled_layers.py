@@ -16,13 +16,13 @@ from ..runtime.bits import float_of_bits
 from ..runtime.kernels import device
 from ..runtime.vectors import larger, store
 from .decode import OUTPUT_LOW, OUTPUT_RANGE
-from .kinds import CODE_SIZE
+from .kinds import CODE_SIZE, WIDTH_STEP
 from .lane_harmonics import store_harmonics
 from .lanes import LANES, WIDE_LANES, add_product, load, load_wide, spread_wide
 from .weights import MODULATED, Weights
 
 TILE = 64  # pixels: with 48 features before and after a layer 24 KiB, and a whole number of vectors everywhere
-OUTPUTS = 6  # of a layer at once: 24 registers of sums where there are 32, 12 where there are 16
+OUTPUTS = WIDTH_STEP  # of a layer at once: 24 registers of sums where there are 32, 12 where there are 16
 
 DIRECTION, UP, RATIO = CODE_SIZE, CODE_SIZE + 3, CODE_SIZE + 6  # rows of inputs; the code stands in the first ones
 FIRST_HARMONIC = RATIO + 1

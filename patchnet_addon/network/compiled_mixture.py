@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..runtime.bounds import DECODER_WIDTH
 from ..runtime.kernels import device
 from .compiled_layers import (
     OUTPUTS,
@@ -20,12 +21,12 @@ from .kinds import COVERING, MIXED, MIXTURE
 from .mixture_decode import COVERED
 from .weights import Weights
 
-_INPUTS, _HIDDEN = MIXTURE.decoder[:2]
+_INPUTS = MIXTURE.decoder[0]
 _LAYERS = len(MIXTURE.decoder) - 2  # with ReLU
 _OUTPUTS = MIXTURE.decoder[-1]
-assert MIXTURE.decoder[1:] == (*[_HIDDEN] * _LAYERS, 1 + MIXED)
-assert _HIDDEN % OUTPUTS == 0 and _OUTPUTS % OUTPUTS == 0
-assert _LAYERS % 2 == 1 and _OUTPUTS <= COVERED  # so that `decode_mixture_tile` still finds the coverage
+assert _OUTPUTS % OUTPUTS == 0
+# So that `decode_mixture_tile` still finds what cells cover when the layers have gone through its inputs.
+assert _LAYERS % 2 == 1 and max(DECODER_WIDTH.high, _OUTPUTS) <= COVERED
 
 
 def pack_mixture(weights: Weights) -> DecoderLayers:
@@ -56,15 +57,16 @@ def decode_mixture_tile(inputs, others, luminances, layers):
     (65 * TILE,) rows of what is mixed. layers: of `pack_mixture`.
     """
     hidden, last, bias, floor = layers
+    width = (len(bias) - _OUTPUTS) // _LAYERS
     fill_harmonics(inputs)
     depth, weight = _INPUTS, 0
     values, results = inputs, others
     for layer in range(_LAYERS):
-        apply_layer(values, depth, results, _HIDDEN, hidden[weight:], bias[layer * _HIDDEN :], floor)
-        weight += depth * _HIDDEN
-        depth = _HIDDEN
+        apply_layer(values, depth, results, width, hidden[weight:], bias[layer * width :], floor)
+        weight += depth * width
+        depth = width
         values, results = results, values
-    apply_layer(values, depth, results, _OUTPUTS, last, bias[_LAYERS * _HIDDEN :], floor[1:])
+    apply_layer(values, depth, results, _OUTPUTS, last, bias[_LAYERS * width :], floor[1:])
     for pixel in range(TILE):
         inputs[pixel] = clipped_sigmoid(inputs[pixel])
     _mix(inputs, luminances)

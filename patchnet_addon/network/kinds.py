@@ -12,7 +12,7 @@ every change of light exactly.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 CODE_SIZE = 10
 HARMONICS = 25
@@ -23,6 +23,7 @@ MIXED = COVERING + 1  # luminances, in this order: of the children, of the outer
 SIDE_BY_SIDE = 4  # first numbers of each corner code that the mixture's decoder sees apart
 
 RAY_INPUTS = CODE_SIZE + 3 + 3 + 1 + HARMONICS  # inputs of both kinds, methods 7.15
+WIDTH_STEP = 6  # of decoders: kernels compute so many outputs of a layer at once
 VIEW = 9  # direction, entry point and up in the ray's frame
 
 
@@ -31,7 +32,7 @@ class NetworkKind:
     """Kind of network.
 
     decoder: values between the decoder's layers, those of a pixel first. inputs, output: in words, as files state
-    them. mixes: says shares of known luminances in the place of a luminance.
+    them. mixes: says shares of known luminances in the place of a luminance; such decoders come in several widths.
     """
 
     name: str
@@ -39,6 +40,18 @@ class NetworkKind:
     inputs: str
     output: str
     mixes: bool
+
+    @property
+    def width(self) -> int:
+        """Values between the decoder's layers with ReLU, the same for all."""
+        return self.decoder[1]
+
+    def of_width(self, width: int) -> NetworkKind:
+        """This kind with a decoder of so many values between its layers."""
+        if width == self.width:
+            return self
+        inputs, *hidden, outputs = self.decoder
+        return replace(self, decoder=(inputs, *[width] * len(hidden), outputs))
 
 
 PAPER = NetworkKind(

@@ -13,12 +13,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD, LOOKAHEADS
+from ..runtime.bounds import DECODER_WIDTH, DEFAULT_LOOKAHEAD, LOOKAHEAD, LOOKAHEADS
 from ..runtime.errors import WeightsFileError
 from ..runtime.files import content_hash, read_arrays, write_arrays
 from .encoders import CHANNELS as CHANNELS
 from .encoders import ENCODERS, LUMINANCE, MLP, EncoderKind, patch_side
-from .kinds import KINDS, PAPER, NetworkKind
+from .kinds import KINDS, PAPER, WIDTH_STEP, NetworkKind
 
 MODULATED = 9  # dimensions of a code that harmonics of degree 0 to 2 are multiplied into (methods 7.13)
 KIND = "weights"
@@ -75,7 +75,8 @@ class Weights:
     def kind(self) -> NetworkKind:
         """Kind of network, by the sizes of its decoder."""
         sizes = (self.decoder[0][0].shape[1], *(len(bias) for _, bias in self.decoder))
-        return next(kind for kind in KINDS.values() if kind.decoder == sizes)
+        kinds = (kind.of_width(sizes[1]) if kind.mixes else kind for kind in KINDS.values())
+        return next(kind for kind in kinds if kind.decoder == sizes)
 
     @cached_property
     def hash(self) -> str:
@@ -101,8 +102,13 @@ class Weights:
         kind: NetworkKind = PAPER,
         encoder: EncoderKind = MLP,
     ) -> Weights:
-        """Inverse of `arrays`; raises KeyError for a missing one and ValueError for a wrong shape or value."""
+        """Inverse of `arrays`; raises KeyError for a missing one and ValueError for a wrong shape or value.
+
+        The decoder of a kind that has several widths may have any of them.
+        """
         layers = _shaped_layers(arrays, "encoder", encoder.shapes(lookahead))
+        if kind.mixes:
+            kind = kind.of_width(_width_of(arrays["decoder.0.bias"]))
         return cls(layers, layers_of(arrays, "decoder", kind.decoder), dict(metadata or {}), encoder)
 
     @classmethod
@@ -201,6 +207,16 @@ def layers_of(arrays: Mapping[str, np.ndarray], part: str, sizes: tuple[int, ...
     Raises KeyError for a missing one and ValueError for a wrong shape or value.
     """
     return _shaped_layers(arrays, part, tuple((after, before) for before, after in pairwise(sizes)))
+
+
+def _width_of(bias: np.ndarray) -> int:
+    """Width of a decoder by its first bias; raises ValueError for one that kernels do not know."""
+    if bias.ndim != 1 or bias.size % WIDTH_STEP or not DECODER_WIDTH.low <= bias.size <= DECODER_WIDTH.high:
+        raise ValueError(
+            f"'decoder.0.bias' has the shape {bias.shape} where decoders have a multiple of {WIDTH_STEP} numbers, "
+            f"{DECODER_WIDTH.low} to {DECODER_WIDTH.high}"
+        )
+    return bias.size
 
 
 def _shaped_layers(

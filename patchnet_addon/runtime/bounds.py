@@ -120,6 +120,7 @@ FRAME_PIXELS = Bounds("Pixels of a frame", 1, 10**9, True)
 CROP = Bounds("Side of crops in pixels", 1, 4096, True)
 LEARNING_RATE = Bounds("Learning rate", 1e-9, 10)
 LUMINANCE_WEIGHT = Bounds("Luminance weight", 0, 1e6)
+DECODER_WIDTH = Bounds("Decoder width", 6, 78, True, "choose a multiple of 6 in this range")
 STOP_AFTER = Bounds("Steps", 1, 10**15, True)
 CHECKPOINT_MINUTES = Bounds("Minutes between checkpoints", 0, 1e6)
 

@@ -73,9 +73,9 @@ def test_decoder_with_torch(weights, pixels):
     assert np.abs(outputs[:, 1] - luminance).max() <= TOLERANCE
 
 
-@pytest.fixture(scope="module")
-def mixture():
-    return Weights.random(seed=6, bias=0.1, kind=MIXTURE)
+@pytest.fixture(scope="module", params=[48, 78])
+def mixture(request):
+    return Weights.random(seed=6, bias=0.1, kind=MIXTURE.of_width(request.param))
 
 
 @pytest.fixture(scope="module")
@@ -174,12 +174,16 @@ def test_file_says_the_kind_of_network(mixture, tmp_path):
     path = tmp_path / "mixture.safetensors"
     save_weights(mixture, path)
     loaded = load_weights(path)
-    assert loaded.kind is MIXTURE and loaded.hash == mixture.hash
+    assert loaded.kind == mixture.kind and loaded.kind.name == MIXTURE.name and loaded.hash == mixture.hash
     write_arrays(path, mixture.arrays(), {"network": network(2, MIXTURE) | {"kind": "oracle"}}, "weights")
     with pytest.raises(WeightsFileError, match="its 'kind' is 'oracle' where this one has one of paper, mixture"):
         load_weights(path)
     write_arrays(path, mixture.arrays(), {"network": network(2)}, "weights")
     with pytest.raises(WeightsFileError, match="shape"):
+        load_weights(path)
+    odd = Weights.random(kind=MIXTURE.of_width(50)).arrays()
+    write_arrays(path, odd, {"network": network(2, MIXTURE)}, "weights")
+    with pytest.raises(WeightsFileError, match=r"shape \(50,\) where decoders have a multiple of 6 numbers, 6 to 78"):
         load_weights(path)
 
 

@@ -21,13 +21,14 @@ from patchnet.tests.engine.octree_samples import random_octree, with_boxes
 TOLERANCE = 1e-5  # the order of additions differs, and the reference interpolates in float64
 
 
-@pytest.fixture(scope="module", params=["random", "shipped", "mixture", "mixture-1", "mixture-3"])
+@pytest.fixture(scope="module", params=["random", "shipped", "mixture-1", "mixture-2-48", "mixture-2-78", "mixture-3"])
 def coded(request):
-    name, _, lookahead = request.param.partition("-")
+    name, lookahead, width = (*request.param.split("-"), "", "")[:3]
     if name == "shipped":
         weights = load_weights()
     else:
         kind = KINDS.get(name, PAPER)
+        kind = kind.of_width(int(width or kind.width))
         weights = Weights.random(seed=9, bias=0.1, lookahead=int(lookahead or 2), kind=kind)
     return drain(encode_octree(with_boxes(random_octree(seed=8, depth=5, count=500, adaptive=True)), weights))
 

@@ -19,7 +19,7 @@ from patchnet.training.dataset import Dataset, load_dataset, save_samples
 from patchnet.training.procedural import spheres_and_slats
 from patchnet.training.samples import SampleSettings, draw_samples
 from patchnet.training.schedule import learning_rate
-from patchnet.training.settings import PRESETS, TrainSettings
+from patchnet.training.settings import PRESETS, TrainSettings, preset_with
 
 torch = pytest.importorskip("torch")
 from patchnet.training.crews import rows_of_step  # noqa: E402  needs torch
@@ -202,3 +202,18 @@ def test_schedules() -> None:
     assert learning_rate(0, 20000, improved) < 1e-5
     assert learning_rate(499, 20000, improved) == improved.learning_rate
     assert learning_rate(20000, 20000, improved) == pytest.approx(improved.final_rate)
+
+
+def test_decoders_have_the_width_that_is_asked_for(datasets: list[Dataset], tmp_path: Path) -> None:
+    settings = replace(SETTINGS, network="mixture", decoder_width=60)
+    assert drain(train(datasets, settings, RunOptions(tmp_path, stop_after=1))).kind.width == 60
+    with pytest.raises(SettingError, match="other values of decoder_width"):
+        drain(train(datasets, replace(settings, decoder_width=48), RunOptions(tmp_path, resume=True)))
+    assert preset_with("improved", {"network": "paper", "decoder_width": None}).decoder_width == 48
+    for network, width, sentence in (
+        ("paper", 60, "The decoder of the network 'paper' is 48 wide: leave --decoder-width out"),
+        ("mixture", 50, "Decoder width 50 is no multiple of 6"),
+        ("mixture", 84, "Decoder width 84 is outside 6 to 78: choose a multiple of 6 in this range"),
+    ):
+        with pytest.raises(SettingError, match=sentence):
+            preset_with("improved", {"network": network, "decoder_width": width})

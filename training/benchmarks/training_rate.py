@@ -15,7 +15,7 @@ from typing import Any
 
 import torch
 
-from ...patchnet_addon.network.kinds import KINDS, MIXTURE
+from ...patchnet_addon.network.kinds import MIXTURE
 from ...patchnet_addon.runtime.progress import drain
 from ..corpus import corpus_of
 from ..crews import ALONE, StepPlan, ThreadCrew
@@ -83,7 +83,7 @@ def _made(bench: TrainBench) -> Dataset:
 
 def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: TrainBench) -> dict[str, Any]:
     """Rates of one kind as JSON values."""
-    corpus, _ = corpus_of(datasets, nearby=KINDS[settings.network].mixes)
+    corpus, _ = corpus_of(datasets, nearby=settings.kind.mixes)
     learner = Learner(settings, corpus.lookahead)
     dtype = encoder_type(settings, 0.0)
     voxels = settings.batch // corpus.views_per_voxel
