@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from patchnet.training.evaluation.over_scenes import BUDGETS, geometric_means, scenes_ahead
+from patchnet.training.evaluation.over_scenes import BUDGETS, error_ratios, geometric_means, scenes_ahead
 
 
 def scene(error: float, slow_ms: float) -> dict:
@@ -27,3 +27,8 @@ def test_what_is_ahead_at_equal_budgets_may_be_behind_in_equal_time() -> None:
     assert scenes_ahead(scenes, "slow", "fast", None) == [2] * len(BUDGETS)
     assert scenes_ahead(scenes, "slow", "fast", "own") == [1] * len(BUDGETS)
     assert scenes_ahead(scenes, "slow", "fast", "cycles") == [2] * len(BUDGETS)
+    ratios = error_ratios(scenes, "slow", "fast", "own")
+    assert ratios.shape == (2, len(BUDGETS)) and ratios[1] == pytest.approx(0.8)
+    assert (ratios[0] > 1).all(), "all of its time is gone before it begins"
+    scenes["one"]["mse"]["slow"] = scenes["one"]["mse"]["fast"] = [0.0] * 101
+    assert (error_ratios(scenes, "slow", "fast", None)[0] == 1).all(), "nobody is ahead where nothing is left"

@@ -8,7 +8,7 @@ from statistics import median
 from typing import Any
 
 from .claims import VARIANCE
-from .over_scenes import BUDGETS, geometric_means, scenes_ahead
+from .over_scenes import BUDGETS, error_ratios, geometric_means, scenes_ahead
 from .patch_networks import network_name
 from .results import POOLED
 
@@ -46,13 +46,11 @@ def markdown_of(results: Mapping[str, Any]) -> str:
         f"Error at {BUDGET:.0%} over that of `{VARIANCE}`.",
         _by_scene(results, names, _over_variance),
         *_pooled(results, names),
-        f"Geometric mean over scenes of the error over that of `{VARIANCE}`, by budget.",
-        _table(
-            ["strategy", *(f"{budget}%" for budget in BUDGETS)],
-            ([f"`{name}`", *(f"{ratio:.3f}" for ratio in geometric_means(scenes, name, VARIANCE))] for name in names),
-        ),
-        f"Scenes of {len(scenes)} in which one strategy leaves less than another, by budget: at equal budgets, and in "
-        "equal time where samples are own rays, or those of Cycles.",
+        f"Strategies by further rays: geometric mean over scenes of the error over that of `{VARIANCE}`, by budget; "
+        "excess area from the best scene to the worst; milliseconds of a frame on one thread, median over scenes.",
+        _over_all(scenes, [VARIANCE, *names]),
+        f"Scenes of {len(scenes)} in which one strategy leaves less than another, by budget, and the largest ratio of "
+        "both errors: at equal budgets, and in equal time where samples are own rays, or those of Cycles.",
         _ahead(scenes),
         "Excess area: 0 is optimal, 1 is random.",
         _table(
@@ -85,13 +83,35 @@ def _ahead(scenes: Mapping[str, Any]) -> str:
     return _table(
         ["strategy", "rival", "at equal", *(f"{budget}%" for budget in BUDGETS)],
         (
-            [f"`{ours}`", f"`{rival}`", title, *scenes_ahead(scenes, ours, rival, price)]
+            [f"`{ours}`", f"`{rival}`", title, *_counts(scenes, ours, rival, price)]
             for ours, rivals in _PAIRS.items()
             for rival in rivals
             if {ours, rival} <= first["ms_per_frame"].keys()
             for title, price in (("budget", None), ("time, own rays", "own"), ("time, Cycles", "cycles"))
         ),
     )
+
+
+def _counts(scenes: Mapping[str, Any], ours: str, rival: str, price: str | None) -> list[str]:
+    """Scenes in which one is ahead of the other, and the largest ratio of their errors, at BUDGETS."""
+    counts = scenes_ahead(scenes, ours, rival, price)
+    largest = error_ratios(scenes, ours, rival, price).max(axis=0)
+    return [f"{count} ({ratio:.3f})" for count, ratio in zip(counts, largest, strict=True)]
+
+
+def _over_all(scenes: Mapping[str, Any], names: Sequence[str]) -> str:
+    """Strategies over all scenes, those of as many rays together, oracles last."""
+    first = next(iter(scenes.values()))
+    rows = []
+    for name in names:
+        rays = "oracle" if first["group"][name] == "oracle" else first["rays_per_pixel"][name] - 1
+        areas = [_areas(values)[name] for values in scenes.values()]
+        times = [values["ms_per_frame"].get(name) for values in scenes.values()]
+        cost = "" if None in times or rays == "oracle" else f"{median(times):.1f}"
+        means = (f"{mean:.2f}" if mean >= 0.1 else f"{mean:.3f}" for mean in geometric_means(scenes, name, VARIANCE))
+        rows.append([rays, f"`{name}`", *means, f"{min(areas):.3f} to {max(areas):.3f}", cost])
+    head = ["further rays", "strategy", *(f"{budget}%" for budget in BUDGETS), "excess area", "ms"]
+    return _table(head, rows)
 
 
 def _scenes(scenes: Mapping[str, Any]) -> str:
