@@ -42,13 +42,13 @@ def description() -> str:
     )
     return f"""Train PatchNet on sample files.
 
-The shipped weights come from {SAMPLES:,} samples, {SAMPLES // VIEWS:,} voxels of {VIEWS} views, which
-training/shipped_weights.sh draws and learns from in {SHIPPED_PASSES:,} passes:
+A pass is one sample seen once. Samples are those of files, gone through again and again:
 
     patchnet dataset OCTREE... --samples {SAMPLES} --out samples
-    patchnet train samples --preset {_PRESET} --passes {SHIPPED_PASSES} --out run
+    patchnet train samples --preset {_PRESET} --out run
 
-A pass is one sample seen once. With --fresh the octrees are named in the place of samples, and each step draws its own:
+With --fresh the octrees are named in their place, and each step draws voxels anew, of {VIEWS} views each. So the
+shipped weights learned in {SHIPPED_PASSES:,} passes (training/shipped_weights.sh):
 
     patchnet train OCTREE... --fresh --preset {_PRESET} --passes {SHIPPED_PASSES} --out run
 

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 # How the shipped weights were made: octrees of the scenes in PATCHNET_SCENES and of rooms and gardens composed of the
-# furniture libraries for training (docs/furnished-scenes.md), samples of them, a training run, and the error estimator.
+# furniture libraries for training (docs/furnished-scenes.md), a training run that draws its samples from them, and the
+# error estimator.
 #
 #   PATCHNET_SCENES=/path/to/scenes training/shipped_weights.sh LIBRARIES-FOLDER WORK-FOLDER
 #
@@ -58,12 +59,11 @@ for scene in "${unseen[@]}"; do
     cp -n "$work/unseen/octrees/$scene"-????????????????.safetensors "$work/unseen/$scene.safetensors"
 done
 
-[ -d "$work/samples" ] || "$patchnet" dataset "$work"/octrees/*.safetensors --samples 16000000 --out "$work/samples"
 [ -d "$work/unseen-samples" ] ||
     "$patchnet" dataset "$work"/unseen/*.safetensors --samples 240000 --seed 1 --out "$work/unseen-samples"
 resume=$([ -e "$work/run/checkpoint.pt" ] && echo --resume || true)
-"$patchnet" train "$work/samples" --validate "$work/unseen-samples" --preset improved --passes 128000000 \
-    --out "$work/run" $resume
+"$patchnet" train "$work"/octrees/*.safetensors --fresh --validate "$work/unseen-samples" --preset improved \
+    --passes 128000000 --out "$work/run" $resume
 
 # The estimator of errors, which learns from what these weights say of the octrees.
 "$patchnet" train-plus "$work"/octrees/*.safetensors --weights "$work/run/patchnet.safetensors" --out "$work/plus"

@@ -21,7 +21,7 @@ from .lane_harmonics import store_harmonics
 from .lanes import LANES, WIDE_LANES, add_product, load, load_wide, spread_wide
 from .weights import MODULATED, Weights
 
-TILE = 64  # pixels: with 48 features before and after a layer 24 KiB, and a whole number of vectors everywhere
+TILE = 64  # pixels: with 78 features before and after a layer 39 KiB, and a whole number of vectors everywhere
 OUTPUTS = WIDTH_STEP  # of a layer at once: 24 registers of sums where there are 32, 12 where there are 16
 
 DIRECTION, UP, RATIO = CODE_SIZE, CODE_SIZE + 3, CODE_SIZE + 6  # rows of inputs; the code stands in the first ones

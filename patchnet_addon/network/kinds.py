@@ -63,7 +63,7 @@ PAPER = NetworkKind(
 )
 MIXTURE = NetworkKind(
     name="mixture",
-    decoder=(RAY_INPUTS + CORNERS * SIDE_BY_SIDE + VIEW + COVERING, 48, 48, 48, 1 + MIXED),
+    decoder=(RAY_INPUTS + CORNERS * SIDE_BY_SIDE + VIEW + COVERING, 78, 78, 78, 1 + MIXED),
     inputs="code, direction, up, pixel-voxel ratio, 25 harmonics, four numbers of each corner code, x fastest; axes of "
     "the octree; direction, entry -1 to 1, up, coverage of children and of cells around by their own "
     "children; axes of the ray's frame",
