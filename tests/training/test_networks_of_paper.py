@@ -106,7 +106,7 @@ def test_table(out, rows):
     row = rows["voxception"]
     error = row["errors"]["slats"]
     wanted = f"| seen | {error['coverage']:.4f} ({error['luminance_ratio']:.2f}) |"
-    assert f"| `voxception` | shells | voxception | 2 | {row['encoder_parameters']:,} + 15,042 | 2,048 |" in text
+    assert f"| `voxception` | shells | voxception | 2 | {row['encoder_parameters']:,} + 29,082 | 2,048 |" in text
     assert wanted in text
 
 
