@@ -114,6 +114,10 @@ def test_tables_have_the_figures_of_the_results(done, results):
     assert all(f"| `{name}` |" in text for name in EVALUATED.keys() - {"random"})
     widths = [line.count("|") for table in text.split("\n\n") for line in table.splitlines() if line.startswith("|")]
     assert min(widths) > 2 and not re.search(r"\bnan\b", text)
+    assert re.search(r"^\| 1 \| `fine-ray` \|", text, re.MULTILINE), "one further ray"
+    (row,) = re.findall(r"^\| `patchnet-plus-1` \| `fine-ray` \| budget \| (.*) \|$", text, re.MULTILINE)
+    ratio = mse["patchnet-plus-1"][30] / mse["fine-ray"][30]
+    assert row.split(" | ")[3] == f"{ratio < 1:d} ({ratio:.3f})"
 
 
 def test_report_in_a_browser(done):
