@@ -18,7 +18,7 @@ from ..patchnet_addon.network.weights import CHANNELS
 from ..patchnet_addon.octree.leaf_boxes import filled_share
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
-from ..patchnet_addon.runtime.kernels import kernel
+from ..patchnet_addon.runtime.kernels import kernel, lean_device
 from .bfloat16 import narrow_bits
 from .forest import Forest, tree_nodes
 from .nearby import Nearby, gather_nearby
@@ -107,40 +107,28 @@ def gather_batch(
     ahead; `nearby`: with the luminances that a mixture needs; `narrow`: with blocks in bits of bfloat16."""
     symmetries = _symmetries(lookahead)
     count = len(tree)
-    bricks = Brick(np.empty((count, 27, 8**lookahead), np.int32), np.empty((count, 27), np.int32))
     linear = np.empty((count, 2), np.float32)  # gain and offset of luminance
-    _gather_nodes(
-        forest.nodes,
-        forest.luminance,
-        forest.root[tree],
-        voxel.astype(np.int32),
-        augmentation.remap,
-        lookahead,
-        bricks,
-        linear,
-    )
-    rows, width = np.count_nonzero(bricks.counts), CHANNELS * 8**lookahead
-    blocks = np.empty((0 if narrow else rows, width), np.float32)
-    bits = np.empty((rows if narrow else 0, width), np.uint16)
+    most, width = 27 * count, CHANNELS * 8**lookahead
+    blocks = np.empty((0 if narrow else most, width), np.float32)
+    bits = np.empty((most if narrow else 0, width), np.uint16)
     moved = np.full((count, 27), -1, np.int32)  # rows of `blocks` by position after the symmetry
-    _write_blocks(
+    rows = _gather_blocks(
         forest.nodes,
-        tree.astype(np.int64),
-        forest.luminance,
-        forest.normal,
-        bricks,
-        linear,
-        augmentation.symmetry,
-        symmetries,
+        (forest.luminance, forest.normal),
+        (forest.root, tree.astype(np.int64), voxel.astype(np.int32)),
+        (augmentation.remap, augmentation.symmetry, symmetries),
+        lookahead,
         not nearby,
         (blocks, bits),
         moved,
+        linear,
     )
     start, pair_block, pair_corner = _list_pairs(moved, PAIR_POSITION)
     stored = _stored_views(views)
     moved_views = _move_views(stored, augmentation.symmetry, symmetries, linear)
     found = gather_nearby(forest, tree, voxel, stored[:4], linear) if nearby else None
-    return Batch(bits if narrow else blocks, start, pair_block, pair_corner, *moved_views, nearby=found)
+    found_blocks = (bits if narrow else blocks)[:rows]
+    return Batch(found_blocks, start, pair_block, pair_corner, *moved_views, nearby=found)
 
 
 def _stored_views(views: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -190,67 +178,85 @@ def _turn_views(vectors, axis, sign, moved):
 
 
 @kernel
-def _gather_nodes(nodes, luminance, root, voxel, remap, lookahead, bricks, linear):
-    for v in range(len(root)):
-        brick = Brick(bricks.nodes[v], bricks.counts[v])
-        fill_brick(nodes, root[v], voxel[v, 0], voxel[v, 1:], lookahead, brick)
-        linear[v, 0], linear[v, 1] = 1.0, 0.0
-        if remap[v, 3] == 0:
-            continue
-        low, high = 65535.0, 0.0
-        for block in range(27):
-            if brick.counts[block] > 0:
-                for cell in range(brick.nodes.shape[1]):
-                    node = brick.nodes[block, cell]
-                    if node >= 0:
-                        low = min(low, luminance[node])
-                        high = max(high, luminance[node])
-        dark, bright = low / LUMINANCE_SCALE, high / LUMINANCE_SCALE
-        gain = min(remap[v, 0], 1.0 / max(bright - dark, 1e-6))
-        place = remap[v, 1] * (1.0 - gain * (bright - dark))  # the darkest cell's new luminance
-        if remap[v, 2] > 0:  # inverted: the brightest cell becomes the darkest
-            linear[v, 0], linear[v, 1] = -gain, place + gain * bright
-        else:
-            linear[v, 0], linear[v, 1] = gain, place - gain * dark
+def _gather_blocks(nodes, cells, voxels, augmentation, lookahead, with_luminance, found, moved, linear):
+    """Write each occupied block as a row of whichever of `found` has rows: float32, or the bits of bfloat16.
 
-
-@kernel
-def _write_blocks(nodes, tree, luminance, normal, bricks, linear, symmetry, symmetries, with_luminance, found, moved):
-    """Write each occupied block as a row of whichever of `found` has rows: float32, or the bits of bfloat16."""
-    blocks, bits = found
-    values = np.empty(blocks.shape[1], np.float32)
+    Returns how many there are.
+    """
+    luminance, normal = cells
+    root, tree, voxel = voxels
+    remap, symmetry, symmetries = augmentation
+    brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
+    values = np.empty(CHANNELS << 3 * lookahead, np.float32)
     row = 0
-    for v in range(len(symmetry)):
-        axis, sign = symmetries.axis, symmetries.sign
-        turn = symmetry[v]
-        own = tree_nodes(nodes, tree[v])
-        first_boxed, boxes = own.first_boxed, own.boxes
-        gain, offset = linear[v, 0] / np.float32(LUMINANCE_SCALE), linear[v, 1]
-        ax, ay, az = axis[turn, 0], axis[turn, 1], axis[turn, 2]
-        scale = np.float32(1.0 / NORMAL_SCALE)
-        sx, sy, sz = sign[turn, 0] * scale, sign[turn, 1] * scale, sign[turn, 2] * scale
-        for block in range(27):
-            if bricks.counts[v, block] == 0:
+    for v in range(len(tree)):
+        own, place = tree_nodes(nodes, tree[v]), voxel[v]
+        fill_brick(own, root[tree[v]], place[0], place[1:], lookahead, brick)
+        _remap(luminance, brick, remap[v], linear[v])
+        light = np.float32(linear[v, 0] / np.float32(LUMINANCE_SCALE)), linear[v, 1], with_luminance
+        row = _write_brick(own, luminance, normal, brick, light, symmetry[v], symmetries, values, found, moved[v], row)
+    return row
+
+
+@lean_device
+def _remap(luminance, brick, remap, linear):
+    """Write gain and offset of a voxel's luminances into `linear` (2,); remap: as in `Augmentation`."""
+    linear[0], linear[1] = 1.0, 0.0
+    if remap[3] == 0:
+        return
+    nodes, counts = brick.nodes, brick.counts
+    low, high = LUMINANCE_SCALE, 0.0
+    for block in range(27):
+        for cell in range(nodes.shape[1] if counts[block] > 0 else 0):
+            node = nodes[block, cell]
+            if node >= 0:
+                low = min(low, luminance[node])
+                high = max(high, luminance[node])
+    dark, bright = low / LUMINANCE_SCALE, high / LUMINANCE_SCALE
+    gain = min(remap[0], 1.0 / max(bright - dark, 1e-6))
+    place = remap[1] * (1.0 - gain * (bright - dark))  # the darkest cell's new luminance
+    if remap[2] > 0:  # inverted: the brightest cell becomes the darkest
+        linear[0], linear[1] = -gain, place + gain * bright
+    else:
+        linear[0], linear[1] = gain, place - gain * dark
+
+
+@lean_device
+def _write_brick(own, luminance, normal, brick, light, turn, symmetries, values, found, moved, row):
+    """Write the blocks of one voxel from `row` on, list their rows in `moved`; returns the row after them."""
+    gain, offset, with_luminance = light
+    blocks, bits = found
+    nodes, counts, first_boxed, boxes = brick.nodes, brick.counts, own.first_boxed, own.boxes
+    to_block, to_cell = symmetries.block[turn], symmetries.cell[turn]
+    axis, sign = symmetries.axis[turn], symmetries.sign[turn]
+    ax, ay, az = axis[0], axis[1], axis[2]
+    scale = np.float32(1.0 / NORMAL_SCALE)
+    sx, sy, sz = sign[0] * scale, sign[1] * scale, sign[2] * scale
+    for block in range(27):
+        if counts[block] == 0:
+            continue
+        moved[to_block[block]] = row
+        for k in range(len(values)):
+            values[k] = 0
+        for cell in range(nodes.shape[1]):
+            node = nodes[block, cell]
+            if node < 0:
                 continue
-            moved[v, symmetries.block[turn, block]] = row
-            values[:] = 0
-            for cell in range(bricks.nodes.shape[2]):
-                node = bricks.nodes[v, block, cell]
-                if node < 0:
-                    continue
-                at = CHANNELS * symmetries.cell[turn, cell]
-                values[at] = filled_share(boxes, node - first_boxed) if node >= first_boxed else np.float32(1)
-                if with_luminance:
-                    values[at + 1] = gain * luminance[node] + offset
-                values[at + 2] = sx * normal[node, ax]
-                values[at + 3] = sy * normal[node, ay]
-                values[at + 4] = sz * normal[node, az]
-            if len(bits):
-                for k in range(len(values)):
-                    bits[row, k] = narrow_bits(values[k])
-            else:
-                blocks[row] = values
-            row += 1
+            at = CHANNELS * to_cell[cell]
+            values[at] = filled_share(boxes, node - first_boxed) if node >= first_boxed else np.float32(1)
+            if with_luminance:
+                values[at + 1] = gain * luminance[node] + offset
+            values[at + 2] = sx * normal[node, ax]
+            values[at + 3] = sy * normal[node, ay]
+            values[at + 4] = sz * normal[node, az]
+        if len(bits):
+            for k in range(len(values)):
+                bits[row, k] = narrow_bits(values[k])
+        else:
+            for k in range(len(values)):
+                blocks[row, k] = values[k]
+        row += 1
+    return row
 
 
 @kernel

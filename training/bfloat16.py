@@ -17,12 +17,31 @@ from ..patchnet_addon.runtime.kernels import device, kernel
 SLICES = 8
 
 
-def add_pairs(products: Tensor, starts: list[int], pair_corner: Tensor, bias: Tensor, corners: int) -> Tensor:
-    """ReLU of bias (out,) float32 and the products (P, out) of each corner, (corners, out); bfloat16 on the CPU.
+def gather_rows(values: Tensor, index: Tensor, starts: list[int], count: int) -> Tensor:
+    """Rows (8, count, width) of values (N, width), bfloat16 on the CPU: of slice s those at index starts[s] on.
 
-    Pairs starts[s] to starts[s + 1] are those of slice s, in which no corner is twice.
+    What a slice has less than `count`, the next one's start, is zeros.
     """
-    result = torch.empty(corners, products.shape[1], dtype=torch.bfloat16)
+    rows = torch.empty(SLICES, count, values.shape[1], dtype=torch.bfloat16)
+    _gather_rows(_bits(values), index.numpy(), np.array(starts), _bits(rows))
+    return rows
+
+
+def gather_rows_reference(values: Tensor, index: Tensor, starts: list[int], count: int) -> Tensor:
+    """Reference of `gather_rows` in torch."""
+    rows = torch.zeros(SLICES, count, values.shape[1], dtype=torch.bfloat16)
+    for s in range(SLICES):
+        rows[s, : starts[s + 1] - starts[s]] = values[index[starts[s] : starts[s + 1]]]
+    return rows
+
+
+def add_pairs(products: Tensor, starts: list[int], pair_corner: Tensor, bias: Tensor, corners: int) -> Tensor:
+    """ReLU of bias (out,) float32 and the products (8, count, out) of each corner, (corners, out); bfloat16 on the CPU.
+
+    Pairs starts[s] to starts[s + 1] are those of slice s, in which no corner is twice; their products are the first of
+    the slice.
+    """
+    result = torch.empty(corners, products.shape[2], dtype=torch.bfloat16)
     rows = np.full((corners, SLICES), -1, np.int64)
     _list_rows(np.array(starts), pair_corner.numpy(), rows)
     _add_rows(_bits(products), rows, bias.detach().numpy(), _bits(result))
@@ -31,9 +50,10 @@ def add_pairs(products: Tensor, starts: list[int], pair_corner: Tensor, bias: Te
 
 def add_pairs_reference(products: Tensor, starts: list[int], pair_corner: Tensor, bias: Tensor, corners: int) -> Tensor:
     """Reference of `add_pairs` in torch, for any type and device."""
-    del starts
-    sums = torch.zeros(corners, products.shape[1], device=products.device)
-    sums.index_add_(0, pair_corner, products.float())
+    sums = torch.zeros(corners, products.shape[2], device=products.device)
+    for s in range(SLICES):
+        pairs = pair_corner[starts[s] : starts[s + 1]]
+        sums.index_add_(0, pairs, products[s, : len(pairs)].float())
     return torch.relu(sums + bias).to(products.dtype)
 
 
@@ -43,14 +63,18 @@ def add_bias(products: Tensor, bias: Tensor) -> Tensor:
     return products
 
 
-def mask_gradient(gradient: Tensor, hidden: Tensor) -> Tensor:
-    """Set a gradient (N, out) to 0 where the ReLU's results `hidden` are; bfloat16 on the CPU.
+def mask_gradient(gradient: Tensor, hidden: Tensor) -> tuple[Tensor, Tensor]:
+    """Gradient (N, out) in bfloat16, 0 where the ReLU's results `hidden` are, and its column sums (out,) float32.
 
-    Returns its column sums (out,) float32, the gradient of the bias.
+    The sums are the gradient of the bias. gradient: float32, or bfloat16, which is changed; on the CPU.
     """
-    sums = np.zeros(gradient.shape[1], np.float32)
-    _mask(_bits(gradient), _bits(hidden), sums)
-    return torch.from_numpy(sums)
+    sums = torch.zeros(gradient.shape[1])
+    if gradient.dtype == torch.bfloat16:
+        _mask(_bits(gradient), _bits(hidden), sums.numpy())
+        return gradient, sums
+    narrow = torch.empty_like(hidden)
+    _mask_wide(gradient.numpy(), _bits(hidden), _bits(narrow), sums.numpy())
+    return narrow, sums
 
 
 def _bits(tensor: Tensor) -> np.ndarray:
@@ -72,10 +96,21 @@ def narrow_bits(value):
 
 
 @kernel
+def _gather_rows(values, index, starts, rows):
+    for s in range(SLICES):
+        count = starts[s + 1] - starts[s]
+        for row in range(count):
+            source = index[starts[s] + row]
+            for k in range(values.shape[1]):  # an assignment of rows takes three times as long
+                rows[s, row, k] = values[source, k]
+        rows[s, count:] = 0
+
+
+@kernel
 def _list_rows(starts, pair_corner, rows):
     for s in range(SLICES):
         for pair in range(starts[s], starts[s + 1]):
-            rows[pair_corner[pair], s] = pair
+            rows[pair_corner[pair], s] = pair - starts[s]
 
 
 @kernel
@@ -86,7 +121,7 @@ def _add_rows(products, rows, bias, result):
             total[k] = bias[k]
         for s in range(SLICES):
             if rows[corner, s] >= 0:
-                row = products[rows[corner, s]]
+                row = products[s, rows[corner, s]]
                 for k in range(len(bias)):
                     total[k] += _wide(row[k])
         for k in range(len(bias)):
@@ -106,4 +141,13 @@ def _mask(gradient, hidden, sums):
         for k in range(len(sums)):
             there = gradient[row, k] if hidden[row, k] > 0 else np.uint16(0)
             gradient[row, k] = there
+            sums[k] += _wide(there)
+
+
+@kernel
+def _mask_wide(gradient, hidden, narrow, sums):
+    for row in range(len(gradient)):
+        for k in range(len(sums)):
+            there = narrow_bits(gradient[row, k]) if hidden[row, k] > 0 else np.uint16(0)
+            narrow[row, k] = there
             sums[k] += _wide(there)

@@ -7,12 +7,17 @@ summed, in float32.
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from .bfloat16 import SLICES, add_bias, add_pairs, mask_gradient
+from .bfloat16 import add_bias, add_pairs, gather_rows, mask_gradient
+
+# Slices are filled up to a multiple of this many rows: torch compiles a product for each new size, which takes longer
+# than to multiply, and how many pairs a slice has differs at every step. With few sizes all are compiled soon.
+ROW_STEP = 64
 
 
 class Bfloat16Encoder(torch.autograd.Function):
@@ -32,18 +37,13 @@ class Bfloat16Encoder(torch.autograd.Function):
     ) -> Tensor:
         """Results of slices (8, B, out), a bias (out,) and `layers`: matrices (out, out) and biases (out,) in turn.
 
-        blocks: (M, B) float32. The others as in `CornerLayer`.
+        blocks: (M, B) float32 or bfloat16. The others as in `CornerLayer`.
         """
         narrow = blocks.bfloat16()
-        rows = torch.empty(len(pair_block), blocks.shape[1], dtype=torch.bfloat16)
         matrices = [matrix.bfloat16() for matrix in layers[::2]]
-        first = slices.bfloat16()
-        products = torch.empty(len(rows), first.shape[2], dtype=torch.bfloat16)
-        for s in range(SLICES):
-            here = slice(starts[s], starts[s + 1])  # its rows are in the processor's cache when they are multiplied
-            of_slice = torch.index_select(narrow, 0, pair_block[here], out=rows[here])
-            torch.mm(of_slice, first[s], out=products[here])
-        hidden = [add_pairs(products, starts, pair_corner, bias, corners)]
+        most = max(last - first for first, last in itertools.pairwise(starts))
+        rows = gather_rows(narrow, pair_block, starts, -(-most // ROW_STEP) * ROW_STEP)
+        hidden = [add_pairs(torch.bmm(rows, slices.bfloat16()), starts, pair_corner, bias, corners)]
         for matrix, added in zip(matrices, layers[1::2], strict=True):
             hidden.append(add_bias(hidden[-1] @ matrix.t(), added))
         ctx.save_for_backward(rows, pair_corner, *hidden, *matrices)
@@ -57,16 +57,11 @@ class Bfloat16Encoder(torch.autograd.Function):
         count = len(others) // 2
         hidden, matrices = others[: count + 1], others[count + 1 :]
         of_layers: list[Tensor] = []
-        after = gradient.bfloat16()
+        after, of_bias = mask_gradient(gradient, hidden[-1])
         for layer in reversed(range(count)):
-            of_bias = mask_gradient(after, hidden[layer + 1])
             of_layers[:0] = [(after.t() @ hidden[layer]).float(), of_bias]
-            after = after @ matrices[layer]
-        of_bias = mask_gradient(after, hidden[0])
-        of_slices = torch.empty(SLICES, rows.shape[1], after.shape[1])
-        of_slice = torch.empty_like(after)  # stays in the processor's cache from the copy to the product
-        for s in range(SLICES):
-            here = slice(ctx.starts[s], ctx.starts[s + 1])
-            copied = torch.index_select(after, 0, pair_corner[here], out=of_slice[: here.stop - here.start])
-            of_slices[s] = (copied.t() @ rows[here]).t()
+            after, of_bias = mask_gradient(after @ matrices[layer], hidden[layer])
+        copied = gather_rows(after, pair_corner, ctx.starts, rows.shape[1])
+        of_slices = torch.empty(len(rows), rows.shape[2], copied.shape[2])
+        of_slices.copy_(torch.bmm(copied.transpose(1, 2), rows).transpose(1, 2))  # faster than the product's transpose
         return None, None, None, None, None, of_slices, of_bias, *of_layers

@@ -73,23 +73,38 @@ class ThreadCrew:
         self._parts = max(1, min(threads, plan.own_voxels // _PART_VOXELS))
         inside = max(1, threads // self._parts)
         self._pool = ThreadPoolExecutor(self._parts, initializer=torch.set_num_threads, initargs=(inside,))
+        self._ahead: list[Future[tuple[TensorBatch, float]]] = []
+        self._ahead_of: tuple[int, bool] | None = None  # step, and whether its blocks are narrow
         self.title = f"{threads} CPU threads"
 
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
         """Gradients of the parts of a step, and sums of its errors, see `Crew`."""
-        cuts = np.linspace(0, self._plan.own_voxels, self._parts + 1).round().astype(int).tolist()
-        jobs = [self._pool.submit(self._part, step, first, last, dtype) for first, last in itertools.pairwise(cuts)]
+        narrow = dtype == torch.bfloat16 and self._learner.model.slices is not None  # as `Bfloat16Encoder` takes it
+        if self._ahead_of != (step, narrow):
+            self._ahead = self._gather(step, narrow)
+        batches = self._ahead
+        jobs = [self._pool.submit(self._part, batch, dtype) for batch in batches]
+        if self._parts > 1:  # while the step is taken; a thread alone would then have two cores
+            self._ahead, self._ahead_of = self._gather(step + 1, narrow), (step + 1, narrow)
         gradients, sums = zip(*(job.result() for job in jobs), strict=True)
         return list(gradients), torch.stack(sums).sum(0)
 
-    def _part(self, step: int, first: int, last: int, dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
-        narrow = dtype == torch.bfloat16 and self._learner.model.slices is not None  # as `Bfloat16Encoder` takes it
+    def _gather(self, step: int, narrow: bool) -> list[Future[tuple[TensorBatch, float]]]:
+        """Parts of a step, which the threads gather, and the share of the step that each is."""
+        cuts = np.linspace(0, self._plan.own_voxels, self._parts + 1).round().astype(int).tolist()
+        return [self._pool.submit(self._gathered, step, *cut, narrow) for cut in itertools.pairwise(cuts)]
+
+    def _gathered(self, step: int, first: int, last: int, narrow: bool) -> tuple[TensorBatch, float]:
         batch = TensorBatch.of(self._plan.batch(step, first, last, narrow=narrow), self._learner.device)
-        return self._learner.gradients(batch, dtype, (last - first) / self._plan.voxels)
+        return batch, (last - first) / self._plan.voxels
+
+    def _part(self, gathered: Future[tuple[TensorBatch, float]], dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
+        batch, share = gathered.result()  # was begun before this, so no thread waits for itself
+        return self._learner.gradients(batch, dtype, share)
 
     def close(self) -> None:
         """End the threads."""
-        self._pool.shutdown()
+        self._pool.shutdown(cancel_futures=True)
 
 
 class GpuCrew:
@@ -194,12 +209,12 @@ def augmentation_of_step(settings: TrainSettings, voxels: int, step: int) -> Aug
 def rows_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> np.ndarray:
     """Voxels (voxels,) of a step; each epoch runs through all of them in a new order."""
     count = len(corpus.tree)
-    places = step * voxels + np.arange(voxels)
-    rows = np.empty(voxels, np.int64)
-    for epoch in np.unique(places // count):
-        here = places // count == epoch
-        rows[here] = _order(settings.seed, int(epoch), count)[places[here] % count]
-    return rows
+    first = step * voxels
+    parts = []
+    for epoch in range(first // count, (first + voxels - 1) // count + 1):
+        begin = epoch * count
+        parts.append(_order(settings.seed, epoch, count)[max(first - begin, 0) : first + voxels - begin])
+    return np.concatenate(parts)
 
 
 @lru_cache(maxsize=2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Inputs of the decoder for all views of a batch, and their gradient, in one kernel each on the CPU.
+"""Inputs of the decoder for all views of a batch, and the gradient of the codes, in one kernel each on the CPU.
 
 The same as interpolation, harmonics and concatenation in `torch_model.py`, of which the codes alone have a gradient.
 The kernels are serial, since several threads learn from a part of a step each.
@@ -7,14 +7,11 @@ The kernels are serial, since several threads learn from a part of a step each.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import torch
-from torch import Tensor
 
-from ..patchnet_addon.network.harmonics import real_harmonics
 from ..patchnet_addon.network.kinds import CODE_SIZE, CORNERS, COVERING, HARMONICS, RAY_INPUTS, SIDE_BY_SIDE, VIEW
+from ..patchnet_addon.network.lane_harmonics import store_harmonics
+from ..patchnet_addon.network.lanes import LANES, load
 from ..patchnet_addon.network.weights import MODULATED
 from ..patchnet_addon.runtime.kernels import device, kernel
 from .tensor_batch import TensorBatch
@@ -28,30 +25,22 @@ _COVERED = _VIEW + VIEW
 assert _TERMS + HARMONICS == RAY_INPUTS
 
 
-class DecoderInputs(torch.autograd.Function):
-    """Inputs (V R, 42) of the paper's decoder or (V R, 147) of the mixture's; the gradient goes to the codes."""
+def decoder_inputs(eight: np.ndarray, batch: TensorBatch) -> np.ndarray:
+    """Inputs (V R, 42) of the paper's decoder or (V R, 147) of the mixture's, for codes (V, 8, 10) of the corners."""
+    views, near = batch.ratio.numel(), batch.nearby
+    inputs = np.empty((views, RAY_INPUTS if near is None else _COVERED + COVERING), np.float32)
+    rays = tuple(part.numpy() for part in (batch.entry, batch.direction, batch.up, batch.ratio))
+    _write(eight, rays, inputs)
+    if near is not None:
+        _write_nearby(near.view.view(views, -1).numpy(), near.covered.view(views, -1).numpy(), inputs)
+    return inputs
 
-    @staticmethod
-    def forward(ctx: Any, eight: Tensor, batch: TensorBatch) -> Tensor:
-        """Inputs for codes (V, 8, 10) of the voxels' corners, float32 on the CPU."""
-        views = batch.ratio.numel()
-        near = batch.nearby
-        inputs = np.empty((views, RAY_INPUTS if near is None else _COVERED + COVERING), np.float32)
-        terms = real_harmonics(batch.direction.reshape(views, 3).numpy())
-        rays = tuple(part.numpy() for part in (batch.entry, batch.direction, batch.up, batch.ratio))
-        _write(eight.detach().numpy(), rays, terms, inputs)
-        if near is not None:
-            inputs[:, _VIEW:_COVERED] = near.view.view(views, -1).numpy()
-            inputs[:, _COVERED:] = near.covered.view(views, -1).numpy()
-        ctx.eight, ctx.entry, ctx.terms = eight.shape, batch.entry, terms
-        return torch.from_numpy(inputs)
 
-    @staticmethod
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:  # type: ignore[override]
-        """Gradient (V, 8, 10) of the codes."""
-        result = np.zeros(ctx.eight, np.float32)
-        _add_gradient(gradient.numpy(), ctx.entry.numpy(), ctx.terms, result)
-        return torch.from_numpy(result), None
+def codes_gradient(gradient: np.ndarray, inputs: np.ndarray, entry: np.ndarray) -> np.ndarray:
+    """Gradient (V, 8, 10) of the corners' codes for that of `inputs`, which they had made; entry: (V, R, 3)."""
+    result = np.zeros((len(entry), CORNERS, CODE_SIZE), np.float32)
+    _add_gradient(gradient, inputs, entry, result)
+    return result
 
 
 @device
@@ -65,26 +54,32 @@ def _share(entry, voxel, view, corner):
 
 
 @kernel
-def _write(eight, rays, terms, inputs):
+def _write(eight, rays, inputs):
     entry, direction, up, ratio = rays
-    views = ratio.shape[1]
-    for voxel in range(len(ratio)):
-        for view in range(views):
-            row = voxel * views + view
-            values = inputs[row]
-            values[:CODE_SIZE] = 0
+    views, count = ratio.shape[1], ratio.size
+    axes, terms = np.zeros((3, LANES), np.float32), np.empty((HARMONICS, LANES), np.float32)
+    for first in range(0, count, LANES):
+        last = min(first + LANES, count)
+        for row in range(first, last):
+            for axis in range(3):
+                axes[axis, row - first] = direction[row // views, row % views, axis]
+        store_harmonics(terms, 0, LANES, load(axes, 0), load(axes, LANES), load(axes, 2 * LANES))
+        for row in range(first, last):
+            voxel, view, values = row // views, row % views, inputs[row]
+            for k in range(CODE_SIZE):
+                values[k] = 0
             for corner in range(CORNERS):
                 share = _share(entry, voxel, view, corner)
                 for k in range(CODE_SIZE):
                     values[k] += share * eight[voxel, corner, k]
+            for k in range(HARMONICS):
+                values[_TERMS + k] = terms[k, row - first]
             for k in range(MODULATED):
-                values[k] *= terms[row, k]
+                values[k] *= values[_TERMS + k]
             for axis in range(3):
                 values[_DIRECTION + axis] = direction[voxel, view, axis]
                 values[_UP + axis] = up[voxel, view, axis]
             values[_RATIO] = ratio[voxel, view]
-            for k in range(HARMONICS):
-                values[_TERMS + k] = terms[row, k]
             if len(values) > RAY_INPUTS:
                 for corner in range(CORNERS):
                     for k in range(SIDE_BY_SIDE):
@@ -92,14 +87,23 @@ def _write(eight, rays, terms, inputs):
 
 
 @kernel
-def _add_gradient(gradient, entry, terms, result):
+def _write_nearby(view, covered, inputs):
+    for row in range(len(inputs)):
+        for k in range(VIEW):
+            inputs[row, _VIEW + k] = view[row, k]
+        for k in range(COVERING):
+            inputs[row, _COVERED + k] = covered[row, k]
+
+
+@kernel
+def _add_gradient(gradient, inputs, entry, result):
     views = entry.shape[1]
     whole = np.empty(CODE_SIZE, np.float32)
     for voxel in range(len(result)):
         for view in range(views):
             row = voxel * views + view
             for k in range(CODE_SIZE):
-                whole[k] = gradient[row, k] * (terms[row, k] if k < MODULATED else np.float32(1))
+                whole[k] = gradient[row, k] * (inputs[row, _TERMS + k] if k < MODULATED else np.float32(1))
             for corner in range(CORNERS):
                 share = _share(entry, voxel, view, corner)
                 for k in range(CODE_SIZE):

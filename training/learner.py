@@ -13,6 +13,7 @@ from ..patchnet_addon.network.encoders import ENCODERS
 from ..patchnet_addon.network.torch_precision import float32_products
 from ..patchnet_addon.network.weights import Weights
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from .losses import loss_gradient
 from .settings import SQUARED, TF32, TrainSettings
 from .sliced_net import SlicedNet
 from .tensor_batch import TensorBatch
@@ -40,23 +41,23 @@ class Learner:
         """
         with float32_products(self.device, tf32=self.settings.precision == TF32):
             predicted = self.model(batch, dtype)
-            squared = self.settings.loss == SQUARED
-            with torch.set_grad_enabled(not squared):
-                coverage, luminance, seen = errors(predicted, batch)
-            if squared:
-                loss = squared_errors(predicted, batch, self.settings.luminance_weight)
-            else:
-                loss = coverage + self.settings.luminance_weight * luminance * seen
-            loss = share * loss
-            gradients = torch.autograd.grad(loss, self._trained)
-        return list(gradients), share * torch.stack([coverage, luminance * seen, seen]).detach()
+            squared, weight = self.settings.loss == SQUARED, self.settings.luminance_weight
+            gradient, sums = loss_gradient(predicted, batch, squared=squared, luminance_weight=weight)
+            gradients = torch.autograd.grad(predicted, self._trained, share * gradient)
+        return list(gradients), share * sums
 
     def step(self, parts: list[list[Tensor]], rate: float) -> None:
-        """Take one step at learning rate `rate` along the sum of the gradients of the parts of a step."""
+        """Take one step at learning rate `rate` along the sum of the gradients of the parts of a step.
+
+        The sum is made in the memory of the first part.
+        """
         for group in self.optimizer.param_groups:
             group["lr"] = rate
-        for parameter, *gradients in zip(self._trained, *parts, strict=True):
-            parameter.grad = torch.stack(gradients).sum(0) if len(gradients) > 1 else gradients[0]
+        first, *others = parts
+        for part in others:
+            torch._foreach_add_(first, part)
+        for parameter, gradient in zip(self._trained, first, strict=True):
+            parameter.grad = gradient
         self._clip()
         self.optimizer.step()
         self.steps += 1
@@ -65,8 +66,8 @@ class Learner:
     def _clip(self) -> None:
         if not self.settings.clip:
             return
-        gradients = [parameter.grad for parameter in self._trained if parameter.grad is not None]
-        norm = torch.nn.utils.get_total_norm(gradients)
+        gradients = [parameter.grad.flatten() for parameter in self._trained if parameter.grad is not None]
+        norm = torch.stack([gradient.dot(gradient) for gradient in gradients]).sum().sqrt()
         if self.device.type == "cuda" or norm > self.settings.clip:  # a GPU would be waited for, to save one pass
             torch.nn.utils.clip_grads_with_norm_(self._trained, self.settings.clip, norm)
 
@@ -92,24 +93,3 @@ class Learner:
         self.mean.load_state_dict(state["mean"])
         self.optimizer.load_state_dict(state["optimizer"])
         self.steps, self.seconds = int(state["steps"]), float(state["seconds"])
-
-
-def errors(predicted: Tensor, batch: TensorBatch) -> tuple[Tensor, Tensor, Tensor]:
-    """Mean absolute errors of coverage and of luminance where something is seen, and the share of such views."""
-    seen = (batch.coverage > 0).float()
-    of_coverage = (predicted[..., 0] - batch.coverage).abs().mean()
-    of_luminance = ((predicted[..., 1] - batch.luminance).abs() * seen).sum() / seen.sum().clamp(1)
-    return of_coverage, of_luminance, seen.mean()
-
-
-def squared_errors(predicted: Tensor, batch: TensorBatch, luminance_weight: float) -> Tensor:
-    """Mean squared error of coverage, and `luminance_weight` times that of luminance where something is seen."""
-    seen = (batch.coverage > 0).float()
-    of_coverage = (predicted[..., 0] - batch.coverage).square()
-    of_luminance = (predicted[..., 1] - batch.luminance).square() * seen
-    return (of_coverage + luminance_weight * of_luminance).mean()
-
-
-def mean_errors(sums: Tensor) -> Tensor:
-    """Errors (2,) of a step, of coverage and of luminance where something is seen, from the sums (3,) of its parts."""
-    return torch.stack([sums[0], sums[1] / sums[2].clamp(min=1e-9)])

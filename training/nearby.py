@@ -18,10 +18,10 @@ from ..patchnet_addon.codes.outer_cells import empty_outer_list, list_cells, mas
 from ..patchnet_addon.codes.pixel_tiles import PixelRays
 from ..patchnet_addon.codes.ray_frame import CELLS
 from ..patchnet_addon.network.compiled_layers import TILE
-from ..patchnet_addon.network.kinds import CORNERS, COVERING, MIXED, VIEW
+from ..patchnet_addon.network.kinds import CHILDREN, CORNERS, COVERING, MIXED, VIEW
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE
-from ..patchnet_addon.runtime.kernels import kernel
-from .forest import Forest, tree_nodes
+from ..patchnet_addon.runtime.kernels import kernel, lean_device
+from .forest import Forest, lean_tree_nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,31 +59,38 @@ def gather_nearby(
 
 @kernel
 def _gather(nodes, luminance, root, tree, voxel, rays, tables, found):
-    view, covered, luminances = found
     tile, listed, views = empty_footprint_tile(), empty_outer_list(), np.empty(VIEW * TILE, np.float32)
     shares, lights = np.empty(COVERING * TILE, np.float32), np.empty(COVERING * TILE, np.float32)
-    words = np.empty(CELLS, np.uint32)
+    words, work = np.empty(CELLS, np.uint32), (np.empty(CELLS, np.int64), np.empty(CHILDREN, np.float32))
+    _write(nodes, luminance, root, tree, voxel, rays, tables, found, (tile, listed, views, shares, lights, words, work))
+
+
+@lean_device
+def _write(nodes, luminance, root, tree, voxel, rays, tables, found, memory):
+    view, covered, luminances = found
+    tile, listed, views, shares, lights, words, work = memory
+    geometry, orders = tables
+    number, entry, direction, up, ratio = rays.node, rays.entry, rays.direction, rays.up, rays.ratio
     last, node, near = np.int64(-1), np.int64(-1), 0  # the voxel, its node, and cells that are listed around it
-    own = tree_nodes(nodes, 0)
-    for start in range(0, len(rays.ratio), TILE):
-        count = min(TILE, len(rays.ratio) - start)
+    own = lean_tree_nodes(nodes, 0)
+    for start in range(0, len(ratio), TILE):
+        count = min(TILE, len(ratio) - start)
         clear_tile(tile, shares, lights)
         for place in range(count):
             index = start + place
-            here = rays.node[index]  # the voxel's number
+            here = number[index]
             if here != last:
-                own, begin = tree_nodes(nodes, tree[here]), root[tree[here]]
+                own, begin = lean_tree_nodes(nodes, tree[here]), root[tree[here]]
                 node = covering_node(own, begin, voxel[here, 0], voxel[here, 1], voxel[here, 2], voxel[here, 3])
-                write_cells_around(own, luminance, begin, voxel[here], words)
+                write_cells_around(own, luminance, begin, voxel[here], words, work)
                 near = 0
                 for corner in range(CORNERS):
-                    near = list_cells(words, CORNERS * corner, corner, tables[0], listed, near)
+                    near = list_cells(words, CORNERS * corner, corner, geometry, listed, near)
                 last = here
-            ray = rays.entry[index], rays.direction[index], rays.up[index], rays.ratio[index]
+            ray = entry[index], direction[index], up[index], ratio[index]
             frame, axes = set_ray(ray, tile, views, place)
-            order = tables[1], frame
-            fill_fine(own, luminance, node, (tables[1], frame, axes), tile, place)
-            measure_cells(listed, near, ray, shares, lights, order, place)
+            fill_fine(own, luminance, node, (orders, frame, axes), tile, place)
+            measure_cells(listed, near, ray, shares, lights, (orders, frame), place)
             luminances[index, COVERING] = np.float32(luminance[node]) * np.float32(1.0 / LUMINANCE_SCALE)
         measure_tile(tile, shares, lights)
         write_columns(views, count, view[start:])

@@ -13,7 +13,6 @@ import torch
 import torch.nn.functional as functional
 from torch import Tensor, nn
 
-from ..patchnet_addon.network.decode import OUTPUT_LOW, OUTPUT_RANGE
 from ..patchnet_addon.network.devices import CPU
 from ..patchnet_addon.network.torch_convolutions import patch_cells
 from ..patchnet_addon.network.torch_model import MixturePlace, PatchNet
@@ -21,8 +20,7 @@ from ..patchnet_addon.network.weights import Weights
 from .bfloat16 import SLICES
 from .bfloat16_encoder import Bfloat16Encoder
 from .corner_layer import CornerLayer, from_slices, to_slices
-from .decoder_inputs import DecoderInputs
-from .mixture_outputs import MixtureOutputs
+from .cpu_decoder import CpuDecoder
 from .tensor_batch import TensorBatch
 
 
@@ -64,16 +62,9 @@ class SlicedNet(nn.Module):
         return found.view(voxels, views, 2)
 
     def _decoded_on_cpu(self, eight: Tensor, batch: TensorBatch) -> Tensor:
-        """The same as `_decoded`, by kernels between the decoder's layers."""
-        values = DecoderInputs.apply(eight, batch)
-        *layers, last = self.net.decoder
-        for layer in layers:
-            values = torch.relu(layer(values))
-        outputs = last(values)
-        if batch.nearby is None:
-            return OUTPUT_LOW + OUTPUT_RANGE * torch.sigmoid(outputs)
-        near = (part.flatten(0, 1) for part in (batch.nearby.covered, batch.nearby.luminances))
-        return MixtureOutputs.apply(outputs, *near)  # type: ignore[no-any-return]
+        """The same as `_decoded`, by kernels between the decoder's products."""
+        layers = [part for layer in self.net.decoder for part in (layer.weight, layer.bias)]
+        return CpuDecoder.apply(eight, batch, *layers)  # type: ignore[no-any-return]
 
     def _decoded(self, eight: Tensor, batch: TensorBatch) -> Tensor:
         """Coverage and luminance (V R, 2) of codes (V, 8, 10) of the voxels' corners."""

@@ -29,7 +29,8 @@ from .corpus import Corpus, corpus_of
 from .crews import AnyCorpus, crew_for
 from .dataset import Dataset
 from .fresh import fresh_corpus_of
-from .learner import Learner, mean_errors
+from .learner import Learner
+from .losses import mean_errors
 from .processes import Processes
 from .provenance import describe_data
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run

@@ -16,7 +16,7 @@ import numpy as np
 from ..octree.octree import POPCOUNT, Octree
 from ..runtime.bits import lowest_one
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.kernels import device, lean_device
+from ..runtime.kernels import lean_device
 from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 
 EMPTY = -1
@@ -38,7 +38,7 @@ def check_nodes(count: int) -> None:
     check_count(count, INT32_COUNT, "nodes", NODE_ADVICE)
 
 
-@device
+@lean_device
 def child_at(nodes, node, octant):
     """Child of `node` in `octant`, -1 if there is none."""
     mask = np.int64(nodes.child_mask[node])
@@ -47,7 +47,7 @@ def child_at(nodes, node, octant):
     return np.int64(nodes.first_child[node]) + np.int64(POPCOUNT[mask & ((1 << octant) - 1)])
 
 
-@device
+@lean_device
 def covering_node(nodes, root, level, x, y, z):
     """Node below `root` at cell (x, y, z) of a level, the coarser leaf that covers it, or -1; the cell may lie
     outside."""
@@ -65,13 +65,13 @@ def covering_node(nodes, root, level, x, y, z):
     return node
 
 
-@device
+@lean_device
 def fill_block(nodes, node, lookahead, cells):
     """Write the nodes of a voxel's fine cells into `cells` (8^lookahead,) and return how many are occupied.
 
     From the voxel down, level by level: the first of the cells that a node fills holds it until it is divided.
     """
-    masks, first_children = nodes.child_mask, nodes.first_child  # taken out here once: each time counts references
+    masks, first_children = nodes.child_mask, nodes.first_child
     if masks[node] == 0:
         cells[:] = node
         return len(cells)
@@ -114,11 +114,11 @@ def _divide(masks, first_children, side, half, corner, cells):  # type: ignore[n
     return count
 
 
-@device
+@lean_device
 def fill_brick(nodes, root, level, cell, lookahead, brick):
     """Write the brick of the voxel at `cell` (x, y, z) of a level below `root` into `brick`, a `Brick`."""
     x, y, z = cell
-    cells, counts = brick.nodes, brick.counts  # taken out here once: each time counts references
+    cells, counts = brick.nodes, brick.counts
     for block in range(27):
         nx, ny, nz = x + block % 3 - 1, y + block // 3 % 3 - 1, z + block // 9 - 1
         node = covering_node(nodes, root, level, nx, ny, nz)

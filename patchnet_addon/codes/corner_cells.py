@@ -14,7 +14,7 @@ import numpy as np
 
 from ..network.kinds import CORNERS
 from ..octree.octree import LUMINANCE_SCALE, Octree
-from ..runtime.kernels import device, kernel, lean_device
+from ..runtime.kernels import kernel, lean_device
 from ..runtime.prefetch import prefetch
 from ..runtime.threads import run_parts
 from .brick import child_at, covering_node
@@ -104,13 +104,14 @@ def _write_all(first, last, nodes, luminance, level, corners, result):  # type: 
             result[corner, octant] = _word_of(nodes, luminance, node, lights)
 
 
-@device
-def write_cells_around(nodes, luminance, root, voxel, words):  # type: ignore[no-untyped-def]
+@lean_device
+def write_cells_around(nodes, luminance, root, voxel, words, work):  # type: ignore[no-untyped-def]
     """Write the words (64,) of the cells around the corners of a voxel (level, x, y, z) of the octree at `root`.
 
-    Cells in the voxel itself count as empty: pixels see them by the octree.
+    Cells in the voxel itself count as empty: pixels see them by the octree. work: (64,) int64 and (8,) float32.
     """
-    cells = np.full(len(words), -1, np.int64)  # nodes
+    cells, lights = work
+    cells[:] = -1
     for neighbour in range(27):
         x, y, z = neighbour % 3, neighbour // 3 % 3, neighbour // 9  # 1 is the voxel's own place
         if neighbour == 13:
@@ -128,7 +129,6 @@ def write_cells_around(nodes, luminance, root, voxel, words):  # type: ignore[no
                         prefetch(luminance, np.int64(nodes.first_child[cell]))
                     corner, inner = (i >> 1) | (j >> 1) << 1 | (k >> 1) << 2, (i & 1) | (j & 1) << 1 | (k & 1) << 2
                     cells[CORNERS * corner + inner] = cell
-    lights = np.empty(8, np.float32)
     for place in range(len(words)):
         words[place] = _word_of(nodes, luminance, cells[place], lights)
 

@@ -15,7 +15,7 @@ from ..octree.leaf_boxes import covered_shares
 from ..octree.nodes import BoxedNodes
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bits import lowest_one
-from ..runtime.kernels import device, kernel, lean_device
+from ..runtime.kernels import kernel, lean_device
 from ..runtime.threads import run_parts
 from .coded_octree import CodedOctree
 from .corner_rows import corner_row
@@ -164,7 +164,7 @@ def _write_all(first, last, nearby, nodes, rows, rays, view, covered, luminances
         write_columns(lights, count, luminances[start:])
 
 
-@device
+@lean_device
 def write_columns(rows, count, result):  # type: ignore[no-untyped-def]
     """Write the first `count` columns of a tile's rows as lines of `result`."""
     for place in range(count):

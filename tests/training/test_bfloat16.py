@@ -8,7 +8,14 @@ torch = pytest.importorskip("torch")
 from torch import Tensor  # noqa: E402
 from torch.nn import functional  # noqa: E402
 
-from patchnet.training.bfloat16 import add_bias, add_pairs, add_pairs_reference, mask_gradient  # noqa: E402
+from patchnet.training.bfloat16 import (  # noqa: E402
+    add_bias,
+    add_pairs,
+    add_pairs_reference,
+    gather_rows,
+    gather_rows_reference,
+    mask_gradient,
+)
 from patchnet.training.bfloat16_encoder import Bfloat16Encoder  # noqa: E402
 from patchnet.training.corner_layer import SLICES, CornerLayer  # noqa: E402
 
@@ -25,7 +32,7 @@ def pairs_of_all(corners: int, random: np.random.Generator, share: float = 0.7) 
 
 def small_terms() -> tuple[Tensor, list[int], Tensor]:
     """Products of one corner whose first is 1 and whose other seven are too small for bfloat16 to add to it."""
-    products = torch.full((SLICES, 4), SMALL, dtype=torch.bfloat16)
+    products = torch.full((SLICES, 1, 4), SMALL, dtype=torch.bfloat16)
     products[0] = 1
     return products, list(range(SLICES + 1)), torch.zeros(SLICES, dtype=torch.int64)
 
@@ -38,7 +45,7 @@ def test_small_terms_count(add) -> None:
     assert wanted > 1 and (found == wanted).all()
     in_bfloat16 = torch.zeros(1, 4, dtype=torch.bfloat16)
     for product in products:
-        in_bfloat16 += product
+        in_bfloat16 += product[0]
     assert (in_bfloat16 == 1).all()  # what the test is about
 
 
@@ -71,19 +78,28 @@ def test_kernels_equal_torch() -> None:
     random = np.random.default_rng(3)
     torch.manual_seed(3)
     starts, _, corner = pairs_of_all(100, random)
-    products, bias = torch.randn(len(corner), 48).bfloat16(), torch.randn(48)
+    products, bias = torch.randn(SLICES, 100, 48).bfloat16(), torch.randn(48)
+    values = torch.randn(100, 48).bfloat16()
+    rows = gather_rows(values, corner, starts, 100)
+    assert (rows == gather_rows_reference(values, corner, starts, 100)).all()
+    assert not rows[:, max(np.diff(starts)) :].any() and (rows[0, : starts[1]] == values[corner[: starts[1]]]).all()
     torch.testing.assert_close(
         add_pairs(products, starts, corner, bias, 100),
         add_pairs_reference(products, starts, corner, bias, 100),
         atol=0, rtol=2**-8,  # sums in another order may be rounded the other way
     )  # fmt: skip
-    wanted = torch.relu(products.float() + bias).bfloat16()
-    hidden = add_bias(products.clone(), bias)
+    wanted = torch.relu(products[0].float() + bias).bfloat16()
+    hidden = add_bias(products[0].clone(), bias)
     assert (hidden == wanted).all()
-    gradient = torch.randn(products.shape).bfloat16()
-    kept = torch.where(hidden > 0, gradient, 0)
-    sums = mask_gradient(gradient, hidden)
-    assert (gradient == kept).all()
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+def test_masked_gradient(dtype: torch.dtype) -> None:
+    torch.manual_seed(3)
+    hidden, gradient = torch.relu(torch.randn(100, 48)).bfloat16(), torch.randn(100, 48).to(dtype)
+    kept = torch.where(hidden > 0, gradient.bfloat16(), 0)
+    found, sums = mask_gradient(gradient, hidden)
+    assert found.dtype == torch.bfloat16 and (found == kept).all()
     torch.testing.assert_close(sums, kept.float().sum(0), atol=1e-4, rtol=1e-5)
 
 

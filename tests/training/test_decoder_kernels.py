@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
-from patchnet.patchnet_addon.network.kinds import KINDS, NetworkKind  # noqa: E402
+from patchnet.patchnet_addon.network.kinds import KINDS, PAPER, NetworkKind  # noqa: E402
 from patchnet.patchnet_addon.network.weights import Weights  # noqa: E402
 from patchnet.patchnet_addon.runtime.progress import drain  # noqa: E402
 from patchnet.training.batches import Augmentation  # noqa: E402
 from patchnet.training.corpus import Corpus, corpus_of  # noqa: E402
 from patchnet.training.dataset import Dataset  # noqa: E402
+from patchnet.training.losses import loss_gradient, loss_gradient_reference  # noqa: E402
 from patchnet.training.procedural import spheres_and_slats  # noqa: E402
 from patchnet.training.samples import SampleSettings, draw_samples  # noqa: E402
 from patchnet.training.sliced_net import SlicedNet  # noqa: E402
@@ -47,6 +48,28 @@ def test_kernels_equal_torch(dataset: Dataset, kind: NetworkKind) -> None:
     torch.testing.assert_close(values[0], values[1], atol=2e-6, rtol=0)
     for ours, theirs in zip(*gradients, strict=True):
         torch.testing.assert_close(ours, theirs, atol=1e-5 * theirs.abs().max().item(), rtol=1e-4)
+
+
+@pytest.mark.parametrize("seen", ["some", "none"])
+@pytest.mark.parametrize("squared", [True, False], ids=["squared", "absolute"])
+def test_losses_equal_torch_and_what_they_say(dataset: Dataset, squared: bool, seen: str) -> None:
+    """The kernel, its reference, and the gradient that torch finds for the loss written down as it is defined."""
+    arrays = corpus(dataset, PAPER).batch(np.arange(VOXELS), Augmentation.none(VOXELS))
+    batch = TensorBatch.of(arrays, torch.device("cpu"))
+    batch.coverage[:2] = 0
+    if seen == "none":
+        batch.coverage[:] = 0
+    torch.manual_seed(1)
+    predicted = torch.rand(VOXELS, 4, 2, requires_grad=True)
+    mask = (batch.coverage > 0).float()
+    errors = predicted[..., 0] - batch.coverage, (predicted[..., 1] - batch.luminance) * mask
+    first, second = (each.square().mean() if squared else each.abs().mean() for each in errors)
+    wanted = torch.autograd.grad(first + 0.7 * second, [predicted])[0]
+    sums = torch.stack([errors[0].abs().mean(), errors[1].abs().mean(), mask.mean()])
+    for measure in (loss_gradient, loss_gradient_reference):
+        gradient, found = measure(predicted, batch, squared=squared, luminance_weight=0.7)
+        torch.testing.assert_close(gradient, wanted, atol=1e-8, rtol=1e-5)
+        torch.testing.assert_close(found, sums, atol=1e-7, rtol=1e-5)
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)

@@ -35,7 +35,8 @@ from ...patchnet_addon.runtime.threads import usable_cores
 from ..corpus import Corpus, corpus_of
 from ..crews import DEVICE, HOST, Crew, crew_for
 from ..dataset import Dataset
-from ..learner import Learner, mean_errors
+from ..learner import Learner
+from ..losses import mean_errors
 from ..provenance import describe_machine, describe_versions
 from ..samples import SampleSettings, draw_samples
 from ..settings import ABSOLUTE, BF16, FP32, IMPROVED, TF32

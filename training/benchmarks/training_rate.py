@@ -7,6 +7,7 @@ computed, the optimiser's step taken.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -31,6 +32,7 @@ from .shells import octree_of_shells
 from .step_products import Product, operations, recorded_products, replay
 from .timing import Comparison, how_measured, take_turns
 
+_WARM = 10  # runs before those that are measured
 SETTINGS = {MIXTURE.name: IMPROVED, PAPER.network: PAPER}  # the preset by kind of network
 
 
@@ -89,8 +91,10 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
     voxels = settings.batch // corpus.views_per_voxel
     crew = ThreadCrew(learner, StepPlan(corpus, settings, voxels, ALONE), bench.threads)
 
+    numbers = itertools.count()  # every step is another one, as in a run: not two have as many blocks
+
     def steps() -> None:
-        for number in range(bench.steps):
+        for number in itertools.islice(numbers, bench.steps):
             learner.step(crew.gradients(number, dtype)[0], settings.final_rate)
 
     parts = [
@@ -100,8 +104,9 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
     with ThreadPoolExecutor(bench.threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         alone = [replay(products) for products in parts]
         runs = {"step": steps, "products": lambda: [job.result() for job in [pool.submit(each) for each in alone]]}
-        for run in runs.values():
-            run()
+        for _ in range(_WARM):  # torch compiles products of sizes that it meets for the first time
+            steps()
+        runs["products"]()
         seconds = take_turns(runs, bench.repeats, all_cores=bench.threads > 1)
     crew.close()
     step, bound = (median(seconds[name]) / bench.steps for name in runs)
