@@ -37,6 +37,7 @@ from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .run_log import Log
 from .schedule import learning_rate
 from .settings import ABSOLUTE, AUTO, BF16, TrainSettings
+from .torch_threads import torch_threads
 from .validation import validate
 from .validation_sets import ValidationSet, validation_sets
 
@@ -102,7 +103,10 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
             dtype = encoder_type(settings, learner.steps / total, device)
             with enough_memory("batches of this size (--batch)"):
                 gradients, sums = processes.sums(*crew.gradients(learner.steps, dtype))
-                learner.step(gradients, rate)
+                with torch_threads(
+                    1
+                ):  # the crew gathers the next step's batch meanwhile: threads would wait for a core
+                    learner.step(gradients, rate)
             learner.seconds = time.monotonic() - before
             if keeper is not None:
                 keeper.keep_step(sums, rate)

@@ -27,6 +27,7 @@ from ..provenance import describe_machine, describe_versions
 from ..samples import SampleSettings, draw_samples
 from ..settings import AUTO, IMPROVED, PAPER, TrainSettings
 from ..tensor_batch import TensorBatch
+from ..torch_threads import torch_threads
 from ..trainer import encoder_type
 from .shells import octree_of_shells
 from .step_products import Product, operations, recorded_products, replay
@@ -54,15 +55,11 @@ class TrainBench:
 def benchmark_training(datasets: Sequence[Dataset], bench: TrainBench) -> Comparison:
     """Rates of both kinds of network; `ratio`, of the first kind, is the share of what products alone would allow."""
     datasets = datasets or [_made(bench)]
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
+    with torch_threads(1):
         measured = {
             name: _measured(datasets, replace(settings, precision=bench.precision), bench)
             for name, settings in SETTINGS.items()
         }
-    finally:
-        torch.set_num_threads(before)
     first = measured[MIXTURE.name]
     details = {
         "machine": describe_machine(),

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +12,7 @@ from ....patchnet_addon.runtime.errors import PatchNetError, WeightsFileError
 from ....patchnet_addon.runtime.threads import thread_count
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.strategy import Strategy
+from ...torch_threads import torch_threads
 from .gbuffer import NEEDS, gbuffer
 from .map_file import read_map
 
@@ -42,7 +41,7 @@ def map_strategy(path: Path) -> Strategy:
 
     def score(buffers: PixelBuffers) -> np.ndarray:
         planes = torch.from_numpy(network.planes(gbuffer(buffers)))
-        with _torch_threads(thread_count()), torch.inference_mode():
+        with torch_threads(thread_count()), torch.inference_mode():
             return network.scores(model, planes[None])[0].numpy().ravel()
 
     made = f"{notes.get('steps', 0):,} steps on {notes.get('frames', 0):,} frames"
@@ -70,16 +69,3 @@ def _fill(model: torch.nn.Module, weights: dict[str, Any], path: Path) -> None:
         raise WeightsFileError(f"{path} has weights that are not finite: train it anew, at a lower rate")
     model.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in weights.items()})
     model.eval()
-
-
-@contextmanager
-def _torch_threads(count: int) -> Iterator[None]:
-    """Let torch use as many threads as the engine's own loops do."""
-    import torch
-
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
