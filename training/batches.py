@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from ..patchnet_addon.codes.brick import Brick, fill_brick
+from ..patchnet_addon.codes.brick import Brick, empty_brick, fill_brick
 from ..patchnet_addon.network.weights import CHANNELS
 from ..patchnet_addon.octree.leaf_boxes import filled_share
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
@@ -112,6 +112,7 @@ def gather_batch(
     blocks = np.empty((0 if narrow else most, width), np.float32)
     bits = np.empty((most if narrow else 0, width), np.uint16)
     moved = np.full((count, 27), -1, np.int32)  # rows of `blocks` by position after the symmetry
+    around = np.empty((count, 27), np.int32)
     rows = _gather_blocks(
         forest.nodes,
         (forest.luminance, forest.normal),
@@ -121,12 +122,13 @@ def gather_batch(
         not nearby,
         (blocks, bits),
         moved,
+        around,
         linear,
     )
     start, pair_block, pair_corner = _list_pairs(moved, PAIR_POSITION)
     stored = _stored_views(views)
     moved_views = _move_views(stored, augmentation.symmetry, symmetries, linear)
-    found = gather_nearby(forest, tree, voxel, stored[:4], linear) if nearby else None
+    found = gather_nearby(forest, tree, around, stored[:4], linear) if nearby else None
     found_blocks = (bits if narrow else blocks)[:rows]
     return Batch(found_blocks, start, pair_block, pair_corner, *moved_views, nearby=found)
 
@@ -178,19 +180,19 @@ def _turn_views(vectors, axis, sign, moved):
 
 
 @kernel
-def _gather_blocks(nodes, cells, voxels, augmentation, lookahead, with_luminance, found, moved, linear):
+def _gather_blocks(nodes, cells, voxels, augmentation, lookahead, with_luminance, found, moved, around, linear):
     """Write each occupied block as a row of whichever of `found` has rows: float32, or the bits of bfloat16.
 
-    Returns how many there are.
+    Returns how many there are. around: (V, 27) what the voxels' bricks have of that name.
     """
     luminance, normal = cells
     root, tree, voxel = voxels
     remap, symmetry, symmetries = augmentation
-    brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
+    empty = empty_brick(lookahead)
     values = np.empty(CHANNELS << 3 * lookahead, np.float32)
     row = 0
     for v in range(len(tree)):
-        own, place = tree_nodes(nodes, tree[v]), voxel[v]
+        own, place, brick = tree_nodes(nodes, tree[v]), voxel[v], Brick(empty.nodes, empty.counts, around[v])
         fill_brick(own, root[tree[v]], place[0], place[1:], lookahead, brick)
         _remap(luminance, brick, remap[v], linear[v])
         light = np.float32(linear[v, 0] / np.float32(LUMINANCE_SCALE)), linear[v, 1], with_luminance

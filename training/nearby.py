@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..patchnet_addon.codes.brick import covering_node
 from ..patchnet_addon.codes.corner_cells import write_cells_around
 from ..patchnet_addon.codes.footprint import clear_tile, empty_footprint_tile, measure_tile
 from ..patchnet_addon.codes.mixture_inputs import fill_fine, nearby_order, set_ray, write_columns
@@ -22,6 +21,8 @@ from ..patchnet_addon.network.kinds import CHILDREN, CORNERS, COVERING, MIXED, V
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE
 from ..patchnet_addon.runtime.kernels import kernel, lean_device
 from .forest import Forest, lean_tree_nodes
+
+_MIDDLE = 13  # of the 27 blocks of a brick the voxel itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +38,12 @@ class Nearby:
 
 
 def gather_nearby(
-    forest: Forest, tree: np.ndarray, voxel: np.ndarray, rays: tuple[np.ndarray, ...], linear: np.ndarray
+    forest: Forest, tree: np.ndarray, around: np.ndarray, rays: tuple[np.ndarray, ...], linear: np.ndarray
 ) -> Nearby:
-    """Cells near voxels (V, 4) of octrees `tree` (V,), as R rays see them, none of them turned.
+    """Cells near V voxels of octrees `tree` (V,), as R rays see them, none of them turned.
 
-    rays: entry, direction, up (V, R, 3) and ratio (V, R). linear: (V, 2) gain and offset of luminance.
+    around: (V, 27) int32, see `Brick`. rays: entry, direction, up (V, R, 3) and ratio (V, R). linear: (V, 2) gain and
+    offset of luminance.
     """
     voxels, views = rays[3].shape
     count = voxels * views
@@ -50,23 +52,22 @@ def gather_nearby(
     view, covered = np.empty((count, VIEW), np.float32), np.empty((count, COVERING), np.float32)
     luminances = np.empty((count, MIXED), np.float32)
     tables = mask_geometry(), nearby_order()
-    where = forest.root, tree.astype(np.int64), voxel.astype(np.int64)
-    _gather(forest.nodes, forest.luminance, *where, flat, tables, (view, covered, luminances))
-    luminances *= np.repeat(linear[:, 0], views)[:, None]
-    luminances += np.repeat(linear[:, 1], views)[:, None]
+    where = tree.astype(np.int64), around, linear
+    _gather(forest.nodes, forest.luminance, where, flat, tables, (view, covered, luminances))
     return Nearby(*(array.reshape(voxels, views, -1) for array in (view, covered, luminances)))
 
 
 @kernel
-def _gather(nodes, luminance, root, tree, voxel, rays, tables, found):
+def _gather(nodes, luminance, where, rays, tables, found):
     tile, listed, views = empty_footprint_tile(), empty_outer_list(), np.empty(VIEW * TILE, np.float32)
     shares, lights = np.empty(COVERING * TILE, np.float32), np.empty(COVERING * TILE, np.float32)
     words, work = np.empty(CELLS, np.uint32), (np.empty(CELLS, np.int64), np.empty(CHILDREN, np.float32))
-    _write(nodes, luminance, root, tree, voxel, rays, tables, found, (tile, listed, views, shares, lights, words, work))
+    _write(nodes, luminance, where, rays, tables, found, (tile, listed, views, shares, lights, words, work))
 
 
 @lean_device
-def _write(nodes, luminance, root, tree, voxel, rays, tables, found, memory):
+def _write(nodes, luminance, where, rays, tables, found, memory):
+    tree, around, linear = where
     view, covered, luminances = found
     tile, listed, views, shares, lights, words, work = memory
     geometry, orders = tables
@@ -80,9 +81,8 @@ def _write(nodes, luminance, root, tree, voxel, rays, tables, found, memory):
             index = start + place
             here = number[index]
             if here != last:
-                own, begin = lean_tree_nodes(nodes, tree[here]), root[tree[here]]
-                node = covering_node(own, begin, voxel[here, 0], voxel[here, 1], voxel[here, 2], voxel[here, 3])
-                write_cells_around(own, luminance, begin, voxel[here], words, work)
+                own, node = lean_tree_nodes(nodes, tree[here]), np.int64(around[here, _MIDDLE])
+                write_cells_around(own, luminance, around[here], words, work)
                 near = 0
                 for corner in range(CORNERS):
                     near = list_cells(words, CORNERS * corner, corner, geometry, listed, near)
@@ -96,3 +96,7 @@ def _write(nodes, luminance, root, tree, voxel, rays, tables, found, memory):
         write_columns(views, count, view[start:])
         write_columns(shares, count, covered[start:])
         write_columns(lights, count, luminances[start:])
+        for index in range(start, start + count):
+            gain, offset = linear[number[index], 0], linear[number[index], 1]
+            for k in range(MIXED):
+                luminances[index, k] = gain * luminances[index, k] + offset

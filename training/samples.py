@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..patchnet_addon.codes.brick import Brick, check_nodes, fill_brick
+from ..patchnet_addon.codes.brick import check_nodes, empty_brick, fill_brick
 from ..patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRay, Viewport, render_patch
 from ..patchnet_addon.octree.octree import Octree
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
@@ -186,7 +186,7 @@ def draw_voxel_views(state, nodes, luminance, root, voxel, first_hit, lookahead,
 
     state: (1,) uint64, of the random numbers, which is moved on.
     """
-    brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
+    brick = empty_brick(lookahead)
     viewport = Viewport(np.empty((9, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
     fill_brick(nodes, root, voxel[0], voxel[1:], lookahead, brick)
     origin, direction, up = np.empty(3), np.empty(3), np.empty(3)

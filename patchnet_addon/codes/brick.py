@@ -16,21 +16,23 @@ import numpy as np
 from ..octree.octree import POPCOUNT, Octree
 from ..runtime.bits import lowest_one
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.kernels import lean_device
+from ..runtime.kernels import device, lean_device
 from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 
 EMPTY = -1
 
 
 class Brick(NamedTuple):
-    """Fine cells around a voxel, or with one more axis in front, around each of several.
+    """Fine cells around a voxel.
 
     nodes: (27, 8^n) int32, valid only in blocks whose count is not 0; the others keep what they had.
     counts: (27,) int32, occupied cells of each block.
+    around: (27,) int32, of each block the node that is the voxel, or the coarser leaf that covers it, EMPTY for none.
     """
 
     nodes: np.ndarray
     counts: np.ndarray
+    around: np.ndarray
 
 
 def check_nodes(count: int) -> None:
@@ -115,17 +117,50 @@ def _divide(masks, first_children, side, half, corner, cells):  # type: ignore[n
 
 
 @lean_device
-def fill_brick(nodes, root, level, cell, lookahead, brick):
-    """Write the brick of the voxel at `cell` (x, y, z) of a level below `root` into `brick`, a `Brick`."""
-    x, y, z = cell
-    cells, counts = brick.nodes, brick.counts
+def nodes_around(nodes, root, level, cell, around):
+    """Write the nodes of the 27 voxels around `cell` (x, y, z) of a level below `root`, as in `Brick.around`.
+
+    They are found together: most of the way down from the root they have in common, and on the rest the processor waits
+    for the nodes of all of them at once.
+    """
+    masks, first_children = nodes.child_mask, nodes.first_child
+    x, y, z = np.int64(cell[0]), np.int64(cell[1]), np.int64(cell[2])
+    last = (np.int64(1) << level) - 1
+    parted = max(x - 1, 0) ^ min(x + 1, last) | max(y - 1, 0) ^ min(y + 1, last) | max(z - 1, 0) ^ min(z + 1, last)
+    node, shift = np.int64(root), np.int64(level) - 1
+    while shift >= 0 and parted >> shift == 0 and node >= 0 and masks[node] != 0:
+        node = child_at(nodes, node, (x >> shift & 1) | (y >> shift & 1) << 1 | (z >> shift & 1) << 2)
+        shift -= 1
     for block in range(27):
         nx, ny, nz = x + block % 3 - 1, y + block // 3 % 3 - 1, z + block // 9 - 1
-        node = covering_node(nodes, root, level, nx, ny, nz)
-        if node < 0:
-            counts[block] = 0
-        else:
-            counts[block] = fill_block(nodes, node, lookahead, cells[block])
+        inside = min(nx, ny, nz) >= 0 and max(nx, ny, nz) <= last
+        around[block] = node if inside else EMPTY
+    while shift >= 0 and node >= 0:
+        for block in range(27):
+            here = np.int64(around[block])
+            mask = np.int64(masks[here]) if here >= 0 else np.int64(0)
+            if mask != 0:
+                nx, ny, nz = x + block % 3 - 1, y + block // 3 % 3 - 1, z + block // 9 - 1
+                octant = (nx >> shift & 1) | (ny >> shift & 1) << 1 | (nz >> shift & 1) << 2
+                child = np.int64(first_children[here]) + POPCOUNT[mask & ((1 << octant) - 1)]
+                around[block] = child if mask >> octant & 1 else EMPTY
+        shift -= 1
+
+
+@device
+def empty_brick(lookahead):
+    """Brick to be filled."""
+    return Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32), np.empty(27, np.int32))
+
+
+@lean_device
+def fill_brick(nodes, root, level, cell, lookahead, brick):
+    """Write the brick of the voxel at `cell` (x, y, z) of a level below `root` into `brick`, a `Brick`."""
+    cells, counts, around = brick.nodes, brick.counts, brick.around
+    nodes_around(nodes, root, level, cell, around)
+    for block in range(27):
+        node = np.int64(around[block])
+        counts[block] = 0 if node < 0 else fill_block(nodes, node, lookahead, cells[block])
 
 
 def brick_nodes(octree: Octree, level: int, cell: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:

@@ -105,8 +105,8 @@ def _write_all(first, last, nodes, luminance, level, corners, result):  # type: 
 
 
 @lean_device
-def write_cells_around(nodes, luminance, root, voxel, words, work):  # type: ignore[no-untyped-def]
-    """Write the words (64,) of the cells around the corners of a voxel (level, x, y, z) of the octree at `root`.
+def write_cells_around(nodes, luminance, around, words, work):  # type: ignore[no-untyped-def]
+    """Write the words (64,) of the cells around the corners of a voxel of an octree; around: see `Brick`.
 
     Cells in the voxel itself count as empty: pixels see them by the octree. work: (64,) int64 and (8,) float32.
     """
@@ -114,10 +114,8 @@ def write_cells_around(nodes, luminance, root, voxel, words, work):  # type: ign
     cells[:] = -1
     for neighbour in range(27):
         x, y, z = neighbour % 3, neighbour // 3 % 3, neighbour // 9  # 1 is the voxel's own place
-        if neighbour == 13:
-            continue
-        node = covering_node(nodes, root, voxel[0], voxel[1] + x - 1, voxel[2] + y - 1, voxel[3] + z - 1)
-        if node < 0:
+        node = np.int64(around[neighbour])
+        if node < 0 or neighbour == 13:
             continue
         divided = nodes.child_mask[node] != 0
         for k in range(max(2 * z - 1, 0), min(2 * z + 1, SIDE)):

@@ -18,7 +18,7 @@ from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
-from .brick import Brick, check_nodes, fill_brick
+from .brick import check_nodes, empty_brick, fill_brick
 
 VIEWPORT_PX = 64
 
@@ -231,7 +231,7 @@ def render_patch(nodes, luminance, brick, ray, lookahead, viewport):
 @kernel
 def _render(first, last, nodes, luminance, rays, lookahead, coverage_out, luminance_out):
     for group in range(first, last):
-        brick = Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32))
+        brick = empty_brick(lookahead)
         viewport = Viewport(np.empty((9, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
         fill_brick(nodes, 0, rays.level[group], rays.cell[group], lookahead, brick)
         for at in range(rays.group_start[group], rays.group_start[group + 1]):

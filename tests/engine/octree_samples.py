@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from patchnet.patchnet_addon.codes.brick import nodes_around
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_boxes import STEPS, box_bounds
 from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.runtime.kernels import kernel
 
 
 def _key(cell):
@@ -109,3 +111,16 @@ def dense_cells(octree, level):
                 values = [_filled(octree, node), octree.luminance[node] / 65535, *(octree.normal[node] / 127)]
                 grid[z * width : (z + 1) * width, y * width : (y + 1) * width, x * width : (x + 1) * width] = values
     return grid
+
+
+def around_voxels(octree: Octree, voxels: np.ndarray) -> np.ndarray:
+    """Nodes (N, 27) int32 around voxels (N, 4) level, x, y, z, as `nodes_around` finds them."""
+    around = np.empty((len(voxels), 27), np.int32)
+    _find_around(octree.boxed_nodes, np.asarray(voxels, np.int64), around)
+    return around
+
+
+@kernel
+def _find_around(nodes, voxels, around):
+    for row in range(len(voxels)):
+        nodes_around(nodes, 0, voxels[row, 0], voxels[row, 1:], around[row])

@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.codes.patches import (
     voxel_blocks,
     voxel_blocks_reference,
 )
-from patchnet.tests.engine.octree_samples import dense_cells, random_octree, with_boxes
+from patchnet.tests.engine.octree_samples import around_voxels, dense_cells, random_octree, with_boxes
 
 
 @pytest.fixture(params=[False, True], ids=["uniform", "adaptive, with boxes"])
@@ -84,3 +84,18 @@ def test_neighbours_of_a_corner_meet_there(octree):
     neighbours = corner_neighbours(octree, level, corners)
     for octant in range(8):  # seen from its corner `octant`, a voxel is the neighbour in the opposite octant
         np.testing.assert_array_equal(neighbours[rows[:, octant], 7 - octant], nodes)
+
+
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_nodes_around_voxels(adaptive: bool) -> None:
+    """Of all voxels of all levels, at the edges of the root cube too, and around such as are empty."""
+    octree = random_octree(seed=3, depth=5, count=700, adaptive=adaptive)
+    random = np.random.default_rng(2)
+    offsets = np.array([[block % 3 - 1, block // 3 % 3 - 1, block // 9 - 1] for block in range(27)])
+    for level in range(octree.depth + 1):
+        cells = np.concatenate([octree.cells(level), random.integers(0, 1 << level, (200, 3))])
+        voxels = np.column_stack([np.full(len(cells), level), cells])
+        near = (cells[:, None].astype(np.int64) + offsets).reshape(-1, 3)
+        inside = ((near >= 0) & (near < 1 << level)).all(axis=1)
+        wanted = np.where(inside, covering_nodes_reference(octree, level, np.where(inside[:, None], near, 0)), -1)
+        np.testing.assert_array_equal(around_voxels(octree, voxels), wanted.reshape(-1, 27))

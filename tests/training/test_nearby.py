@@ -15,6 +15,7 @@ from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, save_weights
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.engine.octree_samples import around_voxels
 from patchnet.tests.training.test_batches import DEPTH, moved_octree
 from patchnet.training.batches import Augmentation
 from patchnet.training.corpus import corpus_of
@@ -54,13 +55,16 @@ def test_nearby_turns_with_the_scene(octree: Octree, dataset: Dataset, symmetry:
     up = np.cross(direction, random.normal(size=(40, 3, 3)))
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
     ratio = random.uniform(0.5, 1, (40, 3))
-    found = gather_nearby(concatenate([plain]), none, voxel, (entry, direction, up, ratio), linear)
+    found = gather_nearby(
+        concatenate([plain]), none, around_voxels(plain, voxel), (entry, direction, up, ratio), linear
+    )
     side, matrix = 1 << voxel[:, :1], cube_symmetries().matrix(symmetry)
     cells = (voxel[:, 1:] + 0.5 - side / 2) @ matrix.T + side / 2 - 0.5
     moved = np.concatenate([voxel[:, :1], np.rint(cells).astype(np.int64)], axis=1)
     scene = moved_octree(octree, symmetry, gain, offset)
     rays = (entry - 0.5) @ matrix.T + 0.5, direction @ matrix.T, up @ matrix.T, ratio
-    wanted = gather_nearby(concatenate([scene]), none, moved, rays, np.tile(np.array([[1, 0]], np.float32), (40, 1)))
+    same = np.tile(np.array([[1, 0]], np.float32), (40, 1))
+    wanted = gather_nearby(concatenate([scene]), none, around_voxels(scene, moved), rays, same)
     np.testing.assert_allclose(found.view, wanted.view, atol=1e-6)
     np.testing.assert_allclose(found.covered, wanted.covered, atol=1e-5)
     there = np.concatenate([wanted.covered > 1e-4, np.ones((40, 3, 1), bool)], axis=-1)
