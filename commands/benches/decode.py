@@ -29,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser, "--pixels", bounds.DECODED_PIXELS, default=500_000, help="pixels with look-ahead, about (500000)"
     )
     add_number(parser, "--threads", bounds.THREADS, help="threads of every library (one for each core)")
+    parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
     add_repeats(parser, 9)
 
 
@@ -47,7 +48,7 @@ def measure(args: argparse.Namespace) -> Comparison:
     if not has_threads(threads):
         return _in_a_process_of_threads(args, threads)
     octree = load_octree(args.file) if args.file is not None else octree_of_shells(args.nodes)
-    coded = drain(encode_octree(octree, load_weights()))
+    coded = drain(encode_octree(octree, load_weights(args.weights)))
     result = benchmark_decoding(coded, args.pixels, args.repeats, threads=threads)
     name = args.file.name if args.file is not None else "shells"
     return replace(result, details={"octree": name, "nodes": octree.node_count, **result.details})
@@ -63,6 +64,7 @@ def _in_a_process_of_threads(args: argparse.Namespace, threads: int) -> Comparis
     words = ["bench", "decode", "--json", "--threads", str(threads), "--nodes", str(args.nodes)]
     words += ["--pixels", str(args.pixels), "--repeats", str(args.repeats)]
     words += [str(args.file)] if args.file is not None else []
+    words += ["--weights", str(args.weights)] if args.weights is not None else []
     child = run_child([sys.executable, "-m", package, *words], environment_of_threads(threads))
     if child.code:
         raise PatchNetError("The measurement failed: what it said stands above")
@@ -88,7 +90,7 @@ def text(values: dict[str, Any]) -> str:
     ]
     return (
         f"{values['octree']}: {values['pixels']:,} pixels, {values['decoded_pixels']:,} of them with look-ahead; "
-        f"threads: {values['threads']}, {values['clock']} seconds\n"
+        f"network: {values['network']}; threads: {values['threads']}, {values['clock']} seconds\n"
         f"{values['gflops']:.0f} GFLOP/s of {values['peak_gflops']:.0f}: {values['share_of_peak']:.0%}\n\n"
         f"{markdown_table(['', 'pixels per second', 'ours to that'], rows)}"
     )

@@ -8,6 +8,8 @@ import sys
 import pytest
 
 from patchnet.commands import main
+from patchnet.patchnet_addon.network.kinds import PAPER
+from patchnet.patchnet_addon.network.weights import Weights, save_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.training.benchmarks.threads import environment_of_threads
@@ -37,10 +39,12 @@ def test_in_this_process(capsys, monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no wait4")
-def test_one_thread_in_a_process_of_its_own(capsys):
-    assert main([*SMALL, "--threads", "1"]) == 0
+def test_one_thread_in_a_process_of_its_own_with_other_weights(tmp_path, capsys):
+    path = tmp_path / "paper.safetensors"
+    save_weights(Weights.random(1, kind=PAPER), path)
+    assert main([*SMALL, "--threads", "1", "--weights", str(path)]) == 0
     shown = capsys.readouterr().out
-    assert "threads: 1, processor seconds" in shown
+    assert "threads: 1, processor seconds" in shown and "network: paper" in shown
     assert "| ours, whole decode | " in shown and "| NumPy, whole decode | " in shown
 
 
