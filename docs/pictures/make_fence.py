@@ -15,7 +15,6 @@ from pathlib import Path
 import bpy  # noqa: TID251
 import numpy as np
 from mathutils import Vector  # noqa: TID251
-from mathutils.bvhtree import BVHTree  # noqa: TID251
 
 from patchnet.operators.scene.cameras import tracing_camera
 from patchnet.patchnet_addon.codes.file import load_codes
@@ -55,41 +54,16 @@ def main(folder: Path) -> None:
 
 def fence_share(scene: bpy.types.Scene, camera: Camera) -> np.ndarray:
     """Share (H, W) of the rays through each pixel that meet a fence first; row 0 is the lowest."""
-    tree, is_fence = scene_triangles(bpy.context.evaluated_depsgraph_get())
+    graph, start = bpy.context.evaluated_depsgraph_get(), Vector(camera.position_world)
     found = np.zeros((camera.height_px, camera.width_px))
     steps = (np.arange(_SIDE) + 0.5) / _SIDE
     for row, column in np.ndindex(found.shape):
         for v in (row + steps) / camera.height_px * 2 - 1:
             for u in (column + steps) / camera.width_px * 2 - 1:
                 ray = camera.forward + u * camera.half_x * camera.right + v * camera.half_y * camera.up
-                triangle = tree.ray_cast(Vector(camera.position_world), Vector(ray).normalized())[2]
-                found[row, column] += triangle is not None and is_fence[triangle]
+                item = scene.ray_cast(graph, start, Vector(ray).normalized())[4]
+                found[row, column] += item is not None and item.name.startswith(_FENCES)
     return found / _SIDE**2
-
-
-def scene_triangles(graph: bpy.types.Depsgraph) -> tuple[BVHTree, np.ndarray]:
-    """Triangles of everything that renders as one tree, and which of them are a fence's (T,) bool."""
-    corners: list[np.ndarray] = []
-    triangles: list[np.ndarray] = []
-    fences: list[np.ndarray] = []
-    before = 0
-    for instance in graph.object_instances:
-        item = instance.object
-        if item.type != "MESH" or not instance.show_self:
-            continue
-        mesh = item.data
-        local = np.empty(3 * len(mesh.vertices), np.float32)
-        mesh.vertices.foreach_get("co", local)
-        mesh.calc_loop_triangles()
-        vertices = np.empty(3 * len(mesh.loop_triangles), np.int32)
-        mesh.loop_triangles.foreach_get("vertices", vertices)
-        world = np.array(instance.matrix_world)
-        corners.append(local.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3])
-        triangles.append(vertices.reshape(-1, 3) + before)
-        fences.append(np.full(len(triangles[-1]), item.name.startswith(_FENCES)))
-        before += len(corners[-1])
-    places, parts = np.concatenate(corners), np.concatenate(triangles)
-    return BVHTree.FromPolygons(places.tolist(), parts.tolist(), all_triangles=True), np.concatenate(fences)
 
 
 if __name__ == "__main__":
