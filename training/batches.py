@@ -2,8 +2,8 @@
 """Training batches: the occupied blocks around V voxels, and R views of each, optionally augmented.
 
 Only occupied blocks are gathered. A corner's patch is eight blocks, each multiplied with its own slice of the first
-matrix, so a batch lists which block meets which slice for which corner (see `network/corner_layer.py`). The kernels are
-serial, since several threads gather, and learn from, a part of a step each.
+matrix, so a batch lists which block meets which slice for which corner (see `corner_layer.py`). The kernels are serial,
+since several threads gather, and learn from, a part of a step each.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..patchnet_addon.octree.leaf_boxes import filled_share
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ..patchnet_addon.runtime.kernels import kernel, lean_device
-from .bfloat16_bits import narrow_bits
+from .bfloat16 import narrow_bits
 from .forest import Forest, tree_nodes
 from .nearby import Nearby, gather_nearby
 from .samples import COVERAGE_SCALE, SIGNED, UNIT

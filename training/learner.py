@@ -14,8 +14,8 @@ from ..patchnet_addon.network.torch_precision import float32_products
 from ..patchnet_addon.network.weights import Weights
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from .losses import loss_gradient
-from .network.sliced_net import SlicedNet
 from .settings import SQUARED, TF32, TrainSettings
+from .sliced_net import SlicedNet
 from .tensor_batch import TensorBatch
 
 

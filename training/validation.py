@@ -12,8 +12,8 @@ from ..patchnet_addon.network.torch_precision import float32_products
 from .batches import Augmentation
 from .corpus import Corpus
 from .forest import voxel_luminance
-from .network.sliced_net import SlicedNet
 from .settings import VALIDATION_VOXELS
+from .sliced_net import SlicedNet
 from .tensor_batch import TensorBatch
 
 _CHUNK = 512

@@ -11,8 +11,8 @@ import numpy as np
 from ..patchnet_addon.network.weights import Weights
 from ..patchnet_addon.runtime.errors import SettingError
 from .dataset import Dataset
-from .network.sliced_net import SlicedNet
 from .samples import UNIT
+from .sliced_net import SlicedNet
 from .validation import predicted_views
 from .validation_sets import all_of
 

@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 from torch import Tensor  # noqa: E402
 from torch.nn import functional  # noqa: E402
 
-from patchnet.training.network.bfloat16 import (  # noqa: E402
+from patchnet.training.bfloat16 import (  # noqa: E402
     add_bias,
     add_pairs,
     add_pairs_reference,
@@ -16,8 +16,8 @@ from patchnet.training.network.bfloat16 import (  # noqa: E402
     gather_rows_reference,
     mask_gradient,
 )
-from patchnet.training.network.bfloat16_encoder import Bfloat16Encoder  # noqa: E402
-from patchnet.training.network.corner_layer import SLICES, CornerLayer  # noqa: E402
+from patchnet.training.bfloat16_encoder import Bfloat16Encoder  # noqa: E402
+from patchnet.training.corner_layer import SLICES, CornerLayer  # noqa: E402
 
 SMALL = 1 / 256  # beside 1 the next bfloat16 is 1 + 1 / 128: this much is rounded away
 

@@ -12,9 +12,9 @@ from patchnet.training.batches import Augmentation  # noqa: E402
 from patchnet.training.corpus import Corpus, corpus_of  # noqa: E402
 from patchnet.training.dataset import Dataset  # noqa: E402
 from patchnet.training.losses import loss_gradient, loss_gradient_reference  # noqa: E402
-from patchnet.training.network.sliced_net import SlicedNet  # noqa: E402
 from patchnet.training.procedural import spheres_and_slats  # noqa: E402
 from patchnet.training.samples import SampleSettings, draw_samples  # noqa: E402
+from patchnet.training.sliced_net import SlicedNet  # noqa: E402
 from patchnet.training.tensor_batch import TensorBatch  # noqa: E402
 
 VOXELS = 30

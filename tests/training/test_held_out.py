@@ -23,7 +23,7 @@ from patchnet.training.validation_sets import validation_sets
 
 pytest.importorskip("torch")
 from patchnet.training.corpus import corpus_of
-from patchnet.training.network.sliced_net import SlicedNet
+from patchnet.training.sliced_net import SlicedNet
 from patchnet.training.validation import validate
 
 SETTINGS = SampleSettings(views=4, min_level=5, held_out=0.2)  # patches of level 5 fit into held-out blocks

@@ -22,10 +22,10 @@ from patchnet.training.corpus import corpus_of
 from patchnet.training.dataset import Dataset
 from patchnet.training.forest import concatenate
 from patchnet.training.nearby import gather_nearby
-from patchnet.training.network.sliced_net import SlicedNet
 from patchnet.training.procedural import spheres_and_slats
 from patchnet.training.samples import SampleSettings, draw_samples
 from patchnet.training.settings import TrainSettings
+from patchnet.training.sliced_net import SlicedNet
 from patchnet.training.symmetry import cube_symmetries
 from patchnet.training.tensor_batch import TensorBatch
 from patchnet.training.trainer import RunOptions, train

@@ -41,7 +41,7 @@ def datasets() -> list[Dataset]:
 
 def test_sparse_first_layer_equals_the_network(datasets: list[Dataset]) -> None:
     from patchnet.patchnet_addon.network.torch_model import PatchNet
-    from patchnet.training.network.sliced_net import SlicedNet
+    from patchnet.training.sliced_net import SlicedNet
 
     corpus, _ = corpus_of(datasets)
     rows = np.arange(12)
@@ -69,7 +69,7 @@ def test_sparse_first_layer_equals_the_network(datasets: list[Dataset]) -> None:
 @pytest.mark.parametrize("kind", [CONV3D, VOXCEPTION], ids=lambda kind: kind.name)
 def test_convolutions_of_a_batch_equal_the_network(datasets: list[Dataset], kind: EncoderKind) -> None:
     from patchnet.patchnet_addon.network.torch_model import PatchNet
-    from patchnet.training.network.sliced_net import SlicedNet
+    from patchnet.training.sliced_net import SlicedNet
 
     corpus, _ = corpus_of(datasets)
     rows = np.arange(3)

@@ -13,7 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ...patchnet_addon.network.weights import CHANNELS
+from ..patchnet_addon.network.weights import CHANNELS
 from .bfloat16 import SLICES
 
 

@@ -13,10 +13,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ...patchnet_addon.runtime.kernels import kernel
-from ..tensor_batch import TensorBatch
+from ..patchnet_addon.runtime.kernels import kernel
 from .decoder_inputs import codes_gradient, decoder_inputs
 from .decoder_outputs import limit_outputs, mix_luminances, outputs_gradient
+from .tensor_batch import TensorBatch
 
 
 class CpuDecoder(torch.autograd.Function):

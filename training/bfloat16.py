@@ -12,8 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ...patchnet_addon.runtime.kernels import kernel
-from ..bfloat16_bits import narrow_bits, wide_bits
+from ..patchnet_addon.runtime.kernels import device, kernel
 
 SLICES = 8
 
@@ -83,6 +82,19 @@ def _bits(tensor: Tensor) -> np.ndarray:
     return tensor.detach().view(torch.int16).numpy().view(np.uint16)
 
 
+@device
+def _wide(value):
+    """Float32 of the bits of a bfloat16."""
+    return np.uint32(np.uint32(value) << np.uint32(16)).view(np.float32)
+
+
+@device
+def narrow_bits(value):
+    """Bits of the bfloat16 nearest to a finite float32, of two that are as near the even one, as uint16."""
+    whole = np.float32(value).view(np.uint32)
+    return np.uint16(np.uint32(whole + np.uint32(0x7FFF) + ((whole >> np.uint32(16)) & np.uint32(1))) >> np.uint32(16))
+
+
 @kernel
 def _gather_rows(values, index, starts, rows):
     for s in range(SLICES):
@@ -111,7 +123,7 @@ def _add_rows(products, rows, bias, result):
             if rows[corner, s] >= 0:
                 row = products[s, rows[corner, s]]
                 for k in range(len(bias)):
-                    total[k] += wide_bits(row[k])
+                    total[k] += _wide(row[k])
         for k in range(len(bias)):
             result[corner, k] = narrow_bits(max(total[k], np.float32(0)))
 
@@ -120,7 +132,7 @@ def _add_rows(products, rows, bias, result):
 def _add_bias(products, bias):
     for row in range(len(products)):
         for k in range(len(bias)):
-            products[row, k] = narrow_bits(max(wide_bits(products[row, k]) + bias[k], np.float32(0)))
+            products[row, k] = narrow_bits(max(_wide(products[row, k]) + bias[k], np.float32(0)))
 
 
 @kernel
@@ -129,7 +141,7 @@ def _mask(gradient, hidden, sums):
         for k in range(len(sums)):
             there = gradient[row, k] if hidden[row, k] > 0 else np.uint16(0)
             gradient[row, k] = there
-            sums[k] += wide_bits(there)
+            sums[k] += _wide(there)
 
 
 @kernel
@@ -138,4 +150,4 @@ def _mask_wide(gradient, hidden, narrow, sums):
         for k in range(len(sums)):
             there = narrow_bits(gradient[row, k]) if hidden[row, k] > 0 else np.uint16(0)
             narrow[row, k] = there
-            sums[k] += wide_bits(there)
+            sums[k] += _wide(there)

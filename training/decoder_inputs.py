@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...patchnet_addon.network.kinds import CODE_SIZE, CORNERS, COVERING, HARMONICS, RAY_INPUTS, SIDE_BY_SIDE, VIEW
-from ...patchnet_addon.network.lane_harmonics import store_harmonics
-from ...patchnet_addon.network.lanes import LANES, load
-from ...patchnet_addon.network.weights import MODULATED
-from ...patchnet_addon.runtime.kernels import device, kernel
-from ..tensor_batch import TensorBatch
+from ..patchnet_addon.network.kinds import CODE_SIZE, CORNERS, COVERING, HARMONICS, RAY_INPUTS, SIDE_BY_SIDE, VIEW
+from ..patchnet_addon.network.lane_harmonics import store_harmonics
+from ..patchnet_addon.network.lanes import LANES, load
+from ..patchnet_addon.network.weights import MODULATED
+from ..patchnet_addon.runtime.kernels import device, kernel
+from .tensor_batch import TensorBatch
 
 _DIRECTION = CODE_SIZE
 _UP = _DIRECTION + 3

@@ -13,15 +13,15 @@ import torch
 import torch.nn.functional as functional
 from torch import Tensor, nn
 
-from ...patchnet_addon.network.devices import CPU
-from ...patchnet_addon.network.torch_convolutions import patch_cells
-from ...patchnet_addon.network.torch_model import MixturePlace, PatchNet
-from ...patchnet_addon.network.weights import Weights
-from ..tensor_batch import TensorBatch
+from ..patchnet_addon.network.devices import CPU
+from ..patchnet_addon.network.torch_convolutions import patch_cells
+from ..patchnet_addon.network.torch_model import MixturePlace, PatchNet
+from ..patchnet_addon.network.weights import Weights
 from .bfloat16 import SLICES
 from .bfloat16_encoder import Bfloat16Encoder
 from .corner_layer import CornerLayer, from_slices, to_slices
 from .cpu_decoder import CpuDecoder
+from .tensor_batch import TensorBatch
 
 
 class SlicedNet(nn.Module):

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...patchnet_addon.network.compiled_layers import exponential
-from ...patchnet_addon.network.decode import OUTPUT_LOW, OUTPUT_RANGE
-from ...patchnet_addon.network.kinds import COVERING, MIXED
-from ...patchnet_addon.runtime.kernels import device, kernel
+from ..patchnet_addon.network.compiled_layers import exponential
+from ..patchnet_addon.network.decode import OUTPUT_LOW, OUTPUT_RANGE
+from ..patchnet_addon.network.kinds import COVERING, MIXED
+from ..patchnet_addon.runtime.kernels import device, kernel
 
 _LOW, _RANGE = np.float32(OUTPUT_LOW), np.float32(OUTPUT_RANGE)
 _LEAST = np.float32(-80)  # powers of e below count as this one
