@@ -12,7 +12,7 @@ import numpy as np
 from ..patchnet_addon.octree.leaf_boxes import FILLED_STEPS, filled_steps
 from ..patchnet_addon.octree.nodes import BoxedNodes
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, POPCOUNT, Octree
-from ..patchnet_addon.runtime.kernels import device, lean_device
+from ..patchnet_addon.runtime.kernels import device
 from ..patchnet_addon.runtime.widths import INT32_COUNT, check_count
 
 
@@ -51,14 +51,7 @@ class Forest:
 
 @device
 def tree_nodes(nodes, tree):  # type: ignore[no-untyped-def]
-    """Nodes of one octree of a forest's, as `BoxedNodes`; not for lean functions."""
-    boxes = nodes.boxes[nodes.box_start[tree] : nodes.box_start[tree + 1]]
-    return BoxedNodes(nodes.child_mask, nodes.first_child, nodes.first_boxed[tree], boxes)
-
-
-@lean_device
-def lean_tree_nodes(nodes, tree):  # type: ignore[no-untyped-def]
-    """`tree_nodes` for lean functions: what returns arrays must count their holders as its callers do."""
+    """Nodes of one octree of a forest's, as `BoxedNodes`; for functions that are not lean: it returns arrays."""
     boxes = nodes.boxes[nodes.box_start[tree] : nodes.box_start[tree + 1]]
     return BoxedNodes(nodes.child_mask, nodes.first_child, nodes.first_boxed[tree], boxes)
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..patchnet_addon.codes.brick import MIDDLE
 from ..patchnet_addon.codes.corner_cells import write_cells_around
 from ..patchnet_addon.codes.footprint import clear_tile, empty_footprint_tile, measure_tile
 from ..patchnet_addon.codes.mixture_inputs import fill_fine, nearby_order, set_ray, write_columns
@@ -19,10 +20,8 @@ from ..patchnet_addon.codes.ray_frame import CELLS
 from ..patchnet_addon.network.compiled_layers import TILE
 from ..patchnet_addon.network.kinds import CHILDREN, CORNERS, COVERING, MIXED, VIEW
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE
-from ..patchnet_addon.runtime.kernels import kernel, lean_device
-from .forest import Forest, lean_tree_nodes
-
-_MIDDLE = 13  # of the 27 blocks of a brick the voxel itself
+from ..patchnet_addon.runtime.kernels import kernel
+from .forest import Forest, tree_nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,18 +61,12 @@ def _gather(nodes, luminance, where, rays, tables, found):
     tile, listed, views = empty_footprint_tile(), empty_outer_list(), np.empty(VIEW * TILE, np.float32)
     shares, lights = np.empty(COVERING * TILE, np.float32), np.empty(COVERING * TILE, np.float32)
     words, work = np.empty(CELLS, np.uint32), (np.empty(CELLS, np.int64), np.empty(CHILDREN, np.float32))
-    _write(nodes, luminance, where, rays, tables, found, (tile, listed, views, shares, lights, words, work))
-
-
-@lean_device
-def _write(nodes, luminance, where, rays, tables, found, memory):
     tree, around, linear = where
     view, covered, luminances = found
-    tile, listed, views, shares, lights, words, work = memory
     geometry, orders = tables
     number, entry, direction, up, ratio = rays.node, rays.entry, rays.direction, rays.up, rays.ratio
     last, node, near = np.int64(-1), np.int64(-1), 0  # the voxel, its node, and cells that are listed around it
-    own = lean_tree_nodes(nodes, 0)
+    own = tree_nodes(nodes, 0)
     for start in range(0, len(ratio), TILE):
         count = min(TILE, len(ratio) - start)
         clear_tile(tile, shares, lights)
@@ -81,7 +74,7 @@ def _write(nodes, luminance, where, rays, tables, found, memory):
             index = start + place
             here = number[index]
             if here != last:
-                own, node = lean_tree_nodes(nodes, tree[here]), np.int64(around[here, _MIDDLE])
+                own, node = tree_nodes(nodes, tree[here]), np.int64(around[here, MIDDLE])
                 write_cells_around(own, luminance, around[here], words, work)
                 near = 0
                 for corner in range(CORNERS):

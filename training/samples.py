@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..patchnet_addon.codes.brick import check_nodes, empty_brick, fill_brick
+from ..patchnet_addon.codes.brick import MIDDLE, check_nodes, empty_brick, fill_brick
 from ..patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRay, Viewport, render_patch
 from ..patchnet_addon.octree.octree import Octree
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
@@ -173,7 +173,7 @@ def _draw_line(state, origin, direction, up):
 def _is_first_hit(counts, origin, direction, enter):
     """Return whether no other occupied voxel of the 3x3x3 neighbourhood is entered before the centre one."""
     for block in range(27):
-        if counts[block] > 0 and block != 13:
+        if counts[block] > 0 and block != MIDDLE:
             x, y, z = block % 3 - 1.0, block // 3 % 3 - 1.0, block // 9 - 1.0
             if _enter_box(origin, direction, x, y, z) < enter:
                 return False

@@ -20,6 +20,7 @@ from ..runtime.kernels import device, lean_device
 from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 
 EMPTY = -1
+MIDDLE = 13  # the block that is the voxel itself
 
 
 class Brick(NamedTuple):

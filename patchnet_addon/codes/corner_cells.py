@@ -17,7 +17,7 @@ from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.prefetch import prefetch
 from ..runtime.threads import run_parts
-from .brick import child_at, covering_node
+from .brick import MIDDLE, child_at, covering_node
 from .patches import OCTANTS, covering_nodes_reference
 from .ray_frame import SIDE
 
@@ -115,7 +115,7 @@ def write_cells_around(nodes, luminance, around, words, work):  # type: ignore[n
     for neighbour in range(27):
         x, y, z = neighbour % 3, neighbour // 3 % 3, neighbour // 9  # 1 is the voxel's own place
         node = np.int64(around[neighbour])
-        if node < 0 or neighbour == 13:
+        if node < 0 or neighbour == MIDDLE:
             continue
         divided = nodes.child_mask[node] != 0
         for k in range(max(2 * z - 1, 0), min(2 * z + 1, SIDE)):
