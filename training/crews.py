@@ -28,6 +28,7 @@ from .torch_corpus import TorchCorpus, corpus_fits
 
 _PART_VOXELS = 16  # smaller parts of a step cost more than they are worth
 _MOST_AHEAD = 16  # batches that wait for a GPU
+_DRAWN_TOGETHER = 16  # steps whose augmentation is drawn at once: to begin takes longer than to draw
 ALONE = Processes()
 AnyCorpus = Corpus | FreshCorpus
 HOST, DEVICE = "host", "device"  # where a GPU's batches are gathered
@@ -203,7 +204,14 @@ def augmentation_of_step(settings: TrainSettings, voxels: int, step: int) -> Aug
     """Augmentation of the voxels of a step, by seed and step alone."""
     if not settings.augment:
         return Augmentation.none(voxels)
-    return Augmentation.random(voxels, np.random.default_rng([settings.seed, 2, step]))
+    first = step % _DRAWN_TOGETHER * voxels
+    return _augmentations(settings.seed, step // _DRAWN_TOGETHER, voxels).part(first, first + voxels)
+
+
+@lru_cache(maxsize=2)
+def _augmentations(seed: int, number: int, voxels: int) -> Augmentation:
+    """Augmentation of the steps of a group of them, of so many voxels each."""
+    return Augmentation.random(_DRAWN_TOGETHER * voxels, np.random.default_rng([seed, 2, number]))
 
 
 def rows_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> np.ndarray:

@@ -13,6 +13,7 @@ from ..patchnet_addon.network.encoders import ENCODERS
 from ..patchnet_addon.network.torch_precision import float32_products
 from ..patchnet_addon.network.weights import Weights
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from .cpu_adam import CpuAdam
 from .losses import loss_gradient
 from .settings import SQUARED, TF32, TrainSettings
 from .sliced_net import SlicedNet
@@ -30,6 +31,7 @@ class Learner:
         # Lists once: to walk through the modules at every step takes as long as some of its products.
         self._trained, self._means = (list[Tensor](net.trained()) for net in (self.model, self.mean))
         self.optimizer = torch.optim.Adam(self._trained, settings.learning_rate, betas=(0.9, 0.999), fused=True)
+        self._cpu_adam = self._adam_of_cpu()
         self.steps = 0
         self.seconds = 0.0  # of training so far, over all interruptions
 
@@ -56,29 +58,35 @@ class Learner:
         first, *others = parts
         for part in others:
             torch._foreach_add_(first, part)
-        for parameter, gradient in zip(self._trained, first, strict=True):
-            parameter.grad = gradient
-        self._clip()
-        self.optimizer.step()
         self.steps += 1
-        self._update_mean()
-
-    def _clip(self) -> None:
-        if not self.settings.clip:
-            return
-        gradients = [parameter.grad.flatten() for parameter in self._trained if parameter.grad is not None]
-        norm = torch.stack([gradient.dot(gradient) for gradient in gradients]).sum().sqrt()
-        if self.device.type == "cuda" or norm > self.settings.clip:  # a GPU would be waited for, to save one pass
-            torch.nn.utils.clip_grads_with_norm_(self._trained, self.settings.clip, norm)
-
-    def _update_mean(self) -> None:
         # Early on the mean would remember the random start, so its memory grows with the run.
         decay = min(self.settings.average, (1 + self.steps) / (10 + self.steps)) if self.settings.average else 0.0
+        if self._cpu_adam is not None:
+            self._cpu_adam.step(first, scale=self._clip_scale(first), share=1.0 - decay)
+            return
+        for parameter, gradient in zip(self._trained, first, strict=True):
+            parameter.grad = gradient
+        if self.settings.clip:
+            torch.nn.utils.clip_grad_norm_(self._trained, self.settings.clip)
+        self.optimizer.step()
         with torch.no_grad():
             torch._foreach_lerp_(self._means, self._trained, 1.0 - decay)
 
+    def _adam_of_cpu(self) -> CpuAdam | None:
+        return CpuAdam(self.optimizer, self._means) if self.device.type == CPU else None
+
+    def _clip_scale(self, gradients: list[Tensor]) -> float:
+        """Factor that makes the gradients as long as they may be, 1 where they are no longer."""
+        if not self.settings.clip:
+            return 1.0
+        flat = [gradient.flatten() for gradient in gradients]
+        norm = sum(float(gradient.dot(gradient)) for gradient in flat) ** 0.5
+        return min(1.0, self.settings.clip / (norm + 1e-6))
+
     def state(self) -> dict[str, Any]:
         """All that `load` needs to go on exactly, on whatever device."""
+        if self._cpu_adam is not None:
+            self._cpu_adam.store()
         return {
             "model": self.model.state_dict(),
             "mean": self.mean.state_dict(),
@@ -92,4 +100,5 @@ class Learner:
         self.model.load_state_dict(state["model"])
         self.mean.load_state_dict(state["mean"])
         self.optimizer.load_state_dict(state["optimizer"])
+        self._cpu_adam = self._adam_of_cpu()  # of the state that now is
         self.steps, self.seconds = int(state["steps"]), float(state["seconds"])

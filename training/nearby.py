@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..patchnet_addon.codes.brick import MIDDLE
-from ..patchnet_addon.codes.corner_cells import write_cells_around
+from ..patchnet_addon.codes.corner_cells import empty_work, write_cells_around
 from ..patchnet_addon.codes.footprint import clear_tile, empty_footprint_tile, measure_tile
 from ..patchnet_addon.codes.mixture_inputs import fill_fine, nearby_order, set_ray, write_columns
 from ..patchnet_addon.codes.outer_cells import empty_outer_list, list_cells, mask_geometry, measure_cells
 from ..patchnet_addon.codes.pixel_tiles import PixelRays
 from ..patchnet_addon.codes.ray_frame import CELLS
 from ..patchnet_addon.network.compiled_layers import TILE
-from ..patchnet_addon.network.kinds import CHILDREN, CORNERS, COVERING, MIXED, VIEW
+from ..patchnet_addon.network.kinds import CORNERS, COVERING, MIXED, VIEW
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE
 from ..patchnet_addon.runtime.kernels import kernel
 from .forest import Forest, tree_nodes
@@ -60,7 +60,7 @@ def gather_nearby(
 def _gather(nodes, luminance, where, rays, tables, found):
     tile, listed, views = empty_footprint_tile(), empty_outer_list(), np.empty(VIEW * TILE, np.float32)
     shares, lights = np.empty(COVERING * TILE, np.float32), np.empty(COVERING * TILE, np.float32)
-    words, work = np.empty(CELLS, np.uint32), (np.empty(CELLS, np.int64), np.empty(CHILDREN, np.float32))
+    words, work = np.empty(CELLS, np.uint32), empty_work()
     tree, around, linear = where
     view, covered, luminances = found
     geometry, orders = tables

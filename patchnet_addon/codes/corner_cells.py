@@ -10,16 +10,18 @@ face that a ray up the axis meets is (b - t|t| / 2)^2 and the one across from it
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..network.kinds import CORNERS
 from ..octree.octree import LUMINANCE_SCALE, Octree
-from ..runtime.kernels import kernel, lean_device
+from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.prefetch import prefetch
 from ..runtime.threads import run_parts
 from .brick import MIDDLE, child_at, covering_node
 from .patches import OCTANTS, covering_nodes_reference
-from .ray_frame import SIDE
+from .ray_frame import CELLS, SIDE
 
 EMPTY = 0
 BASE, BASE_STEPS = 8, 255  # first bit, and steps, of the mean root
@@ -47,21 +49,23 @@ def corner_cells_reference(octree: Octree, level: int, corners: np.ndarray) -> n
 
 
 def face_luminances_reference(lights: np.ndarray) -> np.ndarray:
-    """Luminances (N, 6) of the faces of cells whose children have luminances (N, 8), -1 for those that are not."""
+    """Luminances (N, 6) float32 of faces of cells whose children have luminances (N, 8), -1 for those that are not."""
     faces = []
     for axis, columns in enumerate(_COLUMNS):
         low, high = lights[:, columns], lights[:, [octant | 1 << axis for octant in columns]]
         for first, second in ((low, high), (high, low)):
             seen = np.where(first >= 0, first, second)
             count = (seen >= 0).sum(axis=1)
-            faces.append(np.where(seen >= 0, seen, 0).sum(axis=1) / np.maximum(count, 1))
+            total = np.where(seen >= 0, seen, 0).sum(axis=1, dtype=np.float32)
+            faces.append(total / np.maximum(count, 1).astype(np.float32))
     return np.stack(faces, axis=1)
 
 
 def packed_reference(masks: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Words (N,) int64 of cells of child masks (N,) and luminances of faces (N, 6)."""
-    roots = np.sqrt(faces)
-    words = masks.astype(np.int64) | np.floor(BASE_STEPS * roots.mean(axis=1) + 0.5).astype(np.int64) << BASE
+    roots = np.sqrt(faces, dtype=np.float32)  # float32, here as in the kernel, lest the two round to other steps
+    means = roots.sum(axis=1) / np.float32(FACES)
+    words = masks.astype(np.int64) | np.floor(BASE_STEPS * means + np.float32(0.5)).astype(np.int64) << BASE
     for axis in range(3):
         half = np.clip((roots[:, 2 * axis + 1] - roots[:, 2 * axis]) / 2, -0.5, 0.5)
         steps = np.copysign(np.floor(SLOPE_STEPS * np.sqrt(2 * np.abs(half)) + 0.5), half)
@@ -95,22 +99,48 @@ def _child_luminances(octree: Octree, node: np.ndarray, octant: int) -> np.ndarr
 
 @kernel
 def _write_all(first, last, nodes, luminance, level, corners, result):  # type: ignore[no-untyped-def]
-    lights = np.empty(8, np.float32)
-    for corner in range(first, last):
-        x, y, z = 2 * np.int64(corners[corner, 0]), 2 * np.int64(corners[corner, 1]), 2 * np.int64(corners[corner, 2])
-        for octant in range(CORNERS):
-            column, line, plane = octant & 1, (octant >> 1) & 1, octant >> 2
-            node = covering_node(nodes, np.int64(0), level + 1, x - 1 + column, y - 1 + line, z - 1 + plane)
-            result[corner, octant] = _word_of(nodes, luminance, node, lights)
+    work, words = empty_work(), result.reshape(-1)
+    cells = work.cells
+    together = len(cells) // CORNERS
+    for start in range(first, last, together):
+        end = min(start + together, last)
+        for corner in range(start, end):
+            here = corners[corner]
+            x, y, z = 2 * np.int64(here[0]), 2 * np.int64(here[1]), 2 * np.int64(here[2])
+            for octant in range(CORNERS):
+                column, line, plane = octant & 1, (octant >> 1) & 1, octant >> 2
+                node = covering_node(nodes, np.int64(0), level + 1, x - 1 + column, y - 1 + line, z - 1 + plane)
+                cells[CORNERS * (corner - start) + octant] = node
+        _write_words(nodes, luminance, work, words[CORNERS * start : CORNERS * end])
+
+
+class CellWork(NamedTuple):
+    """Memory to write words of cells with.
+
+    cells: (64,) int64 nodes of cells, -1 for empty ones. place: (64,) int64 of occupied ones. lights: (8 * 64,)
+    float32 luminances of their children, by octant, below 0 for none. words: (64,) uint32 of occupied ones.
+    """
+
+    cells: np.ndarray
+    place: np.ndarray
+    lights: np.ndarray
+    words: np.ndarray
+
+
+@device
+def empty_work():  # type: ignore[no-untyped-def]
+    """Memory for `write_cells_around`."""
+    lights = np.empty(CORNERS * CELLS, np.float32)
+    return CellWork(np.empty(CELLS, np.int64), np.empty(CELLS, np.int64), lights, np.empty(CELLS, np.uint32))
 
 
 @lean_device
 def write_cells_around(nodes, luminance, around, words, work):  # type: ignore[no-untyped-def]
     """Write the words (64,) of the cells around the corners of a voxel of an octree; around: see `Brick`.
 
-    Cells in the voxel itself count as empty: pixels see them by the octree. work: (64,) int64 and (8,) float32.
+    Cells in the voxel itself count as empty: pixels see them by the octree. work: a `CellWork`.
     """
-    cells, lights = work
+    cells = work.cells
     cells[:] = -1
     for neighbour in range(27):
         x, y, z = neighbour % 3, neighbour // 3 % 3, neighbour // 9  # 1 is the voxel's own place
@@ -127,41 +157,65 @@ def write_cells_around(nodes, luminance, around, words, work):  # type: ignore[n
                         prefetch(luminance, np.int64(nodes.first_child[cell]))
                     corner, inner = (i >> 1) | (j >> 1) << 1 | (k >> 1) << 2, (i & 1) | (j & 1) << 1 | (k & 1) << 2
                     cells[CORNERS * corner + inner] = cell
-    for place in range(len(words)):
-        words[place] = _word_of(nodes, luminance, cells[place], lights)
+    _write_words(nodes, luminance, work, words)
 
 
 @lean_device
-def _word_of(nodes, luminance, node, lights):  # type: ignore[no-untyped-def]
-    """Word of a node's cell; lights: (8,) float32 to work in."""
-    if node < 0:
-        return np.uint32(EMPTY)
+def _write_words(nodes, luminance, work, words):  # type: ignore[no-untyped-def]
+    """Write the words of the first of the cells in `work` into `words`, at most 64.
+
+    Occupied ones are listed first, so that all of them are packed by the same instructions at once.
+    """
+    cells, places, lights, found = work.cells, work.place, work.lights, work.words
+    masks, first_children = nodes.child_mask, nodes.first_child
     scale = np.float32(1.0 / LUMINANCE_SCALE)
-    mask, child, step = np.int64(nodes.child_mask[node]), np.int64(nodes.first_child[node]), 1
-    if mask == 0:
-        mask, child, step = np.int64(255), node, 0
-    for octant in range(8):
-        lights[octant] = np.float32(-1)
-        if mask >> octant & 1:
-            lights[octant] = np.float32(luminance[child]) * scale
-            child += step
-    a, b, c, d, e, f, g, h = lights[0], lights[1], lights[2], lights[3], lights[4], lights[5], lights[6], lights[7]
-    left, right = _root_of(a, c, e, g, b, d, f, h), _root_of(b, d, f, h, a, c, e, g)
-    front, back = _root_of(a, b, e, f, c, d, g, h), _root_of(c, d, g, h, a, b, e, f)
-    low, high = _root_of(a, b, c, d, e, f, g, h), _root_of(e, f, g, h, a, b, c, d)
-    total = 0.0 + (left + right) + (front + back) + (low + high)
-    word = mask | _slope_of(left, right) << SLOPE
-    word |= _slope_of(front, back) << (SLOPE + SLOPE_BITS)
-    word |= _slope_of(low, high) << (SLOPE + 2 * SLOPE_BITS)
-    return np.uint32(word | np.int64(np.floor(BASE_STEPS * total / FACES + 0.5)) << BASE)
+    count = 0
+    for place in range(len(words)):
+        words[place] = EMPTY
+        node = cells[place]
+        if node < 0:
+            continue
+        places[count] = place
+        mask, child = np.int64(masks[node]), np.int64(first_children[node])
+        leaf = mask == 0
+        mask, child = np.int64(255) if leaf else mask, node if leaf else child
+        for octant in range(CORNERS):  # without a branch, which no processor could foresee
+            there = mask >> octant & 1
+            light = np.float32(luminance[child]) * scale
+            lights[octant * CELLS + count] = light if there else np.float32(-1)
+            child += 0 if leaf or mask >> octant < 2 else there  # stays at the last one
+        found[count] = mask
+        count += 1
+    _pack(found, lights, count)
+    for index in range(count):
+        words[places[index]] = found[index]
+
+
+@lean_device
+def _pack(words, lights, count):  # type: ignore[no-untyped-def]
+    """Add to the first `count` words, which are masks, the luminances of faces; lights: see `CellWork`."""
+    for index in range(count):
+        a, b = lights[index], lights[CELLS + index]
+        c, d = lights[2 * CELLS + index], lights[3 * CELLS + index]
+        e, f = lights[4 * CELLS + index], lights[5 * CELLS + index]
+        g, h = lights[6 * CELLS + index], lights[7 * CELLS + index]
+        left, right = _root_of(a, c, e, g, b, d, f, h), _root_of(b, d, f, h, a, c, e, g)
+        front, back = _root_of(a, b, e, f, c, d, g, h), _root_of(c, d, g, h, a, b, e, f)
+        low, high = _root_of(a, b, c, d, e, f, g, h), _root_of(e, f, g, h, a, b, c, d)
+        total = left + right + front + back + low + high
+        mean = np.int32(np.float32(BASE_STEPS) * (total / np.float32(FACES)) + np.float32(0.5))
+        word = mean << np.int32(BASE) | _slope_of(left, right) << np.int32(SLOPE)
+        word |= _slope_of(front, back) << np.int32(SLOPE + SLOPE_BITS)
+        word |= _slope_of(low, high) << np.int32(SLOPE + 2 * SLOPE_BITS)
+        words[index] |= np.uint32(word)
 
 
 @lean_device
 def _slope_of(low, high):  # type: ignore[no-untyped-def]
     """Steps of the slope between the roots of two faces that lie opposite of each other."""
-    half = min(max(0.5 * (high - low), -0.5), 0.5)
-    steps = np.int64(np.floor(SLOPE_STEPS * np.sqrt(2 * abs(half)) + 0.5))
-    return SLOPE_STEPS + (-steps if half < 0 else steps)
+    half = min(max(np.float32(0.5) * (high - low), np.float32(-0.5)), np.float32(0.5))
+    steps = np.int32(np.float32(SLOPE_STEPS) * np.sqrt(np.float32(2) * abs(half)) + np.float32(0.5))
+    return np.int32(SLOPE_STEPS) + (-steps if half < 0 else steps)
 
 
 @lean_device
@@ -170,7 +224,10 @@ def _root_of(a, b, c, d, behind_a, behind_b, behind_c, behind_d):  # type: ignor
 
     One after the other by name: loops over them with what they skip took three times as long.
     """
-    a, b = a if a >= 0 else behind_a, b if b >= 0 else behind_b
-    c, d = c if c >= 0 else behind_c, d if d >= 0 else behind_d
-    total = 0.0 + max(a, np.float32(0)) + max(b, np.float32(0)) + max(c, np.float32(0)) + max(d, np.float32(0))
-    return np.sqrt(total / ((a >= 0) + (b >= 0) + (c >= 0) + (d >= 0)))
+    none, one = np.float32(0), np.float32(1)
+    a, b = a if a >= none else behind_a, b if b >= none else behind_b
+    c, d = c if c >= none else behind_c, d if d >= none else behind_d
+    total = max(a, none) + max(b, none) + max(c, none) + max(d, none)
+    count = (one if a >= none else none) + (one if b >= none else none)
+    count += (one if c >= none else none) + (one if d >= none else none)
+    return np.sqrt(total / count)

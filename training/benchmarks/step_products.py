@@ -2,7 +2,9 @@
 """Matrix products of a training step: which ones torch is asked for, and the time of these alone.
 
 A training step cannot take less than its products. They are recorded while a step runs, with sizes, strides and number
-types, and done again on other numbers, one after the other, results written to memory that is there.
+types, and done again on other numbers, one after the other, results written to memory that is there. Each is done
+several times in a row: in a step a product finds in the processor's cache what the one before has written, and would
+not where each had only numbers of its own.
 """
 
 from __future__ import annotations
@@ -66,14 +68,15 @@ def recorded_products() -> Iterator[list[Product]]:
         yield recorder.products
 
 
-def replay(products: Sequence[Product]) -> Callable[[], None]:
-    """Function that does products on numbers of its own."""
+def replay(products: Sequence[Product], times: int = 1) -> Callable[[], None]:
+    """Function that does products on numbers of its own, each so many times in a row."""
     operands = [(first.filled(), second.filled()) for first, second in products]
     ready = [(first, second, first @ second) for first, second in operands]
 
     def run() -> None:
         for first, second, result in ready:
-            torch.matmul(first, second, out=result)
+            for _ in range(times):
+                torch.matmul(first, second, out=result)
 
     return run
 

@@ -34,6 +34,7 @@ from .step_products import Product, operations, recorded_products, replay
 from .timing import Comparison, how_measured, take_turns
 
 _WARM = 10  # runs before those that are measured
+_TIMES = 8  # that each product is done in a row, see `step_products.py`
 SETTINGS = {MIXTURE.name: IMPROVED, PAPER.network: PAPER}  # the preset by kind of network
 
 
@@ -99,14 +100,14 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
         for part in range(bench.threads)
     ]
     with ThreadPoolExecutor(bench.threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        alone = [replay(products) for products in parts]
+        alone = [replay(products, _TIMES) for products in parts]
         runs = {"step": steps, "products": lambda: [job.result() for job in [pool.submit(each) for each in alone]]}
         for _ in range(_WARM):  # torch compiles products of sizes that it meets for the first time
             steps()
         runs["products"]()
         seconds = take_turns(runs, bench.repeats, all_cores=bench.threads > 1)
     crew.close()
-    step, bound = (median(seconds[name]) / bench.steps for name in runs)
+    step, bound = (median(seconds[name]) / bench.steps / times for name, times in (("step", 1), ("products", _TIMES)))
     work = sum(operations(products) for products in parts) / bench.steps
     return {
         "batch": settings.batch, "precision": str(dtype).removeprefix("torch."),

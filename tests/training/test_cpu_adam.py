@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Adam's step and the moving mean in one kernel: torch's own steps, and its own state, with which either goes on."""
+
+import copy
+
+import pytest
+
+torch = pytest.importorskip("torch")
+from patchnet.training.cpu_adam import CpuAdam  # noqa: E402  needs torch
+
+SIZES = (3, 40), (77,), (2, 5, 31)
+
+
+def _pair():
+    """Parameters, their optimiser, and their means, twice the same."""
+    torch.manual_seed(1)
+    first = [torch.nn.Parameter(torch.randn(size)) for size in SIZES]
+    both = []
+    for parameters in (first, [torch.nn.Parameter(each.detach().clone()) for each in first]):
+        optimizer = torch.optim.Adam(parameters, 1e-2, betas=(0.8, 0.95), eps=1e-6)
+        both.append((parameters, optimizer, [torch.zeros(size) for size in SIZES]))
+    return both
+
+
+def _torch_step(parameters, optimizer, means, gradients, scale, share) -> None:
+    for parameter, gradient in zip(parameters, gradients, strict=True):
+        parameter.grad = scale * gradient
+    optimizer.step()
+    with torch.no_grad():
+        for mean, parameter in zip(means, parameters, strict=True):
+            mean.lerp_(parameter, share)
+
+
+def _gradients(number: int):
+    """Gradients of a step, of a middle size; one lies in memory in another order."""
+    torch.manual_seed(number)
+    found = [10.0 ** (number % 5 - 2) * torch.randn(size) for size in SIZES]
+    found[0] = found[0].t().contiguous().t()
+    return found
+
+
+def _assert_same(first, second) -> None:
+    for one, other in zip(first, second, strict=True):
+        torch.testing.assert_close(one, other, atol=2e-6, rtol=2e-5)
+
+
+def test_steps_and_means_are_torchs() -> None:
+    (wanted, peer, wanted_means), (found, optimizer, means) = _pair()
+    ours = CpuAdam(optimizer, means)
+    for step in range(12):
+        for group in (*peer.param_groups, *optimizer.param_groups):
+            group["lr"] = 0.02 / (1 + step)
+        scale, share = 1.0 / (1 + step % 3), 0.5**step
+        _torch_step(wanted, peer, wanted_means, _gradients(step), scale, share)
+        ours.step(_gradients(step), scale=scale, share=share)
+        _assert_same(found, wanted)
+        _assert_same(means, wanted_means)
+    moved = [(one - other).detach().abs().max() for one, other in zip(found, _pair()[0][0], strict=True)]
+    assert max(moved) > 0.01
+
+
+@pytest.mark.parametrize("torch_first", [True, False])
+def test_a_run_goes_on_with_the_other(torch_first: bool) -> None:
+    """Three steps by one, the state saved and loaded, three by the other: as six by torch."""
+    (wanted, peer, wanted_means), (found, optimizer, means) = _pair()
+    for step in range(6):
+        _torch_step(wanted, peer, wanted_means, _gradients(step), 1.0, 0.25)
+    ours = CpuAdam(optimizer, means)
+    for step in range(3):
+        if torch_first:
+            _torch_step(found, optimizer, means, _gradients(step), 1.0, 0.25)
+        else:
+            ours.step(_gradients(step), scale=1.0, share=0.25)
+    if not torch_first:
+        ours.store()
+    after = torch.optim.Adam(found, 1e-2)
+    after.load_state_dict(copy.deepcopy(optimizer.state_dict()))
+    goes_on = CpuAdam(after, means)
+    for step in range(3, 6):
+        if torch_first:
+            goes_on.step(_gradients(step), scale=1.0, share=0.25)
+        else:
+            _torch_step(found, after, means, _gradients(step), 1.0, 0.25)
+    _assert_same(found, wanted)
+    _assert_same(means, wanted_means)
