@@ -63,6 +63,15 @@ def test_saved_elsewhere_and_recovered_files_find_it(file: Path, tmp_path: Path)
     assert reopen(elsewhere) is not None
 
 
+def test_what_no_file_saves_does_not_matter(file: Path, cache: Path) -> None:
+    """Blocks without users, as deleted objects leave them, are there when the octree is made, and not in the file."""
+    clear_cache(cache)
+    bpy.data.meshes.new("left over").materials.append(bpy.data.materials.new("left over"))
+    assert bpy.ops.patchnet.run_all(**CYCLES) == {"FINISHED"}
+    assert reopen(saved(file)) is not None
+    assert "left over" not in bpy.data.meshes
+
+
 CHANGES: dict[str, Callable[[], object]] = {
     "object moved": lambda: setattr(bpy.data.objects["Slab"], "location", (0.1, 0, 0)),
     "vertex": lambda: setattr(bpy.data.meshes["Slab"].vertices[0].co, "x", -1.2),
