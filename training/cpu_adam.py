@@ -35,7 +35,7 @@ class CpuAdam:
         moments, squares = ([state[name] for state in self._states] for name in _KEPT)
         # Once: to find the memory of every tensor anew takes as long as a third of the step.
         self._memory = [
-            [tensor.detach().numpy().reshape(-1) for tensor in each]
+            [tensor.detach().view(-1).numpy() for tensor in each]  # refuses what would have to be copied
             for each in zip(self._parameters, moments, squares, means, strict=True)
         ]
 
@@ -51,7 +51,7 @@ class CpuAdam:
         numbers = length, 1 - first, 1 - second, root, self._group["eps"], scale, share
         rates = np.array(numbers, np.float32)
         for gradient, memory in zip(gradients, self._memory, strict=True):
-            _step(gradient.contiguous().numpy().reshape(-1), rates, *memory)
+            _step(gradient.contiguous().view(-1).numpy(), rates, *memory)
 
     def store(self) -> None:
         """Write the number of steps into the state of the optimiser, which has all else."""
