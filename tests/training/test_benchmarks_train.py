@@ -9,6 +9,7 @@ from patchnet.commands import main
 
 torch = pytest.importorskip("torch")
 from patchnet.training.benchmarks.step_products import operations, recorded_products, replay  # noqa: E402
+from patchnet.training.benchmarks.training_rate import has_matrix_units  # noqa: E402
 
 
 def test_products_forward_and_backward_are_recorded() -> None:
@@ -21,6 +22,14 @@ def test_products_forward_and_backward_are_recorded() -> None:
     assert operations(products) == 3 * 2 * 7 * 3 * 5
     assert all(operand.dtype == torch.float32 for pair in products for operand in pair)
     replay(products)()
+
+
+@pytest.mark.parametrize(("allowed", "used"), [("", True), ("AVX512_CORE_AMX", True), ("avx512_core_bf16", False)])
+def test_matrix_units_are_used_where_they_are_and_may_be(monkeypatch, allowed: str, used: bool) -> None:
+    monkeypatch.setenv("ONEDNN_MAX_CPU_ISA", allowed)
+    for there in (True, False):
+        monkeypatch.setattr(torch.cpu, "get_capabilities", lambda there=there: {"amx_bf16": there}, raising=False)
+        assert has_matrix_units() == (there and used)
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -36,4 +45,6 @@ def test_both_kinds_are_measured(capsys, threads: int) -> None:
         assert row["gflop"] > 1 and row["batch"] in (2048, 8192)
     assert values["ratio"] == pytest.approx(values["kinds"]["mixture"]["share"])
     assert main(words) == 0
-    assert "| mixture | 2,048 | " in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "| mixture | 2,048 | " in text
+    assert f"{'with' if values['matrix_units'] else 'without'} matrix units" in text
