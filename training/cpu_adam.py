@@ -29,14 +29,14 @@ class CpuAdam:
     def __init__(self, optimizer: torch.optim.Adam, means: Sequence[Tensor]) -> None:
         (self._group,) = optimizer.param_groups
         assert not any(self._group[name] for name in ("weight_decay", "amsgrad", "maximize"))
-        self._parameters: list[Tensor] = self._group["params"]
-        self._states = [_state_of(optimizer, parameter) for parameter in self._parameters]
+        parameters: list[Tensor] = self._group["params"]
+        self._states = [_state_of(optimizer, parameter) for parameter in parameters]
         self._steps = int(self._states[0]["step"])
         moments, squares = ([state[name] for state in self._states] for name in _KEPT)
         # Once: to find the memory of every tensor anew takes as long as a third of the step.
         self._memory = [
             [tensor.detach().view(-1).numpy() for tensor in each]  # refuses what would have to be copied
-            for each in zip(self._parameters, moments, squares, means, strict=True)
+            for each in zip(parameters, moments, squares, means, strict=True)
         ]
 
     def step(self, gradients: Sequence[Tensor], *, scale: float, share: float) -> None:

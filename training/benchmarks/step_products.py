@@ -2,9 +2,9 @@
 """Matrix products of a training step: which ones torch is asked for, and the time of these alone.
 
 A training step cannot take less than its products. They are recorded while a step runs, with sizes, strides and number
-types, and done again on other numbers, one after the other, results written to memory that is there. Each is done
-several times in a row: in a step a product finds in the processor's cache what the one before has written, and would
-not where each had only numbers of its own.
+types, and done again on other numbers, one after the other, results written to memory that is there. Done once, each
+reads numbers of its own from memory, where in a step it finds in the processor's cache what was just written: so
+each can be done several times in a row.
 """
 
 from __future__ import annotations
