@@ -19,7 +19,7 @@ from ..patchnet_addon.octree.leaf_boxes import filled_share
 from ..patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ..patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ..patchnet_addon.runtime.kernels import kernel, lean_device
-from .bfloat16 import narrow_bits
+from .cpu_layers import narrow_bits
 from .forest import Forest, tree_nodes
 from .nearby import Nearby, gather_nearby
 from .samples import COVERAGE_SCALE, SIGNED, UNIT

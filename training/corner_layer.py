@@ -14,7 +14,8 @@ import torch
 from torch import Tensor
 
 from ..patchnet_addon.network.weights import CHANNELS
-from .bfloat16 import SLICES
+
+SLICES = 8  # octants of a corner's patch
 
 
 def to_slices(weight: Tensor) -> Tensor:

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from ..patchnet_addon.runtime.kernels import kernel
+from .cpu_layers import add_bias, mask_gradient
 from .decoder_inputs import codes_gradient, decoder_inputs
 from .decoder_outputs import limit_outputs, mix_luminances, outputs_gradient
 from .tensor_batch import TensorBatch
@@ -28,8 +27,7 @@ class CpuDecoder(torch.autograd.Function):
         values = [torch.from_numpy(decoder_inputs(eight.detach().numpy(), batch))]
         matrices, biases = layers[::2], layers[1::2]
         for matrix, bias in zip(matrices[:-1], biases[:-1], strict=True):
-            values.append(values[-1] @ matrix.t())
-            _add_bias(values[-1].numpy(), bias.detach().numpy())
+            values.append(add_bias(values[-1] @ matrix.t(), bias))
         outputs = torch.addmm(biases[-1], values[-1], matrices[-1].t()).numpy()
         near = batch.nearby
         if near is None:
@@ -51,25 +49,6 @@ class CpuDecoder(torch.autograd.Function):
             of_layers[:0] = [after.t() @ values, of_bias]
             after = after @ matrix
             if values is not ctx.values[0]:
-                of_bias = torch.zeros(values.shape[1])
-                _mask(after.numpy(), values.numpy(), of_bias.numpy())
+                after, of_bias = mask_gradient(after, values)
         of_codes = codes_gradient(after.numpy(), ctx.values[0].numpy(), ctx.entry.numpy())
         return torch.from_numpy(of_codes), None, *of_layers
-
-
-@kernel
-def _add_bias(products, bias):
-    """ReLU of products (N, out) and a bias (out,), in their place."""
-    for row in range(len(products)):
-        for k in range(len(bias)):
-            products[row, k] = max(products[row, k] + bias[k], np.float32(0))
-
-
-@kernel
-def _mask(gradient, hidden, sums):
-    """Set a gradient (N, out) to 0 where the ReLU's results `hidden` are, and add its columns to `sums` (out,)."""
-    for row in range(len(gradient)):
-        for k in range(len(sums)):
-            there = gradient[row, k] if hidden[row, k] > 0 else np.float32(0)
-            gradient[row, k] = there
-            sums[k] += there

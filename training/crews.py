@@ -80,7 +80,7 @@ class ThreadCrew:
 
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
         """Gradients of the parts of a step, and sums of its errors, see `Crew`."""
-        narrow = dtype == torch.bfloat16 and self._learner.model.slices is not None  # as `Bfloat16Encoder` takes it
+        narrow = dtype == torch.bfloat16 and self._learner.model.slices is not None  # as `CpuEncoder` takes it
         if self._ahead_of != (step, narrow):
             self._ahead = self._gather(step, narrow)
         batches = self._ahead

@@ -17,10 +17,9 @@ from ..patchnet_addon.network.devices import CPU
 from ..patchnet_addon.network.torch_convolutions import patch_cells
 from ..patchnet_addon.network.torch_model import MixturePlace, PatchNet
 from ..patchnet_addon.network.weights import Weights
-from .bfloat16 import SLICES
-from .bfloat16_encoder import Bfloat16Encoder
-from .corner_layer import CornerLayer, from_slices, to_slices
+from .corner_layer import SLICES, CornerLayer, from_slices, to_slices
 from .cpu_decoder import CpuDecoder
+from .cpu_encoder import CpuEncoder
 from .tensor_batch import TensorBatch
 
 
@@ -89,9 +88,9 @@ class SlicedNet(nn.Module):
         first, *middle, _ = self._encoder()
         corners = 8 * len(batch.ratio)
         pairs = batch.slice_start, batch.pair_block, batch.pair_corner, corners
-        if dtype == torch.bfloat16 and batch.blocks.device.type == CPU:
+        if batch.blocks.device.type == CPU:
             layers = [part for layer in middle for part in (layer.weight, layer.bias)]
-            return Bfloat16Encoder.apply(batch.blocks, *pairs, self.slices, first.bias, *layers)  # type: ignore[no-any-return]
+            return CpuEncoder.apply(dtype, batch.blocks, *pairs, self.slices, first.bias, *layers)  # type: ignore[no-any-return]
         hidden = torch.relu(CornerLayer.apply(self.slices, batch.blocks.to(dtype), *pairs) + first.bias)
         for layer in middle:
             hidden = hidden.to(dtype)

@@ -3,7 +3,8 @@
 
 The products are recorded in the same run, with their sizes, strides and number types, and torch does them again alone,
 in as many threads. One thread is measured in processor seconds on one core. In matrix units (AMX) products take a sixth
-of the time, so their share of a step is smaller there; ONEDNN_MAX_CPU_ISA=AVX512_CORE_BF16 measures without them.
+of the time, so their share of a step is smaller there; ONEDNN_MAX_CPU_ISA=AVX512_CORE_BF16 measures without them. The
+last columns have a step's products in float32, which need neither: the ceiling of training without bfloat16.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
+from ...training.settings import AUTO, BF16, FP32
 from ..shared.arguments import add_number
 from ..shared.training_run import require_torch
 from .arguments import add_repeats
@@ -34,6 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser, "--samples", bounds.DATASET_SAMPLES, default=400_000, help="samples that are drawn of it (400000)"
     )
     add_number(parser, "--threads", bounds.THREADS, default=1, help="threads that learn, or multiply (1)")
+    parser.add_argument(
+        "--precision", choices=(AUTO, BF16, FP32), default=AUTO,
+        help="of the encoder's products (auto: bf16 where the processor has it)",
+    )  # fmt: skip
     add_repeats(parser, 9)
 
 
@@ -48,7 +54,8 @@ def measure(args: argparse.Namespace) -> Comparison:
 
     datasets = [load_dataset(path) for path in sample_files(args.datasets)]
     return benchmark_training(
-        datasets, TrainBench(args.nodes, args.samples, repeats=args.repeats, threads=args.threads)
+        datasets,
+        TrainBench(args.nodes, args.samples, repeats=args.repeats, threads=args.threads, precision=args.precision),
     )
 
 
@@ -58,16 +65,21 @@ def text(values: dict[str, Any]) -> str:
 
     rows = [
         [
-            name, f"{row['batch']:,}", f"{row['samples_per_s']:,.0f}", f"{row['products_samples_per_s']:,.0f}",
-            f"{row['share']:.0%}", f"{row['step_ms']:.1f}", f"{row['products_ms']:.1f}",
-            f"{row['gflops_of_products']:,.0f}",
+            name, f"{row['batch']:,}", row["precision"], f"{row['samples_per_s']:,.0f}",
+            f"{row['products_samples_per_s']:,.0f}", f"{row['share']:.0%}", f"{row['step_ms']:.1f}",
+            f"{row['products_ms']:.1f}", f"{row['gflops_of_products']:,.0f}",
+            f"{row['float32_products_samples_per_s']:,.0f}", f"{row['share_of_float32']:.0%}",
+            f"{row['gflops_of_float32_products']:,.0f}",
         ]
         for name, row in values["kinds"].items()
     ]  # fmt: skip
-    head = ["network", "samples a step", "samples/s", "by products alone", "share", "step, ms", "products, ms"]
+    head = [
+        "network", "samples a step", "precision", "samples/s", "by products alone", "share", "step, ms", "products, ms",
+        "GFLOP/s of products", "by float32 products alone", "share", "their GFLOP/s",
+    ]  # fmt: skip
     units = "with" if values["matrix_units"] else "without"
     return (
         f"{values['machine']}, {units} matrix units; {values['versions']}\n"
         f"Threads: {values['threads']}, {values['clock']} seconds, medians of {values['repeats']} runs\n\n"
-        f"{markdown_table([*head, 'GFLOP/s of products'], rows)}"
+        f"{markdown_table(head, rows)}"
     )

@@ -6,6 +6,7 @@ import json
 import pytest
 
 from patchnet.commands import main
+from patchnet.commands.benches import train
 
 torch = pytest.importorskip("torch")
 from patchnet.training.benchmarks.step_products import operations, recorded_products, replay  # noqa: E402
@@ -32,9 +33,10 @@ def test_matrix_units_are_used_where_they_are_and_may_be(monkeypatch, allowed: s
         assert has_matrix_units() == (there and used)
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_both_kinds_are_measured(capsys, threads: int) -> None:
+@pytest.mark.parametrize(("threads", "precision"), [(1, "auto"), (2, "fp32")])
+def test_both_kinds_are_measured(capsys, threads: int, precision: str) -> None:
     words = ["bench", "train", "--nodes", "60000", "--samples", "20000", "--repeats", "1", "--threads", str(threads)]
+    words += ["--precision", precision]
     assert main([*words, "--json"]) == 0
     values = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert (values["name"], values["unit"], values["threads"]) == ("train", "samples per second", threads)
@@ -42,9 +44,12 @@ def test_both_kinds_are_measured(capsys, threads: int) -> None:
     assert list(values["kinds"]) == ["mixture", "paper"]
     for row in values["kinds"].values():
         assert row["share"] == pytest.approx(row["samples_per_s"] / row["products_samples_per_s"])
+        assert row["share_of_float32"] == pytest.approx(row["samples_per_s"] / row["float32_products_samples_per_s"])
         assert row["gflop"] > 1 and row["batch"] in (2048, 8192)
+        if precision == "fp32":
+            assert row["precision"] == "float32"
+            assert row["share"] == pytest.approx(row["share_of_float32"], rel=0.5)  # the same products, done twice
     assert values["ratio"] == pytest.approx(values["kinds"]["mixture"]["share"])
-    assert main(words) == 0
-    text = capsys.readouterr().out
-    assert "| mixture | 2,048 | " in text
+    text = train.text(values)
+    assert f"| mixture | 2,048 | {values['kinds']['mixture']['precision']} | " in text
     assert f"{'with' if values['matrix_units'] else 'without'} matrix units" in text

@@ -3,14 +3,16 @@
 
 Both in turns in one run, medians. A step is all that a run does again and again: batches are gathered, gradients
 computed, the optimiser's step taken. What share of a step is products depends on the processor's matrix units, without
-which products take several times as long; ONEDNN_MAX_CPU_ISA=AVX512_CORE_BF16 leaves them out.
+which products take several times as long; ONEDNN_MAX_CPU_ISA=AVX512_CORE_BF16 leaves them out. Beside the products as
+the step does them stand those of a step in float32, which any processor multiplies alike: the ceiling of training
+without bfloat16.
 """
 
 from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from statistics import median
@@ -105,25 +107,37 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
         for number in itertools.islice(numbers, bench.steps):
             learner.step(crew.gradients(number, dtype)[0], settings.final_rate)
 
-    parts = [
-        _products(learner, StepPlan(corpus, settings, voxels, Processes(part, bench.threads)), bench.steps, dtype)
-        for part in range(bench.threads)
-    ]
+    def replayed(count: int, dtype: torch.dtype) -> tuple[list[Callable[[], None]], int]:
+        """Each thread's products of so many steps, and how many operations they are a step."""
+        parts = [
+            _products(learner, StepPlan(corpus, settings, voxels, Processes(part, bench.threads)), count, dtype)
+            for part in range(bench.threads)
+        ]
+        return [replay(products, _TIMES) for products in parts], sum(map(operations, parts)) // count
+
+    alone, work = replayed(bench.steps, dtype)
+    plain, plain_work = replayed(1, torch.float32)
     with ThreadPoolExecutor(bench.threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        alone = [replay(products, _TIMES) for products in parts]
-        runs = {"step": steps, "products": lambda: [job.result() for job in [pool.submit(each) for each in alone]]}
+        runs = {
+            "step": steps,
+            "products": lambda: [job.result() for job in [pool.submit(each) for each in alone]],
+            "float32_products": lambda: [job.result() for job in [pool.submit(each) for each in plain]],
+        }
         for _ in range(_WARM):  # torch compiles products of sizes that it meets for the first time
             steps()
         runs["products"]()
         seconds = take_turns(runs, bench.repeats, all_cores=bench.threads > 1)
     crew.close()
-    step, bound = (median(seconds[name]) / bench.steps / times for name, times in (("step", 1), ("products", _TIMES)))
-    work = sum(operations(products) for products in parts) / bench.steps
+    step = median(seconds["step"]) / bench.steps
+    bound = median(seconds["products"]) / bench.steps / _TIMES
+    plain_bound = median(seconds["float32_products"]) / _TIMES
     return {
         "batch": settings.batch, "precision": str(dtype).removeprefix("torch."),
         "samples_per_s": settings.batch / step, "products_samples_per_s": settings.batch / bound,
         "share": bound / step, "step_ms": 1e3 * step, "products_ms": 1e3 * bound,
         "gflop": work / 1e9, "gflops_of_products": work / bound / 1e9,
+        "float32_products_samples_per_s": settings.batch / plain_bound, "share_of_float32": plain_bound / step,
+        "float32_products_ms": 1e3 * plain_bound, "gflops_of_float32_products": plain_work / plain_bound / 1e9,
         **{f"{name}_runs": [round(value, 4) for value in values] for name, values in seconds.items()},
     }  # fmt: skip
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Encoder's layers with a ReLU in bfloat16 on the CPU, forward and backward, without torch's steps between products.
+"""Encoder's layers with a ReLU on the CPU, forward and backward, without torch's steps between products.
 
-The same as `CornerLayer` and the linear layers after it in bfloat16, but that biases are added, and their gradients
-summed, in float32.
+The same as `CornerLayer` and the linear layers after it, but that biases are added, and their gradients summed, in
+float32 where products are in bfloat16.
 """
 
 from __future__ import annotations
@@ -13,19 +13,20 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from .bfloat16 import add_bias, add_pairs, gather_rows, mask_gradient
+from .cpu_layers import add_bias, add_pairs, gather_rows, mask_gradient
 
 # Slices are filled up to a multiple of this many rows: torch compiles a product for each new size, which takes longer
 # than to multiply, and how many pairs a slice has differs at every step. With few sizes all are compiled soon.
 ROW_STEP = 64
 
 
-class Bfloat16Encoder(torch.autograd.Function):
+class CpuEncoder(torch.autograd.Function):
     """Hidden values (corners, out) float32 of the occupied blocks of a batch; the gradient goes to the parameters."""
 
     @staticmethod
     def forward(
         ctx: Any,
+        dtype: torch.dtype,
         blocks: Tensor,
         starts: list[int],
         pair_block: Tensor,
@@ -37,13 +38,13 @@ class Bfloat16Encoder(torch.autograd.Function):
     ) -> Tensor:
         """Results of slices (8, B, out), a bias (out,) and `layers`: matrices (out, out) and biases (out,) in turn.
 
-        blocks: (M, B) float32 or bfloat16. The others as in `CornerLayer`.
+        dtype: of the products, float32 or bfloat16; the parameters are float32. blocks: (M, B) of either type. The
+        others as in `CornerLayer`.
         """
-        narrow = blocks.bfloat16()
-        matrices = [matrix.bfloat16() for matrix in layers[::2]]
+        matrices = [matrix.to(dtype) for matrix in layers[::2]]
         most = max(last - first for first, last in itertools.pairwise(starts))
-        rows = gather_rows(narrow, pair_block, starts, -(-most // ROW_STEP) * ROW_STEP)
-        hidden = [add_pairs(torch.bmm(rows, slices.bfloat16()), starts, pair_corner, bias, corners)]
+        rows = gather_rows(blocks.to(dtype), pair_block, starts, -(-most // ROW_STEP) * ROW_STEP)
+        hidden = [add_pairs(torch.bmm(rows, slices.to(dtype)), starts, pair_corner, bias, corners)]
         for matrix, added in zip(matrices, layers[1::2], strict=True):
             hidden.append(add_bias(hidden[-1] @ matrix.t(), added))
         ctx.save_for_backward(rows, pair_corner, *hidden, *matrices)
@@ -57,11 +58,12 @@ class Bfloat16Encoder(torch.autograd.Function):
         count = len(others) // 2
         hidden, matrices = others[: count + 1], others[count + 1 :]
         of_layers: list[Tensor] = []
-        after, of_bias = mask_gradient(gradient, hidden[-1])
+        own = gradient.clone() if gradient.dtype == hidden[-1].dtype else gradient  # what autograd gives is not changed
+        after, of_bias = mask_gradient(own, hidden[-1])
         for layer in reversed(range(count)):
             of_layers[:0] = [(after.t() @ hidden[layer]).float(), of_bias]
             after, of_bias = mask_gradient(after @ matrices[layer], hidden[layer])
         copied = gather_rows(after, pair_corner, ctx.starts, rows.shape[1])
         of_slices = torch.empty(len(rows), rows.shape[2], copied.shape[2])
         of_slices.copy_(torch.bmm(copied.transpose(1, 2), rows).transpose(1, 2))  # faster than the product's transpose
-        return None, None, None, None, None, of_slices, of_bias, *of_layers
+        return None, None, None, None, None, None, of_slices, of_bias, *of_layers

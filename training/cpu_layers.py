@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sums of bfloat16 products in float32: kernels that add them, with biases and ReLUs, in one pass over the memory.
+"""What stands between the products of layers on the CPU: kernels that add them, with biases and ReLUs, in one pass.
 
-bfloat16 has 8 bits of mantissa: a sum that is kept in it stands still once terms are below its 256th part. All that is
-added here is added in float32, and rounded once. The kernels read and write the bits of bfloat16 as uint16, and are
-serial, since several threads learn from a part of a step each.
+For float32 and bfloat16. bfloat16 has 8 bits of mantissa: a sum that is kept in it stands still once terms are below
+its 256th part. All that is added here is added in float32, and rounded once. The kernels read and write the bits of
+bfloat16 as uint16, and are serial, since several threads learn from a part of a step each.
 """
 
 from __future__ import annotations
@@ -13,38 +13,38 @@ import torch
 from torch import Tensor
 
 from ..patchnet_addon.runtime.kernels import device, kernel
-
-SLICES = 8
+from .corner_layer import SLICES
 
 
 def gather_rows(values: Tensor, index: Tensor, starts: list[int], count: int) -> Tensor:
-    """Rows (8, count, width) of values (N, width), bfloat16 on the CPU: of slice s those at index starts[s] on.
+    """Rows (8, count, width) of values (N, width), float32 or bfloat16: of slice s those at index starts[s] on.
 
     What a slice has less than `count`, the next one's start, is zeros.
     """
-    rows = torch.empty(SLICES, count, values.shape[1], dtype=torch.bfloat16)
-    _gather_rows(_bits(values), index.numpy(), np.array(starts), _bits(rows))
+    rows = torch.empty(SLICES, count, values.shape[1], dtype=values.dtype)
+    _gather_rows(_numbers(values), index.numpy(), np.array(starts), _numbers(rows))
     return rows
 
 
 def gather_rows_reference(values: Tensor, index: Tensor, starts: list[int], count: int) -> Tensor:
     """Reference of `gather_rows` in torch."""
-    rows = torch.zeros(SLICES, count, values.shape[1], dtype=torch.bfloat16)
+    rows = torch.zeros(SLICES, count, values.shape[1], dtype=values.dtype)
     for s in range(SLICES):
         rows[s, : starts[s + 1] - starts[s]] = values[index[starts[s] : starts[s + 1]]]
     return rows
 
 
 def add_pairs(products: Tensor, starts: list[int], pair_corner: Tensor, bias: Tensor, corners: int) -> Tensor:
-    """ReLU of bias (out,) float32 and the products (8, count, out) of each corner, (corners, out); bfloat16 on the CPU.
+    """ReLU of bias (out,) float32 and the products (8, count, out) of each corner, (corners, out) of their type.
 
     Pairs starts[s] to starts[s + 1] are those of slice s, in which no corner is twice; their products are the first of
     the slice.
     """
-    result = torch.empty(corners, products.shape[2], dtype=torch.bfloat16)
+    result = torch.empty(corners, products.shape[2], dtype=products.dtype)
     rows = np.full((corners, SLICES), -1, np.int64)
     _list_rows(np.array(starts), pair_corner.numpy(), rows)
-    _add_rows(_bits(products), rows, bias.detach().numpy(), _bits(result))
+    add = _add_narrow_rows if products.dtype == torch.bfloat16 else _add_rows
+    add(_numbers(products), rows, bias.detach().numpy(), _numbers(result))
     return result
 
 
@@ -58,28 +58,33 @@ def add_pairs_reference(products: Tensor, starts: list[int], pair_corner: Tensor
 
 
 def add_bias(products: Tensor, bias: Tensor) -> Tensor:
-    """ReLU of products (N, out), bfloat16 on the CPU, and bias (out,) float32, in the memory of the products."""
-    _add_bias(_bits(products), bias.detach().numpy())
+    """ReLU of products (N, out), float32 or bfloat16, and bias (out,) float32, in the memory of the products."""
+    add = _add_narrow_bias if products.dtype == torch.bfloat16 else _add_bias
+    add(_numbers(products), bias.detach().numpy())
     return products
 
 
 def mask_gradient(gradient: Tensor, hidden: Tensor) -> tuple[Tensor, Tensor]:
-    """Gradient (N, out) in bfloat16, 0 where the ReLU's results `hidden` are, and its column sums (out,) float32.
+    """Gradient (N, out) in the type of `hidden`, 0 where these results of a ReLU are, and its column sums (out,).
 
-    The sums are the gradient of the bias. gradient: float32, or bfloat16, which is changed; on the CPU.
+    The sums, float32, are the gradient of the bias. gradient: of the type of `hidden`, and then changed, or float32.
     """
     sums = torch.zeros(gradient.shape[1])
+    if hidden.dtype == torch.float32:
+        _mask(gradient.numpy(), hidden.numpy(), sums.numpy())
+        return gradient, sums
     if gradient.dtype == torch.bfloat16:
-        _mask(_bits(gradient), _bits(hidden), sums.numpy())
+        _mask_narrow(_numbers(gradient), _numbers(hidden), sums.numpy())
         return gradient, sums
     narrow = torch.empty_like(hidden)
-    _mask_wide(gradient.numpy(), _bits(hidden), _bits(narrow), sums.numpy())
+    _mask_to_narrow(gradient.numpy(), _numbers(hidden), _numbers(narrow), sums.numpy())
     return narrow, sums
 
 
-def _bits(tensor: Tensor) -> np.ndarray:
-    """Bits of a bfloat16 tensor on the CPU as uint16, the same memory."""
-    return tensor.detach().view(torch.int16).numpy().view(np.uint16)
+def _numbers(tensor: Tensor) -> np.ndarray:
+    """Memory of a tensor on the CPU as an array: float32, or the bits of bfloat16 as uint16."""
+    plain = tensor.detach()
+    return plain.view(torch.int16).numpy().view(np.uint16) if tensor.dtype == torch.bfloat16 else plain.numpy()
 
 
 @device
@@ -115,6 +120,20 @@ def _list_rows(starts, pair_corner, rows):
 
 @kernel
 def _add_rows(products, rows, bias, result):
+    for corner in range(len(rows)):
+        for k in range(len(bias)):
+            result[corner, k] = bias[k]
+        for s in range(SLICES):
+            if rows[corner, s] >= 0:
+                row = products[s, rows[corner, s]]
+                for k in range(len(bias)):
+                    result[corner, k] += row[k]
+        for k in range(len(bias)):
+            result[corner, k] = max(result[corner, k], np.float32(0))
+
+
+@kernel
+def _add_narrow_rows(products, rows, bias, result):
     total = np.empty(len(bias), np.float32)
     for corner in range(len(rows)):
         for k in range(len(bias)):
@@ -132,11 +151,27 @@ def _add_rows(products, rows, bias, result):
 def _add_bias(products, bias):
     for row in range(len(products)):
         for k in range(len(bias)):
+            products[row, k] = max(products[row, k] + bias[k], np.float32(0))
+
+
+@kernel
+def _add_narrow_bias(products, bias):
+    for row in range(len(products)):
+        for k in range(len(bias)):
             products[row, k] = narrow_bits(max(_wide(products[row, k]) + bias[k], np.float32(0)))
 
 
 @kernel
 def _mask(gradient, hidden, sums):
+    for row in range(len(gradient)):
+        for k in range(len(sums)):
+            there = gradient[row, k] if hidden[row, k] > 0 else np.float32(0)
+            gradient[row, k] = there
+            sums[k] += there
+
+
+@kernel
+def _mask_narrow(gradient, hidden, sums):
     for row in range(len(gradient)):
         for k in range(len(sums)):
             there = gradient[row, k] if hidden[row, k] > 0 else np.uint16(0)
@@ -145,7 +180,7 @@ def _mask(gradient, hidden, sums):
 
 
 @kernel
-def _mask_wide(gradient, hidden, narrow, sums):
+def _mask_to_narrow(gradient, hidden, narrow, sums):
     for row in range(len(gradient)):
         for k in range(len(sums)):
             there = narrow_bits(gradient[row, k]) if hidden[row, k] > 0 else np.uint16(0)

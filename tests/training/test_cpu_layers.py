@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sums of bfloat16 products: in float32, forward and backward, by the kernels as by torch."""
+"""Layers on the CPU, forward and backward, by the kernels as by torch; sums of bfloat16 products in float32."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,9 @@ torch = pytest.importorskip("torch")
 from torch import Tensor  # noqa: E402
 from torch.nn import functional  # noqa: E402
 
-from patchnet.training.bfloat16 import (  # noqa: E402
+from patchnet.training.corner_layer import SLICES, CornerLayer  # noqa: E402
+from patchnet.training.cpu_encoder import CpuEncoder  # noqa: E402
+from patchnet.training.cpu_layers import (  # noqa: E402
     add_bias,
     add_pairs,
     add_pairs_reference,
@@ -16,9 +18,8 @@ from patchnet.training.bfloat16 import (  # noqa: E402
     gather_rows_reference,
     mask_gradient,
 )
-from patchnet.training.bfloat16_encoder import Bfloat16Encoder  # noqa: E402
-from patchnet.training.corner_layer import SLICES, CornerLayer  # noqa: E402
 
+BOTH = pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
 SMALL = 1 / 256  # beside 1 the next bfloat16 is 1 + 1 / 128: this much is rounded away
 
 
@@ -68,43 +69,48 @@ def test_gradients_of_many_small_terms() -> None:
     with torch.no_grad():
         bias += 1
     blocks = torch.ones(corners, 5)
-    hidden = Bfloat16Encoder.apply(blocks, starts, corner, corner, corners, slices, bias)
+    hidden = CpuEncoder.apply(torch.bfloat16, blocks, starts, corner, corner, corners, slices, bias)
     of_slices, of_bias = torch.autograd.grad(SMALL * hidden.sum(), [slices, bias])
     assert (of_bias == corners * SMALL).all() and (of_slices[0] == corners * SMALL).all()
     assert not of_slices[1:].any()
 
 
-def test_kernels_equal_torch() -> None:
+@BOTH
+def test_kernels_equal_torch(dtype: torch.dtype) -> None:
     random = np.random.default_rng(3)
     torch.manual_seed(3)
     starts, _, corner = pairs_of_all(100, random)
-    products, bias = torch.randn(SLICES, 100, 48).bfloat16(), torch.randn(48)
-    values = torch.randn(100, 48).bfloat16()
+    products, bias = torch.randn(SLICES, 100, 48).to(dtype), torch.randn(48)
+    values = torch.randn(100, 48).to(dtype)
     rows = gather_rows(values, corner, starts, 100)
-    assert (rows == gather_rows_reference(values, corner, starts, 100)).all()
+    assert rows.dtype == dtype and (rows == gather_rows_reference(values, corner, starts, 100)).all()
     assert not rows[:, max(np.diff(starts)) :].any() and (rows[0, : starts[1]] == values[corner[: starts[1]]]).all()
     torch.testing.assert_close(
         add_pairs(products, starts, corner, bias, 100),
         add_pairs_reference(products, starts, corner, bias, 100),
-        atol=0, rtol=2**-8,  # sums in another order may be rounded the other way
+        atol=0 if dtype == torch.bfloat16 else 1e-6, rtol=torch.finfo(dtype).eps / 2,  # in another order
     )  # fmt: skip
-    wanted = torch.relu(products[0].float() + bias).bfloat16()
+    wanted = torch.relu(products[0].float() + bias).to(dtype)
     hidden = add_bias(products[0].clone(), bias)
     assert (hidden == wanted).all()
 
 
-@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
-def test_masked_gradient(dtype: torch.dtype) -> None:
+@pytest.mark.parametrize(
+    ("dtype", "given"),
+    [(torch.bfloat16, torch.float32), (torch.bfloat16, torch.bfloat16), (torch.float32, torch.float32)],
+)
+def test_masked_gradient(dtype: torch.dtype, given: torch.dtype) -> None:
     torch.manual_seed(3)
-    hidden, gradient = torch.relu(torch.randn(100, 48)).bfloat16(), torch.randn(100, 48).to(dtype)
-    kept = torch.where(hidden > 0, gradient.bfloat16(), 0)
+    hidden, gradient = torch.relu(torch.randn(100, 48)).to(dtype), torch.randn(100, 48).to(given)
+    kept = torch.where(hidden > 0, gradient.to(dtype), 0)
     found, sums = mask_gradient(gradient, hidden)
-    assert found.dtype == torch.bfloat16 and (found == kept).all()
+    assert found.dtype == dtype and (found == kept).all()
     torch.testing.assert_close(sums, kept.float().sum(0), atol=1e-4, rtol=1e-5)
 
 
-def test_encoder_equals_its_layers() -> None:
-    """Forward and backward, against torch in float32, which bfloat16 is near to."""
+@pytest.mark.parametrize(("dtype", "forward", "backward"), [(torch.float32, 1e-5, 1e-4), (torch.bfloat16, 0.02, 0.12)])
+def test_encoder_equals_its_layers(dtype: torch.dtype, forward: float, backward: float) -> None:
+    """Forward and backward, against torch in float32, which bfloat16 is near to: ReLUs near 0 let through or not."""
     random = np.random.default_rng(5)
     torch.manual_seed(5)
     corners, size, out = 160, 40, 32
@@ -113,17 +119,18 @@ def test_encoder_equals_its_layers() -> None:
     shapes = (SLICES, size, out), (out,), (out, out), (out,), (out, out), (out,)
     parameters = [(0.1 * torch.randn(shape)).bfloat16().float().requires_grad_() for shape in shapes]
     slices, bias, *layers = parameters
-    found = Bfloat16Encoder.apply(blocks, starts, block, corner, corners, *parameters)
+    found = CpuEncoder.apply(dtype, blocks, starts, block, corner, corners, *parameters)
     hidden = torch.relu(CornerLayer.apply(slices, blocks, starts, block, corner, corners) + bias)
     for matrix, added in zip(layers[::2], layers[1::2], strict=True):
         hidden = torch.relu(functional.linear(hidden, matrix, added))
-    scale = hidden.abs().max().item()
-    torch.testing.assert_close(found, hidden, atol=0.02 * scale, rtol=0)
+    torch.testing.assert_close(found, hidden, atol=forward * hidden.abs().max().item(), rtol=0)
     weights = torch.randn(hidden.shape)
+    kept = weights.clone()
     for ours, theirs in zip(
-        torch.autograd.grad((found * weights).sum(), parameters),
-        torch.autograd.grad((hidden * weights).sum(), parameters),
+        torch.autograd.grad(found, parameters, weights),
+        torch.autograd.grad(hidden, parameters, weights),
         strict=True,
     ):
         assert ours.dtype == torch.float32
-        assert ((ours - theirs).norm() / theirs.norm()).item() < 0.12  # ReLUs near 0 let through here and not there
+        assert ((ours - theirs).norm() / theirs.norm()).item() < backward
+    assert (weights == kept).all(), "the gradient that was given is the caller's"
