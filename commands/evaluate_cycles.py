@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
-from ..patchnet_addon.runtime.file_kinds import CYCLES_EVALUATION, EVALUATION_TABLE
+from ..patchnet_addon.runtime.file_kinds import CYCLES_EVALUATION, EVALUATION_TABLE, EVALUATION_TABLES
 from ..patchnet_addon.runtime.outputs import check_outputs
 from ..patchnet_addon.runtime.progress import Steps, drain, labelled
 from ..patchnet_addon.runtime.replace import replaced_file
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from ..training.evaluation.scene import Scene
     from ..training.evaluation.second_truth import CameraResult
 
-RESULTS, TABLE, FIGURES = "cycles.json", "cycles.csv", "figures"
-OUTPUTS = {RESULTS: CYCLES_EVALUATION, TABLE: EVALUATION_TABLE}
+RESULTS, TABLE, TABLES, FIGURES = "cycles.json", "cycles.csv", "cycles.md", "figures"
+OUTPUTS = {RESULTS: CYCLES_EVALUATION, TABLE: EVALUATION_TABLE, TABLES: EVALUATION_TABLES}
 _COLUMNS = ("scene", "strategy", "group", "rays_per_pixel", "truth", "budget", "mse")
 
 
@@ -180,8 +180,9 @@ def _draw(scene: Scene, values: dict[str, Any], cameras: list[CameraResult], fol
 
 
 def _write(out: Path, settings: _Settings, found: dict[str, Any]) -> None:
-    """Write all scenes that there are up to now, the table first."""
+    """Write all scenes that there are up to now, the tables first."""
     from ..training.evaluation.second_truth import csv_rows
+    from ..training.evaluation.second_truth_tables import markdown_of_second_truth
 
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
@@ -189,6 +190,7 @@ def _write(out: Path, settings: _Settings, found: dict[str, Any]) -> None:
     for name, values in found.items():
         rows.writerows(csv_rows(name, values))
     results = json.dumps({"settings": asdict(settings), "scenes": found}, indent=1, allow_nan=False)
-    for name, content in ((TABLE, text.getvalue()), (RESULTS, results)):
+    contents = {TABLE: text.getvalue(), TABLES: markdown_of_second_truth(found), RESULTS: results}
+    for name, content in contents.items():
         with replaced_file(out / name, OUTPUTS[name]) as file:
             file.write(content.encode())

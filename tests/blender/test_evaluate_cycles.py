@@ -98,6 +98,8 @@ def test_curves_against_cycles(scenes: dict[str, Scene], tmp_path: Path, capsys:
         assert values["mse"] == values["truths"]["diffuse"]["mse"]
     rows = list(csv.DictReader((out / "cycles.csv").read_text().splitlines()))
     assert len(rows) == 5 * len(EVALUATED) * 101
+    tables = (out / "cycles.md").read_text()
+    assert [tables.count(f"\n| {name} | ") for name in scenes] == [1, 1] and "Scenes of 2 in which" in tables
     figures = {path.name for path in (out / "figures").iterdir()}
     assert figures == {f"{name}-cycles{end}" for name in scenes for end in (".png", ".svg", "-views.png")}
 

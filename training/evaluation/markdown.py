@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
+from ..benchmarks.tables import markdown_table
 from .claims import VARIANCE
 from .over_scenes import BUDGETS, error_ratios, geometric_means, scenes_ahead
 from .patch_networks import network_name
@@ -21,7 +22,7 @@ _RATIOS = (
 )  # fmt: skip
 
 
-_PAIRS = {
+PAIRS = {
     "patchnet-plus-0": ("patchnet", VARIANCE, "ss-variance-hits", "plain-plus-0"),
     "patchnet-plus-1": ("fine-ray", "fine-ray-variance", "patchnet-behind", "fusion", "plain-plus-1"),
     "patchnet-plus": ("fine-rays-4", "fine-rays-4-variance", "plain-plus-4"),
@@ -53,7 +54,7 @@ def markdown_of(results: Mapping[str, Any]) -> str:
         "both errors: at equal budgets, and in equal time where samples are own rays, or those of Cycles.",
         _ahead(scenes),
         "Excess area: 0 is optimal, 1 is random.",
-        _table(
+        markdown_table(
             ["strategy", *scenes],
             ([f"`{name}`", *(f"{areas[scene][name]:.3f}" for scene in scenes)] for name in [VARIANCE, *names]),
         ),
@@ -80,11 +81,11 @@ def markdown_of(results: Mapping[str, Any]) -> str:
 
 def _ahead(scenes: Mapping[str, Any]) -> str:
     first = next(iter(scenes.values()))
-    return _table(
+    return markdown_table(
         ["strategy", "rival", "at equal", *(f"{budget}%" for budget in BUDGETS)],
         (
-            [f"`{ours}`", f"`{rival}`", title, *_counts(scenes, ours, rival, price)]
-            for ours, rivals in _PAIRS.items()
+            [f"`{ours}`", f"`{rival}`", title, *counts_ahead(scenes, ours, rival, price)]
+            for ours, rivals in PAIRS.items()
             for rival in rivals
             if {ours, rival} <= first["ms_per_frame"].keys()
             for title, price in (("budget", None), ("time, own rays", "own"), ("time, Cycles", "cycles"))
@@ -92,7 +93,7 @@ def _ahead(scenes: Mapping[str, Any]) -> str:
     )
 
 
-def _counts(scenes: Mapping[str, Any], ours: str, rival: str, price: str | None) -> list[str]:
+def counts_ahead(scenes: Mapping[str, Any], ours: str, rival: str, price: str | None) -> list[str]:
     """Scenes in which one is ahead of the other, and the largest ratio of their errors, at BUDGETS."""
     counts = scenes_ahead(scenes, ours, rival, price)
     largest = error_ratios(scenes, ours, rival, price).max(axis=0)
@@ -111,12 +112,12 @@ def _over_all(scenes: Mapping[str, Any], names: Sequence[str]) -> str:
         means = (f"{mean:.2f}" if mean >= 0.1 else f"{mean:.3f}" for mean in geometric_means(scenes, name, VARIANCE))
         rows.append([rays, f"`{name}`", *means, f"{min(areas):.3f} to {max(areas):.3f}", cost])
     head = ["further rays", "strategy", *(f"{budget}%" for budget in BUDGETS), "excess area", "ms"]
-    return _table(head, rows)
+    return markdown_table(head, rows)
 
 
 def _scenes(scenes: Mapping[str, Any]) -> str:
     at = round(100 * BUDGET)
-    return _table(
+    return markdown_table(
         ["scene", "depth", "nodes", "frames", "look-ahead", "unrefined", f"`{VARIANCE}`, {BUDGET:.0%}", "optimal"],
         (
             [
@@ -134,7 +135,7 @@ def _by_scene(results: Mapping[str, Any], names: Sequence[str], cell: Callable[[
     if "pooled" in results:
         columns["pooled"] = results["pooled"]
     rows = ([f"`{name}`", *(cell(values, name) for values in columns.values())] for name in names)
-    return _table(["strategy", *columns], rows)
+    return markdown_table(["strategy", *columns], rows)
 
 
 def _pooled(results: Mapping[str, Any], names: Sequence[str]) -> list[str]:
@@ -142,7 +143,7 @@ def _pooled(results: Mapping[str, Any], names: Sequence[str]) -> list[str]:
     if "pooled" not in results:
         return []
     rows = ([f"`{name}`", *(_over_variance(results["pooled"], name, at) for at in BUDGETS_SHOWN)] for name in names)
-    table = _table(["strategy", *(f"{budget:.0%}" for budget in BUDGETS_SHOWN)], rows)
+    table = markdown_table(["strategy", *(f"{budget:.0%}" for budget in BUDGETS_SHOWN)], rows)
     return [f"All scenes pooled: error over that of `{VARIANCE}` at several budgets.", table]
 
 
@@ -165,7 +166,7 @@ def _costs(scenes: Mapping[str, Any], names: Sequence[str]) -> str:
         if None not in times:
             each = [f"{time:.1f}" for time in times]
             rows.append([f"`{name}`", first["rays_per_pixel"][name], f"{median(times):.1f}", *each])
-    return _table(["strategy", "rays", "median", *scenes], rows)
+    return markdown_table(["strategy", "rays", "median", *scenes], rows)
 
 
 def _intervals(half: Mapping[str, Any]) -> str:
@@ -178,13 +179,13 @@ def _intervals(half: Mapping[str, Any]) -> str:
             at = values["budgets"].index(BUDGET)
             cells.append(f"{values['value'][at]:.2f} ({values['low'][at]:.2f} to {values['high'][at]:.2f})")
         rows.append(["pooled" if scene == POOLED else scene, *cells])
-    return _table(["scene", *(f"`{name}`" for name in shown)], rows)
+    return markdown_table(["scene", *(f"`{name}`" for name in shown)], rows)
 
 
 def _lowest(lowest: Mapping[str, Any]) -> str:
     shown = [name for name in next(iter(lowest.values())) if network_name(name) is None]
     rows = [[scene, *(_from(found[name]) for name in shown)] for scene, found in lowest.items()]
-    return _table(["scene", *(f"`{name}`" for name in shown)], rows)
+    return markdown_table(["scene", *(f"`{name}`" for name in shown)], rows)
 
 
 def _from(values: Mapping[str, Any]) -> str:
@@ -206,7 +207,7 @@ def _pictures(scenes: Mapping[str, Any]) -> str:
         ]
         for scene, values in scenes.items()
     )
-    return _table(["scene", *names], rows)
+    return markdown_table(["scene", *names], rows)
 
 
 def _predicted(scenes: Mapping[str, Any]) -> str:
@@ -219,7 +220,7 @@ def _predicted(scenes: Mapping[str, Any]) -> str:
                 for at in (round(100 * budget) for budget in (0.0, *BUDGETS_SHOWN))
             ]
             rows.append([scene, f"`{name}`", *ratios])
-    return _table(["scene", "picture", *(f"{budget:.0%}" for budget in (0.0, *BUDGETS_SHOWN))], rows)
+    return markdown_table(["scene", "picture", *(f"{budget:.0%}" for budget in (0.0, *BUDGETS_SHOWN))], rows)
 
 
 def _quality(found: Sequence[Mapping[str, Any]]) -> str:
@@ -232,7 +233,7 @@ def _quality(found: Sequence[Mapping[str, Any]]) -> str:
             columns[metric] = {name: sum(values) / len(values) for name, values in means.items()}
     names = list(next(iter(found[0]["metrics"].values())))
     rows = ([f"`{name}`", *(f"{values[name]:.4f}" for values in columns.values())] for name in names)
-    return _table(["strategy", *columns], rows)
+    return markdown_table(["strategy", *columns], rows)
 
 
 def _matrix(found: Mapping[str, Any], scenes: Iterable[str]) -> str:
@@ -240,9 +241,4 @@ def _matrix(found: Mapping[str, Any], scenes: Iterable[str]) -> str:
     for network, cells in found["networks"].items():
         texts = [(f"{cells[scene]['value']:.2f}", cells[scene]["seen"]) for scene in scenes]
         rows.append([network, *(f"**{text}**" if seen else text for text, seen in texts)])
-    return _table(["trained on", *scenes], rows) + "\n\nBold: the scene was in the training."
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(str(cell) for cell in line)} |" for line in lines)
+    return markdown_table(["trained on", *scenes], rows) + "\n\nBold: the scene was in the training."
