@@ -30,6 +30,8 @@ _SKIPPED_PROPERTIES = {
     "users",
     "depsgraph",
 }
+# Blender 4.5 makes the lists of what is selected in a UV map when they are read, named by memory that it has freed.
+_SKIPPED_OF_UV_MAPS = {"vertex_selection", "edge_selection", "pin"}
 # Notes of a simulation's cache about the frames that were seen. Any jump to another frame makes and changes them.
 _SKIPPED_NOTES = {"info", "is_frame_skip", "is_outdated"}
 _DEPTH = 4
@@ -130,6 +132,8 @@ def _settings(owner: bpy.types.bpy_struct, depth: int) -> dict[str, Any]:
         if key in _SKIPPED_PROPERTIES or (key == "use_nodes" and bpy.app.version >= (5, 0, 0)):
             continue  # asking for it only warns from 5.0 on
         if isinstance(owner, bpy.types.PointCache) and key in _SKIPPED_NOTES:
+            continue
+        if isinstance(owner, bpy.types.MeshUVLoopLayer) and key in _SKIPPED_OF_UV_MAPS:
             continue
         if isinstance(owner, bpy.types.Mesh) and prop.type == "COLLECTION":
             continue
