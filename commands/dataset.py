@@ -53,8 +53,8 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.runtime.file_kinds import SAMPLES
     from ..patchnet_addon.runtime.outputs import check_outputs
     from ..patchnet_addon.runtime.progress import drain
-    from ..training.dataset import DATASET_SEEDS, SUFFIX, sample_names, save_samples
-    from ..training.samples import SampleSettings, draw_samples
+    from ..training.data.dataset import DATASET_SEEDS, SUFFIX, sample_names, save_samples
+    from ..training.data.samples import SampleSettings, draw_samples
     from .shared.lines import say_result
     from .shared.progress_bars import ProgressBars
 

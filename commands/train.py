@@ -14,7 +14,7 @@ from ..patchnet_addon.network.kinds import KINDS, MIXTURE, WIDTH_STEP
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
-from ..training.run_files import WEIGHTS, check_run
+from ..training.run.run_files import WEIGHTS, check_run
 from ..training.settings import (
     LOSSES,
     PRECISIONS,
@@ -113,7 +113,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Train, then write the weights and their model card."""
-    from ..training.dataset import sample_files
+    from ..training.data.dataset import sample_files
 
     files = args.datasets if args.fresh else sample_files(args.datasets)
     validation_files = sample_files(args.validate)
@@ -122,12 +122,12 @@ def run(args: argparse.Namespace) -> int:
     require_torch()
     from ..patchnet_addon.network.devices import found_device
     from ..patchnet_addon.network.weights import save_weights
-    from ..training.dataset import fresh_datasets, load_dataset
-    from ..training.held_out import why_not_held_out
-    from ..training.model_card import write_card
-    from ..training.processes import Processes
-    from ..training.provenance import describe_command, describe_machine, describe_versions
-    from ..training.trainer import RunOptions, train
+    from ..training.data.dataset import fresh_datasets, load_dataset
+    from ..training.data.held_out import why_not_held_out
+    from ..training.run.model_card import write_card
+    from ..training.run.processes import Processes
+    from ..training.run.provenance import describe_command, describe_machine, describe_versions
+    from ..training.run.trainer import RunOptions, train
     from .shared.progress_bars import ProgressBars
 
     device = found_device(args.device, "--device")

@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.network.devices import found_device
     from ..training.evaluation.map_frames import FrameSettings, rendered_frames
     from ..training.evaluation.networks.train_maps import MapOptions, MapSettings, train_maps
-    from ..training.provenance import describe_command, describe_machine, describe_versions
+    from ..training.run.provenance import describe_command, describe_machine, describe_versions
     from .shared.progress_bars import ProgressBars
 
     device = found_device(args.device, "--device")

@@ -138,7 +138,7 @@ def _work(args: argparse.Namespace) -> NetworksRun:
     """Budget and settings of the run; raises SettingError for a device that is not there."""
     from ..patchnet_addon.network.devices import found_device
     from ..training.networks_of_paper.run import NetworksRun
-    from ..training.provenance import describe_command, describe_machine, describe_versions
+    from ..training.run.provenance import describe_command, describe_machine, describe_versions
 
     device = found_device(args.device, "--device")
     changes = {"passes": args.passes, "seed": args.seed, "network": args.network, "loss": args.loss}

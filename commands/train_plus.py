@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.octree.file import load_octree, octree_hash
     from ..training.plus.frames import TrackSettings
     from ..training.plus.train import PlusOptions, PlusSettings, pixels_of, train_plus
-    from ..training.provenance import describe_command, describe_commit, describe_machine, describe_versions
+    from ..training.run.provenance import describe_command, describe_commit, describe_machine, describe_versions
     from .shared.progress_bars import ProgressBars
 
     torch.set_num_threads(args.threads)

@@ -44,11 +44,11 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.runtime.file_kinds import ERRORS
     from ..patchnet_addon.runtime.outputs import check_outputs
     from ..patchnet_addon.runtime.replace import replaced_file
-    from ..training.dataset import load_dataset, sample_files
+    from ..training.data.dataset import load_dataset, sample_files
     from .shared.lines import make_parent, say_result
 
     require_torch()
-    from ..training.weights_errors import weights_errors
+    from ..training.run.weights_errors import weights_errors
 
     files = sample_files(args.datasets)
     if args.out:

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def measure(args: argparse.Namespace) -> Comparison:
     """Rates of both kinds of network; raises PatchNetError."""
-    from ...training.dataset import load_dataset, sample_files
+    from ...training.data.dataset import load_dataset, sample_files
     from ..shared.training_run import keep_freed_memory
 
     keep_freed_memory()

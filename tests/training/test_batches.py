@@ -12,14 +12,14 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import with_boxes
-from patchnet.training.batches import Augmentation, Batch, gather_batch
-from patchnet.training.forest import concatenate
-from patchnet.training.procedural import octree_from_leaves, spheres_and_slats
-from patchnet.training.samples import Samples, SampleSettings, draw_samples
-from patchnet.training.symmetry import COUNT, cube_symmetries
+from patchnet.training.data.batches import Augmentation, Batch, gather_batch
+from patchnet.training.data.forest import concatenate
+from patchnet.training.data.procedural import octree_from_leaves, spheres_and_slats
+from patchnet.training.data.samples import Samples, SampleSettings, draw_samples
+from patchnet.training.data.symmetry import COUNT, cube_symmetries
 
 torch = pytest.importorskip("torch")
-from patchnet.training.tensor_batch import TensorBatch  # noqa: E402
+from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402
 
 DEPTH = 6
 

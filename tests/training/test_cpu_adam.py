@@ -6,7 +6,7 @@ import copy
 import pytest
 
 torch = pytest.importorskip("torch")
-from patchnet.training.cpu_adam import CpuAdam  # noqa: E402  needs torch
+from patchnet.training.network.cpu_adam import CpuAdam  # noqa: E402  needs torch
 
 SIZES = (3, 40), (77,), (2, 5, 31)
 

@@ -8,9 +8,9 @@ torch = pytest.importorskip("torch")
 from torch import Tensor  # noqa: E402
 from torch.nn import functional  # noqa: E402
 
-from patchnet.training.corner_layer import SLICES, CornerLayer  # noqa: E402
-from patchnet.training.cpu_encoder import CpuEncoder  # noqa: E402
-from patchnet.training.cpu_layers import (  # noqa: E402
+from patchnet.training.network.corner_layer import SLICES, CornerLayer  # noqa: E402
+from patchnet.training.network.cpu_encoder import CpuEncoder  # noqa: E402
+from patchnet.training.network.cpu_layers import (  # noqa: E402
     add_bias,
     add_pairs,
     add_pairs_reference,

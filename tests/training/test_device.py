@@ -13,20 +13,20 @@ from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.torch_devices import DEVICES, GPU, gpu_only
-from patchnet.training.batches import Augmentation
-from patchnet.training.corpus import corpus_of
-from patchnet.training.dataset import Dataset, save_samples
-from patchnet.training.procedural import spheres_and_slats
-from patchnet.training.samples import SampleSettings, draw_samples
+from patchnet.training.data.batches import Augmentation
+from patchnet.training.data.corpus import corpus_of
+from patchnet.training.data.dataset import Dataset, save_samples
+from patchnet.training.data.procedural import spheres_and_slats
+from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.settings import TrainSettings
 
 torch = pytest.importorskip("torch")
 from patchnet.training.benchmarks import device as device_bench  # noqa: E402  needs torch
-from patchnet.training.crews import ALONE, FedGpuCrew, GpuCrew, StepPlan, ThreadCrew, crew_for, plan_of_step  # noqa: E402
-from patchnet.training.learner import Learner  # noqa: E402  needs torch
-from patchnet.training.tensor_batch import TensorBatch  # noqa: E402  needs torch
-from patchnet.training.torch_corpus import TorchCorpus  # noqa: E402  needs torch
-from patchnet.training.trainer import RunOptions, encoder_type, train  # noqa: E402  needs torch
+from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402  needs torch
+from patchnet.training.data.torch_corpus import TorchCorpus  # noqa: E402  needs torch
+from patchnet.training.run.crews import ALONE, FedGpuCrew, GpuCrew, StepPlan, ThreadCrew, crew_for, plan_of_step  # noqa: E402
+from patchnet.training.run.learner import Learner  # noqa: E402  needs torch
+from patchnet.training.run.trainer import RunOptions, encoder_type, train  # noqa: E402  needs torch
 
 SETTINGS = TrainSettings(passes=6 * 256, batch=256, precision="fp32", augment=True, average=0.9, clip=1.0, warm_up=2)
 VOXELS = 64

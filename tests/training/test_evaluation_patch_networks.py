@@ -17,6 +17,7 @@ from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.data.procedural import spheres_and_slats
 from patchnet.training.evaluation import evaluate, frames, kept_codes
 from patchnet.training.evaluation.figures import network_styles
 from patchnet.training.evaluation.generalisation import seen
@@ -24,7 +25,6 @@ from patchnet.training.evaluation.generalisation_figure import ordered_rows
 from patchnet.training.evaluation.kept_codes import codes_path
 from patchnet.training.evaluation.patch_networks import PatchNetwork, network_strategies, patch_networks
 from patchnet.training.evaluation.scene_codes import SceneFiles, load_scene, make_codes
-from patchnet.training.procedural import spheres_and_slats
 
 WORDS = ["--frames", "8", "--every", "2", "--size", "32", "24", "--processes", "1"]
 NETWORKS = ("shells", "slats", "without-shells")

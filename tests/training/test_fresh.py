@@ -15,18 +15,18 @@ from patchnet.patchnet_addon.octree.file import octree_hash, save_octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.training import fresh
-from patchnet.training.dataset import Dataset
-from patchnet.training.fresh import FreshCorpus, fresh_corpus_of
-from patchnet.training.procedural import spheres_and_slats
-from patchnet.training.samples import Samples, SampleSettings, draw_samples
+from patchnet.training.data.dataset import Dataset
+from patchnet.training.data.fresh import FreshCorpus, fresh_corpus_of
+from patchnet.training.data.procedural import spheres_and_slats
+from patchnet.training.data.samples import Samples, SampleSettings, draw_samples
+from patchnet.training.data.voxel_choice import held_out_voxels, level_chances
 from patchnet.training.settings import SAMPLES, VIEWS, TrainSettings
-from patchnet.training.voxel_choice import held_out_voxels, level_chances
 
 torch = pytest.importorskip("torch")
-from patchnet.training.crews import StepPlan, ThreadCrew  # noqa: E402
-from patchnet.training.learner import Learner  # noqa: E402
-from patchnet.training.processes import Processes  # noqa: E402
-from patchnet.training.trainer import RunOptions, train  # noqa: E402
+from patchnet.training.run.crews import StepPlan, ThreadCrew  # noqa: E402
+from patchnet.training.run.learner import Learner  # noqa: E402
+from patchnet.training.run.processes import Processes  # noqa: E402
+from patchnet.training.run.trainer import RunOptions, train  # noqa: E402
 
 SETTINGS = TrainSettings(
     passes=6 * 256,

@@ -14,17 +14,17 @@ from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import octree_hash, save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.training.dataset import Dataset, save_samples
-from patchnet.training.forest import concatenate, voxel_luminance
-from patchnet.training.held_out import why_not_held_out
-from patchnet.training.procedural import spheres_and_slats
-from patchnet.training.samples import SampleSettings, draw_samples
-from patchnet.training.validation_sets import validation_sets
+from patchnet.training.data.dataset import Dataset, save_samples
+from patchnet.training.data.forest import concatenate, voxel_luminance
+from patchnet.training.data.held_out import why_not_held_out
+from patchnet.training.data.procedural import spheres_and_slats
+from patchnet.training.data.samples import SampleSettings, draw_samples
+from patchnet.training.run.validation_sets import validation_sets
 
 pytest.importorskip("torch")
-from patchnet.training.corpus import corpus_of
-from patchnet.training.sliced_net import SlicedNet
-from patchnet.training.validation import validate
+from patchnet.training.data.corpus import corpus_of
+from patchnet.training.network.sliced_net import SlicedNet
+from patchnet.training.run.validation import validate
 
 SETTINGS = SampleSettings(views=4, min_level=5, held_out=0.2)  # patches of level 5 fit into held-out blocks
 

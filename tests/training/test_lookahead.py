@@ -15,18 +15,18 @@ from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.training.batches import Augmentation, gather_batch
-from patchnet.training.corpus import corpus_of
-from patchnet.training.dataset import Dataset, load_dataset, save_samples
-from patchnet.training.forest import concatenate
-from patchnet.training.procedural import spheres_and_slats
-from patchnet.training.samples import SampleSettings, draw_samples
+from patchnet.training.data.batches import Augmentation, gather_batch
+from patchnet.training.data.corpus import corpus_of
+from patchnet.training.data.dataset import Dataset, load_dataset, save_samples
+from patchnet.training.data.forest import concatenate
+from patchnet.training.data.procedural import spheres_and_slats
+from patchnet.training.data.samples import SampleSettings, draw_samples
+from patchnet.training.data.symmetry import COUNT, cube_symmetries
 from patchnet.training.settings import TrainSettings
-from patchnet.training.symmetry import COUNT, cube_symmetries
 
 torch = pytest.importorskip("torch")
-from patchnet.training.model_card import write_card  # noqa: E402
-from patchnet.training.trainer import RunOptions, train  # noqa: E402  needs torch
+from patchnet.training.run.model_card import write_card  # noqa: E402
+from patchnet.training.run.trainer import RunOptions, train  # noqa: E402  needs torch
 
 SETTINGS = TrainSettings(passes=2 * 64, batch=64, precision="fp32", augment=True)
 

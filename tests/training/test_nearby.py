@@ -17,18 +17,18 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import around_voxels
 from patchnet.tests.training.test_batches import DEPTH, moved_octree
-from patchnet.training.batches import Augmentation
-from patchnet.training.corpus import corpus_of
-from patchnet.training.dataset import Dataset
-from patchnet.training.forest import concatenate
-from patchnet.training.nearby import gather_nearby
-from patchnet.training.procedural import spheres_and_slats
-from patchnet.training.samples import SampleSettings, draw_samples
+from patchnet.training.data.batches import Augmentation
+from patchnet.training.data.corpus import corpus_of
+from patchnet.training.data.dataset import Dataset
+from patchnet.training.data.forest import concatenate
+from patchnet.training.data.nearby import gather_nearby
+from patchnet.training.data.procedural import spheres_and_slats
+from patchnet.training.data.samples import SampleSettings, draw_samples
+from patchnet.training.data.symmetry import cube_symmetries
+from patchnet.training.data.tensor_batch import TensorBatch
+from patchnet.training.network.sliced_net import SlicedNet
+from patchnet.training.run.trainer import RunOptions, train
 from patchnet.training.settings import TrainSettings
-from patchnet.training.sliced_net import SlicedNet
-from patchnet.training.symmetry import cube_symmetries
-from patchnet.training.tensor_batch import TensorBatch
-from patchnet.training.trainer import RunOptions, train
 
 
 @pytest.fixture(scope="module")

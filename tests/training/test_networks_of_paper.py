@@ -14,14 +14,14 @@ from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.training.data.procedural import spheres_and_slats
 from patchnet.training.networks_of_paper.plan import KINDS, NetworkPlan, planned_networks
-from patchnet.training.procedural import spheres_and_slats
 from patchnet.training.settings import PRESETS, TrainSettings
 
 torch = pytest.importorskip("torch")
 from patchnet.training.networks_of_paper import run as run_module  # noqa: E402  needs torch
 from patchnet.training.networks_of_paper.run import NetworksRun, settings_of, train_networks  # noqa: E402
-from patchnet.training.trainer import train  # noqa: E402  needs torch
+from patchnet.training.run.trainer import train  # noqa: E402  needs torch
 
 NAMES = ["shells", "slats", "without-shells", "without-slats", "look-ahead-1", "look-ahead-3", "conv3d", "voxception"]
 SMALL = TrainSettings(passes=4 * 64, batch=64, precision="fp32", network="mixture", loss="squared")

@@ -8,10 +8,10 @@ import pytest
 
 from patchnet.patchnet_addon.octree.file import octree_hash
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.training.dataset import Dataset
-from patchnet.training.procedural import spheres_and_slats
-from patchnet.training.provenance import describe_commit, describe_data
-from patchnet.training.samples import SampleSettings, draw_samples
+from patchnet.training.data.dataset import Dataset
+from patchnet.training.data.procedural import spheres_and_slats
+from patchnet.training.data.samples import SampleSettings, draw_samples
+from patchnet.training.run.provenance import describe_commit, describe_data
 
 
 def git(folder: Path, *words: str) -> str:

@@ -13,18 +13,18 @@ from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.training.batches import Augmentation
-from patchnet.training.corpus import corpus_of
-from patchnet.training.dataset import Dataset, load_dataset, save_samples
-from patchnet.training.procedural import spheres_and_slats
-from patchnet.training.samples import SampleSettings, draw_samples
-from patchnet.training.schedule import learning_rate
+from patchnet.training.data.batches import Augmentation
+from patchnet.training.data.corpus import corpus_of
+from patchnet.training.data.dataset import Dataset, load_dataset, save_samples
+from patchnet.training.data.procedural import spheres_and_slats
+from patchnet.training.data.samples import SampleSettings, draw_samples
+from patchnet.training.run.schedule import learning_rate
 from patchnet.training.settings import PRESETS, TrainSettings, preset_with
 
 torch = pytest.importorskip("torch")
-from patchnet.training.crews import rows_of_step  # noqa: E402  needs torch
-from patchnet.training.tensor_batch import TensorBatch  # noqa: E402  needs torch
-from patchnet.training.trainer import RunOptions, train  # noqa: E402  needs torch
+from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402  needs torch
+from patchnet.training.run.crews import rows_of_step  # noqa: E402  needs torch
+from patchnet.training.run.trainer import RunOptions, train  # noqa: E402  needs torch
 
 SETTINGS = TrainSettings(passes=6 * 256, batch=256, precision="fp32", augment=True, average=0.9, clip=1.0, warm_up=2)
 
@@ -41,7 +41,7 @@ def datasets() -> list[Dataset]:
 
 def test_sparse_first_layer_equals_the_network(datasets: list[Dataset]) -> None:
     from patchnet.patchnet_addon.network.torch_model import PatchNet
-    from patchnet.training.sliced_net import SlicedNet
+    from patchnet.training.network.sliced_net import SlicedNet
 
     corpus, _ = corpus_of(datasets)
     rows = np.arange(12)
@@ -69,7 +69,7 @@ def test_sparse_first_layer_equals_the_network(datasets: list[Dataset]) -> None:
 @pytest.mark.parametrize("kind", [CONV3D, VOXCEPTION], ids=lambda kind: kind.name)
 def test_convolutions_of_a_batch_equal_the_network(datasets: list[Dataset], kind: EncoderKind) -> None:
     from patchnet.patchnet_addon.network.torch_model import PatchNet
-    from patchnet.training.sliced_net import SlicedNet
+    from patchnet.training.network.sliced_net import SlicedNet
 
     corpus, _ = corpus_of(datasets)
     rows = np.arange(3)

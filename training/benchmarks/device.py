@@ -32,15 +32,15 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import usable_cores
-from ..corpus import Corpus, corpus_of
-from ..crews import DEVICE, HOST, Crew, crew_for
-from ..dataset import Dataset
-from ..learner import Learner
-from ..losses import mean_errors
-from ..provenance import describe_machine, describe_versions
-from ..samples import SampleSettings, draw_samples
+from ..data.corpus import Corpus, corpus_of
+from ..data.dataset import Dataset
+from ..data.samples import SampleSettings, draw_samples
+from ..network.losses import mean_errors
+from ..run.crews import DEVICE, HOST, Crew, crew_for
+from ..run.learner import Learner
+from ..run.provenance import describe_machine, describe_versions
+from ..run.trainer import encoder_type
 from ..settings import ABSOLUTE, BF16, FP32, IMPROVED, TF32
-from ..trainer import encoder_type
 from .decoding import views_around
 from .timing import Comparison, take_turns
 

@@ -22,17 +22,17 @@ import torch
 
 from ...patchnet_addon.network.kinds import MIXTURE
 from ...patchnet_addon.runtime.progress import drain
-from ..corpus import corpus_of
-from ..crews import ALONE, StepPlan, ThreadCrew
-from ..dataset import Dataset
-from ..learner import Learner
-from ..processes import Processes
-from ..provenance import describe_machine, describe_versions
-from ..samples import SampleSettings, draw_samples
+from ..data.corpus import corpus_of
+from ..data.dataset import Dataset
+from ..data.samples import SampleSettings, draw_samples
+from ..data.tensor_batch import TensorBatch
+from ..run.crews import ALONE, StepPlan, ThreadCrew
+from ..run.learner import Learner
+from ..run.processes import Processes
+from ..run.provenance import describe_machine, describe_versions
+from ..run.torch_threads import torch_threads
+from ..run.trainer import encoder_type
 from ..settings import AUTO, IMPROVED, PAPER, TrainSettings
-from ..tensor_batch import TensorBatch
-from ..torch_threads import torch_threads
-from ..trainer import encoder_type
 from .shells import octree_of_shells
 from .step_products import Product, operations, recorded_products, replay
 from .timing import Comparison, how_measured, take_turns

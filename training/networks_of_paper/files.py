@@ -7,8 +7,8 @@ from pathlib import Path
 
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.file_kinds import NETWORKS, NETWORKS_TABLE
-from ..dataset import SUFFIX
-from ..run_files import WEIGHTS
+from ..data.dataset import SUFFIX
+from ..run.run_files import WEIGHTS
 
 RECORD = "record.json"
 VALUES, TABLE = "networks.json", "networks.md"

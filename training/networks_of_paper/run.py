@@ -19,13 +19,13 @@ from ...patchnet_addon.runtime.errors import WeightsFileError
 from ...patchnet_addon.runtime.file_kinds import NETWORK_RECORD
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.replace import replaced_file
-from ..dataset import Dataset
-from ..model_card import read_log, write_card
-from ..run_files import CHECKPOINT, LOG
-from ..samples import SampleSettings
+from ..data.dataset import Dataset
+from ..data.samples import SampleSettings
+from ..run.model_card import read_log, write_card
+from ..run.run_files import CHECKPOINT, LOG
+from ..run.trainer import RunOptions, train
+from ..run.weights_errors import weights_errors
 from ..settings import TrainSettings
-from ..trainer import RunOptions, train
-from ..weights_errors import weights_errors
 from .files import RECORD, network_folder, samples_path, weights_path
 from .plan import NetworkPlan
 from .scene_samples import scene_samples

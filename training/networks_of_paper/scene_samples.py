@@ -9,8 +9,8 @@ from pathlib import Path
 from ...patchnet_addon.octree.file import load_octree, octree_hash
 from ...patchnet_addon.runtime.errors import FileFormatError
 from ...patchnet_addon.runtime.progress import Steps
-from ..dataset import Dataset, load_dataset, save_samples
-from ..samples import SampleSettings, draw_samples
+from ..data.dataset import Dataset, load_dataset, save_samples
+from ..data.samples import SampleSettings, draw_samples
 
 
 def scene_samples(octree: Path, path: Path, count: int, settings: SampleSettings) -> Steps[Dataset]:

@@ -21,7 +21,7 @@ from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.plus.forms import FORMS
 from ...patchnet_addon.sampling.plus.weights import Estimators, save_estimators
-from ..run_log import Log
+from ..run.run_log import Log
 from .frames import TrackSettings, views_of
 from .learner import FormLearner
 from .pixel_table import SYMMETRIES, PixelTable

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ....patchnet_addon.runtime.file_kinds import CHECKPOINT as CHECKPOINT_KIND
 from ....patchnet_addon.runtime.file_kinds import TRAINING_LOG, arrays_kind
-from ...run_files import CHECKPOINT, LOG, check_run
+from ...run.run_files import CHECKPOINT, LOG, check_run
 from .map_file import KIND
 
 MAP = "sampling_map.safetensors"

@@ -12,7 +12,7 @@ from ....patchnet_addon.runtime.errors import PatchNetError, WeightsFileError
 from ....patchnet_addon.runtime.threads import thread_count
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.strategy import Strategy
-from ...torch_threads import torch_threads
+from ...run.torch_threads import torch_threads
 from .gbuffer import NEEDS, gbuffer
 from .map_file import read_map
 

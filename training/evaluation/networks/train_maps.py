@@ -20,9 +20,9 @@ from ....patchnet_addon.network.devices import CPU, enough_memory, found_device
 from ....patchnet_addon.runtime import bounds
 from ....patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ....patchnet_addon.runtime.progress import Progress, Steps
-from ...run_files import CHECKPOINT, LOG
-from ...run_log import Log
-from ...trainer import load_checkpoint, write_checkpoint
+from ...run.run_files import CHECKPOINT, LOG
+from ...run.run_log import Log
+from ...run.trainer import load_checkpoint, write_checkpoint
 from .crops import batch_of_crops
 from .map_file import save_map
 from .map_network import MapBatch, MapNetwork

@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training batches: the occupied blocks around V voxels, and R views of each, optionally augmented.
+
+Only occupied blocks are gathered. A corner's patch is eight blocks, each multiplied with its own slice of the first
+matrix, so a batch lists which block meets which slice for which corner (see `corner_layer.py`). The kernels are serial,
+since several threads gather, and learn from, a part of a step each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+
+from ...patchnet_addon.codes.brick import Brick, empty_brick, fill_brick
+from ...patchnet_addon.network.weights import CHANNELS
+from ...patchnet_addon.octree.leaf_boxes import filled_share
+from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
+from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from ...patchnet_addon.runtime.kernels import kernel, lean_device
+from .bfloat16 import narrow_bits
+from .forest import Forest, tree_nodes
+from .nearby import Nearby, gather_nearby
+from .samples import COVERAGE_SCALE, SIGNED, UNIT
+from .symmetry import COUNT, Symmetries, cube_symmetries
+
+PAIR_POSITION = np.array(
+    [[sum(((c >> axis & 1) + (s >> axis & 1)) * 3**axis for axis in range(3)) for c in range(8)] for s in range(8)],
+    np.int32,
+)  # (slice, corner) -> block of the brick
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """V voxels with R views each.
+
+    blocks: (M, B) float32, the occupied blocks of all voxels; cells z, y, x of occupancy, luminance, normal, B = 320
+    for a look-ahead of two levels. Luminance is 0 for networks that mix luminances, which see shape alone. uint16 is
+    the bits of bfloat16, for encoders whose products are of that type.
+    slice_start: (9,) int64; pairs slice_start[s] to slice_start[s + 1] meet slice s (octant x + 2y + 4z of the patch).
+    pair_block: (P,) int64 rows of `blocks`. pair_corner: (P,) int64 corner 8 v + c that the pair adds to.
+    entry, direction, up: (V, R, 3) float32. ratio, coverage, luminance: (V, R) float32.
+    nearby: for networks that mix luminances.
+    """
+
+    blocks: np.ndarray
+    slice_start: np.ndarray
+    pair_block: np.ndarray
+    pair_corner: np.ndarray
+    entry: np.ndarray
+    direction: np.ndarray
+    up: np.ndarray
+    ratio: np.ndarray
+    coverage: np.ndarray
+    luminance: np.ndarray
+    nearby: Nearby | None = field(default=None, kw_only=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Augmentation:
+    """Augmentation of each of V voxels.
+
+    symmetry: (V,) int32 number of the cube symmetry, 0 for none.
+    remap: (V, 4) float32: gain, place of the result in its free range [0, 1], 1 to invert, 1 to remap at all.
+    """
+
+    symmetry: np.ndarray
+    remap: np.ndarray
+
+    @classmethod
+    def none(cls, count: int) -> Augmentation:
+        """Leave `count` voxels as they are."""
+        return cls(np.zeros(count, np.int32), np.zeros((count, 4), np.float32))
+
+    @classmethod
+    def random(cls, count: int, random: np.random.Generator, remap_share: float = 0.5) -> Augmentation:
+        """Random symmetry for each voxel, and for a share of them another range of luminance (methods 7.20)."""
+        remap = random.random((count, 4), np.float32)
+        remap[:, 0] += 0.5
+        remap[:, 2] = remap[:, 2] < 0.5
+        remap[:, 3] = remap[:, 3] < remap_share
+        return cls(random.integers(0, COUNT, count).astype(np.int32), remap)
+
+    def part(self, first: int, last: int) -> Augmentation:
+        """Augmentation of the voxels `first` to `last`, the last one excluded."""
+        return Augmentation(self.symmetry[first:last], self.remap[first:last])
+
+
+@cache
+def _symmetries(lookahead: int) -> Symmetries:
+    return cube_symmetries(lookahead)
+
+
+def gather_batch(
+    forest: Forest,
+    tree: np.ndarray,
+    voxel: np.ndarray,
+    views: np.ndarray,
+    augmentation: Augmentation,
+    lookahead: int = DEFAULT_LOOKAHEAD,
+    *,
+    nearby: bool = False,
+    narrow: bool = False,
+) -> Batch:
+    """Batch of voxels (V, 4) of octrees `tree` (V,) with their stored views (V, R, 12), drawn `lookahead` levels
+    ahead; `nearby`: with the luminances that a mixture needs; `narrow`: with blocks in bits of bfloat16."""
+    symmetries = _symmetries(lookahead)
+    count = len(tree)
+    linear = np.empty((count, 2), np.float32)  # gain and offset of luminance
+    most, width = 27 * count, CHANNELS * 8**lookahead
+    blocks = np.empty((0 if narrow else most, width), np.float32)
+    bits = np.empty((most if narrow else 0, width), np.uint16)
+    moved = np.full((count, 27), -1, np.int32)  # rows of `blocks` by position after the symmetry
+    around = np.empty((count, 27), np.int32)
+    rows = _gather_blocks(
+        forest.nodes,
+        (forest.luminance, forest.normal),
+        (forest.root, tree.astype(np.int64), voxel.astype(np.int32)),
+        (augmentation.remap, augmentation.symmetry, symmetries),
+        lookahead,
+        not nearby,
+        (blocks, bits),
+        moved,
+        around,
+        linear,
+    )
+    start, pair_block, pair_corner = _list_pairs(moved, PAIR_POSITION)
+    stored = _stored_views(views)
+    moved_views = _move_views(stored, augmentation.symmetry, symmetries, linear)
+    found = gather_nearby(forest, tree, around, stored[:4], linear) if nearby else None
+    found_blocks = (bits if narrow else blocks)[:rows]
+    return Batch(found_blocks, start, pair_block, pair_corner, *moved_views, nearby=found)
+
+
+def _stored_views(views: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Entry, direction, up (V, R, 3), ratio, coverage, luminance (V, R), float32, of stored views (V, R, 12)."""
+    vectors = [np.empty((*views.shape[:2], 3), np.float32) for _ in range(3)]
+    numbers = [np.empty(views.shape[:2], np.float32) for _ in range(3)]
+    _read_views(views, *vectors, *numbers)
+    return *vectors, *numbers
+
+
+def _move_views(
+    stored: tuple[np.ndarray, ...], symmetry: np.ndarray, symmetries: Symmetries, linear: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """Entry, direction, up, ratio, coverage, luminance of stored views after the augmentation."""
+    *vectors, ratio, coverage, luminance = stored
+    moved = tuple(np.empty_like(vector) for vector in vectors)
+    _turn_views(tuple(vectors), symmetries.axis[symmetry], symmetries.sign[symmetry], moved)
+    return *moved, ratio, coverage, luminance * linear[:, None, 0] + linear[:, None, 1]
+
+
+@kernel
+def _read_views(views, entry, direction, up, ratio, coverage, luminance):
+    unit, signed = np.float32(UNIT), np.float32(SIGNED)
+    for v in range(views.shape[0]):
+        for r in range(views.shape[1]):
+            for axis in range(3):
+                entry[v, r, axis] = np.float32(views[v, r, axis]) / unit
+                direction[v, r, axis] = np.float32(np.int16(views[v, r, 3 + axis])) / signed
+                up[v, r, axis] = np.float32(np.int16(views[v, r, 6 + axis])) / signed
+            ratio[v, r] = np.float32(views[v, r, 9]) / unit
+            coverage[v, r] = np.float32(views[v, r, 10]) / np.float32(COVERAGE_SCALE)
+            luminance[v, r] = np.float32(views[v, r, 11]) / unit
+
+
+@kernel
+def _turn_views(vectors, axis, sign, moved):
+    entry, direction, up = vectors
+    moved_entry, moved_direction, moved_up = moved
+    half = np.float32(0.5)
+    for v in range(entry.shape[0]):
+        for r in range(entry.shape[1]):
+            for k in range(3):
+                source, s = axis[v, k], sign[v, k]
+                moved_entry[v, r, k] = s * (entry[v, r, source] - half) + half
+                moved_direction[v, r, k] = s * direction[v, r, source]
+                moved_up[v, r, k] = s * up[v, r, source]
+
+
+@kernel
+def _gather_blocks(nodes, cells, voxels, augmentation, lookahead, with_luminance, found, moved, around, linear):
+    """Write each occupied block as a row of whichever of `found` has rows: float32, or the bits of bfloat16.
+
+    Returns how many there are. around: (V, 27) what the voxels' bricks have of that name.
+    """
+    luminance, normal = cells
+    root, tree, voxel = voxels
+    remap, symmetry, symmetries = augmentation
+    empty = empty_brick(lookahead)
+    values = np.empty(CHANNELS << 3 * lookahead, np.float32)
+    row = 0
+    for v in range(len(tree)):
+        own, place, brick = tree_nodes(nodes, tree[v]), voxel[v], Brick(empty.nodes, empty.counts, around[v])
+        fill_brick(own, root[tree[v]], place[0], place[1:], lookahead, brick)
+        _remap(luminance, brick, remap[v], linear[v])
+        light = np.float32(linear[v, 0] / np.float32(LUMINANCE_SCALE)), linear[v, 1], with_luminance
+        row = _write_brick(own, luminance, normal, brick, light, symmetry[v], symmetries, values, found, moved[v], row)
+    return row
+
+
+@lean_device
+def _remap(luminance, brick, remap, linear):
+    """Write gain and offset of a voxel's luminances into `linear` (2,); remap: as in `Augmentation`."""
+    linear[0], linear[1] = 1.0, 0.0
+    if remap[3] == 0:
+        return
+    nodes, counts = brick.nodes, brick.counts
+    low, high = LUMINANCE_SCALE, 0.0
+    for block in range(27):
+        for cell in range(nodes.shape[1] if counts[block] > 0 else 0):
+            node = nodes[block, cell]
+            if node >= 0:
+                low = min(low, luminance[node])
+                high = max(high, luminance[node])
+    dark, bright = low / LUMINANCE_SCALE, high / LUMINANCE_SCALE
+    gain = min(remap[0], 1.0 / max(bright - dark, 1e-6))
+    place = remap[1] * (1.0 - gain * (bright - dark))  # the darkest cell's new luminance
+    if remap[2] > 0:  # inverted: the brightest cell becomes the darkest
+        linear[0], linear[1] = -gain, place + gain * bright
+    else:
+        linear[0], linear[1] = gain, place - gain * dark
+
+
+@lean_device
+def _write_brick(own, luminance, normal, brick, light, turn, symmetries, values, found, moved, row):
+    """Write the blocks of one voxel from `row` on, list their rows in `moved`; returns the row after them."""
+    gain, offset, with_luminance = light
+    blocks, bits = found
+    nodes, counts, first_boxed, boxes = brick.nodes, brick.counts, own.first_boxed, own.boxes
+    to_block, to_cell = symmetries.block[turn], symmetries.cell[turn]
+    axis, sign = symmetries.axis[turn], symmetries.sign[turn]
+    ax, ay, az = axis[0], axis[1], axis[2]
+    scale = np.float32(1.0 / NORMAL_SCALE)
+    sx, sy, sz = sign[0] * scale, sign[1] * scale, sign[2] * scale
+    for block in range(27):
+        if counts[block] == 0:
+            continue
+        moved[to_block[block]] = row
+        for k in range(len(values)):
+            values[k] = 0
+        for cell in range(nodes.shape[1]):
+            node = nodes[block, cell]
+            if node < 0:
+                continue
+            at = CHANNELS * to_cell[cell]
+            values[at] = filled_share(boxes, node - first_boxed) if node >= first_boxed else np.float32(1)
+            if with_luminance:
+                values[at + 1] = gain * luminance[node] + offset
+            values[at + 2] = sx * normal[node, ax]
+            values[at + 3] = sy * normal[node, ay]
+            values[at + 4] = sz * normal[node, az]
+        if len(bits):
+            for k in range(len(values)):
+                bits[row, k] = narrow_bits(values[k])
+        else:
+            for k in range(len(values)):
+                blocks[row, k] = values[k]
+        row += 1
+    return row
+
+
+@kernel
+def _list_pairs(moved, position):
+    start = np.zeros(9, np.int64)
+    total = 0
+    for v in range(len(moved)):
+        for s in range(8):
+            for c in range(8):
+                total += moved[v, position[s, c]] >= 0
+    pair_block, pair_corner = np.empty(total, np.int64), np.empty(total, np.int64)
+    at = 0
+    for s in range(8):
+        for v in range(len(moved)):
+            for c in range(8):
+                row = moved[v, position[s, c]]
+                if row >= 0:
+                    pair_block[at] = row
+                    pair_corner[at] = 8 * v + c
+                    at += 1
+        start[s + 1] = at
+    return start, pair_block, pair_corner

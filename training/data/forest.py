@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Forest: several octrees side by side in one set of arrays, so that a batch may mix the voxels of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ...patchnet_addon.octree.leaf_boxes import FILLED_STEPS, filled_steps
+from ...patchnet_addon.octree.nodes import BoxedNodes
+from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, POPCOUNT, Octree
+from ...patchnet_addon.runtime.kernels import device
+from ...patchnet_addon.runtime.widths import INT32_COUNT, check_count
+
+
+class ForestNodes(NamedTuple):
+    """Nodes of T octrees, and boxes of their finest leaves.
+
+    child_mask, first_child: of all of them. first_boxed: (T,) int64, in each the first node that has a box; above all
+    nodes where none has. boxes: (b, 3) uint8 of all. box_start: (T + 1,) int64, where those of each begin.
+    """
+
+    child_mask: np.ndarray
+    first_child: np.ndarray
+    first_boxed: np.ndarray
+    boxes: np.ndarray
+    box_start: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Forest:
+    """Node arrays of all octrees, one after the other; `root` (T,) int64 is where each begins."""
+
+    root: np.ndarray
+    nodes: ForestNodes
+    luminance: np.ndarray
+    normal: np.ndarray
+
+    @property
+    def filled(self) -> np.ndarray:
+        """What each node fills of its voxel, as `Octree.filled`."""
+        found = np.full(len(self.luminance), FILLED_STEPS, np.uint16)
+        for tree, first in enumerate(self.nodes.first_boxed):
+            boxes = self.nodes.boxes[self.nodes.box_start[tree] : self.nodes.box_start[tree + 1]]
+            found[first : first + len(boxes)] = filled_steps(boxes)
+        return found
+
+
+@device
+def tree_nodes(nodes, tree):  # type: ignore[no-untyped-def]
+    """Nodes of one octree of a forest's, as `BoxedNodes`; for functions that are not lean: it returns arrays."""
+    boxes = nodes.boxes[nodes.box_start[tree] : nodes.box_start[tree + 1]]
+    return BoxedNodes(nodes.child_mask, nodes.first_child, nodes.first_boxed[tree], boxes)
+
+
+def concatenate(octrees: Sequence[Octree]) -> Forest:
+    """Copy the node arrays of `octrees` into one forest.
+
+    Raises SettingError beyond 2^31 nodes, since bricks keep nodes in 32 bits.
+    """
+    counts = np.array([octree.node_count for octree in octrees], np.int64)
+    root = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    check_count(
+        int(counts.sum()), INT32_COUNT, "nodes of one training run's octrees", "train with fewer or coarser octrees"
+    )
+    boxed = [octree.boxed_nodes for octree in octrees]
+    box_start = np.concatenate([[0], np.cumsum([len(each.boxes) for each in boxed])])
+    shifted = [octree.first_child + np.uint32(start) for octree, start in zip(octrees, root, strict=True)]
+    return Forest(
+        root=root,
+        nodes=ForestNodes(
+            child_mask=np.concatenate([octree.child_mask for octree in octrees]),
+            first_child=np.concatenate(shifted).astype(np.uint32),
+            first_boxed=np.where(np.diff(box_start) > 0, root + [each.first_boxed for each in boxed], counts.sum()),
+            boxes=np.concatenate([each.boxes for each in boxed]),
+            box_start=box_start,
+        ),
+        luminance=np.concatenate([octree.luminance for octree in octrees]),
+        normal=np.concatenate([octree.normal for octree in octrees]),
+    )
+
+
+def voxel_luminance(forest: Forest, tree: np.ndarray, voxel: np.ndarray) -> np.ndarray:
+    """Luminance (V,) float32 in [0, 1] of voxels (V, 4) level, x, y, z of octrees `tree` (V,): what they show without
+    look-ahead. The voxels must be there.
+    """
+    node = forest.root[tree]
+    level, cell = voxel[:, 0].astype(np.int64), voxel[:, 1:].astype(np.int64)
+    for step in range(int(level.max(initial=0))):
+        below = level > step
+        bits = cell >> np.maximum(level - 1 - step, 0)[:, None] & 1
+        octant = bits @ np.array([1, 2, 4])
+        before = POPCOUNT[forest.nodes.child_mask[node] & ((1 << octant) - 1)]
+        node = np.where(below, forest.nodes.first_child[node].astype(np.int64) + before, node)
+    return (forest.luminance[node] / np.float32(LUMINANCE_SCALE)).astype(np.float32)

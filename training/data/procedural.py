@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Procedural octrees: leaves from formulas instead of meshes, for tests and as small training scenes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...patchnet_addon.cells.morton import morton_decode, morton_encode
+from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
+
+
+def octree_from_leaves(cells: np.ndarray, luminance: np.ndarray, normal: np.ndarray, depth: int) -> Octree:
+    """Octree whose leaves are `cells` (N, 3) of level `depth`, each of area 1.
+
+    luminance: (N,) in [0, 1]. normal: (N, 3) of length at most 1. Cells that occur twice are averaged.
+    """
+    keys, place = np.unique(morton_encode(cells), return_inverse=True)
+    area: np.ndarray = np.bincount(place).astype(np.float64)  # (n,)
+    values = np.column_stack([luminance, normal]).astype(np.float64)  # (N, 4)
+    sums = np.stack([np.bincount(place, values[:, k]) for k in range(4)], axis=1)
+    levels = [(keys, area, sums)]
+    for _ in range(depth):
+        keys, place = np.unique(keys >> np.uint64(3), return_inverse=True)
+        area = np.bincount(place, area)
+        sums = np.stack([np.bincount(place, sums[:, k]) for k in range(4)], axis=1)
+        levels.append((keys, area, sums))
+    return _assemble(levels[::-1], depth)
+
+
+def _assemble(levels: list[tuple[np.ndarray, np.ndarray, np.ndarray]], depth: int) -> Octree:
+    start = np.concatenate([[0], np.cumsum([len(keys) for keys, _, _ in levels])]).astype(np.int64)
+    masks = np.zeros(start[-1], np.uint8)
+    first = np.zeros(start[-1], np.uint32)
+    for level in range(depth):
+        child_keys = levels[level + 1][0]
+        parent = np.searchsorted(levels[level][0], child_keys >> np.uint64(3))
+        bits = (1 << (child_keys & np.uint64(7)).astype(np.int64)).astype(np.uint8)
+        np.bitwise_or.at(masks, start[level] + parent, bits)
+        first[start[level] : start[level + 1]] = start[level + 1] + np.searchsorted(
+            parent, np.arange(len(levels[level][0]))
+        )
+    area = np.concatenate([area for _, area, _ in levels])
+    means = np.concatenate([sums for _, _, sums in levels]) / area[:, None]
+    return Octree(
+        grid=Grid((0.0, 0.0, 0.0), 1.0, depth),
+        level_start=start,
+        child_mask=masks,
+        first_child=first,
+        area_world=area.astype(np.float32),
+        luminance=np.rint(means[:, 0] * LUMINANCE_SCALE).astype(np.uint16),
+        normal=np.rint(means[:, 1:] * NORMAL_SCALE).astype(np.int8),
+        provenance={"scene": "procedural"},
+    )
+
+
+def prune(octree: Octree, nodes: np.ndarray) -> Octree:
+    """Prune the octree at `nodes`, which become leaves: what lay below them is gone."""
+    leaves = []
+    drop = np.zeros(octree.node_count, bool)
+    below = np.zeros(octree.node_count, bool)
+    below[nodes] = True
+    for level in range(octree.depth):
+        here = octree.level(level)
+        parent, octant = np.nonzero(np.unpackbits(octree.child_mask[here][:, None], axis=1, bitorder="little"))
+        children = octree.level(level + 1)
+        drop[children] = (below[here] | drop[here])[parent]
+        leaves.append(octant)
+    keep = ~drop
+    mask = np.where(below, 0, octree.child_mask)[keep].astype(np.uint8)
+    moved = np.cumsum(keep) - 1
+    first = np.where(mask > 0, moved[np.minimum(octree.first_child[keep], octree.node_count - 1)], 0).astype(np.uint32)
+    counts = [np.count_nonzero(keep[octree.level(level)]) for level in range(octree.depth + 1)]
+    return Octree(
+        grid=octree.grid,
+        level_start=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        child_mask=mask,
+        first_child=first,
+        area_world=octree.area_world[keep],
+        luminance=octree.luminance[keep],
+        normal=octree.normal[keep],
+        chroma=None if octree.chroma is None else octree.chroma[keep],
+        exposure=octree.exposure,
+        provenance=octree.provenance,
+    )
+
+
+def spheres_and_slats(depth: int, seed: int = 0, spheres: int = 6, slats: int = 12) -> Octree:
+    """Spheres of several sizes behind thin slats, each with its own luminance: curved, thin and empty parts in one.
+
+    Sampled densely enough that no surface has holes.
+    """
+    random = np.random.default_rng(seed)
+    side = 1 << depth
+    points, normals, values = [], [], []
+    for _ in range(spheres):
+        radius = random.uniform(0.05, 0.22)
+        centre = random.uniform(radius, 1 - radius, 3)
+        unit = random.standard_normal((int(60 * (radius * side) ** 2) + 64, 3))
+        unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+        points.append(centre + radius * unit)
+        normals.append(unit)
+        values.append(np.clip(random.uniform(0.2, 0.9) + 0.3 * unit[:, 2], 0, 1))
+    for _ in range(slats):
+        axis = int(random.integers(3))
+        low = random.uniform(0, 0.8, 3)
+        size = random.uniform(0.1, 0.4, 3)
+        size[axis] = 0.0
+        size[(axis + 1) % 3] = random.uniform(0.5, 3) / side
+        place = random.uniform(
+            0, 1, (int(6 * size[(axis + 2) % 3] * side * max(2, size[(axis + 1) % 3] * side)) + 64, 3)
+        )
+        points.append(np.clip(low + place * size, 0, 1 - 1e-6))
+        normals.append(np.tile(np.eye(3)[axis], (len(place), 1)))
+        values.append(np.full(len(place), random.uniform(0.05, 1.0)))
+    cells = np.clip((np.concatenate(points) * side).astype(np.int64), 0, side - 1)
+    return octree_from_leaves(cells, np.concatenate(values), np.concatenate(normals), depth)
+
+
+def all_cells(octree: Octree, level: int) -> np.ndarray:
+    """Cells (n, 3) int32 of one level, a short name for tests."""
+    return morton_decode(octree.keys(level))

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""First layer of the encoder on the occupied blocks of a batch: exact, and about half the work or less.
+
+A corner's patch is eight blocks (4x4x4 cells for a look-ahead of two levels), most of them often empty. The layer is
+linear, so each occupied block is multiplied with the slice of the matrix that belongs to its octant, and the products
+are added up per corner.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ...patchnet_addon.network.weights import CHANNELS
+
+SLICES = 8  # octants of a corner's patch
+
+
+def to_slices(weight: Tensor) -> Tensor:
+    """Matrix (out, 8 B) of a patch in the order z, y, x, channel as slices (8, B, out), one per octant."""
+    out, size = weight.shape
+    side = _block_side(size // SLICES)
+    # (out, octant z, cell z, octant y, cell y, octant x, cell x, channel)
+    eight = weight.view(out, 2, side, 2, side, 2, side, CHANNELS)
+    return eight.permute(1, 3, 5, 2, 4, 6, 7, 0).reshape(SLICES, size // SLICES, out)
+
+
+def from_slices(slices: Tensor) -> Tensor:
+    """Inverse of `to_slices`."""
+    size, out = slices.shape[1:]
+    side = _block_side(size)
+    eight = slices.view(2, 2, 2, side, side, side, CHANNELS, out)
+    return eight.permute(7, 0, 3, 1, 4, 2, 5, 6).reshape(out, SLICES * size)
+
+
+def _block_side(values: int) -> int:
+    """Cells along a side of a block of so many values."""
+    return round((values // CHANNELS) ** (1 / 3))
+
+
+class CornerLayer(torch.autograd.Function):
+    """Sum over a corner's occupied blocks of block x slice; the gradient goes to the slices only."""
+
+    @staticmethod
+    def forward(
+        ctx: Any,
+        slices: Tensor,
+        blocks: Tensor,
+        starts: list[int],
+        pair_block: Tensor,
+        pair_corner: Tensor,
+        corners: int,
+    ) -> Tensor:
+        """Sums (corners, out) float32 of products in the type of `blocks` (M, B) for slices (8, B, out) in float32."""
+        matrices = slices.to(blocks.dtype)
+        result = torch.zeros(corners, slices.shape[2], device=blocks.device)
+        for s in range(SLICES):
+            here = slice(starts[s], starts[s + 1])
+            products = blocks.index_select(0, pair_block[here]) @ matrices[s]
+            result.index_add_(0, pair_corner[here], products.float())
+        ctx.save_for_backward(blocks, pair_block, pair_corner)
+        ctx.starts = starts
+        return result
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:  # type: ignore[override]
+        """Gradient (8, B, out) float32 of the slices."""
+        blocks, pair_block, pair_corner = ctx.saved_tensors
+        gradient = gradient.to(blocks.dtype)
+        result = torch.empty(SLICES, blocks.shape[1], gradient.shape[1], device=blocks.device)
+        for s in range(SLICES):
+            here = slice(ctx.starts[s], ctx.starts[s + 1])
+            rows = blocks.index_select(0, pair_block[here])
+            result[s] = rows.t() @ gradient.index_select(0, pair_corner[here])
+        return result, None, None, None, None, None

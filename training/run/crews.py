@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Crews that carry a training step out: any number of CPU threads, or one GPU that threads gather batches for.
+
+What a step learns from depends on the seed and its number alone, so all crews take the same steps, but for rounding.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..data.batches import Augmentation, Batch
+from ..data.corpus import Corpus
+from ..data.fresh import FreshCorpus
+from ..data.tensor_batch import TensorBatch
+from ..data.torch_corpus import TorchCorpus, corpus_fits
+from ..settings import TrainSettings
+from .learner import Learner
+from .processes import Processes
+
+_PART_VOXELS = 16  # smaller parts of a step cost more than they are worth
+_MOST_AHEAD = 16  # batches that wait for a GPU
+_DRAWN_TOGETHER = 16  # steps whose augmentation is drawn at once: to begin takes longer than to draw
+ALONE = Processes()
+AnyCorpus = Corpus | FreshCorpus
+HOST, DEVICE = "host", "device"  # where a GPU's batches are gathered
+
+
+class Crew(Protocol):
+    """Crew of a run; `title` says in a few words who computes."""
+
+    title: str
+
+    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
+        """Gradients of the parts of a step, which add up, and the sums (3,) of its errors for `mean_errors`."""
+
+    def close(self) -> None:
+        """End the threads."""
+
+
+def crew_for(
+    learner: Learner, corpus: AnyCorpus, voxels: int, threads: int, gather: str = "", processes: Processes = ALONE
+) -> Crew:
+    """Crew for the learner's device, with `voxels` a step, of which it computes the share of its process.
+
+    gather: HOST or DEVICE, where a GPU's batches are gathered; by default on the GPU if its memory holds the data. The
+    luminances that a mixture needs, and fresh samples, are gathered on the host always.
+    """
+    if learner.device.type == "cpu":
+        return ThreadCrew(learner, StepPlan(corpus, learner.settings, voxels, processes), threads)
+    may_gather = isinstance(corpus, Corpus) and not corpus.nearby
+    if may_gather and (gather == DEVICE or (not gather and corpus_fits(corpus, learner.device))):  # type: ignore[arg-type]
+        return GpuCrew(learner, StepPlan(corpus, learner.settings, voxels, processes))
+    return FedGpuCrew(learner, StepPlan(corpus, learner.settings, voxels, processes), threads)
+
+
+class ThreadCrew:
+    """Threads that each gather and learn from one part of a step, with products on one thread.
+
+    That suits small matrices better than threads inside every product, and a busy machine slows it less. There are as
+    many parts as threads, so that rounding alone depends on their number; threads beyond that work inside products.
+    """
+
+    def __init__(self, learner: Learner, plan: StepPlan, threads: int) -> None:
+        self._learner, self._plan = learner, plan
+        self._parts = max(1, min(threads, plan.own_voxels // _PART_VOXELS))
+        inside = max(1, threads // self._parts)
+        self._pool = ThreadPoolExecutor(self._parts, initializer=torch.set_num_threads, initargs=(inside,))
+        self._ahead: list[Future[tuple[TensorBatch, float]]] = []
+        self._ahead_of: tuple[int, bool] | None = None  # step, and whether its blocks are narrow
+        self.title = f"{threads} CPU threads"
+
+    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
+        """Gradients of the parts of a step, and sums of its errors, see `Crew`."""
+        narrow = dtype == torch.bfloat16 and self._learner.model.slices is not None  # as `CpuEncoder` takes it
+        if self._ahead_of != (step, narrow):
+            self._ahead = self._gather(step, narrow)
+        batches = self._ahead
+        jobs = [self._pool.submit(self._part, batch, dtype) for batch in batches]
+        if self._parts > 1:  # while the step is taken; a thread alone would then have two cores
+            self._ahead, self._ahead_of = self._gather(step + 1, narrow), (step + 1, narrow)
+        gradients, sums = zip(*(job.result() for job in jobs), strict=True)
+        return list(gradients), torch.stack(sums).sum(0)
+
+    def _gather(self, step: int, narrow: bool) -> list[Future[tuple[TensorBatch, float]]]:
+        """Parts of a step, which the threads gather, and the share of the step that each is."""
+        cuts = np.linspace(0, self._plan.own_voxels, self._parts + 1).round().astype(int).tolist()
+        return [self._pool.submit(self._gathered, step, *cut, narrow) for cut in itertools.pairwise(cuts)]
+
+    def _gathered(self, step: int, first: int, last: int, narrow: bool) -> tuple[TensorBatch, float]:
+        batch = TensorBatch.of(self._plan.batch(step, first, last, narrow=narrow), self._learner.device)
+        return batch, (last - first) / self._plan.voxels
+
+    def _part(self, gathered: Future[tuple[TensorBatch, float]], dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
+        batch, share = gathered.result()  # was begun before this, so no thread waits for itself
+        return self._learner.gradients(batch, dtype, share)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._pool.shutdown(cancel_futures=True)
+
+
+class GpuCrew:
+    """GPU that holds the data and gathers its batches itself."""
+
+    def __init__(self, learner: Learner, plan: StepPlan) -> None:
+        self._learner, self._plan = learner, plan
+        assert isinstance(plan.corpus, Corpus)
+        self._data = TorchCorpus(plan.corpus, learner.device)
+        self.title = f"{learner.device}, data on it"
+
+    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
+        """Gradients of a step as one part, and sums of its errors, see `Crew`."""
+        batch = self._data.batch(*self._plan.of_step(step))
+        gradients, sums = self._learner.gradients(batch, dtype, self._plan.share)
+        return [gradients], sums
+
+    def close(self) -> None:
+        """Give the data's memory back."""
+        del self._data
+
+
+class FedGpuCrew:
+    """GPU whose batches are gathered by threads, some steps ahead, and copied from pinned memory."""
+
+    def __init__(self, learner: Learner, plan: StepPlan, threads: int) -> None:
+        self._learner, self._plan = learner, plan
+        self._pool = ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,))
+        self._ahead: deque[tuple[int, Future[TensorBatch]]] = deque()
+        self._most = min(threads + 1, _MOST_AHEAD)
+        self.title = f"{learner.device}, fed by {threads} CPU threads"
+
+    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
+        """Gradients of a step as one part, and sums of its errors, see `Crew`; steps are asked for in their order."""
+        following = self._ahead[-1][0] + 1 if self._ahead else step
+        for number in range(following, step + self._most):
+            self._ahead.append((number, self._pool.submit(self._gathered, number)))
+        number, batch = self._ahead.popleft()
+        assert number == step
+        gradients, sums = self._learner.gradients(batch.result(), dtype, self._plan.share)
+        return [gradients], sums
+
+    def _gathered(self, step: int) -> TensorBatch:
+        batch = self._plan.batch(step, 0, self._plan.own_voxels)
+        return TensorBatch.of(batch, self._learner.device)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._pool.shutdown(cancel_futures=True)
+        self._ahead.clear()
+
+
+@dataclass(frozen=True, eq=False)
+class StepPlan:
+    """Plan of what each step of a run learns from: `voxels` a step, of which this process takes its share."""
+
+    corpus: AnyCorpus
+    settings: TrainSettings
+    voxels: int
+    processes: Processes
+
+    @property
+    def own_voxels(self) -> int:
+        """Voxels of a step that are this process's."""
+        return len(range(self.voxels)[self.processes.part(self.voxels)])
+
+    @property
+    def share(self) -> float:
+        """Share of a step that is this process's."""
+        return self.own_voxels / self.voxels
+
+    def of_step(self, step: int) -> tuple[np.ndarray, Augmentation]:
+        """Voxels of this process's share of a step, and how they are augmented; of a corpus of samples."""
+        assert isinstance(self.corpus, Corpus)
+        rows, augmentation = plan_of_step(self.corpus, self.settings, self.voxels, step)
+        own = self.processes.part(len(rows))
+        return rows[own], augmentation.part(own.start, own.stop)
+
+    def batch(self, step: int, first: int, last: int, *, narrow: bool = False) -> Batch:
+        """Batch of voxels `first` to `last`, excluded, of this process's share of a step; narrow: as of `Batch`."""
+        if isinstance(self.corpus, Corpus):
+            rows, augmentation = self.of_step(step)
+            return self.corpus.batch(rows[first:last], augmentation.part(first, last), narrow=narrow)
+        begin = self.processes.part(self.voxels).start
+        places = slice(begin + first, begin + last)
+        augmentation = augmentation_of_step(self.settings, self.voxels, step).part(places.start, places.stop)
+        return self.corpus.batch_of_step(self.settings.seed, step, places, augmentation, narrow=narrow)
+
+
+def plan_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> tuple[np.ndarray, Augmentation]:
+    """Voxels (voxels,) of a step and how they are augmented, by seed and step alone."""
+    return rows_of_step(corpus, settings, voxels, step), augmentation_of_step(settings, voxels, step)
+
+
+def augmentation_of_step(settings: TrainSettings, voxels: int, step: int) -> Augmentation:
+    """Augmentation of the voxels of a step, by seed and step alone."""
+    if not settings.augment:
+        return Augmentation.none(voxels)
+    first = step % _DRAWN_TOGETHER * voxels
+    return _augmentations(settings.seed, step // _DRAWN_TOGETHER, voxels).part(first, first + voxels)
+
+
+@lru_cache(maxsize=2)
+def _augmentations(seed: int, number: int, voxels: int) -> Augmentation:
+    """Augmentation of the steps of a group of them, of so many voxels each."""
+    return Augmentation.random(_DRAWN_TOGETHER * voxels, np.random.default_rng([seed, 2, number]))
+
+
+def rows_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> np.ndarray:
+    """Voxels (voxels,) of a step; each epoch runs through all of them in a new order."""
+    count = len(corpus.tree)
+    first = step * voxels
+    parts = []
+    for epoch in range(first // count, (first + voxels - 1) // count + 1):
+        begin = epoch * count
+        parts.append(_order(settings.seed, epoch, count)[max(first - begin, 0) : first + voxels - begin])
+    return np.concatenate(parts)
+
+
+@lru_cache(maxsize=2)
+def _order(seed: int, epoch: int, count: int) -> np.ndarray:
+    return np.random.default_rng([seed, 1, epoch]).permutation(count)

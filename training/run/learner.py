@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training step of one network: forward pass, loss, optimiser, moving mean of the weights."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ...patchnet_addon.network.devices import CPU
+from ...patchnet_addon.network.encoders import ENCODERS
+from ...patchnet_addon.network.torch_precision import float32_products
+from ...patchnet_addon.network.weights import Weights
+from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from ..data.tensor_batch import TensorBatch
+from ..network.cpu_adam import CpuAdam
+from ..network.losses import loss_gradient
+from ..network.sliced_net import SlicedNet
+from ..settings import SQUARED, TF32, TrainSettings
+
+
+class Learner:
+    """Network, optimiser and moving mean, on one device."""
+
+    def __init__(self, settings: TrainSettings, lookahead: int = DEFAULT_LOOKAHEAD, device: str = CPU) -> None:
+        self.settings, self.device = settings, torch.device(device)
+        encoder = ENCODERS[settings.encoder]
+        weights = Weights.random(settings.seed, lookahead=lookahead, kind=settings.kind, encoder=encoder)
+        self.model, self.mean = (SlicedNet(weights).to(self.device) for _ in range(2))
+        # Lists once: to walk through the modules at every step takes as long as some of its products.
+        self._trained, self._means = (list[Tensor](net.trained()) for net in (self.model, self.mean))
+        self.optimizer = torch.optim.Adam(self._trained, settings.learning_rate, betas=(0.9, 0.999), fused=True)
+        self._cpu_adam = self._adam_of_cpu()
+        self.steps = 0
+        self.seconds = 0.0  # of training so far, over all interruptions
+
+    def gradients(self, batch: TensorBatch, dtype: torch.dtype, share: float = 1.0) -> tuple[list[Tensor], Tensor]:
+        """Gradients of the loss of a batch, and its sums (3,) for `mean_errors`.
+
+        share: of the step that the batch is; both are multiplied by it, so that those of all parts add up. The
+        encoder's products run in `dtype`. Touches nothing, so that several threads may work on parts of a step.
+        """
+        with float32_products(self.device, tf32=self.settings.precision == TF32):
+            predicted = self.model(batch, dtype)
+            squared, weight = self.settings.loss == SQUARED, self.settings.luminance_weight
+            gradient, sums = loss_gradient(predicted, batch, squared=squared, luminance_weight=weight)
+            gradients = torch.autograd.grad(predicted, self._trained, share * gradient)
+        return list(gradients), share * sums
+
+    def step(self, parts: list[list[Tensor]], rate: float) -> None:
+        """Take one step at learning rate `rate` along the sum of the gradients of the parts of a step.
+
+        The sum is made in the memory of the first part.
+        """
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate
+        first, *others = parts
+        for part in others:
+            torch._foreach_add_(first, part)
+        self.steps += 1
+        # Early on the mean would remember the random start, so its memory grows with the run.
+        decay = min(self.settings.average, (1 + self.steps) / (10 + self.steps)) if self.settings.average else 0.0
+        if self._cpu_adam is not None:
+            self._cpu_adam.step(first, scale=self._clip_scale(first), share=1.0 - decay)
+            return
+        for parameter, gradient in zip(self._trained, first, strict=True):
+            parameter.grad = gradient
+        if self.settings.clip:
+            torch.nn.utils.clip_grad_norm_(self._trained, self.settings.clip)
+        self.optimizer.step()
+        with torch.no_grad():
+            torch._foreach_lerp_(self._means, self._trained, 1.0 - decay)
+
+    def _adam_of_cpu(self) -> CpuAdam | None:
+        return CpuAdam(self.optimizer, self._means) if self.device.type == CPU else None
+
+    def _clip_scale(self, gradients: list[Tensor]) -> float:
+        """Factor that makes the gradients as long as they may be, 1 where they are no longer."""
+        if not self.settings.clip:
+            return 1.0
+        flat = [gradient.flatten() for gradient in gradients]
+        norm = sum(float(gradient.dot(gradient)) for gradient in flat) ** 0.5
+        return min(1.0, self.settings.clip / (norm + 1e-6))
+
+    def state(self) -> dict[str, Any]:
+        """All that `load` needs to go on exactly, on whatever device."""
+        if self._cpu_adam is not None:
+            self._cpu_adam.store()
+        return {
+            "model": self.model.state_dict(),
+            "mean": self.mean.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "steps": self.steps,
+            "seconds": self.seconds,
+        }
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Inverse of `state`."""
+        self.model.load_state_dict(state["model"])
+        self.mean.load_state_dict(state["mean"])
+        self.optimizer.load_state_dict(state["optimizer"])
+        self._cpu_adam = self._adam_of_cpu()  # of the state that now is
+        self.steps, self.seconds = int(state["steps"]), float(state["seconds"])

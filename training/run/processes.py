@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Processes that train together, on one machine or several: each computes a share of every step (data parallel).
+
+`torchrun` starts them and says by its variables who is who. Gradients of all shares are summed before each step, so a
+run has the same result with any number of processes, but for rounding. Files are read by all and written by the first.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, distributed
+
+from ...patchnet_addon.runtime.errors import SettingError
+
+
+@dataclass(frozen=True)
+class Processes:
+    """Processes of a run. rank: this one's number. count: of all."""
+
+    rank: int = 0
+    count: int = 1
+
+    @classmethod
+    def joined(cls) -> Processes:
+        """Join the processes that torchrun started with this one, which is alone without it.
+
+        Raises SettingError where the variables of torchrun say nothing that makes sense.
+        """
+        try:
+            rank, count = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
+        except ValueError as cause:
+            raise SettingError("RANK and WORLD_SIZE must be numbers: start the processes with torchrun") from cause
+        if count > 1 and not distributed.is_initialized():
+            distributed.init_process_group("gloo")
+        return cls(rank, count)
+
+    @property
+    def is_first(self) -> bool:
+        """Whether this one writes the files."""
+        return self.rank == 0
+
+    def part(self, length: int) -> slice:
+        """Share of `length` things that is this one's."""
+        return slice(self.rank * length // self.count, (self.rank + 1) * length // self.count)
+
+    def sums(self, gradients: list[list[Tensor]], sums: Tensor) -> tuple[list[list[Tensor]], Tensor]:
+        """Gradients of all processes as one part, and their sums (3,) of errors, added up; see `Crew`."""
+        if self.count == 1:
+            return gradients, sums
+        own = [torch.stack(parts).sum(0) if len(parts) > 1 else parts[0] for parts in zip(*gradients, strict=True)]
+        flat = torch.cat([part.flatten() for part in (*own, sums)]).float().cpu()
+        distributed.all_reduce(flat)
+        split = flat.split([part.numel() for part in (*own, sums)])
+        added = [part.view_as(like).to(like) for part, like in zip(split, (*own, sums), strict=True)]
+        return [added[:-1]], added[-1]
+
+    def leave(self) -> None:
+        """End what was joined, after all have come here."""
+        if self.count > 1 and distributed.is_initialized():
+            distributed.barrier()
+            distributed.destroy_process_group()

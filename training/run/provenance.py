@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Provenance of a run: command, code, octrees, versions, processor; paths are cut to their last part."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from ...patchnet_addon.network.devices import CPU, device_title
+from ...patchnet_addon.octree.file import octree_hash
+from ...patchnet_addon.runtime.source_hash import ROOT, source_hash
+from ..data.dataset import Dataset
+
+_PACKAGES = ("patchnet-blender", "numpy", "numba", "torch")
+
+
+def describe_data(datasets: Sequence[Dataset], validation: Sequence[Dataset] = ()) -> dict[str, Any]:
+    """Names of data sets and hashes of their octrees, and the code that learns from them, for the weights' metadata.
+
+    octrees, validation_octrees: hash by name of a data set, of those to learn from and of those to validate on.
+
+    code: hash of the sources of samples and training. commit: that of a checkout, see `describe_commit`. Of a run that
+    was resumed, both are those of its end.
+    """
+    return {
+        "data": [dataset.name for dataset in datasets],
+        "octrees": _octree_hashes(datasets),
+        "validation_octrees": _octree_hashes(validation),
+        "code": source_hash("training.run.trainer", "training.data.samples"),
+        "commit": describe_commit(),
+    }
+
+
+def _octree_hashes(datasets: Sequence[Dataset]) -> dict[str, str]:
+    return {dataset.name: dataset.metadata.get("octree_hash") or octree_hash(dataset.octree) for dataset in datasets}
+
+
+def describe_commit(root: Path = ROOT) -> str:
+    """Commit of the checkout at `root`, and "with changes" if tracked files differ; empty if it is none."""
+    try:
+        top, commit, changes = (
+            subprocess.run(["git", "-C", root, *words], capture_output=True, text=True, check=True).stdout.strip()
+            for words in (
+                ("rev-parse", "--show-toplevel"), ("rev-parse", "HEAD"), ("status", "--porcelain", "-uno")
+            )
+        )  # fmt: skip
+    except (OSError, subprocess.CalledProcessError):  # no git, or an installed package
+        return ""
+    if Path(top).resolve() != root.resolve():  # the package lies in somebody else's repository
+        return ""
+    return f"{commit}, with changes" if changes else commit
+
+
+def describe_command(arguments: Sequence[str]) -> str:
+    """Command line with paths cut to their last part."""
+    words = [Path(word).name if os.sep in word else word for word in arguments]
+    return " ".join(["patchnet", *words[1:]])
+
+
+def describe_versions() -> str:
+    """Versions of Python and of the packages that a result depends on."""
+    found = [f"Python {platform.python_version()}"]
+    for package in _PACKAGES:
+        try:
+            found.append(f"{package} {metadata.version(package)}")
+        except metadata.PackageNotFoundError:
+            continue
+    return ", ".join(found)
+
+
+def describe_machine(device: str = CPU) -> str:
+    """Processor and number of its threads, and the GPU if `device` is one."""
+    model = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.is_file():
+        names = [
+            line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")
+        ]
+        model = names[0] if names else model
+    threads = f"{os.cpu_count()} threads of {model}"
+    return threads if device == CPU else f"{device_title(device)} beside {threads}"

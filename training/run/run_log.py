@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Log of a training run: curves and validations as JSON lines, and for TensorBoard if they are wanted there."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from ...patchnet_addon.runtime.errors import SettingError
+
+BOARD = "tensorboard"  # folder beside the log
+
+
+class Log:
+    """Curves as JSON lines."""
+
+    def __init__(self, path: Path, steps: int, *, board: bool = False) -> None:
+        """Continue the log of a run that has done `steps`; what an interrupted run wrote after them is dropped.
+
+        board: whether TensorBoard's files are written beside it; raises SettingError where it is not installed.
+        """
+        lines = path.read_text().splitlines() if steps and path.is_file() else []
+        kept = [line for line in lines if json.loads(line)["step"] <= steps]
+        path.write_text("".join(line + "\n" for line in kept))
+        self._path = path
+        self._board = _open_board(path.parent / BOARD, steps) if board else None
+        self._losses: list[torch.Tensor] = []
+
+    def add(self, losses: torch.Tensor) -> None:
+        """Remember the errors (2,) of one step; they are not looked at before, so that no step waits for a GPU."""
+        self._losses.append(losses)
+
+    def write_means(self, step: int, passes: int, rate: float, seconds: float) -> None:
+        """Write the mean errors since the last time."""
+        coverage, luminance = torch.stack(self._losses).double().mean(0).tolist()
+        self._losses.clear()
+        errors = {"coverage": round(coverage, 6), "luminance": round(luminance, 6)}
+        self.write({"step": step, "passes": passes, "seconds": round(seconds, 1), "rate": rate} | errors)
+
+    def write(self, entry: dict[str, Any]) -> None:
+        """Append one line."""
+        with self._path.open("a") as file:
+            file.write(json.dumps(entry) + "\n")
+        if self._board is not None:
+            for name, value in _scalars(entry).items():
+                self._board.add_scalar(name, value, entry["step"])
+            self._board.flush()
+
+
+def _open_board(folder: Path, steps: int) -> Any:
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError as cause:
+        raise SettingError("--tensorboard needs TensorBoard: install it with `pip install tensorboard`") from cause
+    return SummaryWriter(str(folder), purge_step=steps + 1)  # type: ignore[no-untyped-call]
+
+
+def _scalars(entry: dict[str, Any]) -> dict[str, float]:
+    """Numbers of a line by their names on the board: training/coverage, validation/courtyard/coverage."""
+    found = {f"training/{name}": entry[name] for name in ("coverage", "luminance", "loss", "rate") if name in entry}
+    for scene, errors in entry.get("validation", {}).items() if isinstance(entry.get("validation"), dict) else ():
+        if isinstance(errors, dict):
+            found |= {f"validation/{scene}/{name}": value for name, value in errors.items()}
+    return found

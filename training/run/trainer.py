@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training run: batches from all data sets, checkpoints, a log of curves, validation by data set (methods 7.21).
+
+Everything random follows from the seed and the number of the step, so a run that was interrupted continues as if it
+had not been.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import torch
+
+from ...patchnet_addon.network.devices import CPU, enough_memory, found_device
+from ...patchnet_addon.network.encoders import MLP
+from ...patchnet_addon.network.kinds import PAPER
+from ...patchnet_addon.network.weights import Weights, save_weights
+from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, THREADS
+from ...patchnet_addon.runtime.errors import FileFormatError, SettingError
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.threads import usable_cores
+from ..data.corpus import Corpus, corpus_of
+from ..data.dataset import Dataset
+from ..data.fresh import fresh_corpus_of
+from ..network.losses import mean_errors
+from ..settings import ABSOLUTE, AUTO, BF16, TrainSettings
+from .crews import AnyCorpus, crew_for
+from .learner import Learner
+from .processes import Processes
+from .provenance import describe_data
+from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
+from .run_log import Log
+from .schedule import learning_rate
+from .torch_threads import torch_threads
+from .validation import validate
+from .validation_sets import ValidationSet, validation_sets
+
+
+@dataclass
+class RunOptions:
+    """Options of carrying out a run, which change its result by rounding at most.
+
+    device: cpu, cuda, cuda:N, or auto (`patchnet_addon/network/devices.py`). threads: of the CPU, which learn or gather
+    for a GPU; None for one a core. gather: see `crew_for`. validation: data sets that are not learned
+    from, whose samples are all for validation. notes: entries of the weights' metadata beside data, code and extent.
+    tensorboard: whether curves are written for it, too.
+    """
+
+    out: Path
+    resume: bool = False
+    checkpoint_minutes: float = 5.0
+    log_steps: int = 50
+    validate_steps: int = 2000
+    stop_after: int | None = None  # end early after this many steps, leaving a checkpoint
+    notes: dict[str, Any] = field(default_factory=dict)
+    device: str = CPU
+    threads: int | None = None
+    gather: str = ""
+    validation: Sequence[Dataset] = ()
+    tensorboard: bool = False
+
+
+def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOptions) -> Steps[Weights]:
+    """Train on `datasets` and return the weights, the moving mean if there is one.
+
+    Keeps `checkpoint.pt`, `patchnet.safetensors` and `log.jsonl` in `options.out` up to date. A run that is resumed on
+    the same device with as many threads goes on exactly, else within rounding. Of processes that train together
+    (`processes.py`) the first one writes. Raises PatchNetError if the data or the
+    device cannot be used.
+    """
+    device = found_device(options.device)
+    threads = usable_cores() if options.threads is None else options.threads
+    THREADS.check(threads)
+    processes = Processes.joined()
+    corpus, held_out = _corpora(datasets, settings)
+    sets = validation_sets(held_out, datasets, options.validation, corpus.lookahead, nearby=corpus.nearby)
+    notes = describe_data(datasets, options.validation) | options.notes
+    voxels = max(1, settings.batch // corpus.views_per_voxel)
+    per_step = voxels * corpus.views_per_voxel
+    total = max(1, settings.passes // per_step)
+    with enough_memory("training"):
+        learner = Learner(settings, corpus.lookahead, device)
+    check_run(options.out, resume=options.resume)
+    options.out.mkdir(parents=True, exist_ok=True)
+    run = asdict(settings) | {"data": list(notes["octrees"].values()), "lookahead": corpus.lookahead}
+    if options.resume:
+        load_checkpoint(options.out / CHECKPOINT, learner, run)
+        notes |= {name: run[name] for name in run if name == "extended_from"}
+    with enough_memory("training"):
+        crew = crew_for(learner, corpus, voxels, threads, options.gather, processes)
+    end = min(total, options.stop_after or total)
+    keeper = _Keeper(learner, options, run, notes, sets, per_step, end) if processes.is_first else None
+    before = time.monotonic() - learner.seconds
+    try:
+        while learner.steps < end:
+            rate = learning_rate(learner.steps, total, settings)
+            dtype = encoder_type(settings, learner.steps / total, device)
+            with enough_memory("batches of this size (--batch)"):
+                gradients, sums = processes.sums(*crew.gradients(learner.steps, dtype))
+                with torch_threads(
+                    1
+                ):  # the crew gathers the next step's batch meanwhile: threads would wait for a core
+                    learner.step(gradients, rate)
+            learner.seconds = time.monotonic() - before
+            if keeper is not None:
+                keeper.keep_step(sums, rate)
+            yield Progress(learner.steps, end, "Training")
+    finally:
+        crew.close()
+        if learner.steps and keeper is not None:
+            keeper.save()
+    return learner.mean.to_weights(notes | _extent(learner, per_step))
+
+
+def _corpora(datasets: Sequence[Dataset], settings: TrainSettings) -> tuple[AnyCorpus, dict[str, Corpus]]:
+    """What a run learns from, and the held-out parts of it by data set."""
+    nearby = settings.kind.mixes
+    if not settings.fresh:
+        return corpus_of(datasets, nearby=nearby)
+    return fresh_corpus_of(datasets, nearby=nearby)
+
+
+class _Keeper:
+    """What is kept of a run while it goes on: its log, validations, checkpoints."""
+
+    def __init__(
+        self,
+        learner: Learner,
+        options: RunOptions,
+        run: dict[str, Any],
+        notes: dict[str, Any],
+        sets: Mapping[str, ValidationSet],
+        per_step: int,
+        end: int,
+    ) -> None:
+        self._learner, self._options, self._run, self._notes, self._sets = learner, options, run, notes, sets
+        self._per_step, self._end = per_step, end
+        self._log = Log(options.out / LOG, learner.steps, board=options.tensorboard)
+        self._saved = time.monotonic()
+
+    def keep_step(self, sums: torch.Tensor, rate: float) -> None:
+        """Log a step's errors, from their sums (3,); validate and save where it is time."""
+        learner, options = self._learner, self._options
+        self._log.add(mean_errors(sums))
+        passes, ends = learner.steps * self._per_step, learner.steps == self._end
+        if learner.steps % options.log_steps == 0 or ends:
+            self._log.write_means(learner.steps, passes, rate, learner.seconds)
+        if learner.steps % options.validate_steps == 0 or ends:
+            errors = validate(learner.mean, {name: each.corpus for name, each in self._sets.items()})
+            why = {name: each.not_held_out for name, each in self._sets.items() if each.not_held_out}
+            self._log.write({"step": learner.steps, "passes": passes, "validation": errors, "not_held_out": why})
+        if time.monotonic() - self._saved > 60 * options.checkpoint_minutes:
+            self.save()
+
+    def save(self) -> None:
+        """Write the checkpoint, and the weights that the run would end with now."""
+        notes = self._notes | _extent(self._learner, self._per_step)
+        save_checkpoint(self._options.out, self._learner, self._run, notes)
+        self._saved = time.monotonic()
+
+
+def _extent(learner: Learner, per_step: int) -> dict[str, Any]:
+    """Extent of a run so far, for the metadata of its weights."""
+    minutes = round(learner.seconds / 60, 1)
+    return {"steps": learner.steps, "sample_passes": learner.steps * per_step, "minutes": minutes}
+
+
+def encoder_type(settings: TrainSettings, share: float, device: str = CPU) -> torch.dtype:
+    """Number type of the encoder's products on a device when `share` of the run is done."""
+    if settings.precision == AUTO:
+        return torch.bfloat16 if device == CPU and has_fast_bf16() and share < 0.98 else torch.float32
+    return torch.bfloat16 if settings.precision == BF16 else torch.float32
+
+
+def has_fast_bf16() -> bool:
+    """Return whether this processor multiplies bf16 matrices in hardware."""
+    capability = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
+    return bool(capability.get("amx_bf16") or capability.get("avx512_bf16"))
+
+
+class Resumable(Protocol):
+    """Learner that can go on from a state."""
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Take over a state; raises RuntimeError, KeyError or ValueError for one that is not whole."""
+
+
+def save_checkpoint(out: Path, learner: Learner, run: dict[str, Any], notes: dict[str, Any]) -> None:
+    """Write the state of a run and the weights it would end with now, each atomically."""
+    write_checkpoint(out, run, learner.state())
+    save_weights(learner.mean.to_weights(notes), out / WEIGHTS)
+
+
+def write_checkpoint(out: Path, run: dict[str, Any], state: dict[str, Any]) -> None:
+    """Write the settings and the learner's state of a run atomically."""
+    beside = out / (CHECKPOINT + ".tmp")
+    torch.save({"run": run, "learner": state}, beside)
+    os.replace(beside, out / CHECKPOINT)
+
+
+def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None:
+    """Go on from a checkpoint; raises PatchNetError if it is damaged or of other settings or data.
+
+    A run may have more passes than before: `run` then states those that it had, in `extended_from`.
+    """
+    try:
+        state = torch.load(path, map_location=CPU, weights_only=True)
+        before = {"lookahead": DEFAULT_LOOKAHEAD, "network": PAPER.name, "loss": ABSOLUTE}
+        other = before | {"encoder": MLP.name, "fresh": False, "decoder_width": PAPER.width} | state["run"]
+        extended = other.get("passes", 0) < run.get("passes", 0)
+        changed = [name for name in run if other.get(name) != run[name] and not (extended and name == "passes")]
+        if not changed:
+            learner.load(state["learner"])
+            earlier = [*other.get("extended_from", ()), *([other["passes"]] if extended else ())]
+            run |= {"extended_from": earlier} if earlier else {}
+    except (RuntimeError, KeyError, ValueError, EOFError, pickle.UnpicklingError) as cause:
+        raise FileFormatError(f"{path} is damaged ({type(cause).__name__}): start the run anew") from cause
+    if changed:
+        raise SettingError(f"{path} was written with other values of {', '.join(changed)}: resume with the same ones")
