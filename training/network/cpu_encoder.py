@@ -64,6 +64,13 @@ class CpuEncoder(torch.autograd.Function):
             of_layers[:0] = [(after.t() @ hidden[layer]).float(), of_bias]
             after, of_bias = mask_gradient(after @ matrices[layer], hidden[layer])
         copied = gather_rows(after, pair_corner, ctx.starts, rows.shape[1])
-        of_slices = torch.empty(len(rows), rows.shape[2], copied.shape[2])
-        of_slices.copy_(torch.bmm(copied.transpose(1, 2), rows).transpose(1, 2))  # faster than the product's transpose
+        of_slices = _slices_gradient(rows, copied)
         return None, None, None, None, None, None, of_slices, of_bias, *of_layers
+
+
+def _slices_gradient(rows: Tensor, gradients: Tensor) -> Tensor:
+    """Gradient (8, B, out) float32 of slices, of their rows (8, N, B) and the rows' gradients (8, N, out)."""
+    if rows.dtype == torch.float32:
+        return torch.bmm(rows.transpose(1, 2), gradients)
+    result = torch.empty(len(rows), rows.shape[2], gradients.shape[2])
+    return result.copy_(torch.bmm(gradients.transpose(1, 2), rows).transpose(1, 2))  # faster than the product above
