@@ -75,7 +75,7 @@ def text(values: dict[str, Any]) -> str:
     ]  # fmt: skip
     head = [
         "network", "samples a step", "precision", "samples/s", "by products alone", "share", "step, ms", "products, ms",
-        "GFLOP/s of products", "by float32 products alone", "share", "their GFLOP/s",
+        "GFLOP/s of products", "by float32 products alone", "share of that", "their GFLOP/s",
     ]  # fmt: skip
     units = "with" if values["matrix_units"] else "without"
     return (
