@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon.network.encoders import ENCODERS
+from ..patchnet_addon.network.encoders import ENCODERS, MLP, MLP_WIDTH_STEP
 from ..patchnet_addon.network.kinds import KINDS, MIXTURE, WIDTH_STEP
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
@@ -99,6 +99,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "--encoder", choices=tuple(ENCODERS), help="architecture of the encoder: the paper's linear layers (mlp), 3D "
         "convolutions, or Voxception blocks, both of which need torch wherever they are used",
     )  # fmt: skip
+    add_number(
+        parser, "--encoder-width", bounds.ENCODER_WIDTH, help="values between the layers of the encoder mlp, a "
+        f"multiple of {MLP_WIDTH_STEP} ({MLP.width}): costs time when codes are made, none when pixels are decoded",
+    )  # fmt: skip
     parser.add_argument("--loss", choices=LOSSES, help="errors that are made small; squared ones are least for means")
     parser.add_argument("--schedule", choices=("paper", "cosine"), help="how the learning rate falls")
     add_number(parser, "--luminance-weight", bounds.LUMINANCE_WEIGHT, help="factor of the luminance error in the loss")
@@ -171,6 +175,7 @@ def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
         "learning_rate": args.rate,
         "network": args.network,
         "decoder_width": args.decoder_width,
+        "encoder_width": args.encoder_width,
         "loss": args.loss,
         "encoder": args.encoder,
         "schedule": args.schedule,

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..patchnet_addon.network.encoders import ENCODERS, MLP
+from ..patchnet_addon.network.encoders import ENCODERS, MLP, MLP_WIDTH_STEP, EncoderKind
 from ..patchnet_addon.network.kinds import KINDS, MIXTURE, WIDTH_STEP, NetworkKind
 from ..patchnet_addon.network.kinds import PAPER as PAPER_KIND
 from ..patchnet_addon.runtime import bounds
@@ -34,6 +34,8 @@ class TrainSettings:
     means, which pictures and mean squared errors need. encoder: its architecture (`network/encoders.py`). fresh: each
     step draws new voxels and views from the octrees (`fresh.py`), where sample files would be gone through again and
     again. decoder_width: values between the layers of a mixture's decoder, a multiple of 6; 0 for those of the kind.
+    encoder_width: values between the layers of the encoder `mlp`, a multiple of 64; 0 for the paper's, and for encoders
+    that convolve.
     """
 
     passes: int = 8 * SAMPLES
@@ -53,6 +55,7 @@ class TrainSettings:
     encoder: str = MLP.name
     fresh: bool = False
     decoder_width: int = 0
+    encoder_width: int = 0
 
     def __post_init__(self) -> None:
         for row, value in (
@@ -83,11 +86,31 @@ class TrainSettings:
             raise SettingError(
                 f"The decoder of the network '{own.name}' is {own.width} wide: leave --decoder-width out"
             )
+        self._check_encoder_width()
+
+    def _check_encoder_width(self) -> None:
+        own = ENCODERS[self.encoder]
+        if not self.encoder_width:
+            object.__setattr__(self, "encoder_width", own.width)
+        if own.convolves:
+            if self.encoder_width:
+                raise SettingError(f"The look-ahead decides how wide '{own.name}' is: leave --encoder-width out")
+            return
+        bounds.ENCODER_WIDTH.check(self.encoder_width)
+        if self.encoder_width % MLP_WIDTH_STEP:
+            step = MLP_WIDTH_STEP
+            raise SettingError(f"Encoder width {self.encoder_width} is no multiple of {step}: choose one that is")
 
     @property
     def kind(self) -> NetworkKind:
         """Kind of network, with a decoder of this width."""
         return KINDS[self.network].of_width(self.decoder_width)
+
+    @property
+    def encoder_kind(self) -> EncoderKind:
+        """Architecture of the encoder, of this width."""
+        own = ENCODERS[self.encoder]
+        return own if own.convolves else own.of_width(self.encoder_width)
 
 
 PAPER = TrainSettings()
@@ -109,7 +132,7 @@ PRESETS = {"quick": replace(IMPROVED, passes=8 * QUICK_SAMPLES), "paper": PAPER,
 
 
 def preset_with(preset: str, changes: Mapping[str, Any]) -> TrainSettings:
-    """Preset with the values of `changes` that are not None; another network has a decoder of its own width."""
+    """Preset with the values of `changes` that are not None; another network or encoder has its own width."""
     given = {name: value for name, value in changes.items() if value is not None}
-    own = {"decoder_width": 0} if "network" in given else {}
+    own = {width: 0 for what, width in (("network", "decoder_width"), ("encoder", "encoder_width")) if what in given}
     return replace(PRESETS[preset], **(own | given))

@@ -13,6 +13,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...patchnet_addon.network.encoders import MLP
 from ...patchnet_addon.runtime import bounds
 from ...training.settings import AUTO, BF16, FP32
 from ..shared.arguments import add_number
@@ -40,6 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--precision", choices=(AUTO, BF16, FP32), default=AUTO,
         help="of the encoder's products (auto: bf16 where the processor has it)",
     )  # fmt: skip
+    add_number(
+        parser, "--encoder-width", bounds.ENCODER_WIDTH, default=MLP.width,
+        help=f"values between the encoder's layers ({MLP.width}): the wider, the more of a step is products",
+    )  # fmt: skip
     add_repeats(parser, 9)
 
 
@@ -55,7 +60,14 @@ def measure(args: argparse.Namespace) -> Comparison:
     datasets = [load_dataset(path) for path in sample_files(args.datasets)]
     return benchmark_training(
         datasets,
-        TrainBench(args.nodes, args.samples, repeats=args.repeats, threads=args.threads, precision=args.precision),
+        TrainBench(
+            args.nodes,
+            args.samples,
+            repeats=args.repeats,
+            threads=args.threads,
+            precision=args.precision,
+            encoder_width=args.encoder_width,
+        ),
     )
 
 

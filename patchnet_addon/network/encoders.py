@@ -2,9 +2,10 @@
 """Encoders of PatchNet by architecture: the paper's layers, 3D convolutions, and Voxception blocks.
 
 All take a corner's patch and make its code of ten numbers; the decoder is the same for all. `mlp` is the paper's
-(methods 7.12), which our own kernels run. The two others are there for research: they convolve the patch down to 2x2x2
-cells, with ReLU behind every stage, and two linear layers make the code of these. The hidden one is as wide as leaves
-the whole encoder no more parameters than the `mlp` of the same look-ahead has. They need torch.
+(methods 7.12), which our own kernels run, and comes in several widths: how wide it is costs time when codes are made,
+and none when pixels are decoded. The two others are there for research: they convolve the patch down to 2x2x2 cells,
+with ReLU behind every stage, and two linear layers make the code of these. The hidden one is as wide as leaves the
+whole encoder no more parameters than the paper's `mlp` of the same look-ahead has. They need torch.
 
 Voxception blocks are those of Brock, Lim, Ritchie, Weston, "Generative and Discriminative Voxel Modeling with
 Convolutional Neural Networks", 2016 (arXiv 1608.04236): convolutions of 3x3x3 and of 1x1x1 cells side by side; and to
@@ -16,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from .kinds import CODE_SIZE
@@ -25,18 +26,15 @@ CHANNELS = 5  # of a cell: occupancy, luminance, three of the normal
 LUMINANCE = 1  # its place among them
 MAXIMUM, MEAN = "maximum", "mean"
 _LAST_SIDE = 2  # cells along a side of what the convolutions leave
-_WIDTH_STEP = 16  # of the hidden linear layer
+_WIDTH_STEP = 16  # of the hidden linear layer of encoders that convolve
+MLP_WIDTH_STEP = 64  # kernels compute whole vectors of a layer's values
+_MLP_HIDDEN = 3  # layers of as many values
 _FIRST_FILTERS = {"conv3d": 16, "voxception": 8}
 
 
 def patch_side(lookahead: int) -> int:
     """Cells along a side of a corner's patch, 2 * 2^lookahead (methods 7.9)."""
     return 2 << lookahead
-
-
-def encoder_sizes(lookahead: int) -> tuple[int, ...]:
-    """Values between the layers of the encoder `mlp`, those of a patch first (methods 7.12)."""
-    return (patch_side(lookahead) ** 3 * CHANNELS, 256, 256, 256, CODE_SIZE)
 
 
 @dataclass(frozen=True)
@@ -64,21 +62,35 @@ Stage = tuple[Branch, ...]
 
 @dataclass(frozen=True)
 class EncoderKind:
-    """Architecture of an encoder. stages: its convolutions for a look-ahead, none for `mlp`."""
+    """Architecture of an encoder.
+
+    stages: its convolutions for a look-ahead, none for `mlp`. width: values between the linear layers of `mlp`, a
+    multiple of `MLP_WIDTH_STEP`; 0 for encoders that convolve, which the look-ahead decides.
+    """
 
     name: str
     text: str
     stages: Callable[[int], tuple[Stage, ...]]
+    width: int = 0
 
     @property
     def convolves(self) -> bool:
         """Whether it is one of those that need torch."""
         return bool(self.stages(1))
 
+    def of_width(self, width: int) -> EncoderKind:
+        """This encoder with so many values between its linear layers; of `mlp` alone."""
+        assert not self.convolves
+        return self if width == self.width else replace(self, width=width)
+
+    def sizes(self, lookahead: int) -> tuple[int, ...]:
+        """Values between the layers of `mlp`, those of a patch first (methods 7.12)."""
+        return (patch_side(lookahead) ** 3 * CHANNELS, *[self.width] * _MLP_HIDDEN, CODE_SIZE)
+
     def shapes(self, lookahead: int) -> tuple[tuple[int, ...], ...]:
         """Shapes of the layers' matrices (out, in) and kernels (out, in, z, y, x), branches in their order."""
         if not self.convolves:
-            return tuple((after, before) for before, after in pairwise(encoder_sizes(lookahead)))
+            return tuple((after, before) for before, after in pairwise(self.sizes(lookahead)))
         kernels: list[tuple[int, ...]] = []
         channels = CHANNELS
         for stage in self.stages(lookahead):
@@ -118,7 +130,7 @@ def _voxception_down(filters: int) -> Stage:
     return Branch(each, 3, 2), Branch(each, 1, 2), Branch(each, 3, pool=MAXIMUM), Branch(each, 3, pool=MEAN)
 
 
-MLP = EncoderKind("mlp", "linear layers", lambda lookahead: ())
+MLP = EncoderKind("mlp", "linear layers", lambda lookahead: (), width=256)
 CONV3D = EncoderKind(
     "conv3d",
     "3x3x3 convolutions, 16 filters, doubled by each of stride 2, to 2x2x2 cells; channel, z, y, x; two linear layers",

@@ -34,7 +34,7 @@ class TorchEncoder:
         """Copy the encoder's layers to `device`; raises RuntimeError or AssertionError where torch has no such one."""
         self.device = torch.device(device)
         matrix, bias = weights.encoder[0]
-        self.chunk = _chunk(self.device, matrix.shape[1] // 8)
+        self.chunk = _chunk(self.device, matrix.shape[1] // 8, len(bias))
         self._octants = self._tensor(octant_matrices(matrix))
         self._bias = self._tensor(bias)
         self._layers = [(self._tensor(matrix.T), self._tensor(bias)) for matrix, bias in weights.encoder[1:]]
@@ -61,12 +61,12 @@ class TorchEncoder:
         return torch.from_numpy(np.ascontiguousarray(array)).to(self.device)
 
 
-def _chunk(device: torch.device, block_values: int) -> int:
+def _chunk(device: torch.device, block_values: int, width: int) -> int:
     """Corners at once, a power of two, whose blocks, cells and products a GPU's free memory holds well."""
     least, most = _CHUNKS
     if device.type != "cuda":
         return least
     free, _ = torch.cuda.mem_get_info(device)
-    needed = 4 * block_values + 4 * 8 * 256 + 16 * block_values + 8192  # bytes a corner, with about a block for each
+    needed = 4 * block_values + 4 * 8 * width + 16 * block_values + 8192  # bytes a corner, with about a block for each
     fitting = max(int(free) // _MEMORY_SHARE // needed, 1)
     return min(max(1 << (fitting.bit_length() - 1), least), most)

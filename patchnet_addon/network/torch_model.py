@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from .decode import OUTPUT_LOW, OUTPUT_RANGE
-from .encoders import CHANNELS, MLP, EncoderKind, encoder_sizes, patch_side
+from .encoders import CHANNELS, MLP, EncoderKind, patch_side
 from .harmonics import harmonic_terms
 from .kinds import PAPER, SIDE_BY_SIDE, NetworkKind
 from .torch_convolutions import TorchLayer, convolved_codes
@@ -127,7 +127,7 @@ def interpolate(codes: Tensor, entry: Tensor) -> Tensor:
 def _encoder_layers(encoder: EncoderKind, lookahead: int) -> list[nn.Module]:
     """Layers without values; those of kernels know these alone, strides and padding are the stages' affair."""
     if not encoder.convolves:
-        return list(_linear_layers(encoder_sizes(lookahead)))
+        return list(_linear_layers(encoder.sizes(lookahead)))
     return [
         nn.Linear(shape[1], shape[0]) if len(shape) == 2 else nn.Conv3d(shape[1], shape[0], shape[2])
         for shape in encoder.shapes(lookahead)

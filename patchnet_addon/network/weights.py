@@ -13,11 +13,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..runtime.bounds import DECODER_WIDTH, DEFAULT_LOOKAHEAD, LOOKAHEAD, LOOKAHEADS
+from ..runtime.bounds import DECODER_WIDTH, DEFAULT_LOOKAHEAD, ENCODER_WIDTH, LOOKAHEAD, LOOKAHEADS, Bounds
 from ..runtime.errors import WeightsFileError
 from ..runtime.files import content_hash, read_arrays, write_arrays
 from .encoders import CHANNELS as CHANNELS
-from .encoders import ENCODERS, LUMINANCE, MLP, EncoderKind, patch_side
+from .encoders import ENCODERS, LUMINANCE, MLP, MLP_WIDTH_STEP, EncoderKind, patch_side
 from .kinds import KINDS, PAPER, WIDTH_STEP, NetworkKind
 
 MODULATED = 9  # dimensions of a code that harmonics of degree 0 to 2 are multiplied into (methods 7.13)
@@ -54,7 +54,7 @@ Layer = tuple[np.ndarray, np.ndarray]
 class Weights:
     """Layers of encoder and decoder, ReLU between them.
 
-    encoder: linear layers of sizes `encoder_sizes(lookahead)`, or those of another architecture (`encoders.py`); input
+    encoder: linear layers of the sizes of `encoder_kind`, or those of another architecture (`encoders.py`); input
     order z, y, x, channel of a patch, 8x8x8x5 for two levels (methods 7.9).
     decoder: linear layers, sizes and order of inputs of its kind (`kinds.py`).
     metadata: how the weights were trained, plain JSON values; not part of the hash.
@@ -104,11 +104,13 @@ class Weights:
     ) -> Weights:
         """Inverse of `arrays`; raises KeyError for a missing one and ValueError for a wrong shape or value.
 
-        The decoder of a kind that has several widths may have any of them.
+        Decoders of a kind that has several widths, and the encoder `mlp`, may have any of theirs.
         """
+        if not encoder.convolves:
+            encoder = encoder.of_width(_width_of(arrays, "encoder", MLP_WIDTH_STEP, ENCODER_WIDTH))
         layers = _shaped_layers(arrays, "encoder", encoder.shapes(lookahead))
         if kind.mixes:
-            kind = kind.of_width(_width_of(arrays["decoder.0.bias"]))
+            kind = kind.of_width(_width_of(arrays, "decoder", WIDTH_STEP, DECODER_WIDTH))
         return cls(layers, layers_of(arrays, "decoder", kind.decoder), dict(metadata or {}), encoder)
 
     @classmethod
@@ -209,12 +211,14 @@ def layers_of(arrays: Mapping[str, np.ndarray], part: str, sizes: tuple[int, ...
     return _shaped_layers(arrays, part, tuple((after, before) for before, after in pairwise(sizes)))
 
 
-def _width_of(bias: np.ndarray) -> int:
-    """Width of a decoder by its first bias; raises ValueError for one that kernels do not know."""
-    if bias.ndim != 1 or bias.size % WIDTH_STEP or not DECODER_WIDTH.low <= bias.size <= DECODER_WIDTH.high:
+def _width_of(arrays: Mapping[str, np.ndarray], part: str, step: int, bounds: Bounds) -> int:
+    """Width of an encoder or decoder by its first bias; raises ValueError for one that kernels do not know."""
+    name = f"{part}.0.bias"
+    bias = arrays[name]
+    if bias.ndim != 1 or bias.size % step or not bounds.low <= bias.size <= bounds.high:
         raise ValueError(
-            f"'decoder.0.bias' has the shape {bias.shape} where decoders have a multiple of {WIDTH_STEP} numbers, "
-            f"{DECODER_WIDTH.low} to {DECODER_WIDTH.high}"
+            f"'{name}' has the shape {bias.shape} where {part}s have a multiple of {step} numbers, "
+            f"{bounds.low} to {bounds.high}"
         )
     return bias.size
 

@@ -13,6 +13,7 @@ from patchnet.patchnet_addon.codes.file import load_codes, save_codes
 from patchnet.patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
 from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
+from patchnet.patchnet_addon.network.encoders import MLP
 from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import CodesFileError, SettingError
@@ -75,6 +76,17 @@ def test_every_corner_has_the_code_of_its_patch(octree, weights, backend, monkey
                 x, y, z = 4 * (cell + [octant & 1, octant >> 1 & 1, octant >> 2])
                 wanted = naive_code(weights, dense[z : z + 8, y : y + 8, x : x + 8])
                 np.testing.assert_allclose(coded.codes[corner], wanted, rtol=HALF, atol=1e-4)
+
+
+@pytest.mark.parametrize("width", [64, 320])
+@pytest.mark.parametrize("backend", ["compiled", "torch"])
+def test_encoders_of_other_widths(octree, backend, width):
+    if backend == "torch":
+        pytest.importorskip("torch")
+    weights = Weights.random(seed=9, bias=0.1, encoder=MLP.of_width(width))
+    wanted = drain(encode_octree(octree, weights, encoder=NumpyEncoder(weights))).codes
+    found = drain(encode_octree(octree, weights, backend=backend)).codes
+    np.testing.assert_allclose(found, wanted, rtol=2 * HALF, atol=1e-4)
 
 
 def test_products_are_our_own_unless_others_are_asked_for(octree, coded, weights):

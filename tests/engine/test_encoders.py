@@ -137,6 +137,18 @@ def test_files_without_a_word_on_it_have_linear_layers():
     assert tuple(ENCODERS) == ("mlp", "conv3d", "voxception")
 
 
+@pytest.mark.parametrize("width", [64, 320])
+def test_file_has_linear_layers_of_any_width(width, tmp_path):
+    path, weights = tmp_path / "w.safetensors", Weights.random(3, kind=MIXTURE, encoder=MLP.of_width(width))
+    save_weights(weights, path)
+    loaded = load_weights(path)
+    assert loaded.encoder_kind == MLP.of_width(width) and loaded.lookahead == 2 and loaded.hash == weights.hash
+    arrays = weights.arrays() | {"encoder.0.bias": np.zeros(width + 1, np.float32)}
+    write_arrays(path, arrays, {"network": network(2, MIXTURE)}, "weights")
+    with pytest.raises(WeightsFileError, match=f"shape .{width + 1},. where encoders have a multiple of 64 numbers"):
+        load_weights(path)
+
+
 def test_what_needs_torch_says_so(monkeypatch):
     weights = Weights.random(3, lookahead=1, encoder=CONV3D)
     assert convolving_encoder(Weights.random(3)) is None

@@ -39,16 +39,17 @@ def test_both_kinds_are_measured(capsys, monkeypatch, threads: int, precision: s
     for name in ("_WARM", "_TIMES"):  # for good figures, which take long
         monkeypatch.setattr(training_rate, name, 1)
     words = ["bench", "train", "--nodes", "60000", "--samples", "20000", "--repeats", "1", "--threads", str(threads)]
-    words += ["--precision", precision]
+    words += ["--precision", precision, "--encoder-width", "64"]
     assert main([*words, "--json"]) == 0
     values = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert (values["name"], values["unit"], values["threads"]) == ("train", "samples per second", threads)
     assert values["clock"] == ("processor" if threads == 1 else "wall")
+    assert values["encoder_width"] == 64
     assert list(values["kinds"]) == ["mixture", "paper"]
     for row in values["kinds"].values():
         assert row["share"] == pytest.approx(row["samples_per_s"] / row["products_samples_per_s"])
         assert row["share_of_float32"] == pytest.approx(row["samples_per_s"] / row["float32_products_samples_per_s"])
-        assert row["gflop"] > 1 and row["batch"] in (2048, 8192)
+        assert row["gflop"] > 0.3 and row["batch"] in (2048, 8192)
         if precision == "fp32":
             assert row["precision"] == "float32"
             gflop = 1e-3 * row["float32_products_ms"] * row["gflops_of_float32_products"]

@@ -164,7 +164,7 @@ def test_warm_up_is_a_tenth_of_the_run_at_most():
     plan, improved = NetworkPlan("a", ("a",), encoder="conv3d"), PRESETS["improved"]
     assert settings_of(plan, replace(improved, passes=2_048_000)).warm_up == 100
     whole = settings_of(plan, improved)
-    assert whole == replace(improved, encoder="conv3d")
+    assert whole == replace(improved, encoder="conv3d", encoder_width=0)
 
 
 def test_commands_that_come_next(octrees, tmp_path):

@@ -148,7 +148,7 @@ def test_refuses_what_does_not_fit(datasets: list[Dataset], tmp_path: Path) -> N
     with pytest.raises(SettingError, match="learning_rate"):
         drain(train(datasets, replace(SETTINGS, learning_rate=0.5), RunOptions(tmp_path, resume=True)))
     with pytest.raises(SettingError, match="other values of encoder"):
-        drain(train(datasets, replace(SETTINGS, encoder="conv3d"), RunOptions(tmp_path, resume=True)))
+        drain(train(datasets, replace(SETTINGS, encoder="conv3d", encoder_width=0), RunOptions(tmp_path, resume=True)))
     (tmp_path / "checkpoint.pt").write_bytes(b"nothing")
     with pytest.raises(PatchNetError):
         drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
@@ -217,3 +217,26 @@ def test_decoders_have_the_width_that_is_asked_for(datasets: list[Dataset], tmp_
     ):
         with pytest.raises(SettingError, match=sentence):
             preset_with("improved", {"network": network, "decoder_width": width})
+
+
+def test_encoders_have_the_width_that_is_asked_for(datasets: list[Dataset], tmp_path: Path) -> None:
+    settings = replace(SETTINGS, encoder_width=64)
+    assert drain(train(datasets, settings, RunOptions(tmp_path, stop_after=1))).encoder_kind.width == 64
+    with pytest.raises(SettingError, match="other values of encoder_width"):
+        drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
+    for encoder, width, sentence in (
+        ("conv3d", 64, "The look-ahead decides how wide 'conv3d' is: leave --encoder-width out"),
+        ("mlp", 100, "Encoder width 100 is no multiple of 64"),
+        ("mlp", 1088, "Encoder width 1088 is outside 64 to 1024: choose a multiple of 64 in this range"),
+    ):
+        with pytest.raises(SettingError, match=sentence):
+            preset_with("improved", {"encoder": encoder, "encoder_width": width})
+
+
+def test_runs_of_before_encoders_had_widths_go_on(datasets: list[Dataset], tmp_path: Path) -> None:
+    drain(train(datasets, SETTINGS, RunOptions(tmp_path, stop_after=1)))
+    state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
+    del state["run"]["encoder_width"]
+    torch.save(state, tmp_path / "checkpoint.pt")
+    weights = drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True, stop_after=2)))
+    assert weights.metadata["steps"] == 2

@@ -20,6 +20,7 @@ from typing import Any
 
 import torch
 
+from ...patchnet_addon.network.encoders import MLP
 from ...patchnet_addon.network.kinds import MIXTURE
 from ...patchnet_addon.runtime.progress import drain
 from ..data.corpus import corpus_of
@@ -46,7 +47,7 @@ SETTINGS = {MIXTURE.name: IMPROVED, PAPER.network: PAPER}  # the preset by kind 
 class TrainBench:
     """Settings of the measurement. nodes, samples: of the octree that is made where no data sets are given.
 
-    steps: of a run. precision: as of `TrainSettings`.
+    steps: of a run. precision, encoder_width: as of `TrainSettings`.
     """
 
     nodes: int = 1_000_000
@@ -55,21 +56,21 @@ class TrainBench:
     repeats: int = 9
     threads: int = 1
     precision: str = AUTO
+    encoder_width: int = MLP.width
 
 
 def benchmark_training(datasets: Sequence[Dataset], bench: TrainBench) -> Comparison:
     """Rates of both kinds of network; `ratio`, of the first kind, is the share of what products alone would allow."""
     datasets = datasets or [_made(bench)]
+    asked: dict[str, Any] = {"precision": bench.precision, "encoder_width": bench.encoder_width}
     with torch_threads(1):
-        measured = {
-            name: _measured(datasets, replace(settings, precision=bench.precision), bench)
-            for name, settings in SETTINGS.items()
-        }
+        measured = {name: _measured(datasets, replace(settings, **asked), bench) for name, settings in SETTINGS.items()}
     first = measured[MIXTURE.name]
     details = {
         "machine": describe_machine(),
         "versions": describe_versions(),
         "threads": bench.threads,
+        "encoder_width": bench.encoder_width,
         "matrix_units": has_matrix_units(),
         "data": [dataset.name for dataset in datasets],
         "kinds": measured,

@@ -107,7 +107,9 @@ def _network(plan: NetworkPlan, data: Mapping[str, Dataset], run: NetworksRun, t
 def settings_of(plan: NetworkPlan, settings: TrainSettings) -> TrainSettings:
     """Settings of a network's training: its encoder, and a warm-up of at most a tenth of the run."""
     steps = max(1, settings.passes // settings.batch)
-    return replace(settings, encoder=plan.encoder, warm_up=min(settings.warm_up, int(_WARM_UP_SHARE * steps)))
+    return replace(
+        settings, encoder=plan.encoder, encoder_width=0, warm_up=min(settings.warm_up, int(_WARM_UP_SHARE * steps))
+    )
 
 
 def _key(plan: NetworkPlan, data: Mapping[str, Dataset], run: NetworksRun, settings: TrainSettings) -> str:

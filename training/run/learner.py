@@ -9,7 +9,6 @@ import torch
 from torch import Tensor
 
 from ...patchnet_addon.network.devices import CPU
-from ...patchnet_addon.network.encoders import ENCODERS
 from ...patchnet_addon.network.torch_precision import float32_products
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
@@ -25,8 +24,7 @@ class Learner:
 
     def __init__(self, settings: TrainSettings, lookahead: int = DEFAULT_LOOKAHEAD, device: str = CPU) -> None:
         self.settings, self.device = settings, torch.device(device)
-        encoder = ENCODERS[settings.encoder]
-        weights = Weights.random(settings.seed, lookahead=lookahead, kind=settings.kind, encoder=encoder)
+        weights = Weights.random(settings.seed, lookahead=lookahead, kind=settings.kind, encoder=settings.encoder_kind)
         self.model, self.mean = (SlicedNet(weights).to(self.device) for _ in range(2))
         # Lists once: to walk through the modules at every step takes as long as some of its products.
         self._trained, self._means = (list[Tensor](net.trained()) for net in (self.model, self.mean))

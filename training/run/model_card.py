@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ...patchnet_addon.network.encoders import ENCODERS, encoder_sizes, patch_side
+from ...patchnet_addon.network.encoders import EncoderKind, patch_side
 from ..data.dataset import Dataset
 from ..data.held_out import is_turned, scene_of
 from ..settings import VALIDATION_VOXELS, TrainSettings
@@ -44,7 +44,7 @@ def write_card(
     lookahead = datasets[0].lookahead
     side = patch_side(lookahead)
     kind = settings.kind
-    encoder = encoder_text(settings.encoder, lookahead)
+    encoder = encoder_text(settings.encoder_kind, lookahead)
     decoder = "-".join(map(str, kind.decoder))
     has_picture = draw_curves(curve, validations, folder / CURVES)
     parts = [
@@ -76,11 +76,10 @@ def write_card(
     (folder / CARD).write_text("\n".join(parts))
 
 
-def encoder_text(encoder: str, lookahead: int) -> str:
-    """Layers of an encoder in words: the sizes of the paper's, or an architecture with its number of parameters."""
-    kind = ENCODERS[encoder]
+def encoder_text(kind: EncoderKind, lookahead: int) -> str:
+    """Layers of an encoder in words: the sizes of `mlp`, or an architecture with its number of parameters."""
     if not kind.convolves:
-        return "-".join(map(str, encoder_sizes(lookahead)))
+        return "-".join(map(str, kind.sizes(lookahead)))
     return f"{kind.name} ({kind.text}; {kind.parameters(lookahead):,} parameters)"
 
 

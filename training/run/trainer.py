@@ -18,7 +18,7 @@ from typing import Any, Protocol
 import torch
 
 from ...patchnet_addon.network.devices import CPU, enough_memory, found_device
-from ...patchnet_addon.network.encoders import MLP
+from ...patchnet_addon.network.encoders import ENCODERS, MLP
 from ...patchnet_addon.network.kinds import PAPER
 from ...patchnet_addon.network.weights import Weights, save_weights
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, THREADS
@@ -212,7 +212,8 @@ def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None
     try:
         state = torch.load(path, map_location=CPU, weights_only=True)
         before = {"lookahead": DEFAULT_LOOKAHEAD, "network": PAPER.name, "loss": ABSOLUTE}
-        other = before | {"encoder": MLP.name, "fresh": False, "decoder_width": PAPER.width} | state["run"]
+        before |= {"encoder": MLP.name, "fresh": False, "decoder_width": PAPER.width}
+        other = before | {"encoder_width": ENCODERS[state["run"].get("encoder", MLP.name)].width} | state["run"]
         extended = other.get("passes", 0) < run.get("passes", 0)
         changed = [name for name in run if other.get(name) != run[name] and not (extended and name == "passes")]
         if not changed:
