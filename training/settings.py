@@ -126,13 +126,38 @@ IMPROVED = TrainSettings(
     network=MIXTURE.name,
     loss=SQUARED,
 )
+_FULL_RUN = IMPROVED.passes // IMPROVED.batch  # steps that the preset's learning rate is for
+_HIGHEST_RATE = 0.016
+OF_LENGTH = "passes", "learning_rate", "warm_up"  # what a run that goes on for more passes may have others of
+_WARM_UP_SHARE = 0.1  # of a run at most: short ones would spend half of it on rising rates
+
+
+def of_length(settings: TrainSettings) -> TrainSettings:
+    """Settings with the learning rate and warm-up that suit a run of so many steps, of a cosine schedule.
+
+    Short runs learn most at higher rates: in inverse proportion to the root of the number of steps (docs/training.md,
+    "Length of a run").
+    """
+    steps = max(1, settings.passes // settings.batch)
+    rate = min(IMPROVED.learning_rate * max(1.0, _FULL_RUN / steps) ** 0.5, _HIGHEST_RATE)
+    return replace(settings, learning_rate=rate, warm_up=min(IMPROVED.warm_up, int(_WARM_UP_SHARE * steps)))
+
+
 QUICK_SAMPLES = SAMPLES // 4
 SHIPPED_PASSES = 128_000_000  # of the shipped weights, see shipped_weights.sh
-PRESETS = {"quick": replace(IMPROVED, passes=8 * QUICK_SAMPLES), "paper": PAPER, "improved": IMPROVED}
+PRESETS = {"quick": of_length(replace(IMPROVED, passes=8 * QUICK_SAMPLES)), "paper": PAPER, "improved": IMPROVED}
 
 
 def preset_with(preset: str, changes: Mapping[str, Any]) -> TrainSettings:
-    """Preset with the values of `changes` that are not None; another network or encoder has its own width."""
+    """Preset with the values of `changes` that are not None; another network or encoder has its own width.
+
+    Where the schedule is not the paper's, warm-up and a learning rate that is not given are those of the run's length
+    (`of_length`).
+    """
     given = {name: value for name, value in changes.items() if value is not None}
     own = {width: 0 for what, width in (("network", "decoder_width"), ("encoder", "encoder_width")) if what in given}
-    return replace(PRESETS[preset], **(own | given))
+    settings = replace(PRESETS[preset], **(own | given))
+    if settings.schedule == "paper":
+        return settings
+    fitted = of_length(settings)
+    return replace(fitted, learning_rate=settings.learning_rate) if "learning_rate" in given else fitted

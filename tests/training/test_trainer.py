@@ -126,7 +126,7 @@ def test_a_finished_run_goes_on_for_more_passes(datasets: list[Dataset], tmp_pat
     """As one whose schedule was that of all passes from where it goes on; weights state where that was, fewer fail."""
     first = drain(train(datasets, SETTINGS, RunOptions(tmp_path)))
     assert "extended_from" not in first.metadata
-    more = replace(SETTINGS, passes=2 * SETTINGS.passes)
+    more = replace(SETTINGS, passes=2 * SETTINGS.passes, learning_rate=0.7 * SETTINGS.learning_rate)
     drain(train(datasets, more, RunOptions(tmp_path, resume=True, stop_after=8)))
     with pytest.raises(SettingError, match="other values of passes"):
         drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
@@ -202,6 +202,22 @@ def test_schedules() -> None:
     assert learning_rate(0, 20000, improved) < 1e-5
     assert learning_rate(499, 20000, improved) == improved.learning_rate
     assert learning_rate(20000, 20000, improved) == pytest.approx(improved.final_rate)
+
+
+def test_short_runs_have_high_rates_and_a_tenth_of_warm_up() -> None:
+    def asked(preset: str = "improved", **changes: float | str) -> tuple[float, int]:
+        settings = preset_with(preset, changes)
+        return settings.learning_rate, settings.warm_up
+
+    assert asked() == asked(passes=10**9) == (0.002, 500)
+    assert asked("quick") == asked(passes=32_000_000) == (0.004, 500)
+    assert asked(passes=8_000_000) == (pytest.approx(0.008, rel=1e-4), 390)
+    assert asked(passes=20_480) == (0.016, 1)
+    assert asked(passes=2_048_000, learning_rate=0.003) == (0.003, 100)
+    assert asked(batch=8192) == (0.004, 500)  # as few steps as `quick` has
+    for changes in ({"passes": 1000}, {"schedule": "paper"}):
+        assert asked("paper", **changes) == (0.001, 0)
+    assert asked(schedule="paper", passes=1000) == (0.002, 500)
 
 
 def test_decoders_have_the_width_that_is_asked_for(datasets: list[Dataset], tmp_path: Path) -> None:

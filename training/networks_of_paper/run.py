@@ -30,8 +30,6 @@ from .files import RECORD, network_folder, samples_path, weights_path
 from .plan import NetworkPlan
 from .scene_samples import scene_samples
 
-_WARM_UP_SHARE = 0.1  # of a run at most: those of a small budget would spend half of it on rising rates
-
 
 @dataclass(frozen=True)
 class NetworksRun:
@@ -105,11 +103,8 @@ def _network(plan: NetworkPlan, data: Mapping[str, Dataset], run: NetworksRun, t
 
 
 def settings_of(plan: NetworkPlan, settings: TrainSettings) -> TrainSettings:
-    """Settings of a network's training: its encoder, and a warm-up of at most a tenth of the run."""
-    steps = max(1, settings.passes // settings.batch)
-    return replace(
-        settings, encoder=plan.encoder, encoder_width=0, warm_up=min(settings.warm_up, int(_WARM_UP_SHARE * steps))
-    )
+    """Settings of a network's training: those of the run, with its encoder."""
+    return replace(settings, encoder=plan.encoder, encoder_width=0)
 
 
 def _key(plan: NetworkPlan, data: Mapping[str, Dataset], run: NetworksRun, settings: TrainSettings) -> str:

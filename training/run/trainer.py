@@ -29,7 +29,7 @@ from ..data.corpus import Corpus, corpus_of
 from ..data.dataset import Dataset
 from ..data.fresh import fresh_corpus_of
 from ..network.losses import mean_errors
-from ..settings import ABSOLUTE, AUTO, BF16, TrainSettings
+from ..settings import ABSOLUTE, AUTO, BF16, OF_LENGTH, TrainSettings
 from .crews import AnyCorpus, crew_for
 from .learner import Learner
 from .processes import Processes
@@ -207,7 +207,8 @@ def write_checkpoint(out: Path, run: dict[str, Any], state: dict[str, Any]) -> N
 def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None:
     """Go on from a checkpoint; raises PatchNetError if it is damaged or of other settings or data.
 
-    A run may have more passes than before: `run` then states those that it had, in `extended_from`.
+    A run may have more passes than before, and the learning rate and warm-up of a longer run: `run` then states the
+    passes that it had, in `extended_from`.
     """
     try:
         state = torch.load(path, map_location=CPU, weights_only=True)
@@ -215,7 +216,8 @@ def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None
         before |= {"encoder": MLP.name, "fresh": False, "decoder_width": PAPER.width}
         other = before | {"encoder_width": ENCODERS[state["run"].get("encoder", MLP.name)].width} | state["run"]
         extended = other.get("passes", 0) < run.get("passes", 0)
-        changed = [name for name in run if other.get(name) != run[name] and not (extended and name == "passes")]
+        free = OF_LENGTH if extended else ()
+        changed = [name for name in run if other.get(name) != run[name] and name not in free]
         if not changed:
             learner.load(state["learner"])
             earlier = [*other.get("extended_from", ()), *([other["passes"]] if extended else ())]
