@@ -26,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of `patchnet bench encode`."""
     parser.add_argument("file", type=Path, nargs="?", help="octree file (one of --nodes nodes is made)")
     add_number(parser, "--nodes", bounds.NODES, default=600_000, help="nodes of the octree that is made (600000)")
+    parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
     add_number(parser, "--corners", bounds.CORNERS, default=50_000, help="corners to encode, about (50000)")
     add_cores(parser)
     add_number(parser, "--threads", bounds.THREADS, help="threads of ours and of torch, wall seconds (all of --cores)")
@@ -43,7 +44,7 @@ def measure(args: argparse.Namespace) -> Comparison:
     if not threads and not has_threads(1):
         return _in_a_process_of_one_thread(args)
     octree = _octree(args)
-    result = benchmark_encoding(octree, load_weights(), args.corners, args.repeats, threads=threads)
+    result = benchmark_encoding(octree, load_weights(args.weights), args.corners, args.repeats, threads=threads)
     name = args.file.name if args.file is not None else "shells"
     return replace(result, details={"octree": name, "nodes": octree.node_count, **result.details})
 
@@ -64,6 +65,7 @@ def _in_a_process_of_one_thread(args: argparse.Namespace) -> Comparison:
     package = __name__.removesuffix(".commands.benches.encode")
     words = ["bench", "encode", "--json", "--cores", "one", "--nodes", str(args.nodes)]
     words += ["--corners", str(args.corners), "--repeats", str(args.repeats)]
+    words += ["--weights", str(args.weights)] if args.weights is not None else []
     words += [str(args.file)] if args.file is not None else []
     child = run_child([sys.executable, "-m", package, *words], environment_of_threads(1))
     if child.code:

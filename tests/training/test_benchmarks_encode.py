@@ -10,8 +10,9 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
+from patchnet.patchnet_addon.network.encoders import MLP
 from patchnet.patchnet_addon.network.kinds import CODE_SIZE
-from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.network.weights import Weights, save_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.training.benchmarks.encoding import record_chunks
@@ -26,7 +27,7 @@ def said_json(capsys):
     return values
 
 
-def check(values):
+def check(values, width=256):
     assert (values["name"], values["unit"], values["octree"]) == ("encode", "corners per second", "shells")
     assert values["nodes"] >= 3000 and values["corners"] > 100 and 0 < values["occupied_cells"] < 1
     names = {"compiled", "numpy"} | ({"torch", "torch_plain"} if importlib.util.find_spec("torch") else set())
@@ -35,14 +36,15 @@ def check(values):
     assert (values["torch"] is not None) == ("torch" in names)
     operations = values["operations_per_corner"]
     assert (
-        0 < operations["not_zero"] < operations["needed"] < operations["plain"] == 2 * (2560 * 256 + 2 * 256**2 + 2560)
-    )
+        0 < operations["not_zero"] < operations["needed"] < operations["plain"]
+        == 2 * (2560 * width + 2 * width**2 + width * CODE_SIZE)
+    )  # fmt: skip
     assert values["peak_gflops"] > 0 and values["octree_corners_per_s"] > 0
     assert values["index_bytes_per_voxel"] <= 16 and 0 < values["scratch_bytes"] < 64e6
     assert values["ratio"] == pytest.approx(values["ours"] / values["peer"])
     assert values["largest_difference"] <= 1e-4 + 1e-5 * values["largest_code"]
     assert [(row["depth"], row["columns"]) for row in values["products"]] == [
-        (320, 2048), (256, 256), (256, 256), (256, CODE_SIZE)
+        (320, 8 * width), (width, width), (width, width), (width, CODE_SIZE)
     ]  # fmt: skip
     for row in values["products"]:
         assert all(row[name] > 0 for name in {"ours", "ours_on_its_values"} | names - {"compiled", "torch_plain"})
@@ -62,10 +64,11 @@ def test_all_cores(capsys):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no wait4")
-def test_one_core_is_measured_where_every_library_has_one_thread(capsys):
-    assert main([*SMALL, "--json"]) == 0
+def test_one_core_is_measured_where_every_library_has_one_thread(capsys, tmp_path):
+    save_weights(Weights.random(2, encoder=MLP.of_width(64)), tmp_path / "narrow.safetensors")
+    assert main([*SMALL, "--json", "--weights", str(tmp_path / "narrow.safetensors")]) == 0
     values = said_json(capsys)
-    check(values)
+    check(values, width=64)
     assert values["clock"] == "processor"
 
 
