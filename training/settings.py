@@ -151,13 +151,13 @@ PRESETS = {"quick": of_length(replace(IMPROVED, passes=8 * QUICK_SAMPLES)), "pap
 def preset_with(preset: str, changes: Mapping[str, Any]) -> TrainSettings:
     """Preset with the values of `changes` that are not None; another network or encoder has its own width.
 
-    Where the schedule is not the paper's, warm-up and a learning rate that is not given are those of the run's length
-    (`of_length`).
+    Where neither preset nor schedule is the paper's, warm-up and a learning rate that is not given are those of the
+    run's length (`of_length`).
     """
     given = {name: value for name, value in changes.items() if value is not None}
     own = {width: 0 for what, width in (("network", "decoder_width"), ("encoder", "encoder_width")) if what in given}
     settings = replace(PRESETS[preset], **(own | given))
-    if settings.schedule == "paper":
+    if "paper" in (PRESETS[preset].schedule, settings.schedule):
         return settings
     fitted = of_length(settings)
     return replace(fitted, learning_rate=settings.learning_rate) if "learning_rate" in given else fitted

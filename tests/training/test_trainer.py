@@ -215,7 +215,7 @@ def test_short_runs_have_high_rates_and_a_tenth_of_warm_up() -> None:
     assert asked(passes=20_480) == (0.016, 1)
     assert asked(passes=2_048_000, learning_rate=0.003) == (0.003, 100)
     assert asked(batch=8192) == (0.004, 500)  # as few steps as `quick` has
-    for changes in ({"passes": 1000}, {"schedule": "paper"}):
+    for changes in ({"passes": 1000}, {"schedule": "paper"}, {"schedule": "cosine"}):
         assert asked("paper", **changes) == (0.001, 0)
     assert asked(schedule="paper", passes=1000) == (0.002, 500)
 
