@@ -86,12 +86,12 @@ class TrainSettings:
             raise SettingError(
                 f"The decoder of the network '{own.name}' is {own.width} wide: leave --decoder-width out"
             )
+        if not self.encoder_width:
+            object.__setattr__(self, "encoder_width", ENCODERS[self.encoder].width)
         self._check_encoder_width()
 
     def _check_encoder_width(self) -> None:
         own = ENCODERS[self.encoder]
-        if not self.encoder_width:
-            object.__setattr__(self, "encoder_width", own.width)
         if own.convolves:
             if self.encoder_width:
                 raise SettingError(f"The look-ahead decides how wide '{own.name}' is: leave --encoder-width out")
