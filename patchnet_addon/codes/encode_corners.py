@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..network.compiled_encode import PackedLayers
+from ..network.encoders import CHANNELS, LUMINANCE
 from ..network.kinds import CODE_SIZE
 from ..network.lanes import LANES, load, zeros
 from ..network.product import ROWS, WIDTH, find_steps, sum_products, write_sums
-from ..network.weights import CHANNELS
 from ..octree.leaf_boxes import filled_share
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.bits import lowest_one
@@ -82,7 +82,7 @@ def _encode(first, last, cells, levels, corners, layers, size, codes):  # type: 
     for start in range(first * size, min(last * size, len(corners)), size):
         here = corners[start : min(start + size, len(corners))]
         count = _find_voxels(cells, level, here, voxels)
-        _fill_blocks(cells, lookahead, count, voxels)
+        _fill_blocks(cells, lookahead, count, layers.sees_luminance, voxels)
         _sum_octants(voxels, len(here), count, layers.octants, layers.first_bias, sums)
         _run_layers(layers, len(here), sums, other, codes[start:])
 
@@ -147,8 +147,11 @@ def _find_slot(table, nodes, node, count):  # type: ignore[no-untyped-def]
 
 
 @device
-def _fill_blocks(cells, lookahead, count, voxels):  # type: ignore[no-untyped-def]
-    """Fill the blocks of `count` voxels, the bits of what is not 0 in them, and their keys."""
+def _fill_blocks(cells, lookahead, count, with_luminance, voxels):  # type: ignore[no-untyped-def]
+    """Fill the blocks of `count` voxels, the bits of what is not 0 in them, and their keys.
+
+    Where luminance changes nothing it is 0, whatever it is, and takes no products.
+    """
     luminance, normal, side = cells.luminance, cells.normal, 1 << lookahead
     first_boxed, boxes = cells.first_boxed, cells.boxes
     luminance_scale, normal_scale = np.float32(LUMINANCE_SCALE), np.float32(NORMAL_SCALE)
@@ -165,7 +168,7 @@ def _fill_blocks(cells, lookahead, count, voxels):  # type: ignore[no-untyped-de
             if node < 0:
                 continue
             values[0] = filled_share(boxes, node - first_boxed) if node >= first_boxed else np.float32(1)
-            values[1] = np.float32(luminance[node]) / luminance_scale
+            values[LUMINANCE] = np.float32(luminance[node]) / luminance_scale if with_luminance else np.float32(0)
             for axis in range(3):
                 values[2 + axis] = np.float32(normal[node, axis]) / normal_scale
             key |= np.uint64(1) << np.uint64(63 - _coarse(cell, side))

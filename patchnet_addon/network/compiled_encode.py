@@ -14,9 +14,10 @@ import numpy as np
 
 from ..runtime.threads import run_parts
 from .encode import Buffers, only_mlp, sum_octants
+from .encoders import CHANNELS, LUMINANCE
 from .octants import octant_matrices
 from .product import Panels, multiply
-from .weights import CHANNELS, Weights
+from .weights import Weights
 
 
 class PackedLayers(NamedTuple):
@@ -24,7 +25,7 @@ class PackedLayers(NamedTuple):
 
     octants: (8 * P, B, WIDTH) the first layer's, octant by octant. first_bias: (256,). panels: (Q, 256, WIDTH) of the
     layers behind it, one after the other. bias: (Q * WIDTH,) of these. least: (2,) the smallest result of a layer, and
-    of the last.
+    of the last. sees_luminance: whether a cell's luminance changes anything; a luminance mixture sees shape alone.
     """
 
     octants: np.ndarray
@@ -32,6 +33,7 @@ class PackedLayers(NamedTuple):
     panels: np.ndarray
     bias: np.ndarray
     least: np.ndarray
+    sees_luminance: bool
 
 
 class CompiledEncoder:
@@ -58,6 +60,7 @@ class CompiledEncoder:
             np.concatenate([layer.matrix for layer in self._layers]),
             np.concatenate([layer.bias for layer in self._layers]),
             np.array([0, -np.inf], np.float32),
+            bool(self._octants.matrix[:, LUMINANCE::CHANNELS].any()),
         )
 
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
 from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
 from patchnet.patchnet_addon.network.encoders import MLP
-from patchnet.patchnet_addon.network.kinds import MIXTURE
+from patchnet.patchnet_addon.network.kinds import KINDS, MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import CodesFileError, SettingError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
@@ -87,6 +87,18 @@ def test_encoders_of_other_widths(octree, backend, width):
     wanted = drain(encode_octree(octree, weights, encoder=NumpyEncoder(weights))).codes
     found = drain(encode_octree(octree, weights, backend=backend)).codes
     np.testing.assert_allclose(found, wanted, rtol=2 * HALF, atol=1e-4)
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_luminance_changes_the_codes_of_the_paper_alone(octree, kind):
+    """A mixture sees shape alone, and the compiled encoder takes no products of what it does not see."""
+    weights = Weights.random(seed=9, bias=0.1, kind=kind)
+    assert make_encoder(weights).layers.sees_luminance != kind.mixes
+    darker = replace(octree, luminance=octree.luminance // 2)
+    codes, of_darker = (drain(encode_octree(each, weights)).codes for each in (octree, darker))
+    assert np.array_equal(codes, of_darker) == kind.mixes
+    wanted = drain(encode_octree(octree, weights, encoder=NumpyEncoder(weights))).codes
+    np.testing.assert_allclose(codes, wanted, rtol=2 * HALF, atol=1e-4)
 
 
 def test_products_are_our_own_unless_others_are_asked_for(octree, coded, weights):

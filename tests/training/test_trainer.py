@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.network.encoders import CONV3D, VOXCEPTION, EncoderKind
+from patchnet.patchnet_addon.network.encoders import CONV3D, MLP, VOXCEPTION, EncoderKind
+from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
@@ -81,6 +82,25 @@ def test_convolutions_of_a_batch_equal_the_network(datasets: list[Dataset], kind
     expected = PatchNet.from_weights(weights)(patches, *views)
     torch.testing.assert_close(found.view(-1, 2), expected, atol=1e-5, rtol=0)
     assert SlicedNet(weights).to_weights().hash == weights.hash
+
+
+@pytest.mark.parametrize("encoder", [MLP, CONV3D], ids=lambda kind: kind.name)
+def test_a_mixture_learns_from_blocks_without_luminance(datasets: list[Dataset], encoder: EncoderKind) -> None:
+    """Codes as of whole patches, which have theirs; weights as they were."""
+    from patchnet.patchnet_addon.network.torch_model import PatchNet
+    from patchnet.training.network.sliced_net import SlicedNet
+
+    rows, none = np.arange(3), Augmentation.none(3)
+    whole, seen = (
+        TensorBatch.of(corpus_of(datasets, nearby=nearby)[0].batch(rows, none), torch.device("cpu"))
+        for nearby in (False, True)
+    )
+    assert (whole.blocks.shape[1], seen.blocks.shape[1]) == (320, 256)
+    weights = Weights.random(3, bias=0.1, kind=MIXTURE, encoder=encoder)
+    expected = PatchNet.from_weights(weights).encode(torch.from_numpy(corner_patches_of(whole)).flatten(0, 1))
+    model = SlicedNet(weights)
+    torch.testing.assert_close(model._codes(seen, torch.float32), expected, atol=1e-5, rtol=0)
+    assert model.to_weights().hash == weights.hash
 
 
 def corner_patches_of(batch: TensorBatch) -> np.ndarray:

@@ -13,31 +13,42 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ...patchnet_addon.network.weights import CHANNELS
+from ...patchnet_addon.network.encoders import CHANNELS, LUMINANCE
 
 SLICES = 8  # octants of a corner's patch
+SHAPE = [channel for channel in range(CHANNELS) if channel != LUMINANCE]  # what says how a cell is shaped
 
 
-def to_slices(weight: Tensor) -> Tensor:
-    """Matrix (out, 8 B) of a patch in the order z, y, x, channel as slices (8, B, out), one per octant."""
+def to_slices(weight: Tensor, *, shape_alone: bool = False) -> Tensor:
+    """Matrix (out, 8 B) of a patch in the order z, y, x, channel as slices (8, B, out), one per octant.
+
+    shape_alone: without the rows of luminance, for encoders that do not see it.
+    """
     out, size = weight.shape
-    side = _block_side(size // SLICES)
+    side = round((size // SLICES // CHANNELS) ** (1 / 3))
     # (out, octant z, cell z, octant y, cell y, octant x, cell x, channel)
     eight = weight.view(out, 2, side, 2, side, 2, side, CHANNELS)
-    return eight.permute(1, 3, 5, 2, 4, 6, 7, 0).reshape(SLICES, size // SLICES, out)
+    if shape_alone:
+        eight = eight[..., SHAPE]
+    return eight.permute(1, 3, 5, 2, 4, 6, 7, 0).reshape(SLICES, -1, out)
 
 
-def from_slices(slices: Tensor) -> Tensor:
-    """Inverse of `to_slices`."""
+def from_slices(slices: Tensor, *, shape_alone: bool = False) -> Tensor:
+    """Inverse of `to_slices`; what an encoder does not see is multiplied by 0."""
+    if shape_alone:
+        slices = with_luminance(slices.transpose(1, 2)).transpose(1, 2)
     size, out = slices.shape[1:]
-    side = _block_side(size)
-    eight = slices.view(2, 2, 2, side, side, side, CHANNELS, out)
+    side = round((size // CHANNELS) ** (1 / 3))
+    eight = slices.reshape(2, 2, 2, side, side, side, CHANNELS, out)
     return eight.permute(7, 0, 3, 1, 4, 2, 5, 6).reshape(out, SLICES * size)
 
 
-def _block_side(values: int) -> int:
-    """Cells along a side of a block of so many values."""
-    return round((values // CHANNELS) ** (1 / 3))
+def with_luminance(blocks: Tensor) -> Tensor:
+    """Blocks (..., 5 n) of cells, with luminances of 0, of blocks (..., 4 n) that have none."""
+    cells = blocks.unflatten(-1, (-1, len(SHAPE)))
+    result = cells.new_zeros(*cells.shape[:-1], CHANNELS)
+    result[..., SHAPE] = cells
+    return result.flatten(-2)
 
 
 class CornerLayer(torch.autograd.Function):

@@ -18,7 +18,7 @@ from ...patchnet_addon.network.torch_convolutions import patch_cells
 from ...patchnet_addon.network.torch_model import MixturePlace, PatchNet
 from ...patchnet_addon.network.weights import Weights
 from ..data.tensor_batch import TensorBatch
-from .corner_layer import SLICES, CornerLayer, from_slices, to_slices
+from .corner_layer import SLICES, CornerLayer, from_slices, to_slices, with_luminance
 from .cpu_decoder import CpuDecoder
 from .cpu_encoder import CpuEncoder
 
@@ -30,12 +30,12 @@ class SlicedNet(nn.Module):
         super().__init__()
         self.net = PatchNet.from_weights(weights)
         self.slices: nn.Parameter | None = None
+        self._shape_alone = weights.kind.mixes
         if weights.encoder_kind.convolves:
             return
         first = self._encoder()[0]
-        self.slices = nn.Parameter(
-            to_slices(first.weight.detach()).clone()
-        )  # (8, B, 256), B = 320 for a look-ahead of two levels
+        slices = to_slices(first.weight.detach(), shape_alone=self._shape_alone)  # (8, B, out), B as in `Batch`
+        self.slices = nn.Parameter(slices.clone())
         first.weight.requires_grad_(False)  # stands in `slices` until `to_weights`
 
     def _encoder(self) -> list[nn.Linear]:
@@ -99,7 +99,7 @@ class SlicedNet(nn.Module):
 
     def _encode_convolving(self, batch: TensorBatch, dtype: torch.dtype) -> Tensor:
         """Codes (8 V, 10) of the corners by convolutions of their whole patches."""
-        blocks = batch.blocks.to(dtype)
+        blocks = (with_luminance(batch.blocks) if self._shape_alone else batch.blocks).to(dtype)
         eight = torch.zeros(8 * len(batch.ratio), SLICES, blocks.shape[1], dtype=dtype, device=blocks.device)
         for number, (first, last) in enumerate(itertools.pairwise(batch.slice_start)):
             eight[batch.pair_corner[first:last], number] = blocks[batch.pair_block[first:last]]
@@ -109,7 +109,7 @@ class SlicedNet(nn.Module):
         """Copy of the parameters as plain arrays."""
         if self.slices is not None:
             with torch.no_grad():
-                self._encoder()[0].weight.copy_(from_slices(self.slices))
+                self._encoder()[0].weight.copy_(from_slices(self.slices, shape_alone=self._shape_alone))
         return self.net.to_weights(metadata)
 
 

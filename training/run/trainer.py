@@ -205,7 +205,7 @@ def write_checkpoint(out: Path, run: dict[str, Any], state: dict[str, Any]) -> N
 
 
 def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None:
-    """Go on from a checkpoint; raises PatchNetError if it is damaged or of other settings or data.
+    """Go on from a checkpoint; raises PatchNetError if it is damaged, or of another version, other settings or data.
 
     A run may have more passes than before, and the learning rate and warm-up of a longer run: `run` then states the
     passes that it had, in `extended_from`.
@@ -223,6 +223,8 @@ def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None
             earlier = [*other.get("extended_from", ()), *([other["passes"]] if extended else ())]
             run |= {"extended_from": earlier} if earlier else {}
     except (RuntimeError, KeyError, ValueError, EOFError, pickle.UnpicklingError) as cause:
-        raise FileFormatError(f"{path} is damaged ({type(cause).__name__}): start the run anew") from cause
+        raise FileFormatError(
+            f"{path} is damaged, or of another version ({type(cause).__name__}): start the run anew"
+        ) from cause
     if changed:
         raise SettingError(f"{path} was written with other values of {', '.join(changed)}: resume with the same ones")
