@@ -66,8 +66,12 @@ def execute(words: Sequence[str]) -> int:
 
 
 def _blender_path(word: str) -> str:
-    """Expand Blender's `//` in a word to the folder of the open file; raises SettingError if none is open."""
+    """Expand Blender's `//` in a word to the folder of the open file; raises SettingError if none is open.
+
+    Also behind an option's equals sign: --out=//out.
+    """
     from ..operators.ui.properties import absolute_path
 
-    path: Path | None = absolute_path(word) if word.startswith("//") else None
-    return word if path is None else str(path)
+    option, equals, text = word.partition("=") if word.startswith("--") else ("", "", word)
+    path: Path | None = absolute_path(text) if text.startswith("//") else None
+    return word if path is None else f"{option}{equals}{path}"

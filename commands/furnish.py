@@ -8,8 +8,7 @@ import shlex
 from pathlib import Path
 
 from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.errors import SettingError
-from .shared.arguments import add_number, add_out
+from .shared.arguments import add_number, add_out, scene_kind
 from .shared.job_arguments import require_blender
 from .shared.lines import make_parent, say_note, say_result
 
@@ -36,14 +35,11 @@ def run(args: argparse.Namespace) -> int:
     """Read the libraries, compose, write scene and credits; returns 0; raises PatchNetError."""
     from ..patchnet_addon.furniture.library import read_library
     from ..patchnet_addon.furniture.policy import common_role
-    from ..patchnet_addon.runtime.file_kinds import BLEND, GLB, SCENE_CREDITS
+    from ..patchnet_addon.runtime.file_kinds import SCENE_CREDITS
     from ..patchnet_addon.runtime.outputs import check_outputs
 
-    kinds = {".blend": BLEND, ".glb": GLB}
-    if args.out.suffix.lower() not in kinds:
-        raise SettingError(f"--out {args.out} is no scene file: let it end with .glb or .blend")
     credits_file = args.out.with_suffix(CREDITS)
-    check_outputs({args.out: kinds[args.out.suffix.lower()], credits_file: SCENE_CREDITS}, args.libraries)
+    check_outputs({args.out: scene_kind(args.out), credits_file: SCENE_CREDITS}, args.libraries)
     libraries = [read_library(path) for path in dict.fromkeys(args.libraries)]
     common_role(library.role for library in libraries)
     require_blender()

@@ -6,8 +6,7 @@ from __future__ import annotations
 import argparse
 
 from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.errors import SettingError
-from .shared.arguments import add_number, add_out
+from .shared.arguments import add_number, add_out, scene_kind
 from .shared.job_arguments import require_blender
 from .shared.lines import make_parent, say_result
 
@@ -28,13 +27,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 def run(args: argparse.Namespace) -> int:
     """Compose and write the scene; returns 0; raises PatchNetError."""
-    from ..patchnet_addon.runtime.file_kinds import BLEND, GLB
     from ..patchnet_addon.runtime.outputs import check_outputs
 
-    kinds = {".blend": BLEND, ".glb": GLB}
-    if args.out.suffix.lower() not in kinds:
-        raise SettingError(f"--out {args.out} is no scene file: let it end with .glb or .blend")
-    check_outputs({args.out: kinds[args.out.suffix.lower()]}, [])
+    check_outputs({args.out: scene_kind(args.out)}, [])
     require_blender()
     from ..operators.furnished_scene import save_composed
     from ..operators.structure_scene import compose_structures

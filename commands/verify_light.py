@@ -100,8 +100,11 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
     """Settings from parsed arguments; raises SettingError for values outside their range."""
     from ..operators.settings.job_settings import JobSettings
     from ..operators.verify_light import CheckSettings
+    from ..patchnet_addon.runtime.bounds import PLACED_CAMERAS
 
-    number = int(args.cameras) if args.cameras.isdigit() else 0
+    number = int(args.cameras) if args.cameras.isdecimal() else 0
+    if number:
+        PLACED_CAMERAS.check(number)
     names = () if number else tuple(name.strip() for name in args.cameras.split(",") if name.strip())
     given = given_settings(args) | {"cameras": names}
     job = JobSettings.of(**given, depth=args.depth, size=tuple(args.size), color=False, out=args.out)

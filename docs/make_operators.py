@@ -102,7 +102,7 @@ NOTES = {
     "drag_wipe": Note("nothing: the line's position is a setting of the window, and is not saved"),
     "inspect_pixels": Note("nothing"),
     "clear_cache": Note(
-        "nothing in the scene; the cache folder without compiled kernels and pages of stopped bakes",
+        "nothing in the scene; the cache folder without compiled kernels, light of bakes and octrees",
         "bpy.ops.patchnet.clear_cache()",
     ),
     "copy_diagnostics": Note("text on the clipboard", "bpy.ops.patchnet.copy_diagnostics()"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operator that clears the disk cache: kernels, pages of stopped bakes, finished octrees."""
+"""Operator that clears the disk cache: kernels, light of bakes, finished octrees."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from .ui.preferences import apply_preferences, kept
 
 
 class PATCHNET_OT_clear_cache(bpy.types.Operator):
-    """Delete compiled kernels, pages of stopped bakes and finished octrees from the cache folder, and nothing else.
-    Kernels are compiled again when needed, stopped bakes begin anew, and files that are opened have no voxels"""
+    """Delete compiled kernels, light of bakes and finished octrees from the cache folder, and nothing else.
+    Kernels are compiled again when needed, bakes begin anew, incremental ones too, and files that are opened have no
+    voxels"""
 
     bl_idname = "patchnet.clear_cache"
     bl_label = "Clear Cache"

@@ -10,7 +10,7 @@ from .ui.preferences import apply_preferences, kept
 
 
 class PATCHNET_OT_measure_cache(bpy.types.Operator):
-    """Look how much compiled kernels, pages of stopped bakes and finished octrees take in the cache folder"""
+    """Look how much compiled kernels, light of bakes and finished octrees take in the cache folder"""
 
     bl_idname = "patchnet.measure_cache"
     bl_label = "Measure Cache"

@@ -10,7 +10,8 @@ from typing import Any
 
 from ...patchnet_addon.network.devices import AUTO, read_device
 from ...patchnet_addon.runtime.bounds import Bounds
-from ...patchnet_addon.runtime.errors import OutputError
+from ...patchnet_addon.runtime.errors import OutputError, SettingError
+from ...patchnet_addon.runtime.file_kinds import BLEND, GLB, FileKind
 
 
 def add_number(parser: argparse._ActionsContainer, flag: str, bounds: Bounds, **others: Any) -> None:
@@ -45,3 +46,11 @@ def _output(text: str) -> Path:
     if not text.strip():
         raise OutputError("--out is empty: give the path of the output, or . for the working folder")
     return Path(text)
+
+
+def scene_kind(out: Path) -> FileKind:
+    """Kind of the scene file that is to be written at `out`; raises SettingError for an ending of no such file."""
+    for kind in (BLEND, GLB):
+        if out.suffix.lower() in kind.endings:
+            return kind
+    raise SettingError(f"--out {out} is no scene file: let it end with .glb or .blend")

@@ -36,7 +36,7 @@ const JOB_TYPE = {
       description: "Light that Cycles bakes, or the paper's two lights",
     },
     {
-      key: "samples", type: "int32", required: true, default: 8, propargs: { min: 1 },
+      key: "samples", type: "int32", required: true, default: 4, propargs: { min: 1 },
       description: "Cycles samples of each baked texel",
     },
     {

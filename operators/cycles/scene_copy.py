@@ -15,6 +15,7 @@ from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from ..scene_access.overrides import changed, object_mode, put_back_when_saved
 from ..scene_access.temporary import scene_copy, temporary
+from .unbiased import UNBIASED
 
 _SENSOR = 36.0  # mm
 
@@ -96,17 +97,9 @@ def _set_up(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, pat
         "use_lock_interface": False,
         "film_transparent": True,
     }
-    cycles = {
+    cycles = UNBIASED | {
         "samples": samples,
         "seed": seed,
-        "use_animated_seed": False,
-        "use_adaptive_sampling": False,
-        "use_denoising": False,
-        "sample_clamp_direct": 0.0,
-        "sample_clamp_indirect": 0.0,
-        "film_exposure": 1.0,
-        "time_limit": 0.0,
-        "use_sample_subset": False,
         "pixel_filter_type": "BOX",
         "film_transparent_glass": False,
     }

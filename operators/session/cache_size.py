@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Size of the disk cache: compiled kernels, pages of stopped bakes, and finished octrees.
+"""Size of the disk cache: compiled kernels, pages of stopped bakes, light of incremental ones, and finished octrees.
 
 Only files that look like those are counted and deleted. A user may have chosen a folder that holds other things.
 """
@@ -18,15 +18,16 @@ from ...patchnet_addon.runtime.cache_folder import BAKES, KERNELS, OCTREES
 _HASH = re.compile(r"[0-9a-f]{16}")
 _KEY = re.compile(r"[0-9a-f]{32}")
 _KERNEL_FILE = re.compile(r".+\.(nbi|nbc)")
+_KERNEL_MARK = re.compile(r"[a-z]+-[0-9a-f]{16}")  # see `compiled_mark`
 _PAGE_FILE = re.compile(r"\.?page-\d{5}\.safetensors(\.[0-9a-f]{8}\.tmp)?")
-
-
+_INCREMENTAL = re.compile(r"incremental-[0-9a-f]{32}")
+_LIGHT_FILE = re.compile(r"\.?light\.safetensors(\.[0-9a-f]{8}\.tmp)?")
 _OCTREE_FILE = re.compile(r"notes\.json|(octree|codes|layout)\.safetensors")
 
 
 @dataclass(frozen=True)
 class CacheSize:
-    """Bytes of compiled kernels, of pages of bakes, and of finished octrees with their codes."""
+    """Bytes of compiled kernels, of pages and light of bakes, and of finished octrees with their codes."""
 
     kernels: int = 0
     bakes: int = 0
@@ -45,12 +46,17 @@ class CacheSize:
 
 def cache_size(root: Path) -> CacheSize:
     """Size of what is ours in `root`."""
-    return CacheSize(*(sum(_size(path) for path in files(root)) for files in _ALL))
+    kernels, pages, light, octrees = (sum(_size(path) for path in files(root)) for files in _ALL)
+    return CacheSize(kernels, pages + light, octrees)
 
 
 def kernel_files(root: Path) -> Iterator[Path]:
-    """Compiled kernels: root / kernels / 16 hex digits / a folder a module / *.nbi, *.nbc."""
+    """Compiled kernels: root / kernels / 16 hex digits / a folder a module / *.nbi, *.nbc.
+
+    Before them the marks that say that they are there: whoever deletes all and is stopped then leaves no false ones.
+    """
     for version in _folders(root / KERNELS, _HASH):
+        yield from (path for path in sorted(version.iterdir()) if _KERNEL_MARK.fullmatch(path.name) and path.is_file())
         for folder, _, names in os.walk(version):
             for name in names:
                 if _KERNEL_FILE.fullmatch(name):
@@ -59,24 +65,27 @@ def kernel_files(root: Path) -> Iterator[Path]:
 
 def page_files(root: Path) -> Iterator[Path]:
     """Pages of bakes: root / bakes / 32 hex digits / page-00007.safetensors."""
-    for bake in _folders(root / BAKES, _KEY):
-        yield from (path for path in sorted(bake.iterdir()) if _PAGE_FILE.fullmatch(path.name) and path.is_file())
+    yield from _files(root / BAKES, _KEY, _PAGE_FILE)
+
+
+def light_files(root: Path) -> Iterator[Path]:
+    """Light that incremental bakes go on from: root / bakes / incremental- and 32 hex digits / light.safetensors."""
+    yield from _files(root / BAKES, _INCREMENTAL, _LIGHT_FILE)
 
 
 def octree_files(root: Path) -> Iterator[Path]:
     """Finished octrees: root / octrees / 32 hex digits / octree.safetensors and what belongs to it."""
-    for entry in _folders(root / OCTREES, _KEY):
-        yield from (path for path in sorted(entry.iterdir()) if _OCTREE_FILE.fullmatch(path.name) and path.is_file())
+    yield from _files(root / OCTREES, _KEY, _OCTREE_FILE)
 
 
-_ALL = (kernel_files, page_files, octree_files)
+_ALL = (kernel_files, page_files, light_files, octree_files)
 
 
 def clear_cache(root: Path) -> int:
     """Delete what is ours, and folders that are empty then; the bytes that were freed.
 
-    Nothing breaks: kernels are compiled again at the next start, a bake that runs elsewhere bakes its pages again, and
-    octrees that are open stay so.
+    Nothing breaks: kernels are compiled again at the next start, a bake that runs elsewhere bakes its pages again, an
+    incremental one bakes the whole scene, and octrees that are open stay so.
     """
     freed = 0
     for path in [path for files in _ALL for path in files(root)]:
@@ -87,6 +96,11 @@ def clear_cache(root: Path) -> int:
     for folder in (root / KERNELS, root / BAKES, root / OCTREES):
         _remove_empty(folder)
     return freed
+
+
+def _files(parent: Path, folder: re.Pattern[str], name: re.Pattern[str]) -> Iterator[Path]:
+    for found in _folders(parent, folder):
+        yield from (path for path in sorted(found.iterdir()) if name.fullmatch(path.name) and path.is_file())
 
 
 def _folders(parent: Path, pattern: re.Pattern[str]) -> Iterator[Path]:

@@ -8,6 +8,7 @@ moment after a file was opened.
 
 from __future__ import annotations
 
+import itertools
 import os
 import threading
 from contextlib import suppress
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 
 VARIABLE = "PATCHNET_KEEP"  # GiB, in the place of the preference
 _AFTER_OPENING_S = 0.1
+_saving = threading.Lock()
+_numbers = itertools.count()
+_newest: dict[str, int] = {}  # number of the last entry of each key that was to be written
 _looked: set[int] = set()  # scenes of the open file that were looked for, by session_uid
 
 
@@ -42,7 +46,16 @@ def keep_on_disk(scene: bpy.types.Scene, result: SceneResult) -> None:
     if bpy.app.background:
         cache.save(key, entry)
         return
-    threading.Thread(target=cache.save, args=(key, entry), name="PatchNet cache").start()
+    _newest[key] = number = next(_numbers)
+    threading.Thread(target=_save, args=(cache, key, entry, number), name="PatchNet cache").start()
+
+
+def _save(cache: OctreeCache, key: str, entry: CachedOctree, number: int) -> None:
+    """Write an entry if no newer one of its key waits; one after the other, lest an older one end last."""
+    with _saving:
+        if _newest.get(key) == number:
+            cache.save(key, entry)
+            _newest.pop(key, None)
 
 
 def restore(scene: bpy.types.Scene) -> bool:

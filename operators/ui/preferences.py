@@ -44,7 +44,7 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
 
     cache_folder: StringProperty(
         name="Cache Folder",
-        description="Folder for compiled kernels, pages of stopped bakes and finished octrees; empty for the "
+        description="Folder for compiled kernels, light of bakes and finished octrees; empty for the "
         "extension's own. Counts from the next start of Blender",
         subtype="DIR_PATH",
     )

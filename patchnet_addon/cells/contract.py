@@ -39,7 +39,7 @@ def fitting_level(pixel_side):  # type: ignore[no-untyped-def]
 
 
 def fitting_level_of(pixel_side: np.ndarray | float) -> np.ndarray:
-    """Reference of `fitting_level`, without the limit: levels (N,) float64, whole numbers."""
+    """Levels (N,) float64, whole numbers, as `fitting_level` without the limit, of which it is the reference, too."""
     levels: np.ndarray = np.maximum(np.floor(-np.log2(2.0 * np.asarray(pixel_side))) + 1, 0)
     return levels
 

@@ -22,6 +22,7 @@ from ..network.weights import Weights
 from ..octree.file import load_octree, save_octree
 from ..octree.leaf_levels import LeafLevels
 from ..octree.octree import Octree
+from ..runtime.cache_folder import folder_bytes
 from ..runtime.errors import CodesFileError, FileFormatError, PatchNetError
 from ..runtime.files import read_arrays, write_arrays
 from ..runtime.owned_folder import owned_folder, remove_left_over
@@ -114,7 +115,7 @@ class OctreeCache:
         """Delete entries, the one used longest ago first, until so many bytes more are allowed."""
         others = [path for path in self._entries() if path.name != key]
         others.sort(key=lambda path: _used(path))
-        sizes = {path: sum(item.stat().st_size for item in path.iterdir()) for path in others}
+        sizes = {path: folder_bytes(path) for path in others}
         total = sum(sizes.values())
         for path in others:
             if total + nbytes <= self._max_bytes:

@@ -16,7 +16,7 @@ from types import TracebackType
 
 import numpy as np
 
-from ..runtime.cache_folder import BAKES, user_cache_folder
+from ..runtime.cache_folder import BAKES, folder_bytes, user_cache_folder
 from ..runtime.errors import FileFormatError, PatchNetError
 from ..runtime.files import read_arrays, write_arrays
 
@@ -61,9 +61,9 @@ class BakePageCache:
         self._folders.append(self._root / key)
         try:
             self._folders[-1].mkdir(parents=True, exist_ok=True)
-            tidy(self._root, keep=key)
         except OSError as cause:
             self._give_up(cause)
+        tidy(self._root, keep=key)
 
     def pages(self) -> set[int]:
         """Numbers of the pages that are there."""
@@ -106,10 +106,18 @@ class BakePageCache:
 
 
 def tidy(root: Path, keep: str, max_age_s: float = MAX_AGE_S, max_bytes: int = MAX_BYTES) -> None:
-    """Delete bakes in `root` that are too old, then the oldest while all take more than `max_bytes`; never `keep`."""
+    """Delete bakes in `root` that are too old, then the oldest while all take more than `max_bytes`; never `keep`.
+
+    Other processes may write and delete there meanwhile.
+    """
     now = time.time()
-    bakes = sorted((path.stat().st_mtime, path) for path in root.iterdir() if path.is_dir())
-    sizes = {path: sum(item.stat().st_size for item in path.iterdir() if item.is_file()) for _, path in bakes}
+    bakes: list[tuple[float, Path]] = []
+    with contextlib.suppress(OSError):
+        for path in root.iterdir():
+            with contextlib.suppress(OSError):
+                bakes += [(path.stat().st_mtime, path)] if path.is_dir() else []
+    bakes.sort()
+    sizes = {path: folder_bytes(path) for _, path in bakes}
     total = sum(sizes.values())
     for changed, path in bakes:
         age = now - changed

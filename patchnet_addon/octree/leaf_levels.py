@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -45,7 +45,3 @@ class LeafLevels:
         """Divide the blocks to those of a finer level, as far as the leaves are not coarser than these."""
         more = min(block_level, *self.used) - self.block_level if self.used else 0
         return self if more <= 0 else LeafLevels(np.repeat(self.levels, 8**more))
-
-    def at_most(self, level: int) -> LeafLevels:
-        """Limit the leaves' depth to `level`, which is at least the blocks' level."""
-        return replace(self, levels=np.minimum(self.levels, np.uint8(level)))

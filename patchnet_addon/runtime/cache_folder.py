@@ -11,11 +11,13 @@ import atexit
 import getpass
 import logging
 import os
+import re
 import secrets
 import shutil
 import stat
 import sys
 import tempfile
+import time
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -26,6 +28,8 @@ from .unfinished import goes_with_process
 
 KERNELS, BAKES, OCTREES = "kernels", "bakes", "octrees"
 _LOG = logging.getLogger("patchnet")
+_VERSION = re.compile(r"[0-9a-f]{16}")
+_UNUSED_S = 90 * 24 * 3600.0
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
@@ -40,7 +44,8 @@ def user_cache_folder() -> Path:
 def kernel_folder(root: Path, version: str) -> Path:
     """Folder in the cache folder `root` for compiled kernels of a version of their sources.
 
-    Where `root` takes the place of another folder, kernels that were compiled there are taken over.
+    Where `root` takes the place of another folder, kernels that were compiled there are taken over. Versions that
+    nothing has used for a long time, such as those of earlier releases, are deleted when a new one begins.
     """
     folder, source = root / KERNELS / version, _wanted() / KERNELS / version
     if root != _wanted() and source.is_dir() and not folder.exists():
@@ -53,7 +58,30 @@ def kernel_folder(root: Path, version: str) -> Path:
             os.replace(copy, folder)
         except OSError:  # another process was faster, or there is no room: they are compiled again
             shutil.rmtree(copy, ignore_errors=True)
+    if folder.is_dir():
+        with suppress(OSError):
+            os.utime(folder)  # used now
+    else:
+        _remove_old_versions(root / KERNELS)
     return folder
+
+
+def _remove_old_versions(kernels: Path) -> None:
+    with suppress(OSError):
+        for path in kernels.iterdir():
+            if _VERSION.fullmatch(path.name) and time.time() - path.lstat().st_mtime > _UNUSED_S and path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+
+
+def folder_bytes(folder: Path) -> int:
+    """Bytes of the files that lie in a folder; what another process removes meanwhile counts nothing."""
+    total = 0
+    with suppress(OSError):
+        for path in folder.iterdir():
+            with suppress(OSError):
+                found = path.stat()
+                total += found.st_size if stat.S_ISREG(found.st_mode) else 0
+    return total
 
 
 def _wanted() -> Path:

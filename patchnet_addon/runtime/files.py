@@ -39,7 +39,7 @@ _DTYPE_NAMES = {np.dtype(code): name for name, code in _DTYPES.items()}
 class FileHeader:
     """Header of a file: what it says about itself.
 
-    kind: "octree", "codes" or "weights". metadata: plain JSON values.
+    kind: of what is in it, such as "octree", "codes" or "weights". metadata: plain JSON values.
     arrays: dtype and shape of each array. data_start: byte where the arrays begin.
     """
 

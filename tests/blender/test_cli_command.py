@@ -49,7 +49,7 @@ def json_lines(text: str) -> list[dict]:
 
 def test_run_of_the_open_file(scene_file: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = scene_snapshot()
-    assert execute(["run", "--out", "//out", "--weights", str(weights), *QUICK]) == 0
+    assert execute(["run", "--out=//out", "--weights", str(weights), *QUICK]) == 0
     report = json.loads((scene_file.parent / "out" / "report.json").read_text())
     assert report["octree"]["depth"] == 5 and report["light"]["file"] == "small.blend"
     assert "Results are in" in capsys.readouterr().out

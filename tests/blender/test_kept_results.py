@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -125,6 +126,16 @@ def test_nothing_is_kept_where_nothing_shall_be(file: Path, tmp_path: Path, monk
     monkeypatch.setenv("PATCHNET_KEEP", "0")
     assert bpy.ops.patchnet.voxelize(depth=4) == {"FINISHED"}
     assert not (tmp_path / "cache" / "octrees").exists()
+
+
+def test_an_older_entry_that_waits_is_not_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside a window, where entries are written in threads: the newest of a key is there in the end."""
+    written: list[str] = []
+    cache = SimpleNamespace(save=lambda key, entry: written.append(f"{key} {entry}"))
+    monkeypatch.setattr(kept_results, "_newest", {"octree": 2, "other": 1})
+    for key, entry, number in (("octree", "old", 0), ("other", "this", 1), ("octree", "new", 2)):
+        kept_results._save(cache, key, entry, number)
+    assert written == ["other this", "octree new"]
 
 
 def test_another_process_renders_without_a_bake(file: Path, tmp_path: Path) -> None:

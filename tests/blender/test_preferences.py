@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import bpy
+import numba
 import numpy as np
 import pytest
 
@@ -18,8 +19,11 @@ from patchnet.operators.session.cache_size import cache_size, clear_cache
 from patchnet.operators.settings.groups import ComputeSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.ui import preferences
+from patchnet.patchnet_addon.lightmap.charts import Charts
+from patchnet.patchnet_addon.lightmap.incremental.record import CHART_ARRAYS, BakeRecord, save_record
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
 from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.runtime.kernels import compiled_mark
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import SMALL
@@ -33,14 +37,22 @@ def fill(root: Path) -> set[Path]:
     kernels.mkdir(parents=True)
     for name in ("clip.area-12.py311.nbi", "clip.area-12.py311.1.nbc"):
         (kernels / name).write_bytes(b"x" * 1000)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(numba.config, "CACHE_DIR", str(kernels.parent))
+        compiled_mark("all").touch()
     pages = BakePageCache(root / "bakes")
     pages.open("0123456789abcdef" * 2)
     pages.save(3, np.ones((16, 2), np.float32))
+    charts = Charts(texel_world=1.0, growth=1.0, page_side=16, **{name: np.zeros(1) for name in CHART_ARRAYS})
+    none = np.zeros(0, np.float32)
+    record = BakeRecord(charts, np.ones((16, 2), np.float32), none, none > 0, [], np.zeros(0, np.int64), {})
+    save_record("89abcdef01234567" * 2, record, root / "bakes")
     own = {
         root / "holiday.jpg", root / "kernels" / "notes.txt", root / "kernels" / "0123456789abcdef" / "mine.txt",
         root / "bakes" / "cake.txt", root / "bakes" / "page-00001.safetensors",
         root / "bakes" / ("0123456789abcdef" * 2) / "mine.safetensors",
-        root / "bakes" / "bread" / "page-00001.safetensors",
+        root / "bakes" / "bread" / "page-00001.safetensors", root / "bakes" / "incremental-bread" / "light.safetensors",
+        root / "kernels" / "0123456789abcdef" / "octree_1a" / "all-0123456789abcdef",
     }  # fmt: skip
     for path in own:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -51,7 +63,7 @@ def fill(root: Path) -> set[Path]:
 def test_cache_is_measured_and_cleared_without_touching_other_files(tmp_path: Path) -> None:
     own = fill(tmp_path)
     size = cache_size(tmp_path)
-    assert size.kernels == 2000 and 128 < size.bakes < 4000
+    assert size.kernels == 2000 and 256 < size.bakes < 8000
     assert clear_cache(tmp_path) == size.total
     assert {path for path in tmp_path.rglob("*") if path.is_file()} == own
     assert cache_size(tmp_path).total == 0 == clear_cache(tmp_path)

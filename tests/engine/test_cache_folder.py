@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import pytest
@@ -168,6 +169,21 @@ def test_kernels_that_are_there_are_taken_over(tmp_path: Path, monkeypatch: pyte
     assert (folder / "tracing_1" / "a.1.nbc").read_text() == "code"
     assert os.listdir(folder.parent) == [folder.name] and os.access(folder / "tracing_1", os.W_OK)
     assert kernel_folder(place, "1" * 16) == place / "kernels" / ("1" * 16)
+
+
+def test_kernels_that_nothing_used_for_months_go_when_new_ones_begin(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path))
+    day = 24 * 3600.0
+    for name, days in {"a" * 16: 100, "b" * 16: 80, "c" * 16: 100, "holidays": 1000}.items():
+        (tmp_path / "kernels" / name).mkdir(parents=True)
+        then = time.time() - days * day
+        os.utime(tmp_path / "kernels" / name, (then, then))
+    kernel_folder(tmp_path, "c" * 16)  # used again
+    assert len(os.listdir(tmp_path / "kernels")) == 4
+    kernel_folder(tmp_path, "d" * 16)
+    assert set(os.listdir(tmp_path / "kernels")) == {"b" * 16, "c" * 16, "holidays"}
 
 
 def start(script: Path, *arguments: str) -> subprocess.CompletedProcess[str]:

@@ -61,7 +61,15 @@ def test_shares_are_all_and_none_twice() -> None:
     assert [one for part in parts for one in part] == list(range(10))
 
 
-def test_what_torchrun_does_not_say(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("WORLD_SIZE", "many")
-    with pytest.raises(SettingError, match="start the processes with torchrun"):
+@pytest.mark.parametrize(
+    "said",
+    [{"WORLD_SIZE": "many"}, {"WORLD_SIZE": "0"}, {"RANK": "2"}, {"RANK": "-1"}, {"WORLD_SIZE": "2"}],
+    ids=lambda said: " ".join(f"{name}={value}" for name, value in said.items()),
+)
+def test_what_torchrun_does_not_say(said: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("RANK", "WORLD_SIZE", "MASTER_ADDR", "MASTER_PORT"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in said.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(SettingError, match="start them with torchrun"):
         Processes.joined()

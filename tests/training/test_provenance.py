@@ -11,7 +11,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.procedural import spheres_and_slats
 from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.run.provenance import describe_commit, describe_data
+from patchnet.training.run.provenance import describe_command, describe_commit, describe_data
 
 
 def git(folder: Path, *words: str) -> str:
@@ -45,6 +45,19 @@ def test_installed_package_has_no_commit(checkout: Path, tmp_path: Path) -> None
     (checkout / "site-packages").mkdir()
     assert describe_commit(checkout / "site-packages") == ""
     assert describe_commit(tmp_path) == ""
+
+
+def test_command_without_folders() -> None:
+    words = [
+        "/usr/bin/patchnet",
+        "train",
+        "/data/samples",
+        "--out=/home/me/run",
+        "room=/data/room.glb",
+        "--rate",
+        "0.1",
+    ]
+    assert describe_command(words) == "patchnet train samples --out=run room=room.glb --rate 0.1"
 
 
 def test_octrees_of_every_data_set() -> None:

@@ -2,6 +2,7 @@
 """Training runs: the sparse first layer, learning, exact resume, files that do not fit."""
 
 import json
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from patchnet.patchnet_addon.network.encoders import CONV3D, MLP, VOXCEPTION, En
 from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
-from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
+from patchnet.patchnet_addon.runtime.errors import FileFormatError, OutputError, PatchNetError, SettingError
+from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.training.data.batches import Augmentation
 from patchnet.training.data.corpus import corpus_of
@@ -24,6 +26,7 @@ from patchnet.training.settings import PRESETS, TrainSettings, preset_with
 
 torch = pytest.importorskip("torch")
 from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402  needs torch
+from patchnet.training.network.cpu_adam import CpuAdam  # noqa: E402  needs torch
 from patchnet.training.run.crews import rows_of_step  # noqa: E402  needs torch
 from patchnet.training.run.trainer import RunOptions, train  # noqa: E402  needs torch
 
@@ -140,6 +143,57 @@ def test_resumed_run_equals_uninterrupted(datasets: list[Dataset], tmp_path: Pat
     resumed = drain(train(datasets, SETTINGS, RunOptions(tmp_path / "b", resume=True, log_steps=2)))
     assert whole.hash == resumed.hash == load_weights(tmp_path / "b" / "patchnet.safetensors").hash
     assert resumed.metadata["sample_passes"] == 6 * 256
+
+
+def test_a_step_that_is_interrupted_is_taken_whole(
+    datasets: list[Dataset], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = drain(train(datasets, SETTINGS, RunOptions(tmp_path / "a", stop_after=3)))
+    take = CpuAdam.step
+
+    def interrupted(adam: CpuAdam, *arguments: object, **options: float) -> None:
+        if adam._steps == 2:
+            signal.raise_signal(signal.SIGINT)
+        take(adam, *arguments, **options)
+
+    monkeypatch.setattr(CpuAdam, "step", interrupted)
+    with pytest.raises(KeyboardInterrupt), prompt_interrupt():
+        drain(train(datasets, SETTINGS, RunOptions(tmp_path / "b")))
+    stopped = load_weights(tmp_path / "b" / "patchnet.safetensors")
+    assert (stopped.metadata["steps"], stopped.hash) == (3, whole.hash)
+    monkeypatch.undo()
+    resumed = drain(train(datasets, SETTINGS, RunOptions(tmp_path / "b", resume=True)))
+    assert resumed.hash == drain(train(datasets, SETTINGS, RunOptions(tmp_path / "c"))).hash
+
+
+def test_log_whose_last_line_was_cut(datasets: list[Dataset], tmp_path: Path) -> None:
+    drain(train(datasets, SETTINGS, RunOptions(tmp_path, log_steps=1, stop_after=3)))
+    log = tmp_path / "log.jsonl"
+    lines = log.read_text().splitlines()
+    log.write_text("\n".join([*lines, lines[-1][:20]]))
+    drain(train(datasets, SETTINGS, RunOptions(tmp_path, log_steps=1, resume=True, stop_after=4)))
+    again = log.read_text().splitlines()
+    assert again[: len(lines)] == lines and json.loads(again[-1])["step"] == 4
+    log.write_text("\n".join([lines[0], "{", *lines[1:]]) + "\n")
+    with pytest.raises(FileFormatError, match=r"log\.jsonl is damaged in line 2"):
+        drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="no limit of a file's size here")
+def test_checkpoint_without_room(datasets: list[Dataset], tmp_path: Path) -> None:
+    """The one of before stays."""
+    import resource
+
+    drain(train(datasets, SETTINGS, RunOptions(tmp_path, stop_after=1)))
+    before = sorted(tmp_path.iterdir()), (tmp_path / "checkpoint.pt").read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
+    try:
+        with pytest.raises(OutputError, match=r"checkpoint\.pt cannot be written .*make room"):
+            drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert before == (sorted(tmp_path.iterdir()), (tmp_path / "checkpoint.pt").read_bytes())
 
 
 def test_a_finished_run_goes_on_for_more_passes(datasets: list[Dataset], tmp_path: Path) -> None:

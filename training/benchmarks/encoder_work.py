@@ -38,12 +38,13 @@ def needed_operations(chunk: tuple[np.ndarray, np.ndarray], weights: Weights) ->
     """Operations a corner: two for each element of a matrix and of the values that it is multiplied with.
 
     plain: of whole patches. needed: of the first layer only those of octants that are not empty. not_zero: of these,
-    only those with values that are not 0.
+    only those with values that are not 0 and that the encoder sees.
     """
     blocks, rows = chunk
     first, *others = encoder_products(chunk, weights)
     corners, columns = len(rows), len(weights.encoder[0][1])
-    used = np.count_nonzero(blocks, axis=1)[rows].sum()  # block 0 is empty
+    seen = first.matrix.any(axis=1)
+    used = np.count_nonzero(blocks[:, seen], axis=1)[rows].sum()  # block 0 is empty
     rest = 2.0 * sum(product.values.shape[1] * product.matrix.shape[1] for product in others)
     rest_used = 2.0 * sum(np.count_nonzero(product.values) * product.matrix.shape[1] for product in others) / corners
     return {

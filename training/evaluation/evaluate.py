@@ -152,10 +152,11 @@ def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weigh
 def _key(settings: EvaluationSettings, octree: str, weights: str) -> str:
     """Hash of what a frame's errors depend on: settings, files, and the code that measures."""
     code = source_hash("training.evaluation.frames", "training.evaluation.tracks")
-    kept = replace(settings, processes=None, weights=None, maps=(), networks=())
+    kept = replace(settings, processes=None, weights=None, maps=(), networks=(), lpips=None)
+    lpips = [hashlib.sha256(path.read_bytes()).hexdigest() for path in settings.lpips or ()]
     maps = [map_hash(path) for path in settings.maps]
     networks = [(network.name, network.hash) for network in settings.networks]  # costs are kept by name
-    return hashlib.sha256(repr((kept, octree, weights, maps, networks, SIDES, code)).encode()).hexdigest()[:32]
+    return hashlib.sha256(repr((kept, octree, weights, lpips, maps, networks, SIDES, code)).encode()).hexdigest()[:32]
 
 
 def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:

@@ -70,7 +70,7 @@ class CpuEncoder(torch.autograd.Function):
 
 def _slices_gradient(rows: Tensor, gradients: Tensor) -> Tensor:
     """Gradient (8, B, out) float32 of slices, of their rows (8, N, B) and the rows' gradients (8, N, out)."""
-    if rows.dtype == torch.float32:
-        return torch.bmm(rows.transpose(1, 2), gradients)
+    if rows.dtype == torch.float32 or rows.shape[2] <= gradients.shape[2]:
+        return torch.bmm(rows.transpose(1, 2), gradients).float()
     result = torch.empty(len(rows), rows.shape[2], gradients.shape[2])
-    return result.copy_(torch.bmm(gradients.transpose(1, 2), rows).transpose(1, 2))  # faster than the product above
+    return result.copy_(torch.bmm(gradients.transpose(1, 2), rows).transpose(1, 2))  # faster, where blocks are wider

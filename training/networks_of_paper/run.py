@@ -19,7 +19,7 @@ from ...patchnet_addon.runtime.errors import WeightsFileError
 from ...patchnet_addon.runtime.file_kinds import NETWORK_RECORD
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.replace import replaced_file
-from ..data.dataset import Dataset
+from ..data.dataset import DATASET_SEEDS, Dataset
 from ..data.samples import SampleSettings
 from ..run.model_card import read_log, write_card
 from ..run.run_files import CHECKPOINT, LOG
@@ -73,7 +73,7 @@ def _samples(octrees: Mapping[str, Path], lookahead: int, run: NetworksRun) -> S
     found = {}
     for number, (scene, octree) in enumerate(octrees.items()):
         settings = SampleSettings(
-            min_level=run.least_level, seed=run.settings.seed + 1000 * number, lookahead=lookahead
+            min_level=run.least_level, seed=run.settings.seed + DATASET_SEEDS * number, lookahead=lookahead
         )
         path = samples_path(run.out, scene, lookahead)
         found[scene] = yield from scene_samples(octree, path, run.samples, settings)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -13,7 +12,7 @@ from ...patchnet_addon.network.encoders import EncoderKind, patch_side
 from ..data.dataset import Dataset
 from ..data.held_out import is_turned, scene_of
 from ..settings import VALIDATION_VOXELS, TrainSettings
-from .run_files import CARD, CURVES, LOG
+from .run_files import CARD, CURVES, LOG, log_lines
 
 _DATA_COLUMNS = ("data set", "scene", "depth", "light", "turned", "use", "samples", "held-out parts", "octree hash")
 _ERROR_COLUMNS = (
@@ -24,7 +23,7 @@ _NOT_RECORDED = "not recorded"
 
 def read_log(path: Path) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Lines of the training curve and of the validations in a log."""
-    lines = [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
+    lines = log_lines(path)
     return [line for line in lines if "coverage" in line], [line for line in lines if "validation" in line]
 
 

@@ -31,10 +31,15 @@ class Processes:
         """
         try:
             rank, count = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
-        except ValueError as cause:
-            raise SettingError("RANK and WORLD_SIZE must be numbers: start the processes with torchrun") from cause
-        if count > 1 and not distributed.is_initialized():
-            distributed.init_process_group("gloo")
+            if not 0 <= rank < count:
+                raise ValueError(f"RANK {rank} is none of WORLD_SIZE {count}")
+            if count > 1 and not distributed.is_initialized():
+                distributed.init_process_group("gloo")
+        except (ValueError, RuntimeError) as cause:  # RuntimeError: of processes that do not find each other
+            reason = str(cause).splitlines()[0]
+            raise SettingError(
+                f"Processes cannot train together ({reason}): start them with torchrun, or unset RANK and WORLD_SIZE"
+            ) from cause
         return cls(rank, count)
 
     @property

@@ -58,7 +58,10 @@ def describe_commit(root: Path = ROOT) -> str:
 
 def describe_command(arguments: Sequence[str]) -> str:
     """Command line with paths cut to their last part."""
-    words = [Path(word).name if os.sep in word else word for word in arguments]
+    words = []
+    for word in arguments:
+        before, equals, path = word.rpartition("=")  # --out=/home/me/run, and NAME=PATH
+        words.append(before + equals + (Path(path).name if os.sep in path else path))
     return " ".join(["patchnet", *words[1:]])
 
 

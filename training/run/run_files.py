@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from ...patchnet_addon.runtime.errors import FileFormatError, SettingError
 from ...patchnet_addon.runtime.file_kinds import CHECKPOINT as CHECKPOINT_KIND
@@ -20,6 +22,25 @@ CURVES = "curves.png"
 _KINDS = {
     CHECKPOINT: CHECKPOINT_KIND, LOG: TRAINING_LOG, WEIGHTS: WEIGHTS_KIND, CARD: MODEL_CARD, CURVES: PNG
 }  # fmt: skip
+
+
+def log_lines(path: Path) -> list[dict[str, Any]]:
+    """Lines of a run's log; a last one that was cut when the run was killed is left out.
+
+    Raises FileFormatError for other lines that are none of a log.
+    """
+    lines = path.read_text(encoding="utf-8").splitlines()
+    found = []
+    for number, line in enumerate(lines, 1):
+        try:
+            entry = json.loads(line)
+            entry["step"]
+        except (ValueError, TypeError, KeyError) as cause:
+            if number == len(lines):
+                break
+            raise FileFormatError(f"{path} is damaged in line {number}: move it away, or start the run anew") from cause
+        found.append(entry)
+    return found
 
 
 def check_run(out: Path, inputs: Iterable[Path] = (), *, resume: bool, kinds: Mapping[str, FileKind] = _KINDS) -> None:

@@ -10,6 +10,9 @@ from typing import Any
 import torch
 
 from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.file_kinds import TRAINING_LOG
+from ...patchnet_addon.runtime.replace import replaced_file
+from .run_files import log_lines
 
 BOARD = "tensorboard"  # folder beside the log
 
@@ -20,11 +23,13 @@ class Log:
     def __init__(self, path: Path, steps: int, *, board: bool = False) -> None:
         """Continue the log of a run that has done `steps`; what an interrupted run wrote after them is dropped.
 
-        board: whether TensorBoard's files are written beside it; raises SettingError where it is not installed.
+        board: whether TensorBoard's files are written beside it; raises SettingError where it is not installed, and
+        as `log_lines` and `replaced_file`.
         """
-        lines = path.read_text().splitlines() if steps and path.is_file() else []
-        kept = [line for line in lines if json.loads(line)["step"] <= steps]
-        path.write_text("".join(line + "\n" for line in kept))
+        lines = log_lines(path) if steps and path.is_file() else []
+        kept = [json.dumps(line) + "\n" for line in lines if line["step"] <= steps]
+        with replaced_file(path, TRAINING_LOG) as file:
+            file.write("".join(kept).encode())
         self._path = path
         self._board = _open_board(path.parent / BOARD, steps) if board else None
         self._losses: list[torch.Tensor] = []

@@ -7,7 +7,6 @@ had not been.
 
 from __future__ import annotations
 
-import os
 import pickle
 import time
 from collections.abc import Mapping, Sequence
@@ -22,8 +21,11 @@ from ...patchnet_addon.network.encoders import ENCODERS, MLP
 from ...patchnet_addon.network.kinds import PAPER
 from ...patchnet_addon.network.weights import Weights, save_weights
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, THREADS
-from ...patchnet_addon.runtime.errors import FileFormatError, SettingError
+from ...patchnet_addon.runtime.errors import FileFormatError, OutputError, SettingError
+from ...patchnet_addon.runtime.file_kinds import CHECKPOINT as CHECKPOINT_KIND
+from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.replace import replaced_path
 from ...patchnet_addon.runtime.threads import usable_cores
 from ..data.corpus import Corpus, corpus_of
 from ..data.dataset import Dataset
@@ -103,9 +105,8 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
             dtype = encoder_type(settings, learner.steps / total, device)
             with enough_memory("batches of this size (--batch)"):
                 gradients, sums = processes.sums(*crew.gradients(learner.steps, dtype))
-                with torch_threads(
-                    1
-                ):  # the crew gathers the next step's batch meanwhile: threads would wait for a core
+                # The crew gathers the next step's batch meanwhile: threads would wait for a core.
+                with torch_threads(1), interrupts_wait():  # lest a checkpoint be of half a step
                     learner.step(gradients, rate)
             learner.seconds = time.monotonic() - before
             if keeper is not None:
@@ -198,10 +199,14 @@ def save_checkpoint(out: Path, learner: Learner, run: dict[str, Any], notes: dic
 
 
 def write_checkpoint(out: Path, run: dict[str, Any], state: dict[str, Any]) -> None:
-    """Write the settings and the learner's state of a run atomically."""
-    beside = out / (CHECKPOINT + ".tmp")
-    torch.save({"run": run, "learner": state}, beside)
-    os.replace(beside, out / CHECKPOINT)
+    """Write the settings and the learner's state of a run atomically; raises OutputError if that cannot be done."""
+    path = out / CHECKPOINT
+    try:
+        with replaced_path(path, CHECKPOINT_KIND) as beside:
+            torch.save({"run": run, "learner": state}, beside)
+    except RuntimeError as cause:  # torch's, of a disk that is full
+        reason = str(cause).splitlines()[0]
+        raise OutputError(f"{path} cannot be written ({reason}): choose another folder or make room") from cause
 
 
 def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None:

@@ -56,7 +56,7 @@ def bake_now(context: bpy.types.Context, target: BakeTarget) -> None:
 
 
 def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) -> Steps[None]:
-    """Bake as `run` does, in a window: reports `at` as waiting until the job has ended; raises StoppedError after Esc.
+    """Bake as `bake_now`, in a window: reports `at` as waiting until the job has ended; raises StoppedError after Esc.
 
     Closing these steps does not stop the job: what it works on must stay until `when_job_ended`.
     """

@@ -19,6 +19,7 @@ from ....patchnet_addon.runtime.errors import SceneError
 from ...scene_access.overrides import changed
 from ...scene_access.temporary import sync_view_layers, temporary
 from ...scene_access.window_job import window_is_alive
+from ..unbiased import UNBIASED
 
 _NAME = "PatchNet Bake"
 # Side of what Cycles samples at a time, in texels. It hears of a stop between two passes over a tile only, and a pass
@@ -26,17 +27,6 @@ _NAME = "PatchNet Bake"
 # without one a page with both its halves is one tile, and what stops a command does not ask Cycles. The bits are the
 # same.
 _TILE_SIDE_IN_WINDOW, _TILE_SIDE = 256, 4096
-# Unbiased, and as many paths as were asked for; bounces and light stay the user's.
-_SETTINGS = {
-    "use_animated_seed": False,
-    "use_adaptive_sampling": False,
-    "use_denoising": False,
-    "sample_clamp_direct": 0.0,
-    "sample_clamp_indirect": 0.0,
-    "film_exposure": 1.0,
-    "time_limit": 0.0,
-    "use_sample_subset": False,
-}
 
 
 @contextmanager
@@ -50,7 +40,7 @@ def cycles_settings(
     """
     if not hasattr(scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose the two-lights shading")
-    values: dict[str, Any] = _SETTINGS | {"samples": samples, "seed": seed, "device": "GPU" if on_gpu else "CPU"}
+    values: dict[str, Any] = UNBIASED | {"samples": samples, "seed": seed, "device": "GPU" if on_gpu else "CPU"}
     if skips_centers:
         values |= {
             "samples": samples + 1, "use_sample_subset": True, "sample_offset": 1, "sample_subset_length": samples

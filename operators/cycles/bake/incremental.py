@@ -114,7 +114,7 @@ def _keep(
     stays = before >= 0
     drift = np.where(stays, record.drift[np.where(stays, before, 0)], 0.0)
     if len(change.boxes) or change.lit:
-        levels = yield from computed(lambda: _levels(source, found, record, before), Progress(0, 1, "Following light"))
+        levels = yield from computed(lambda: _levels(source, record, before), Progress(0, 1, "Following light"))
         white = levels.white if light.exposure is None else 1.0 / light.exposure
         brightest = max(levels.brightest, found._scene["sky"])
         limit = light.tolerance * white
@@ -130,7 +130,7 @@ def _keep(
         copied(found.texels, found.whole, record.texels, record.charts, found.before)
 
 
-def _levels(source: SceneMesh, found: Incremental, record: BakeRecord, before: np.ndarray) -> Levels:
+def _levels(source: SceneMesh, record: BakeRecord, before: np.ndarray) -> Levels:
     """Levels of the light of the last bake, on what is still there of its surface."""
     from ....patchnet_addon.lightmap.chart_lookup import triangle_means
     from ....patchnet_addon.lightmap.incremental.follow import Levels, luminance_of_emission

@@ -43,19 +43,20 @@ def compiled_ahead() -> Steps[None]:
 
     Closing these steps stops the other Blender; what it has compiled by then stays in the cache.
     """
-    mark = yield from computed(_mark, _AT)
-    if mark.exists() or mark in _tried:
-        return
+    mark = None
     try:
+        mark = yield from computed(_mark, _AT)
+        if mark.exists() or mark in _tried:
+            return
         yield from _compiled(mark.parent)
+        mark.touch()
     except (OSError, _OtherBlenderError) as cause:
-        _tried.add(mark)
+        if mark is not None:
+            _tried.add(mark)
         logging.getLogger("patchnet").warning(
             "Kernels could not be compiled ahead: they are compiled when they are first called, which takes more "
             "memory. %s", cause,
         )  # fmt: skip
-    else:
-        mark.touch()
 
 
 def _compiled(folder: Path) -> Steps[None]:

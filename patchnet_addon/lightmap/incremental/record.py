@@ -22,7 +22,7 @@ from ...runtime.files import read_arrays, write_arrays
 from ..charts import Charts
 
 KIND = "baked light"
-_CHARTS = ("page", "x", "y", "log_width", "log_height", "kind", "origin", "along", "page_samples", "page_size")
+CHART_ARRAYS = ("page", "x", "y", "log_width", "log_height", "kind", "origin", "along", "page_samples", "page_size")
 _LOG = logging.getLogger("patchnet")
 
 
@@ -72,7 +72,7 @@ def load_record(key: str, root: Path | None = None) -> BakeRecord | None:
             texel_world=metadata["texel_world"],
             growth=metadata["growth"],
             page_side=metadata["page_side"],
-            **{name: arrays[name] for name in _CHARTS},
+            **{name: arrays[name] for name in CHART_ARRAYS},
         )
         return BakeRecord(
             charts,
@@ -93,7 +93,7 @@ def load_record(key: str, root: Path | None = None) -> BakeRecord | None:
 def save_record(key: str, record: BakeRecord, root: Path | None = None) -> None:
     """Keep a record in the place of the last one of its key; a disk that is full or read-only costs only that."""
     path, charts = _path(key, root), record.charts
-    arrays = {name: getattr(charts, name) for name in _CHARTS}
+    arrays = {name: getattr(charts, name) for name in CHART_ARRAYS}
     arrays |= {"texels": record.texels, "drift": record.drift, "counts": record.counts}
     arrays["turned"] = record.turned.astype(np.uint8)
     metadata = {

@@ -19,6 +19,7 @@ import torch
 from ....patchnet_addon.network.devices import CPU, enough_memory, found_device
 from ....patchnet_addon.runtime import bounds
 from ....patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ...run.run_files import CHECKPOINT, LOG
 from ...run.run_log import Log
@@ -139,7 +140,8 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
             crops = batch_of_crops(
                 frames, learner.network, batch=batch, crop=crop, seed=settings.seed, step=learner.steps
             )
-            with enough_memory("batches of this size (--batch)"):
+            # Interrupts wait, lest a checkpoint be of half a step.
+            with enough_memory("batches of this size (--batch)"), interrupts_wait():
                 losses.append(learner.step(crops))
             learner.seconds = time.monotonic() - before
             if learner.steps % options.log_steps == 0 or learner.steps == end:
