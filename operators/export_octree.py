@@ -28,7 +28,12 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
     bl_idname = "patchnet.export_octree"
     bl_label = "Export Voxels"
 
-    filepath: StringProperty(name="File", description="Ends in .ply, .vdb, .npz or .safetensors", subtype="FILE_PATH")
+    filepath: StringProperty(
+        name="File",
+        description="Ends in .ply, .vdb, .npz or .safetensors",
+        subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+    )
     format: EnumProperty(name="Format", items=_FORMATS, default=".ply", options={"SKIP_SAVE"})
     filter_glob: StringProperty(default=";".join(f"*{ending}" for ending, *_ in _FORMATS), options={"HIDDEN"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})

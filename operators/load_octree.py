@@ -39,7 +39,12 @@ class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
     bl_idname = "patchnet.load_octree"
     bl_label = "Load Octree"
 
-    filepath: StringProperty(name="File", description="An octree, ends in .safetensors", subtype="FILE_PATH")
+    filepath: StringProperty(
+        name="File",
+        description="An octree, ends in .safetensors",
+        subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+    )
     filter_glob: StringProperty(default="*.safetensors", options={"HIDDEN"})
     uses_kernels = False
     _asked = False

@@ -19,7 +19,7 @@ from ..pipeline.camera_folders import view_folders
 from ..pipeline.output_files import job_files, job_inputs, scene_inputs
 from ..pipeline.run import JobResult, run_job, write_result
 from ..pipeline.stages import choose_grid, load_network
-from ..scene.cameras import choose_cameras, scene_cameras
+from ..scene.cameras import camera_name, choose_cameras
 from ..scene.scene_mesh import SceneMesh
 from ..settings.groups import Bounds
 from ..settings.job_settings import JobSettings
@@ -130,8 +130,7 @@ class JobMaker(FrameMaker):
 def _active_cameras(scene: bpy.types.Scene) -> list[str]:
     """Active camera, and those that markers make it."""
     cameras = [scene.camera, *(marker.camera for marker in scene.timeline_markers)]
-    known = scene_cameras(scene)
-    return [camera.name for camera in cameras if camera is not None and camera.name in known]
+    return [name for camera in cameras if (name := camera_name(scene, camera))]
 
 
 def _summary(result: JobResult) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import bpy
 from mathutils import Euler
 
 from ..scene_access.overrides import changed
-from ..scene_access.own import is_own
+from ..scene_access.own import check_own_scene, is_own
 from ..scene_access.temporary import temporary
 
 SUN_STRENGTH = 4.0  # W/m2
@@ -76,7 +76,11 @@ def _bright(socket: bpy.types.NodeSocket) -> bool:
 
 @contextmanager
 def daylight(scene: bpy.types.Scene) -> Iterator[None]:
-    """Sun and sky in `scene` within the block; the scene is as before afterwards, on errors too."""
+    """Sun and sky in `scene` within the block; the scene is as before afterwards, on errors too.
+
+    Raises SceneError as `check_own_scene`.
+    """
+    check_own_scene(scene)
     with (
         temporary(bpy.data.lights.new("PatchNet Sun", "SUN")) as lamp,
         temporary(bpy.data.objects.new("PatchNet Sun", lamp)) as sun,

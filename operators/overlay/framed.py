@@ -8,7 +8,7 @@ from typing import NamedTuple
 import bpy
 
 from ...patchnet_addon.image.heatmap import places_on_page
-from ..scene.cameras import camera_size_px
+from ..scene.cameras import camera_name, camera_size_px
 from ..session import views
 from ..session.result_images import PAGES
 from ..session.shown_view import ShownView
@@ -88,7 +88,7 @@ def _of_render(scene: bpy.types.Scene, image: bpy.types.Image) -> ShownView | No
     render = scene.render
     if image.type != "RENDER_RESULT" or scene.camera is None or (render.use_border and render.use_crop_to_border):
         return None
-    view = views.view_of_camera(scene, scene.camera.name)
+    view = views.view_of_camera(scene, camera_name(scene, scene.camera))
     if view is None:
         return None
     full, own = camera_size_px(scene), view.size_px

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from ...patchnet_addon.runtime import log
-from ..scene.cameras import scene_cameras, tracing_camera
+from ..scene.cameras import camera_name, tracing_camera
 from . import paint
 from .framed import free_rect
 from .layout import Rect, frame_rect, inset_rect
@@ -99,9 +99,9 @@ def _frame(
     """Rectangle of the camera's frame in a viewport that looks through the picture's camera."""
     space, view3d, scene = area.spaces.active, region.data, context.scene
     camera = space.camera if space.use_local_camera else scene.camera
-    if view3d is None or view3d.view_perspective != "CAMERA" or camera is None or camera.name != unfinished.camera:
+    if view3d is None or view3d.view_perspective != "CAMERA" or camera is None:
         return None
-    if camera.name not in scene_cameras(scene):
+    if camera_name(scene, camera) != unfinished.camera:
         return None
     height, width = unfinished.picture.shape[:2]
     seen = tracing_camera(camera, scene, (width, height))  # not the evaluated one: nothing is evaluated while one draws

@@ -38,6 +38,10 @@ _GLOSS = (
     "Gloss is shown as the camera saw it where it stood during the bake: bake again for what it sees now, or choose "
     "Gloss: From Above"
 )
+_LAYER = (
+    "View layer '{other}' shows other objects than '{own}', whose voxels are there, and is shown with those: without a "
+    "window each layer has its own"
+)
 _BUTTON = "press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
 
 
@@ -69,12 +73,19 @@ def octree_of_frame(
             warn(_GLOSS)
     elif kept is not None and kept.stale:
         warn(_GLOSS)
+    other_layer = _shows_other_layer(kept, scene, depsgraph.view_layer.name)
+    if kept is not None and other_layer:
+        if _can_bake(settings):
+            kept = None  # it stays what the panel shows
+        else:
+            assert kept.state is not None
+            warn(_LAYER.format(own=kept.state.layer, other=depsgraph.view_layer.name))
     here = kept is not None and kept.octree.provenance.get("frame") == scene.frame_current
     if kept is not None and ((here and not animation) or not may_change(scene)):
         return (yield from _coded(scene, kept, settings))
     key = ""
     # Else nothing is there to compare with, nor will be.
-    if animation or kept is not None or session.made_frame is not None:
+    if animation or kept is not None or other_layer or session.made_frame is not None:
         yield Progress(0, 1, "Looking at the scene")
         key = surface_key(depsgraph, settings)
     if kept is not None and here:
@@ -89,6 +100,16 @@ def octree_of_frame(
     if not fits:
         results.keep(scene, result, "octree", "light")
     return (yield from _coded(scene, result, settings))
+
+
+def _shows_other_layer(result: SceneResult | None, scene: bpy.types.Scene, layer: str) -> bool:
+    """Return whether a view layer shows other objects than the one that a result is of."""
+    return result is not None and result.state is not None and not result.state.fits_layer(scene, layer)
+
+
+def _can_bake(settings: JobSettings) -> bool:
+    """Return whether light can be made here: Cycles bakes in the main thread alone."""
+    return not settings.light.is_baked or threading.current_thread() is threading.main_thread()
 
 
 def _is_gloss_of_one_view(result: SceneResult) -> bool:
@@ -116,7 +137,7 @@ def _compute(
 ) -> Steps[SceneResult]:
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
-    if settings.light.is_baked and threading.current_thread() is not threading.main_thread():
+    if not _can_bake(settings):
         why = "There are no voxels yet" if nothing_there else "The scene is not what was voxelized and lit"
         raise SceneError(f"{why}, and Cycles cannot bake while a window renders: {_BUTTON}")
     scene = depsgraph.scene.original

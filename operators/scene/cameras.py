@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -35,7 +36,7 @@ def camera_size_px(scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> tu
 def tracing_camera(camera: bpy.types.Object, scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> Camera:
     """View that Blender renders through an evaluated camera object, at a size as in `camera_size_px`.
 
-    Sensor fit, shift, pixel aspect and clipping follow Blender; the object's scale does not matter, as in Blender.
+    Sensor fit, shift, pixel aspect and clipping follow Blender. So does the object's scale, whose sign alone matters.
     Raises SceneError for panoramic cameras and for objects that are no cameras.
     """
     data = camera.data
@@ -85,7 +86,10 @@ def _lens(data: bpy.types.Camera, width: float, height: float) -> tuple[float, f
 
 
 def _axes(matrix_world: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Right, up and back (3,) of a camera, orthonormal whatever the scale of the object and its parents."""
+    """Right, up and back (3,) of a camera, orthonormal whatever the scale of the object and its parents.
+
+    A scale that mirrors the object mirrors the picture: right then points to the other side.
+    """
     back = matrix_world[:3, 2]
     up = matrix_world[:3, 1]
     right = np.cross(up, back)
@@ -93,7 +97,8 @@ def _axes(matrix_world: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, 
         raise SceneError(f"Camera '{name}' has no direction: its scale is zero or its transform is not finite")
     back = back / np.linalg.norm(back)
     right = right / np.linalg.norm(right)
-    return right, np.cross(back, right), back
+    up = np.cross(back, right)
+    return (-right if right @ matrix_world[:3, 0] < 0 else right), up, back
 
 
 def framing_cameras(bounds_world: np.ndarray, size: tuple[int, int]) -> list[Camera]:
@@ -120,7 +125,8 @@ def camera_names(scene: bpy.types.Scene, names: Sequence[str]) -> list[str]:
     elif names:
         chosen = list(dict.fromkeys(names))
     else:
-        chosen = [scene.camera.name] if scene.camera else []
+        active = camera_name(scene, scene.camera)
+        chosen = [active] if active else []
     if not chosen:
         raise SceneError("The scene has no camera: add one, or use the cameras 'auto' that frame the scene")
     for name in chosen:
@@ -131,8 +137,20 @@ def camera_names(scene: bpy.types.Scene, names: Sequence[str]) -> list[str]:
 
 
 def scene_cameras(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
-    """Scene's camera objects by name."""
-    return {item.name: item for item in scene.objects if item.type == "CAMERA"}
+    """Scene's camera objects by name, and its active one, which another scene may hold.
+
+    Of several of one name those that are linked from other files have that of the file behind it: Cam [set.blend].
+    """
+    cameras = [item for item in scene.objects if item.type == "CAMERA"]
+    if scene.camera is not None and scene.camera.type == "CAMERA" and scene.camera not in cameras:
+        cameras.append(scene.camera)
+    count = Counter(item.name for item in cameras)
+    return {item.name_full if item.library and count[item.name] > 1 else item.name: item for item in cameras}
+
+
+def camera_name(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> str:
+    """Name of a camera among `scene_cameras`, "" for none of them."""
+    return next((name for name, item in scene_cameras(scene).items() if item == camera), "")
 
 
 def choose_cameras(
@@ -150,7 +168,7 @@ def choose_cameras(
     if list(names) == [AUTO]:
         return framing_cameras(bounds_world, camera_size_px(scene, size))
     cameras = scene_cameras(scene)
-    return [tracing_camera(cameras[name].evaluated_get(depsgraph), scene, size) for name in chosen]
+    return [replace(tracing_camera(cameras[name].evaluated_get(depsgraph), scene, size), name=name) for name in chosen]
 
 
 def track_cameras(

@@ -15,6 +15,8 @@ from .node_terms import WHITE, ColorTerm, NodeEvaluator, NotUnderstoodError, Tex
 def texture_use(values: NodeEvaluator, output: Output) -> TextureUse:
     node = output.node
     if not usable(node.image):
+        if node.image and node.image.source in ("SEQUENCE", "MOVIE"):
+            raise NotUnderstoodError(f"image '{node.image.name}', whose frames are not read")
         name = f"image '{node.image.name}'" if node.image else f"node '{node.name}' without an image"
         raise NotUnderstoodError(f"{name} (missing, empty or tiled)")
     if node.projection != "FLAT":

@@ -45,7 +45,8 @@ def read_material(material: bpy.types.Material, images: ImageReader) -> tuple[Ma
         return Material(name, base_color=(r, g, b), alpha=alpha), None
     walk = _Walk(NodeValues(images))
     output = _output(tree)
-    if output is None:
+    only_volume = output is not None and output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked
+    if output is None or only_volume:  # a mist box is no wall
         surface = _Surface(transparent=True, alpha=NumberTerm(0.0))
     else:
         surface = walk.surface(Input(output.inputs["Surface"]))

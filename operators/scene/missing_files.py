@@ -8,6 +8,7 @@ Cycles shows a missing image in pink.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Iterator
 
 import bpy
@@ -83,8 +84,26 @@ def _files_of(node: bpy.types.Node, image: bpy.types.Image) -> list[str]:
     if image.source == "TILED":
         return [image.filepath.replace("<UDIM>", str(tile.number)) for tile in image.tiles]
     if image.source == "SEQUENCE":
-        return [image.filepath_from_user(image_user=node.image_user)]
+        return [_file_of_sequence(image, frame_of(node.image_user))]
     return [image.filepath]
+
+
+def frame_of(user: bpy.types.ImageUser) -> int:
+    """Number of a sequence's file at the present frame, as Blender finds it: only evaluated nodes hold it."""
+    number = bpy.context.scene.frame_current - user.frame_start + 1
+    length = user.frame_duration
+    if length > 0 and user.use_cyclic:
+        number = number % length or length
+    return min(max(number, 0), length) + user.frame_offset
+
+
+def _file_of_sequence(image: bpy.types.Image, number: int) -> str:
+    """Path of a file of a sequence: the last digits of the name are its number."""
+    found = re.fullmatch(r"(.*?)(\d+)(\D*)", os.path.basename(image.filepath))
+    if found is None:
+        return image.filepath
+    before, digits, after = found.groups()
+    return image.filepath.removesuffix(os.path.basename(image.filepath)) + f"{before}{number:0{len(digits)}d}{after}"
 
 
 def _path(name: str, library: bpy.types.Library | None) -> str:

@@ -47,8 +47,27 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMes
     materials, gloss, warnings = reader.materials()
     in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
     warnings = missing_files(in_use, depsgraph.scene.world) + warnings
+    warnings += _unlike_renders(depsgraph)
     links = tuple(reader.light_links.distinct)
     return SceneMesh(parts, materials, tuple(reader.material_names), warnings, links, gloss)
+
+
+def _unlike_renders(depsgraph: bpy.types.Depsgraph) -> list[str]:
+    """Sentences about what Cycles shows otherwise."""
+    said = []
+    if behind := depsgraph.scene.background_set:
+        said.append(
+            f"Objects of the background scene '{behind.name}' are left out of the voxels, though Cycles shows them: "
+            "link its collections into this scene"
+        )
+    asking = [
+        f"'{group.name}'"
+        for group in bpy.data.node_groups
+        if group.users and any(node.bl_idname == "GeometryNodeIsViewport" for node in group.nodes)
+    ]
+    if asking and depsgraph.mode != "RENDER":
+        said.append(f"Geometry nodes {', '.join(asking)} ask Is Viewport, and are voxelized as a viewport shows them")
+    return said
 
 
 def _nothing(scope: str) -> str:

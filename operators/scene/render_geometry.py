@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render geometry: subdivision, modifiers and curves with their render settings."""
+"""Render geometry: modifiers, curves, particles and instanced collections with their render settings."""
 
 from __future__ import annotations
 
@@ -45,9 +45,33 @@ def _render_values(scene: bpy.types.Scene) -> Iterator[tuple[Any, str, Any]]:
             yield modifier, "show_viewport", modifier.show_render
             if modifier.type in ("SUBSURF", "MULTIRES"):
                 yield modifier, "levels", modifier.render_levels
+            if modifier.type == "OCEAN":
+                yield modifier, "viewport_resolution", modifier.resolution
+    for particles in bpy.data.particles:
+        yield particles, "display_percentage", 100
+        if particles.child_type != "NONE":
+            yield particles, "child_percent", particles.rendered_child_count
+    for collection in _apart(scene):
+        if collection.hide_render:
+            yield collection, "hide_viewport", True
     for curve in bpy.data.curves:
         for axis in ("u", "v"):
             if resolution := getattr(curve, f"render_resolution_{axis}"):
                 yield curve, f"resolution_{axis}", resolution
     for metaball in bpy.data.metaballs:
         yield metaball, "resolution", metaball.render_resolution
+
+
+def _apart(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
+    """Collections that no view layer of a scene shows itself, but which objects may instance.
+
+    Of the others it is known what renders; and to hide one would lose which of its objects are selected.
+    """
+    shown = set()
+    stack = [layer.layer_collection for layer in scene.view_layers]
+    while stack:
+        item = stack.pop()
+        stack.extend(item.children)
+        if not item.exclude:
+            shown.add(item.collection)
+    return [collection for collection in bpy.data.collections if collection not in shown]

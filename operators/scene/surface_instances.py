@@ -33,33 +33,47 @@ def surface_instances(depsgraph: bpy.types.Depsgraph, scope: str) -> Iterator[bp
 def _rendered_objects(layer: bpy.types.ViewLayer) -> frozenset[str]:
     """Names of the layer's objects that render and that the camera can see."""
     names: set[str] = set()
+    unseen: set[str] = set()  # one collection that holds them out, or shows them indirectly alone, is enough
     stack = [layer.layer_collection]
     while stack:
         item = stack.pop()
         if item.collection.hide_render:
             continue
         stack.extend(item.children)
-        if item.exclude or item.holdout or item.indirect_only:
+        if item.exclude:
             continue
-        names.update(each.name_full for each in item.collection.objects if _renders(each))
-    return frozenset(names)
+        found = {each.name_full for each in item.collection.objects if _renders(each)}
+        (unseen if item.holdout or item.indirect_only else names).update(found)
+    return frozenset(names - unseen)
 
 
 def _renders(item: bpy.types.Object) -> bool:
     """Test for rendered objects; voxels that we show are no surface, also where a user has them rendered."""
     if is_own(item):
         return False
-    return not item.hide_render and item.visible_camera and not item.is_holdout and not item.is_shadow_catcher
+    return not item.hide_render and not item.is_holdout and _is_seen(item)
+
+
+def _is_seen(item: bpy.types.Object) -> bool:
+    """Test for objects that a camera sees as they are; where they are instanced, too."""
+    return item.visible_camera and not item.is_shadow_catcher
 
 
 def _shows(instance: bpy.types.DepsgraphObjectInstance) -> bool:
     """Return whether the object itself is shown, and not only what it instances."""
     if not instance.show_self:
         return False
+    if instance.is_instance:
+        return True
     item = instance.object
-    return instance.is_instance or not item.is_instancer or item.show_instancer_for_render
+    on_parts = item.parent is not None and item.parent.instance_type in ("VERTS", "FACES")
+    return not on_parts and (not item.is_instancer or item.show_instancer_for_render)
 
 
 def _hidden_instance(instance: bpy.types.DepsgraphObjectInstance) -> bool:
-    """Test whether the instanced object is disabled for renders; geometry nodes instance it anyway, as renders do."""
-    return instance.parent.instance_type != "NONE" and instance.instance_object.original.hide_render
+    """Test whether the instanced object is hidden from the camera, or disabled for renders.
+
+    Geometry nodes instance what is disabled anyway, as renders do.
+    """
+    item = instance.instance_object.original
+    return not _is_seen(item) or (instance.parent.instance_type != "NONE" and item.hide_render)

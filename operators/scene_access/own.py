@@ -11,6 +11,8 @@ from contextlib import contextmanager
 
 import bpy
 
+from ...patchnet_addon.runtime.errors import SceneError
+
 OWNER = "patchnet_result"  # custom property that marks a data-block as ours to overwrite
 _blocks = 0  # of `quiet` that are open now
 
@@ -30,6 +32,15 @@ def quiet() -> Iterator[None]:
     finally:
         bpy.context.view_layer.update()
         _blocks -= 1
+
+
+def check_own_scene(scene: bpy.types.Scene) -> None:
+    """Raise SceneError for a scene that belongs to another file: nothing can be put into it, not for a moment."""
+    if scene.library is not None:
+        raise SceneError(
+            f"Scene '{scene.name}' is linked from {scene.library.filepath}, and what is linked cannot be changed: "
+            "open that file, or make the scene local"
+        )
 
 
 def is_quiet() -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene.cameras import tracing_camera
+from ..scene.cameras import scene_cameras, tracing_camera
 from ..scene_access.images import PICTURES
 from ..scene_access.own import OWNER
 from .result_images import RAW, image_name
@@ -51,7 +51,7 @@ def why_stale(scene: bpy.types.Scene, view: ShownView) -> str:
     for step in ("surface", "light"):
         if step in result.stale:
             return result.why(step) or "the scene changed"
-    camera = scene.objects.get(view.camera.name)
+    camera = scene_cameras(scene).get(view.camera.name)
     return "the camera changed" if camera is not None and _changed(scene, camera, view.camera) else ""
 
 

@@ -113,6 +113,12 @@ class SceneState:
         now = _Reader().hashes(block)
         return [step for step in _Hashes._fields if getattr(before, step) != getattr(now, step)]
 
+    def fits_layer(self, scene: bpy.types.Scene, layer: str) -> bool:
+        """Return whether a view layer of the scene shows what the one shows that this is the state of."""
+        if layer == self.layer:
+            return True
+        return _members(scene, _layer(scene, layer)) == _members(scene, _layer(scene, self.layer))
+
     def changes_of_members(self, scene: bpy.types.Scene) -> list[str]:
         """Steps for which the scene is not what it was by its objects and settings."""
         before, now = self.entries[MEMBERS], _members(scene, _layer(scene, self.layer))

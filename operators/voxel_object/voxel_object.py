@@ -12,7 +12,7 @@ from mathutils import Matrix
 from ...patchnet_addon.image.tone import srgb_encode
 from ...patchnet_addon.octree.voxel_cloud import VoxelCloud
 from ...patchnet_addon.runtime.errors import SceneError
-from ..scene_access.own import OWNER
+from ..scene_access.own import OWNER, check_own_scene
 from .material import COLOR, LUMINANCE, voxel_material
 from .node_groups import SIDE, cubes_group, points_group
 
@@ -27,8 +27,10 @@ def show(scene: bpy.types.Scene, cloud: VoxelCloud, display: str) -> bpy.types.O
     """Show `cloud` in `scene` by an object, as CUBES or POINTS.
 
     The one of an earlier call is filled anew and stays in its collection, with its visibility; a renamed one is kept as
-    it is. A new one is hidden from renders. Selection and active object stay. Raises SceneError if it is being edited.
+    it is. A new one is hidden from renders. Selection and active object stay. Raises SceneError if it is being edited,
+    and as `check_own_scene`.
     """
+    check_own_scene(scene)
     item = next((each for each in scene.objects if _is_ours(each)), None)
     if item is not None and item.mode != "OBJECT":
         raise SceneError(f"'{item.name}' is being edited: leave Edit Mode, or rename it to keep it")

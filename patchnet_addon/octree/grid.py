@@ -44,6 +44,11 @@ class Grid:
         low, high = np.asarray(bounds_world, np.float64)
         extent = float((high - low).max()) * _MARGIN
         depth = max(1, int(np.ceil(np.log2(max(extent / voxel_size_world, 1.0)))))
+        if depth > MAX_DEPTH:
+            raise SettingError(
+                f"Voxel size {voxel_size_world:g} is too small for a scene that is {extent:.4g} long: it would take "
+                f"depth {depth}, where {MAX_DEPTH} is the most; choose at least {extent / 2**MAX_DEPTH:.2g}"
+            )
         side = voxel_size_world * 2.0**depth
         x, y, z = (low + high) / 2 - side / 2
         return cls((float(x), float(y), float(z)), side, depth)

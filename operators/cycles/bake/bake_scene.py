@@ -17,6 +17,7 @@ import numpy as np
 
 from ....patchnet_addon.runtime.errors import SceneError
 from ...scene_access.overrides import changed
+from ...scene_access.own import check_own_scene
 from ...scene_access.temporary import sync_view_layers, temporary
 from ...scene_access.window_job import window_is_alive
 from ..unbiased import UNBIASED
@@ -80,6 +81,7 @@ def page_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> Iterator[bpy.ty
     ray would look at its triangles, just above those of the surface, only to leave them out; one that is used twice is
     an instance, which rays leave out as a whole.
     """
+    check_own_scene(scene)
     with temporary(bpy.data.objects.new(_NAME, mesh)) as item, temporary(bpy.data.objects.new(_NAME, mesh)) as twin:
         for each in (item, twin):
             scene.collection.objects.link(each)

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What Cycles renders is voxelized, where a viewport would show something else, and nothing of the scene changes."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from patchnet.operators.scene.cameras import choose_cameras, scene_cameras
+from patchnet.operators.scene.images import ImageReader
+from patchnet.operators.scene.materials import read_material
+from patchnet.operators.scene.read import read_scene
+from patchnet.operators.session import results
+from patchnet.patchnet_addon.image.exr import read_exr
+from patchnet.tests.blender.engine_scene import build_for_engine
+from patchnet.tests.blender.job_scene import box, build
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+BOUNDS = np.array([[-1.0, -1, -1], [1, 1, 1]])
+
+
+@pytest.fixture(autouse=True)
+def small(registered: None) -> bpy.types.Scene:
+    """The small scene, open."""
+    build()
+    return bpy.context.scene
+
+
+def read() -> dict[str, int]:
+    """How often each object is placed in what is voxelized."""
+    bpy.context.view_layer.update()
+    before = scene_snapshot()
+    parts = read_scene(bpy.context.evaluated_depsgraph_get()).parts
+    assert_unchanged(before)
+    found: dict[str, int] = {}
+    for name in (name for part in parts for name in part.objects):
+        found[name] = found.get(name, 0) + 1
+    return found
+
+
+def collection(name: str, *objects: bpy.types.Object) -> bpy.types.Collection:
+    """A collection of its own with objects that are in no other."""
+    made = bpy.data.collections.new(name)
+    for item in objects:
+        for other in item.users_collection:
+            other.objects.unlink(item)
+        made.objects.link(item)
+    return made
+
+
+def instanced(made: bpy.types.Collection) -> bpy.types.Object:
+    """An empty that instances a collection."""
+    empty = bpy.data.objects.new("Instance", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", made
+    bpy.context.scene.collection.objects.link(empty)
+    bpy.context.view_layer.update()
+    return empty
+
+
+def test_a_mist_box_is_no_wall() -> None:
+    material = bpy.data.objects["Slab"].material_slots[0].material
+    tree = material.node_tree
+    output = tree.nodes["Material Output"]
+    tree.links.remove(output.inputs["Surface"].links[0])
+    assert read_material(material, ImageReader())[0].alpha == 1.0, "with nothing at all it is black, as in Cycles"
+    volume = tree.nodes.new("ShaderNodeVolumePrincipled")
+    tree.links.new(volume.outputs[0], output.inputs["Volume"])
+    assert read_material(material, ImageReader())[0].alpha == 0.0
+
+
+def test_what_instances_leave_out(small: bpy.types.Scene) -> None:
+    """Objects in them that no camera sees, that catch shadows, and collections that are disabled in renders."""
+    seen, unseen, catcher, proxy = (box(name, (0, 0, 0), (1, 1, 1), 0.5) for name in ("Seen", "Un", "Catch", "Proxy"))
+    unseen.visible_camera, catcher.is_shadow_catcher = False, True
+    made = collection("Asset", seen, unseen, catcher)
+    helpers = collection("Helpers", proxy)
+    helpers.hide_render = True
+    made.children.link(helpers)
+    instanced(made)
+    assert {"Seen", "Un", "Catch", "Proxy"} & read().keys() == {"Seen"}
+    assert not helpers.hide_viewport
+    helpers.hide_render = False
+    assert "Proxy" in read()
+
+
+@pytest.mark.parametrize("flag", ["holdout", "indirect_only"])
+def test_one_collection_of_an_object_is_enough(small: bpy.types.Scene, flag: str) -> None:
+    made = bpy.data.collections.new("Held out")
+    small.collection.children.link(made)
+    made.objects.link(bpy.data.objects["Slab"])
+    assert "Slab" in read()
+    setattr(bpy.context.view_layer.layer_collection.children["Held out"], flag, True)
+    assert "Slab" not in read() and "Lath 0" in read()
+
+
+def test_particles_of_a_render(small: bpy.types.Scene) -> None:
+    """All of them and their children, however few of them the viewport shows."""
+    stone, slab = box("Stone", (0, 0, 0), (0.1, 0.1, 0.1), 0.5), bpy.data.objects["Slab"]
+    slab.modifiers.new("Stones", "PARTICLE_SYSTEM")
+    settings = slab.particle_systems[0].settings
+    settings.type, settings.count, settings.render_type, settings.instance_object = "HAIR", 40, "OBJECT", stone
+    settings.display_percentage = 5
+    assert read()["Stone"] == 41  # with the stone itself
+    settings.child_type, settings.child_percent, settings.rendered_child_count = "SIMPLE", 1, 3
+    assert read()["Stone"] == 121
+    assert (settings.display_percentage, settings.child_percent) == (5, 1)
+
+
+def test_geometry_nodes_that_ask_for_the_viewport_are_named() -> None:
+    group = bpy.data.node_groups.new("Two Faces", "GeometryNodeTree")
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    group.nodes.new("GeometryNodeIsViewport")
+    bpy.data.objects["Lath 0"].modifiers.new("Nodes", "NODES").node_group = group
+    bpy.context.view_layer.update()
+    (warning,) = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
+    assert warning.startswith("Geometry nodes 'Two Faces' ask Is Viewport")
+
+
+def test_what_vertices_instance_is_not_where_it_stands_itself() -> None:
+    stone, slab = box("Stone", (3, 0, 0), (3.1, 0.1, 0.1), 0.5), bpy.data.objects["Slab"]
+    stone.parent = slab
+    assert read()["Stone"] == 1
+    slab.instance_type = "VERTS"
+    bpy.context.view_layer.update()
+    assert read()["Stone"] == len(slab.data.vertices)
+
+
+def test_objects_of_a_background_scene_are_mentioned(small: bpy.types.Scene) -> None:
+    """Its camera is looked through, if it is the active one."""
+    small.background_set = other = bpy.data.scenes.new("Set")
+    eye = bpy.data.objects["Eye"]
+    small.collection.objects.unlink(eye)
+    other.collection.objects.link(eye)
+    bpy.context.view_layer.update()
+    graph = bpy.context.evaluated_depsgraph_get()
+    assert any("background scene 'Set'" in warning for warning in read_scene(graph).warnings)
+    assert [camera.name for camera in choose_cameras(graph, (), (16, 16), BOUNDS)] == ["Eye"]
+
+
+def test_a_mirrored_camera_mirrors_its_picture() -> None:
+    eye, graph = bpy.data.objects["Eye"], bpy.context.evaluated_depsgraph_get()
+    (plain,) = choose_cameras(graph, (), (16, 16), BOUNDS)
+    eye.scale = (-2.0, 2.0, 2.0)
+    bpy.context.view_layer.update()
+    (mirrored,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (16, 16), BOUNDS)
+    for name, sign in {"right": -1, "up": 1, "forward": 1}.items():
+        np.testing.assert_allclose(getattr(mirrored, name), sign * getattr(plain, name), atol=1e-6)
+
+
+def test_cameras_of_one_name(small: bpy.types.Scene, tmp_path: Path) -> None:
+    """The active one is looked through by default, and each by a name of its own."""
+    eye = bpy.data.objects["Eye"]
+    made = collection("Rig", eye)
+    path = tmp_path / "rig.blend"
+    bpy.data.libraries.write(str(path), {made})
+    build()
+    scene = bpy.context.scene
+    with bpy.data.libraries.load(str(path), link=True) as (_, wanted):
+        wanted.collections = ["Rig"]
+    scene.collection.children.link(wanted.collections[0])
+    bpy.data.objects["Eye", None].matrix_world = Matrix.Translation((0, 0, 9))
+    bpy.context.view_layer.update()
+    assert list(scene_cameras(scene)) == ["Eye", "Eye [rig.blend]"]
+    graph = bpy.context.evaluated_depsgraph_get()
+    for names, height in (((), 9), (("Eye",), 9), (("Eye [rig.blend]",), 0.4)):
+        (camera,) = choose_cameras(graph, names, (16, 16), BOUNDS)
+        assert camera.position_world[2] == pytest.approx(height) and camera.name == (names or ("Eye",))[0]
+
+
+def test_a_linked_scene_is_refused_with_a_sentence(small: bpy.types.Scene, tmp_path: Path) -> None:
+    small.name = "Shot"
+    path = tmp_path / "shot.blend"
+    bpy.data.libraries.write(str(path), {small})
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(str(path), link=True) as (_, wanted):
+        wanted.scenes = ["Shot"]
+    bpy.context.window.scene = wanted.scenes[0]
+    with pytest.raises(RuntimeError, match=r"Scene 'Shot' is linked from .*shot\.blend.*open that file"):
+        bpy.ops.patchnet.run_all(depth=4, samples=1, scope="VISIBLE")
+    assert not any(item.name.startswith("PatchNet") for item in bpy.data.objects)
+
+
+def test_a_sequence_that_is_there_is_not_missed(small: bpy.types.Scene, tmp_path: Path) -> None:
+    picture = bpy.data.images.new("Frame", 4, 4)
+    for number in range(1, 4):
+        picture.save(filepath=str(tmp_path / f"leaf_{number:03d}.png"))
+    material = bpy.data.objects["Slab"].material_slots[0].material
+    node = material.node_tree.nodes.new("ShaderNodeTexImage")
+    node.image = bpy.data.images.load(str(tmp_path / "leaf_001.png"))
+    node.image.source = "SEQUENCE"
+    node.image_user.frame_duration, node.image_user.frame_start = 3, 1
+    principled = material.node_tree.nodes["Principled BSDF"]
+    material.node_tree.links.new(node.outputs["Color"], principled.inputs["Base Color"])
+    small.frame_set(2)
+    (warning,) = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
+    assert "image 'leaf_001.png', whose frames are not read" in warning
+    (tmp_path / "leaf_002.png").unlink()
+    missing, _ = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
+    assert missing.startswith("Images are missing") and "leaf_002.png" in missing
+
+
+def test_each_view_layer_renders_its_own_objects(weights: Path, tmp_path: Path) -> None:
+    """The voxels that are there stay those of the first one."""
+    scene = build_for_engine(weights, tmp_path)
+    laths = collection("Laths", *(item for item in scene.objects if item.name.startswith("Lath")))
+    scene.collection.children.link(laths)
+
+    def depth(layer: str) -> np.ndarray:
+        path = Path(scene.render.filepath).with_name(f"{layer}.exr")
+        scene.render.filepath = str(path)
+        assert bpy.ops.render.render(write_still=True) == {"FINISHED"}
+        return read_exr(path)[f"{layer}.Depth.Z"]
+
+    whole = depth("ViewLayer")
+    voxels = results.voxels_of(scene)
+    scene.view_layers.new("Slab").layer_collection.children["Laths"].exclude = True
+    of_slab = depth("Slab")
+    assert (of_slab > whole + 0.5).sum() > 20, "where a lath was, the slab is seen"
+    np.testing.assert_array_equal(depth("ViewLayer"), whole)
+    np.testing.assert_array_equal(depth("Slab"), of_slab)
+    assert results.voxels_of(scene) is voxels
+    with bpy.context.temp_override(view_layer=scene.view_layers["Slab"]):
+        scene.view_layers["ViewLayer"].use = False
+        np.testing.assert_array_equal(depth("Slab"), of_slab)
