@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.errors import PatchNetError
 from ..training.settings import SAMPLES, VIEWS
 from .shared.arguments import add_number, add_out
 
@@ -62,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     check_outputs({args.out / (name + SUFFIX): SAMPLES for name in names}, args.octrees, folder=args.out)
     args.out.mkdir(parents=True, exist_ok=True)
     share = -(-args.samples // len(names))
-    start = time.monotonic()
+    start, drawn = time.monotonic(), 0
     for number, (name, path) in enumerate(names.items()):
         octree = load_octree(path)
         settings = SampleSettings(
@@ -73,10 +74,13 @@ def run(args: argparse.Namespace) -> int:
             lookahead=args.lookahead,
         )
         with ProgressBars() as bars:
-            samples = drain(draw_samples(octree, share, settings, f"Drawing {name}"), bars.show)
+            try:
+                samples = drain(draw_samples(octree, share, settings, f"Drawing {name}"), bars.show)
+            except PatchNetError as cause:
+                raise type(cause)(f"{path}: {cause}") from cause
+        drawn += samples.views.shape[0] * samples.views.shape[1]
         save_samples(samples, path, octree, settings, args.out / (name + SUFFIX))
     seconds = time.monotonic() - start
-    drawn = share * len(names)
     text = f"{drawn:,} samples of {len(names)} octrees in {seconds:.0f} s ({drawn / seconds:,.0f}/s)"
     say_result(text, file=args.out, samples=drawn)
     return 0

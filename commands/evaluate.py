@@ -15,7 +15,7 @@ from ..patchnet_addon.runtime.file_kinds import EVALUATION, EVALUATION_REPORT, E
 from ..patchnet_addon.runtime.outputs import check_outputs
 from ..patchnet_addon.runtime.progress import drain
 from ..patchnet_addon.runtime.replace import replaced_file
-from .shared.arguments import add_number, add_out, named_file
+from .shared.arguments import add_number, add_out, check_octrees, named_file
 from .shared.lines import say_result
 from .shared.track_arguments import add_track
 
@@ -74,8 +74,9 @@ def run(args: argparse.Namespace) -> int:
     from .shared.progress_bars import ProgressBars
 
     settings = _evaluation(args)
-    if not args.scenes and not args.octrees:
+    if not args.scenes.strip(", ") and not args.octrees:
         raise SettingError("There is nothing to evaluate: name --scenes, or octree files")
+    check_octrees(args.octrees)
     inputs = [*args.octrees, *args.maps, *(args.lpips or ()), *filter(None, [args.weights])]
     inputs += [path for _, path in args.networks]
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, inputs, folder=args.out)

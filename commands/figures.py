@@ -11,7 +11,7 @@ from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.outputs import check_outputs
 from ..patchnet_addon.runtime.progress import drain
-from .shared.arguments import add_number, add_out, named_file
+from .shared.arguments import add_number, add_out, check_octrees, named_file
 from .shared.lines import say_result
 
 SPLIT, LOOK_AHEAD = FIGURES = ("split", "look-ahead")
@@ -93,7 +93,11 @@ def _draw_failures(args: argparse.Namespace) -> int:
     from .shared.progress_bars import ProgressBars
 
     if args.only or args.networks or len(args.weights) > 1:
-        raise SettingError("Octree files are for the figure of failures alone: leave out --only and --networks")
+        raise SettingError(
+            "Octree files are for the figure of failures alone, of one network: leave out --only and --networks, and "
+            "give one file as --weights"
+        )
+    check_octrees(args.failures)
     weights = args.weights[0] if args.weights else None
     check_outputs({args.out / f"{FAILURES}.png": PNG, args.out / f"{FAILURES}.svg": SVG}, args.weights, folder=args.out)
     args.out.mkdir(parents=True, exist_ok=True)

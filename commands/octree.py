@@ -36,10 +36,13 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room")
     parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
     add_views(parser)
-    add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure", "color", "both_sides", "gloss")
+    add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure", "both_sides", "gloss")
     add_settings(parser, "incremental", "tolerance")
     add_settings(parser, "device")
-    parser.set_defaults(color=False)  # training and experiments read luminance alone
+    parser.add_argument(
+        "--color", action=argparse.BooleanOptionalAction, default=False,
+        help="keep color beside luminance, for exports and pictures (off: training reads luminance alone)",
+    )  # fmt: skip
     add_number(
         parser, "--rotate", bounds.SEED, default=0, metavar="SEED",
         help="turn the lit surface by a random rotation; two-lights then shines from a random direction (0: upright)",
@@ -79,7 +82,8 @@ def run(args: argparse.Namespace) -> int:
         open_or_build(None if args.scene is None else str(args.scene))
     check_out(args)
     settings, recipe = _settings(args), _recipe(args)
-    hide_from_renders(_without(args))
+    for text in hide_from_renders(_without(args)):
+        say_note(f"--without {text}: no object, and nothing above one, has a name with it")
     if args.frames is not None:
         return _run_frames(args, settings, recipe)
     make_parent(args.out)

@@ -19,7 +19,7 @@ from typing import Any
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.progress import drain
 from ..training.evaluation.networks.names import NAMES
-from .shared.arguments import add_number, add_out
+from .shared.arguments import add_number, add_out, check_octrees
 from .shared.lines import say_result
 from .shared.track_arguments import add_track
 from .shared.training_run import add_run_arguments, require_torch
@@ -54,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
     from ..training.evaluation.networks.run_files import FRAMES, check_map_run
 
     check_map_run(args.out, args.octrees, resume=args.resume)
+    check_octrees(args.octrees)
     require_torch()
     import torch
 

@@ -96,6 +96,8 @@ def run(args: argparse.Namespace) -> int:
     scenes = _scenes(args)
     names = [*(scene.name for scene in scenes), *(path.stem for path in args.octrees)]
     plans = planned_networks(names, _words(args.kinds), args.unseen)
+    if not plans:
+        raise SettingError("There is nothing to train: name --kinds of networks")
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, args.octrees, folder=args.out)
     keep_freed_memory()
     require_torch()

@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
-from .shared.arguments import add_number, add_out
+from .shared.arguments import add_number, add_out, check_octrees
 from .shared.lines import say_result
 from .shared.track_arguments import add_track
 from .shared.training_run import require_torch
@@ -54,6 +55,9 @@ def run(args: argparse.Namespace) -> int:
     from ..training.plus.run_files import REFERENCES, check_plus_run
 
     check_plus_run(args.out, [*args.octrees, *([args.weights] if args.weights else [])])
+    check_octrees(args.octrees)
+    if len({path.resolve() for path in args.octrees}) < len(args.octrees):
+        raise SettingError("An octree is named twice, and would count twice: name each file once")
     require_torch()
     import torch
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.errors import SettingError
 from .shared.arguments import add_number, add_out
 from .shared.training_run import require_torch
 
@@ -51,6 +52,9 @@ def run(args: argparse.Namespace) -> int:
     from ..training.run.weights_errors import weights_errors
 
     files = sample_files(args.datasets)
+    names = [file.name for file in files]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise SettingError(f"Two sample files are called {twice[0]}: rename one, or name each file once")
     if args.out:
         check_outputs({args.out: ERRORS}, [*files, *args.weights])
         make_parent(args.out)
@@ -72,8 +76,9 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _line(errors: dict[str, float]) -> str:
-    of_luminance = (
-        f"{errors['luminance_ratio']:.2f} of the voxel's own, squared {errors['luminance_squared_ratio']:.2f}"
-    )
+def _line(errors: dict[str, Any]) -> str:
+    of_luminance = "the voxel's own errs by nothing"
+    if errors["luminance_ratio"] is not None:
+        ratio, squared = errors["luminance_ratio"], errors["luminance_squared_ratio"]
+        of_luminance = f"{ratio:.2f} of the voxel's own, squared {squared:.2f}"
     return f"coverage {errors['coverage']:.4f}, luminance {errors['luminance']:.4f}: {of_luminance}"

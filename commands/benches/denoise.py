@@ -120,6 +120,10 @@ def samples_of_error(errors: Mapping[int, float], wanted: float) -> float | None
     return None
 
 
+def _share(error: float, noisy: float) -> str:
+    return f"{error / noisy:.2f}" if noisy > 0 else "-"
+
+
 def text(values: dict[str, Any]) -> str:
     """Errors by region in a table."""
     from ...training.benchmarks.tables import markdown_table
@@ -127,7 +131,7 @@ def text(values: dict[str, Any]) -> str:
     rows = [
         [
             each["region"], f"{each['share']:.0%}", f"{each['noisy']:.2e}", f"{each['denoised']:.2e}",
-            f"{each['ratio']:.2f}", *(f"{error / each['noisy']:.2f}" for error in each["rivals"].values()),
+            f"{each['ratio']:.2f}", *(_share(error, each["noisy"]) for error in each["rivals"].values()),
             f"{each['reference_noise']:.1e}",
         ]
         for each in values["regions"]

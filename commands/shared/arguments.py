@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ...patchnet_addon.network.devices import AUTO, read_device
 from ...patchnet_addon.runtime.bounds import Bounds
-from ...patchnet_addon.runtime.errors import OutputError, SettingError
+from ...patchnet_addon.runtime.errors import OctreeFileError, OutputError, SettingError
 from ...patchnet_addon.runtime.file_kinds import BLEND, GLB, FileKind
 
 
@@ -46,6 +47,13 @@ def _output(text: str) -> Path:
     if not text.strip():
         raise OutputError("--out is empty: give the path of the output, or . for the working folder")
     return Path(text)
+
+
+def check_octrees(paths: Iterable[Path]) -> None:
+    """Raise OctreeFileError for octree files that are not there, before hours go by with those that are."""
+    for path in paths:
+        if not path.is_file():
+            raise OctreeFileError(f"{path} does not exist: name an octree file")
 
 
 def scene_kind(out: Path) -> FileKind:

@@ -124,6 +124,8 @@ def _importance(args: argparse.Namespace) -> Importance | None:
 
     if args.mask is None and not args.mask_image and not args.mask_group:
         return None
+    if args.mask is not None and not args.mask.is_file():  # an error now, not after the bake
+        raise SettingError(f"The importance mask {args.mask} does not exist")
     return Importance(args.mask_image, None if args.mask is None else args.mask.absolute(), args.mask_group)
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import SettingError
 from .arguments import add_number
 from .lines import say_note
 
@@ -36,6 +37,11 @@ def view_cameras(args: argparse.Namespace) -> list[Camera]:
     from ...patchnet_addon.tracing.camera import Camera
 
     width, height = args.size
+    for values in args.view:
+        if values[:3] == values[3:]:
+            raise SettingError(
+                f"--view {' '.join(f'{value:g}' for value in values)} looks at where it stands: move its target"
+            )
     return [
         Camera.look_at(np.array(values[:3]), np.array(values[3:]), size_px=(width, height), name=f"View {number}")
         for number, values in enumerate(args.view, 1)

@@ -8,13 +8,17 @@ from collections.abc import Callable, Sequence
 import bpy
 
 
-def hide_from_renders(texts: Sequence[str]) -> None:
-    """Hide objects whose own or an ancestor's name contains one of `texts` (lower case)."""
+def hide_from_renders(texts: Sequence[str]) -> list[str]:
+    """Hide objects whose own or an ancestor's name contains one of `texts` (lower case); returns those of no object."""
+    unused = set(texts)
     for item in bpy.data.objects:
         ancestor = item
-        while ancestor is not None and not any(text in ancestor.name.lower() for text in texts):
+        while ancestor is not None and not (found := [text for text in texts if text in ancestor.name.lower()]):
             ancestor = ancestor.parent
-        item.hide_render = item.hide_render or ancestor is not None
+        if ancestor is not None:
+            item.hide_render = True
+            unused.difference_update(found)
+    return sorted(unused)
 
 
 def keep_hidden(texts: Sequence[str]) -> None:
@@ -24,4 +28,7 @@ def keep_hidden(texts: Sequence[str]) -> None:
 
 
 def _hider(texts: Sequence[str]) -> Callable[..., None]:
-    return lambda *_: hide_from_renders(texts)
+    def hide(*_: object) -> None:
+        hide_from_renders(texts)
+
+    return hide

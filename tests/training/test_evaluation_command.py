@@ -3,16 +3,22 @@
 
 import csv
 import json
+import multiprocessing
 import re
 import shutil
+import signal
 import subprocess
+import threading
+import time
 
 import numpy as np
 import pytest
 
 from patchnet.commands import main
 from patchnet.patchnet_addon.octree.file import save_octree
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
+from patchnet.tests.training import slow_blocks
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation import evaluate
 
@@ -161,6 +167,26 @@ def test_what_cannot_be_evaluated_is_refused(words, message, tmp_path, capsys, d
     save_octree(octree_of_shells(1000), tmp_path / "x.safetensors")
     assert main(["evaluate", *words, "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_signal_to_the_command_alone_ends_its_processes(tmp_path, monkeypatch):
+    """Farms and `kill` send it to one process; a terminal sends it to all."""
+    monkeypatch.setattr(evaluate, "load_block", lambda _: None)
+    monkeypatch.setattr(evaluate, "evaluate_block", slow_blocks.evaluate_slowly)
+    marks = [tmp_path / str(number) for number in range(4)]
+
+    def interrupt_when_begun() -> None:
+        while not marks[0].exists():
+            time.sleep(0.05)
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    threading.Thread(target=interrupt_when_begun, daemon=True).start()
+    start = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        drain(evaluate._run(marks, 1))
+    while multiprocessing.active_children() and time.monotonic() - start < 60:
+        time.sleep(0.05)
+    assert not multiprocessing.active_children() and not marks[3].exists()
 
 
 @pytest.mark.parametrize("name", ["results.json", "results.csv", "tables.md", "report.html"])

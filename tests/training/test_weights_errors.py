@@ -18,7 +18,7 @@ from patchnet.training.data.dataset import load_dataset, save_samples
 from patchnet.training.data.procedural import spheres_and_slats
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.run.validation_sets import all_of
-from patchnet.training.run.weights_errors import weights_errors
+from patchnet.training.run.weights_errors import _errors, weights_errors
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +55,17 @@ def test_command_compares_weights(file: Path, tmp_path: Path, capsys) -> None:
     (found,) = json.loads(out.read_text())["errors"].values()
     assert found["scenes"]["slats"]["all"]["views"] == 200
     assert "slats" in capsys.readouterr().out
+    assert main([*words, str(file)]) == 2 and "Two sample files are called slats" in capsys.readouterr().err
     assert main(words) == 0  # its own file is replaced, something else is not
     out.write_text("notes")
     assert main(words) == 2 and out.read_text() == "notes"
+
+
+def test_voxels_that_err_by_nothing_have_no_ratio() -> None:
+    found = np.array([[1.0, 0.0], [0.5, 0.0], [0.5, 0.25], [0.75, 0.0], [0.5, 0.0]])  # of two views, one sees nothing
+    errors = _errors(found)
+    assert (errors["luminance"], errors["voxel_luminance"], errors["luminance_ratio"]) == (0.25, 0.0, None)
+    assert _errors(found[:, 1:])["luminance"] == 0.0
 
 
 def test_another_look_ahead_is_refused(file: Path) -> None:

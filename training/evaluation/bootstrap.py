@@ -40,7 +40,9 @@ def block_frames(frames: int, wanted: int = BLOCK_FRAMES) -> int:
     """Length of the blocks of a track: `wanted` frames, or less, so that there are at least ten blocks where the track
     has ten frames. Raises SettingError for less than two frames, which have no spread, or a length below 1."""
     if frames < 2:
-        raise SettingError(f"An interval needs at least two frames, and the track has {frames}: render more")
+        raise SettingError(
+            f"An interval needs at least two frames, and the track has {frames}: evaluate more (--frames, --every)"
+        )
     if wanted < 1:
         raise SettingError(f"Blocks of {wanted} frames cannot be drawn: give at least 1")
     return max(min(wanted, frames // LEAST_BLOCKS), 1)

@@ -167,15 +167,18 @@ def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
     if not left:
         return
     # Not forked: threads and libraries of this process do not survive that.
-    with ProcessPoolExecutor(min(processes, len(left)), multiprocessing.get_context("spawn")) as pool:
-        try:
-            for task in as_completed([pool.submit(evaluate_block, block) for block in left]):
-                task.result()
-                done += 1
-                yield Progress(done, len(blocks), _LABEL)
-        except BaseException:  # an error or Ctrl-C: what has not begun is not begun
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    pool = ProcessPoolExecutor(min(processes, len(left)), multiprocessing.get_context("spawn"))
+    try:
+        for task in as_completed([pool.submit(evaluate_block, block) for block in left]):
+            task.result()
+            done += 1
+            yield Progress(done, len(blocks), _LABEL)
+    except BaseException:  # an error or a signal: nothing more is begun, and blocks that are not done are made again
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in multiprocessing.active_children():
+            process.terminate()
+        raise
+    pool.shutdown()
 
 
 def _result(scene: _Prepared, strategies: Mapping[str, Strategy], out: Path) -> SceneResult:

@@ -43,4 +43,7 @@ def markdown_of(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _error(errors: Mapping[str, float] | None) -> str:
-    return "seen" if errors is None else f"{errors['coverage']:.4f} ({errors['luminance_ratio']:.2f})"
+    if errors is None:
+        return "seen"
+    ratio = errors["luminance_ratio"]
+    return f"{errors['coverage']:.4f} ({'-' if ratio is None else f'{ratio:.2f}'})"

@@ -91,6 +91,8 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     check_run(options.out, resume=options.resume)
     options.out.mkdir(parents=True, exist_ok=True)
     run = asdict(settings) | {"data": list(notes["octrees"].values()), "lookahead": corpus.lookahead}
+    # Which samples of these octrees: not by their hash, which would take as long to find as they take to read.
+    run["samples"] = [] if settings.fresh else [_draw_of(dataset) for dataset in datasets]
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
         notes |= {name: run[name] for name in run if name == "extended_from"}
@@ -125,6 +127,11 @@ def _corpora(datasets: Sequence[Dataset], settings: TrainSettings) -> tuple[AnyC
     if not settings.fresh:
         return corpus_of(datasets, nearby=nearby)
     return fresh_corpus_of(datasets, nearby=nearby)
+
+
+def _draw_of(dataset: Dataset) -> list[Any]:
+    """Numbers that tell one draw of an octree's samples from another."""
+    return [*dataset.samples.views.shape, *asdict(dataset.sample_settings).values()]
 
 
 class _Keeper:
@@ -219,6 +226,7 @@ def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None
         state = torch.load(path, map_location=CPU, weights_only=True)
         before = {"lookahead": DEFAULT_LOOKAHEAD, "network": PAPER.name, "loss": ABSOLUTE}
         before |= {"encoder": MLP.name, "fresh": False, "decoder_width": PAPER.width}
+        before |= {"samples": run.get("samples")}  # of a checkpoint that does not say
         other = before | {"encoder_width": ENCODERS[state["run"].get("encoder", MLP.name)].width} | state["run"]
         extended = other.get("passes", 0) < run.get("passes", 0)
         free = OF_LENGTH if extended else ()
@@ -227,7 +235,7 @@ def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None
             learner.load(state["learner"])
             earlier = [*other.get("extended_from", ()), *([other["passes"]] if extended else ())]
             run |= {"extended_from": earlier} if earlier else {}
-    except (RuntimeError, KeyError, ValueError, EOFError, pickle.UnpicklingError) as cause:
+    except (RuntimeError, KeyError, ValueError, TypeError, EOFError, pickle.UnpicklingError) as cause:
         raise FileFormatError(
             f"{path} is damaged, or of another version ({type(cause).__name__}): start the run anew"
         ) from cause

@@ -37,15 +37,19 @@ def weights_errors(weights: Weights, dataset: Dataset, voxels: int) -> dict[str,
     views = corpus.views.shape[1]
     level = np.repeat(corpus.voxel[:voxels, 0], views)
     ratio = corpus.views[:voxels, :, 9].ravel() / UNIT
-    bins = itertools.pairwise(_RATIOS)
+    bins = {f"{low} to {high}": (ratio >= low) & (ratio <= high) for low, high in itertools.pairwise(_RATIOS)}
     return {
         "all": _errors(found),
         "level": {str(one): _errors(found[:, level == one]) for one in np.unique(level)},
-        "ratio": {f"{low} to {high}": _errors(found[:, (ratio >= low) & (ratio <= high)]) for low, high in bins},
+        "ratio": {name: _errors(found[:, chosen]) for name, chosen in bins.items() if chosen.any()},
     }
 
 
-def _errors(found: np.ndarray) -> dict[str, float]:
+def _errors(found: np.ndarray) -> dict[str, float | None]:
+    """Errors of views (5, N), N > 0; luminance counts where something is seen, and is 0 where nothing is.
+
+    The ratios to the voxel's own errors are None where those are 0.
+    """
     coverage, luminance, guess, target, own = found.astype(np.float64)
     seen = coverage > 0
     ours, voxels = (target - luminance)[seen], (own - luminance)[seen]
@@ -54,12 +58,16 @@ def _errors(found: np.ndarray) -> dict[str, float]:
         "views": len(coverage),
         "coverage": _rounded(np.abs(guess - coverage).mean()),
         "coverage_squared": _rounded(np.square(guess - coverage).mean()),
-        "luminance": _rounded(np.abs(ours).mean()),
-        "voxel_luminance": _rounded(np.abs(voxels).mean()),
-        "luminance_ratio": _rounded(np.abs(ours).sum() / max(np.abs(voxels).sum(), 1e-12)),
-        "luminance_squared_ratio": _rounded((weight * ours**2).sum() / max((weight * voxels**2).sum(), 1e-12)),
+        "luminance": _rounded(np.abs(ours).sum() / max(len(ours), 1)),
+        "voxel_luminance": _rounded(np.abs(voxels).sum() / max(len(voxels), 1)),
+        "luminance_ratio": _ratio(np.abs(ours).sum(), np.abs(voxels).sum()),
+        "luminance_squared_ratio": _ratio((weight * ours**2).sum(), (weight * voxels**2).sum()),
     }
 
 
+def _ratio(ours: float, voxels: float) -> float | None:
+    return _rounded(ours / voxels) if voxels > 0 else None
+
+
 def _rounded(value: float) -> float:
-    return round(float(np.nan_to_num(value)), 6)
+    return round(float(value), 6)
