@@ -12,7 +12,7 @@ The modules are imported on every call, for the help: they import numba, torch a
 import argparse
 import importlib
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from types import ModuleType
 from typing import NoReturn
@@ -110,8 +110,18 @@ def make_parser(modules: dict[str, ModuleType], program: str = "patchnet") -> ar
     _add_log_format(parser)
     subparsers = parser.add_subparsers(dest="command", metavar="SUB-COMMAND", required=True)
     for module in modules.values():
-        _add_log_format(module.add_parser(subparsers))
+        for each in _with_nested(module.add_parser(subparsers)):
+            _add_log_format(each)
     return parser
+
+
+def _with_nested(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """A parser and those of its own sub-commands, such as of each bench."""
+    yield parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for nested in action.choices.values():
+                yield from _with_nested(nested)
 
 
 def _add_log_format(parser: argparse.ArgumentParser) -> None:

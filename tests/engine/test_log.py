@@ -58,6 +58,12 @@ def test_unknown_format_is_said_once(monkeypatch: pytest.MonkeyPatch, capfd: pyt
     assert line.startswith("patchnet: error: There is no log format 'foo': give --log-format or PATCHNET_LOG as")
 
 
+def test_every_sub_command_hears_the_format_and_those_of_bench() -> None:
+    parser = commands.make_parser(commands.modules_of())
+    for words in (["info", "octree.safetensors"], ["bench", "open"], ["bench", "train"]):
+        assert parser.parse_args([*words, "--log-format", "json"]).log_format == "json"
+
+
 def test_users_are_told_nothing_twice(capsys: pytest.CaptureFixture[str]) -> None:
     log.set_up(log.TEXT, "INFO")
     for name in EVENTS:

@@ -73,3 +73,4 @@ def test_files_do_not_take_the_place_of_a_closed_stream(file: Path) -> None:
 def test_output_that_is_lost_is_an_error(file: Path) -> None:
     done = shell("patchnet info --json FILE >/dev/full", file)
     assert done.returncode == 2 and "No space left on device" in done.stderr and "Traceback" not in done.stderr
+    assert shell("patchnet info nothing 2>/dev/full", file).returncode == 2
