@@ -30,6 +30,7 @@ _QUICK_S = 0.5  # a comparison of everything may take so long while the user wor
 _MEMBERS = bpy.types.Scene | bpy.types.Collection
 MANY = "many objects"
 UNDO = "undo or redo"
+_OTHER_LAYER = "view layer"  # how such a reason begins
 
 
 @persistent
@@ -47,6 +48,7 @@ def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
             for step, what in changes(result.state, scene, updates, result.known_changes()):
                 if step != VIEW or result.lookahead_share is not None:
                     result.mark(step, what)
+        _look_at_layers(result, scene)
     for watch in watches:
         assert watch.state is not None
         watch.changes.extend(changes(watch.state, scene, updates, {what for _, what in watch.changes}))
@@ -72,6 +74,20 @@ def changes(
                 yield step, changed_text(MEMBERS, step=step)
         elif (what := _words(update)) not in known:
             yield from ((step, what) for step in state.changes_of(block))
+
+
+def _look_at_layers(result: SceneResult, scene: bpy.types.Scene) -> None:
+    """Mark a result whose view layer no window shows any more, where those that are shown have other objects."""
+    from ..state.scene_state import SURFACE
+
+    assert result.state is not None
+    shown = [window.view_layer.name for window in bpy.context.window_manager.windows if window.scene == scene]
+    marked = any(text.startswith(_OTHER_LAYER) for text in result.reasons.get(SURFACE, ()))
+    if not shown or result.state.layer in shown:
+        if marked:
+            recheck(result, scene)
+    elif not marked and not any(result.state.fits_layer(scene, name) for name in shown):
+        result.mark(SURFACE, f"{_OTHER_LAYER} '{shown[0]}' shows other objects")
 
 
 def _words(update: bpy.types.DepsgraphUpdate) -> str:

@@ -56,6 +56,32 @@ def test_reports_without_a_change_make_nothing_stale(name: str) -> None:
     assert ("view" in result().reasons) == (name == "a camera turns")
 
 
+def test_another_view_layer_is_shown() -> None:
+    """One with the same objects fits; one without some does not, until the first is shown again."""
+    run()
+    scene, window = bpy.context.scene, bpy.context.window
+    first, other = window.view_layer, scene.view_layers.new("Other")
+    window.view_layer = other
+    add_collection()
+    bpy.context.view_layer.update()
+    assert result().stale == set()
+    window.view_layer = first
+    laths = bpy.data.collections.new("Laths")
+    scene.collection.children.link(laths)
+    other.layer_collection.children["Laths"].exclude = True
+    lath = bpy.data.objects["Lath 1"]
+    laths.objects.link(lath)
+    scene.collection.objects.unlink(lath)
+    run()
+    assert result().stale == set()
+    for layer, stale in ((other, {"surface"}), (first, set())):
+        window.view_layer = layer
+        bpy.data.objects["Slab"].update_tag()
+        bpy.context.view_layer.update()
+        assert result().stale == stale, result().reasons
+        assert "view layer 'Other' shows other objects" in result().why("surface") or not stale
+
+
 CHANGES: dict[str, tuple[str, Callable[[], object], str]] = {
     "object deleted": ("surface", lambda: bpy.data.objects.remove(bpy.data.objects["Lath 1"]), "objects"),
     "object added": ("surface", lambda: box("New", (0, 0, 0), (1, 1, 1), 0.5), "objects"),
