@@ -122,8 +122,9 @@ def camera_names(scene: bpy.types.Scene, names: Sequence[str]) -> list[str]:
     known = scene_cameras(scene)
     if list(names) == [ALL]:
         chosen = sorted(known)
-    elif names:
-        chosen = list(dict.fromkeys(names))
+    elif names:  # which were cut at commas, that a camera's own name may have
+        whole = next((text for text in (", ".join(names), ",".join(names)) if text in known), None)
+        chosen = [whole] if whole else list(dict.fromkeys(names))
     else:
         active = camera_name(scene, scene.camera)
         chosen = [active] if active else []

@@ -10,6 +10,9 @@ from typing import Any
 import bpy
 
 
+_OF_VIEWPORTS = (".show_viewport", ".levels", ".viewport_resolution")  # of modifiers
+
+
 @contextmanager
 def render_geometry(depsgraph: bpy.types.Depsgraph) -> Iterator[None]:
     """Evaluate `depsgraph` with render settings within the block; the scene is as before afterwards.
@@ -41,6 +44,9 @@ def _render_values(scene: bpy.types.Scene) -> Iterator[tuple[Any, str, Any]]:
     if scene.render.use_simplify:
         yield scene.render, "simplify_subdivision", scene.render.simplify_subdivision_render
     for item in bpy.data.objects:
+        for driver in item.animation_data.drivers if item.animation_data else ():
+            if driver.data_path.endswith(_OF_VIEWPORTS):  # it would set again what is set here
+                yield driver, "mute", True
         for modifier in item.modifiers:
             yield modifier, "show_viewport", modifier.show_render
             if modifier.type in ("SUBSURF", "MULTIRES"):

@@ -118,6 +118,20 @@ def test_geometry_nodes_that_ask_for_the_viewport_are_named() -> None:
     assert warning.startswith("Geometry nodes 'Two Faces' ask Is Viewport")
 
 
+def test_subdivision_of_a_render_whatever_drives_that_of_viewports() -> None:
+    slab = bpy.data.objects["Slab"]
+    subdivision = slab.modifiers.new("Smooth", "SUBSURF")
+    subdivision.levels, subdivision.render_levels = 0, 2
+    driver = subdivision.driver_add("levels")
+    driver.driver.expression = "0"
+    bpy.context.view_layer.update()
+    before = scene_snapshot()
+    parts = read_scene(bpy.context.evaluated_depsgraph_get()).parts
+    (mesh,) = (part.mesh for part in parts if "Slab" in part.objects)
+    assert len(mesh.triangles) == 12 * 16 and not driver.mute
+    assert_unchanged(before)
+
+
 def test_what_vertices_instance_is_not_where_it_stands_itself() -> None:
     stone, slab = box("Stone", (3, 0, 0), (3.1, 0.1, 0.1), 0.5), bpy.data.objects["Slab"]
     stone.parent = slab
@@ -167,6 +181,12 @@ def test_cameras_of_one_name(small: bpy.types.Scene, tmp_path: Path) -> None:
     for names, height in (((), 9), (("Eye",), 9), (("Eye [rig.blend]",), 0.4)):
         (camera,) = choose_cameras(graph, names, (16, 16), BOUNDS)
         assert camera.position_world[2] == pytest.approx(height) and camera.name == (names or ("Eye",))[0]
+
+
+def test_a_camera_with_a_comma_in_its_name() -> None:
+    bpy.data.objects["Eye"].name = "Eye, left"
+    graph = bpy.context.evaluated_depsgraph_get()
+    assert [camera.name for camera in choose_cameras(graph, ("Eye", "left"), (16, 16), BOUNDS)] == ["Eye, left"]
 
 
 def test_a_linked_scene_is_refused_with_a_sentence(small: bpy.types.Scene, tmp_path: Path) -> None:
