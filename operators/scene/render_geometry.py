@@ -9,7 +9,6 @@ from typing import Any
 
 import bpy
 
-
 _OF_VIEWPORTS = (".show_viewport", ".levels", ".viewport_resolution")  # of modifiers
 
 
