@@ -140,9 +140,12 @@ def test_nothing_to_learn_from(table, tmp_path):
     [
         (["none.safetensors"], "none.safetensors"),
         (["none.safetensors", "--steps", "0"], "--steps 0 is outside"),
-        (["none.safetensors", "--weights", "lost.safetensors"], "lost.safetensors"),
+        (["x.safetensors", "--weights", "lost.safetensors"], "lost.safetensors"),
+        (["x.safetensors", "./x.safetensors"], "named twice"),
     ],
 )
-def test_what_cannot_be_trained_is_refused(words, message, tmp_path, capsys):
-    assert main(["train-plus", *words, "--out", str(tmp_path)]) == 2
+def test_what_cannot_be_trained_is_refused(words, message, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save_octree(octree_of_shells(1000), tmp_path / "x.safetensors")
+    assert main(["train-plus", *words, "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err

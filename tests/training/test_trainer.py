@@ -226,7 +226,9 @@ def test_refuses_what_does_not_fit(datasets: list[Dataset], tmp_path: Path) -> N
     redrawn = [
         replace(
             each,
-            samples=drain(draw_samples(each.octree, 2 * each.samples.views[:, :, 0].size, SampleSettings(views=4))),
+            samples=drain(
+                draw_samples(each.octree, 2 * each.samples.views[:, :, 0].size, SampleSettings(views=4, min_level=3))
+            ),
         )
         for each in datasets
     ]
