@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from typing import TYPE_CHECKING
 
 from ..patchnet_addon.runtime import bounds
@@ -163,7 +164,7 @@ def _check(args: argparse.Namespace) -> None:
         other = "--rotate" if args.rotate else f"--depth {FIT}"
         raise SettingError(f"--bisect and {other} contradict each other: leave one of them out")
     if args.depth != FIT:
-        if not args.depth.isdecimal():
+        if not re.fullmatch(r"[+-]?\d+", args.depth):
             raise SettingError(f"Depth {args.depth!r} is neither a whole number nor '{FIT}'")
         bounds.DEPTH.read(args.depth)
         if args.view:
