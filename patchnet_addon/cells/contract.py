@@ -50,7 +50,7 @@ def pixel_voxel_ratio(pixel_side, voxels_per_side):  # type: ignore[no-untyped-d
     return min(max(pixel_side * voxels_per_side, MIN_RATIO), MAX_RATIO)
 
 
-def pixel_voxel_ratio_of(pixel_side: np.ndarray | float, voxels_per_side: np.ndarray | float) -> np.ndarray:
+def pixel_voxel_ratio_reference(pixel_side: np.ndarray | float, voxels_per_side: np.ndarray | float) -> np.ndarray:
     """Reference of `pixel_voxel_ratio`: (N,)."""
     return np.clip(np.asarray(pixel_side) * voxels_per_side, MIN_RATIO, MAX_RATIO)
 

@@ -24,7 +24,7 @@ def decoded_colors(luminance: np.ndarray, chroma: np.ndarray) -> np.ndarray:
     return (colors * scale[..., None]).astype(np.float32)
 
 
-def encoded_chroma(colors: np.ndarray) -> np.ndarray:
+def encoded_chroma_reference(colors: np.ndarray) -> np.ndarray:
     """Chroma (n, 2) uint8 of linear colours (n, 3) of any brightness; gray where there is none."""
     values = np.maximum(np.asarray(colors, np.float64), 0.0)
     total = values.sum(axis=-1, keepdims=True)

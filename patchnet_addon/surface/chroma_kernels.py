@@ -21,7 +21,7 @@ def decode_color(luminance, red, blue):  # type: ignore[no-untyped-def]
 
 @device
 def encode_shares(luminance, red, blue):  # type: ignore[no-untyped-def]
-    """Compiled twin of `encoded_chroma`, of a colour whose green is what is left of its luminance."""
+    """Compiled twin of `encoded_chroma_reference`, of a colour whose green is what is left of its luminance."""
     r = max(float(red), 0.0)
     b = max(float(blue), 0.0)
     g = max((luminance - RED * r - BLUE * b) / GREEN, 0.0)

@@ -12,7 +12,7 @@ from patchnet.patchnet_addon.cells.contract import (
     fitting_level_of,
     has_lookahead,
     pixel_voxel_ratio,
-    pixel_voxel_ratio_of,
+    pixel_voxel_ratio_reference,
 )
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.tests.engine.octree_samples import random_octree
@@ -60,7 +60,7 @@ def test_kernels_and_twins():
     for level in range(12):
         fits_and_ratios(SIDES, level, fits, ratios)
         np.testing.assert_array_equal(fits, fits_pixel_of(0.5**level, SIDES))
-        np.testing.assert_array_equal(ratios, pixel_voxel_ratio_of(SIDES, 2.0**level))
+        np.testing.assert_array_equal(ratios, pixel_voxel_ratio_reference(SIDES, 2.0**level))
 
 
 def test_ratios_of_voxels_that_fit_are_what_the_network_knows():
@@ -68,7 +68,7 @@ def test_ratios_of_voxels_that_fit_are_what_the_network_knows():
     levels = fitting_level_of(SIDES)[20:]
     inner = levels > 0
     ratio = SIDES[20:] * 2.0**levels
-    np.testing.assert_array_equal(pixel_voxel_ratio_of(SIDES[20:], 2.0**levels)[inner], ratio[inner])
+    np.testing.assert_array_equal(pixel_voxel_ratio_reference(SIDES[20:], 2.0**levels)[inner], ratio[inner])
     assert ((ratio[inner] > 0.5) & (ratio[inner] <= 1.0)).all()
 
 
