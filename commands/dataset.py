@@ -10,7 +10,7 @@ from typing import Any
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import PatchNetError
 from ..training.settings import SAMPLES, VIEWS
-from .shared.arguments import add_number, add_out
+from .shared.arguments import add_number, add_out, check_octrees
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -59,6 +59,7 @@ def run(args: argparse.Namespace) -> int:
     from .shared.lines import say_result
     from .shared.progress_bars import ProgressBars
 
+    check_octrees(args.octrees)
     names = sample_names(args.octrees)
     check_outputs({args.out / (name + SUFFIX): SAMPLES for name in names}, args.octrees, folder=args.out)
     args.out.mkdir(parents=True, exist_ok=True)

@@ -32,7 +32,7 @@ from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
 from ..training.networks_of_paper.plan import KINDS, planned_networks
 from ..training.settings import LOSSES, PRESETS, preset_with
-from .shared.arguments import add_device, add_number, add_out
+from .shared.arguments import add_device, add_number, add_out, check_octrees
 from .shared.lines import say_result
 from .shared.training_run import keep_freed_memory, require_torch
 
@@ -93,6 +93,7 @@ def run(args: argparse.Namespace) -> int:
     from ..training.networks_of_paper.files import OUTPUTS, octrees_folder
     from .shared.progress_bars import ProgressBars
 
+    check_octrees(args.octrees)
     scenes = _scenes(args)
     names = [*(scene.name for scene in scenes), *(path.stem for path in args.octrees)]
     plans = planned_networks(names, _words(args.kinds), args.unseen)

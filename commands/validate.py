@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.errors import SettingError
 from .shared.arguments import add_number, add_out
 from .shared.training_run import require_torch
 
@@ -45,16 +44,14 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.runtime.file_kinds import ERRORS
     from ..patchnet_addon.runtime.outputs import check_outputs
     from ..patchnet_addon.runtime.replace import replaced_file
-    from ..training.data.dataset import load_dataset, sample_files
+    from ..training.data.dataset import check_names, load_dataset, name_of, sample_files
     from .shared.lines import make_parent, say_result
 
     require_torch()
     from ..training.run.weights_errors import weights_errors
 
     files = sample_files(args.datasets)
-    names = [file.name for file in files]
-    if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise SettingError(f"Two sample files are called {twice[0]}: rename one, or name each file once")
+    check_names(name_of(file) for file in files)
     if args.out:
         check_outputs({args.out: ERRORS}, [*files, *args.weights])
         make_parent(args.out)

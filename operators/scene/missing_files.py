@@ -84,11 +84,11 @@ def _files_of(node: bpy.types.Node, image: bpy.types.Image) -> list[str]:
     if image.source == "TILED":
         return [image.filepath.replace("<UDIM>", str(tile.number)) for tile in image.tiles]
     if image.source == "SEQUENCE":
-        return [_file_of_sequence(image, frame_of(node.image_user))]
+        return [_file_of_sequence(image, _number_in_sequence(node.image_user))]
     return [image.filepath]
 
 
-def frame_of(user: bpy.types.ImageUser) -> int:
+def _number_in_sequence(user: bpy.types.ImageUser) -> int:
     """Number of a sequence's file at the present frame, as Blender finds it: only evaluated nodes hold it."""
     number = bpy.context.scene.frame_current - user.frame_start + 1
     length = user.frame_duration

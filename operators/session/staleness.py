@@ -77,16 +77,23 @@ def changes(
 
 
 def _look_at_layers(result: SceneResult, scene: bpy.types.Scene) -> None:
-    """Mark a result whose view layer no window shows any more, where those that are shown have other objects."""
+    """Mark a result whose view layer no window shows any more, where those that are shown have other objects.
+
+    Of a large scene nothing is said: all its objects would be looked at after each change.
+    """
     from ..state.scene_state import SURFACE
 
     assert result.state is not None
     shown = [window.view_layer.name for window in bpy.context.window_manager.windows if window.scene == scene]
     marked = any(text.startswith(_OTHER_LAYER) for text in result.reasons.get(SURFACE, ()))
-    if not shown or result.state.layer in shown:
-        if marked:
-            recheck(result, scene)
-    elif not marked and not any(result.state.fits_layer(scene, name) for name in shown):
+    fits = not shown or result.state.layer in shown
+    if not fits:
+        if result.state.seconds >= _QUICK_S:
+            return
+        fits = any(result.state.fits_layer(scene, name) for name in shown)
+    if fits and marked:
+        recheck(result, scene)
+    elif not fits:
         result.mark(SURFACE, f"{_OTHER_LAYER} '{shown[0]}' shows other objects")
 
 

@@ -80,6 +80,10 @@ def test_another_view_layer_is_shown() -> None:
         bpy.context.view_layer.update()
         assert result().stale == stale, result().reasons
         assert "view layer 'Other' shows other objects" in result().why("surface") or not stale
+    other.layer_collection.children["Laths"].exclude = False  # so that both show the same
+    window.view_layer = other
+    bpy.context.view_layer.update()
+    assert result().stale == set()
 
 
 CHANGES: dict[str, tuple[str, Callable[[], object], str]] = {

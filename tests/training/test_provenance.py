@@ -53,11 +53,12 @@ def test_command_without_folders() -> None:
         "train",
         "/data/samples",
         "--out=/home/me/run",
-        "room=/data/room.glb",
+        "room=/data/a=b/room.glb",
+        "/my=data/x",
         "--rate",
         "0.1",
     ]
-    assert describe_command(words) == "patchnet train samples --out=run room=room.glb --rate 0.1"
+    assert describe_command(words) == "patchnet train samples --out=run room=room.glb x --rate 0.1"
 
 
 def test_octrees_of_every_data_set() -> None:

@@ -13,10 +13,14 @@ from functools import cache
 
 import numpy as np
 
+from ...patchnet_addon.codes.brick import Brick, empty_brick, fill_brick
+from ...patchnet_addon.network.weights import CHANNELS
+from ...patchnet_addon.octree.leaf_boxes import filled_share
+from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
-from ...patchnet_addon.runtime.kernels import kernel
-from .forest import Forest
-from .gathered_blocks import gather_blocks
+from ...patchnet_addon.runtime.kernels import kernel, lean_device
+from .bfloat16 import narrow_bits
+from .forest import Forest, tree_nodes
 from .nearby import Nearby, gather_nearby
 from .samples import COVERAGE_SCALE, SIGNED, UNIT
 from .symmetry import COUNT, Symmetries, cube_symmetries
@@ -102,20 +106,31 @@ def gather_batch(
     """Batch of voxels (V, 4) of octrees `tree` (V,) with their stored views (V, R, 12), drawn `lookahead` levels
     ahead; `nearby`: with the luminances that a mixture needs; `narrow`: with blocks in bits of bfloat16."""
     symmetries = _symmetries(lookahead)
-    found = gather_blocks(
-        forest,
-        (tree, voxel),
-        (augmentation.symmetry, augmentation.remap),
-        symmetries,
+    count = len(tree)
+    linear = np.empty((count, 2), np.float32)  # gain and offset of luminance
+    most, width = 27 * count, (CHANNELS - 1 if nearby else CHANNELS) * 8**lookahead
+    blocks = np.empty((0 if narrow else most, width), np.float32)
+    bits = np.empty((most if narrow else 0, width), np.uint16)
+    moved = np.full((count, 27), -1, np.int32)  # rows of `blocks` by position after the symmetry
+    around = np.empty((count, 27), np.int32)
+    rows = _gather_blocks(
+        forest.nodes,
+        (forest.luminance, forest.normal),
+        (forest.root, tree.astype(np.int64), voxel.astype(np.int32)),
+        (augmentation.remap, augmentation.symmetry, symmetries),
         lookahead,
-        luminance=not nearby,
-        narrow=narrow,
+        not nearby,
+        (blocks, bits),
+        moved,
+        around,
+        linear,
     )
-    start, pair_block, pair_corner = _list_pairs(found.moved, PAIR_POSITION)
+    start, pair_block, pair_corner = _list_pairs(moved, PAIR_POSITION)
     stored = _stored_views(views)
-    moved_views = _move_views(stored, augmentation.symmetry, symmetries, found.linear)
-    near = gather_nearby(forest, tree, found.around, stored[:4], found.linear) if nearby else None
-    return Batch(found.rows, start, pair_block, pair_corner, *moved_views, nearby=near)
+    moved_views = _move_views(stored, augmentation.symmetry, symmetries, linear)
+    found = gather_nearby(forest, tree, around, stored[:4], linear) if nearby else None
+    found_blocks = (bits if narrow else blocks)[:rows]
+    return Batch(found_blocks, start, pair_block, pair_corner, *moved_views, nearby=found)
 
 
 def _stored_views(views: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -162,6 +177,90 @@ def _turn_views(vectors, axis, sign, moved):
                 moved_entry[v, r, k] = s * (entry[v, r, source] - half) + half
                 moved_direction[v, r, k] = s * direction[v, r, source]
                 moved_up[v, r, k] = s * up[v, r, source]
+
+
+@kernel
+def _gather_blocks(nodes, cells, voxels, augmentation, lookahead, with_luminance, found, moved, around, linear):
+    """Write each occupied block as a row of whichever of `found` has rows: float32, or the bits of bfloat16.
+
+    Returns how many there are. around: (V, 27) what the voxels' bricks have of that name.
+    """
+    luminance, normal = cells
+    root, tree, voxel = voxels
+    remap, symmetry, symmetries = augmentation
+    empty = empty_brick(lookahead)
+    values = np.empty(found[0].shape[1], np.float32)
+    row = 0
+    for v in range(len(tree)):
+        own, place, brick = tree_nodes(nodes, tree[v]), voxel[v], Brick(empty.nodes, empty.counts, around[v])
+        fill_brick(own, root[tree[v]], place[0], place[1:], lookahead, brick)
+        _remap(luminance, brick, remap[v], linear[v])
+        light = np.float32(linear[v, 0] / np.float32(LUMINANCE_SCALE)), linear[v, 1], with_luminance
+        row = _write_brick(own, luminance, normal, brick, light, symmetry[v], symmetries, values, found, moved[v], row)
+    return row
+
+
+@lean_device
+def _remap(luminance, brick, remap, linear):
+    """Write gain and offset of a voxel's luminances into `linear` (2,); remap: as in `Augmentation`."""
+    linear[0], linear[1] = 1.0, 0.0
+    if remap[3] == 0:
+        return
+    nodes, counts = brick.nodes, brick.counts
+    low, high = LUMINANCE_SCALE, 0.0
+    for block in range(27):
+        for cell in range(nodes.shape[1] if counts[block] > 0 else 0):
+            node = nodes[block, cell]
+            if node >= 0:
+                low = min(low, luminance[node])
+                high = max(high, luminance[node])
+    dark, bright = low / LUMINANCE_SCALE, high / LUMINANCE_SCALE
+    gain = min(remap[0], 1.0 / max(bright - dark, 1e-6))
+    place = remap[1] * (1.0 - gain * (bright - dark))  # the darkest cell's new luminance
+    if remap[2] > 0:  # inverted: the brightest cell becomes the darkest
+        linear[0], linear[1] = -gain, place + gain * bright
+    else:
+        linear[0], linear[1] = gain, place - gain * dark
+
+
+@lean_device
+def _write_brick(own, luminance, normal, brick, light, turn, symmetries, values, found, moved, row):
+    """Write the blocks of one voxel from `row` on, list their rows in `moved`; returns the row after them."""
+    gain, offset, with_luminance = light
+    blocks, bits = found
+    nodes, counts, first_boxed, boxes = brick.nodes, brick.counts, own.first_boxed, own.boxes
+    to_block, to_cell = symmetries.block[turn], symmetries.cell[turn]
+    axis, sign = symmetries.axis[turn], symmetries.sign[turn]
+    ax, ay, az = axis[0], axis[1], axis[2]
+    scale = np.float32(1.0 / NORMAL_SCALE)
+    channels = CHANNELS if with_luminance else CHANNELS - 1
+    sx, sy, sz = sign[0] * scale, sign[1] * scale, sign[2] * scale
+    for block in range(27):
+        if counts[block] == 0:
+            continue
+        moved[to_block[block]] = row
+        for k in range(len(values)):
+            values[k] = 0
+        for cell in range(nodes.shape[1]):
+            node = nodes[block, cell]
+            if node < 0:
+                continue
+            at = channels * to_cell[cell]
+            values[at] = filled_share(boxes, node - first_boxed) if node >= first_boxed else np.float32(1)
+            if with_luminance:
+                values[at + 1] = gain * luminance[node] + offset
+            at += channels - 3
+            values[at] = sx * normal[node, ax]
+            values[at + 1] = sy * normal[node, ay]
+            values[at + 2] = sz * normal[node, az]
+        if len(bits):
+            for k in range(len(values)):
+                bits[row, k] = narrow_bits(values[k])
+        else:
+            for k in range(len(values)):
+                blocks[row, k] = values[k]
+        row += 1
+    return row
 
 
 @kernel

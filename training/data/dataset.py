@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 from ...patchnet_addon.octree.file import load_octree, octree_hash
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEADS
-from ...patchnet_addon.runtime.errors import FileFormatError
+from ...patchnet_addon.runtime.errors import FileFormatError, SettingError
 from ...patchnet_addon.runtime.files import read_arrays, write_arrays
 from .samples import VIEW_FIELDS, Samples, SampleSettings
 
@@ -67,6 +68,18 @@ def fresh_datasets(paths: Sequence[Path], seed: int) -> list[Dataset]:
     return datasets
 
 
+def name_of(path: Path) -> str:
+    """Name of the data set in a sample file."""
+    return path.name.removesuffix(SUFFIX)
+
+
+def check_names(names: Iterable[str]) -> None:
+    """Check that data sets can be told apart in logs and tables; raises SettingError."""
+    count = Counter(names)
+    if twice := sorted(name for name in count if count[name] > 1):
+        raise SettingError(f"Two sample files are called {twice[0]}: rename one, or name each file once")
+
+
 def sample_names(octrees: Sequence[Path]) -> dict[str, Path]:
     """Choose a different name for each octree: its file's, or its folder's where files are all called alike.
 
@@ -114,7 +127,7 @@ def load_dataset(path: Path) -> Dataset:
         raise FileFormatError(f"{path} was drawn from another state of {octree_path}: draw it anew")
     if octree.leaf_box is not None and not metadata.get("boxes"):
         raise FileFormatError(f"{path} saw the leaves of {octree_path} as whole voxels: draw it anew")
-    dataset = Dataset(path.name.removesuffix(SUFFIX), octree, samples, metadata)
+    dataset = Dataset(name_of(path), octree, samples, metadata)
     if dataset.lookahead not in LOOKAHEADS:
         raise FileFormatError(f"{path} looks {dataset.lookahead} levels ahead, which is not known: draw it anew")
     return dataset

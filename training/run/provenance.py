@@ -60,8 +60,10 @@ def describe_command(arguments: Sequence[str]) -> str:
     """Command line with paths cut to their last part."""
     words = []
     for word in arguments:
-        before, equals, path = word.rpartition("=")  # --out=/home/me/run, and NAME=PATH
-        words.append(before + equals + (Path(path).name if os.sep in path else path))
+        name, equals, path = word.partition("=")  # --out=/home/me/run, and NAME=PATH
+        if not equals or os.sep in name:  # a path, which may have such a sign in it
+            name, equals, path = "", "", word
+        words.append(name + equals + (Path(path).name if os.sep in path else path))
     return " ".join(["patchnet", *words[1:]])
 
 

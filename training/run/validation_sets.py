@@ -10,7 +10,7 @@ import numpy as np
 
 from ...patchnet_addon.runtime.errors import SettingError
 from ..data.corpus import Corpus
-from ..data.dataset import Dataset
+from ..data.dataset import Dataset, check_names
 from ..data.forest import concatenate
 from ..data.held_out import why_not_held_out
 
@@ -36,7 +36,7 @@ def validation_sets(
     nearby: as `Corpus` says. Raises SettingError for names that are there twice, and for another look-ahead than that
     of training.
     """
-    check_names([*training, *validation])
+    check_names(dataset.name for dataset in (*training, *validation))
     sets = {}
     for dataset in validation:
         if dataset.lookahead != lookahead:
@@ -53,11 +53,3 @@ def all_of(dataset: Dataset, *, nearby: bool = False) -> Corpus:
     samples = dataset.samples
     tree = np.zeros(len(samples.voxel), np.int32)
     return Corpus(concatenate([dataset.octree]), tree, samples.voxel, samples.views, dataset.lookahead, nearby)
-
-
-def check_names(datasets: Sequence[Dataset]) -> None:
-    """Check that data sets can be told apart in logs; raises SettingError."""
-    names = [dataset.name for dataset in datasets]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise SettingError(f"Two sample files are called {twice[0]}: rename one, or name each file once")
