@@ -73,6 +73,9 @@ class TorchTree:
         self._first_child = to_device(tree.nodes.first_child, device)  # (n,) int32
         masks, octants = np.arange(256)[:, None], np.arange(8)
         place = POPCOUNT[masks & ((1 << octants) - 1)].astype(np.int64)  # among the children that exist
+        # A GPU multiplies by the reciprocal of a number of the host, whose last digit may be another.
+        scales = float(LUMINANCE_SCALE), float(NORMAL_SCALE), float(FILLED_STEPS)
+        self._scales = [torch.tensor(scale, device=device) for scale in scales]
         self._place = to_device(np.where(masks >> octants & 1, place, -1), device)  # (256, 8), -1 for no child
 
     def covering(self, level: int, cells: Tensor, root: Tensor | int = 0, own_level: Tensor | None = None) -> Tensor:
@@ -109,14 +112,14 @@ class TorchTree:
     def values(self, cells: Tensor) -> Tensor:
         """Occupancy, luminance and normal (..., 5) float32 of cells (...,); zeros where they are empty."""
         there, safe = cells >= 0, cells.clamp(min=0)
-        luminance = (self.luminance[safe].int() & 0xFFFF).float() / LUMINANCE_SCALE
-        normal = self.normal[safe].float() / NORMAL_SCALE
+        luminance = (self.luminance[safe].int() & 0xFFFF).float() / self._scales[0]
+        normal = self.normal[safe].float() / self._scales[1]
         values = torch.cat([self.filled(safe)[..., None], luminance[..., None], normal], dim=-1)
         return values.masked_fill_(~there[..., None], 0.0)
 
     def filled(self, nodes: Tensor) -> Tensor:
         """Occupancy (...,) float32 of the cells of nodes (...,)."""
-        return self._filled[nodes].float() / FILLED_STEPS
+        return self._filled[nodes].float() / self._scales[2]
 
     def _children(self, nodes: Tensor) -> tuple[Tensor, Tensor]:
         """Child masks (...,) and children (..., 8), -1 for none, of nodes (...,); those of node -1 mean nothing."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from patchnet.commands import main
+from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -18,7 +19,7 @@ from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset, save_samples
 from patchnet.training.data.procedural import spheres_and_slats
 from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.settings import TrainSettings
+from patchnet.training.settings import SQUARED, TrainSettings
 
 torch = pytest.importorskip("torch")
 from patchnet.training.benchmarks import device as device_bench  # noqa: E402  needs torch
@@ -32,6 +33,9 @@ SETTINGS = TrainSettings(passes=6 * 256, batch=256, precision="fp32", augment=Tr
 VOXELS = 64
 GRADIENTS = {"cpu": 1e-5, "cuda": 5e-3}  # of the norm: on a GPU a ReLU's input may round to the other side of zero
 ERRORS = 1e-3  # relative, of the curves of a short run
+
+
+MIXING = replace(SETTINGS, network=MIXTURE.name, loss=SQUARED)
 
 
 def drawn(lookahead: int) -> list[Dataset]:
@@ -73,22 +77,31 @@ def test_batches_that_are_gathered_on_a_device(lookahead: int, device: str) -> N
             torch.testing.assert_close(theirs.cpu(), mine, atol=2e-7, rtol=0)
 
 
+CREWS = [
+    *((ThreadCrew, threads, "cpu") for threads in (2, 3, 4, 50)),
+    *((FedGpuCrew, threads, "cpu") for threads in (1, 3)),
+    (FedGpuCrew, 3, "cuda"),
+    *((GpuCrew, 0, device) for device in ("cpu", "cuda")),
+]
+
+
 @pytest.mark.parametrize(
-    ("kind", "threads", "device"),
+    ("settings", "kind", "threads", "device"),
     [
-        *((ThreadCrew, threads, "cpu") for threads in (2, 3, 4, 50)),
-        (GpuCrew, 0, "cpu"),
-        *((FedGpuCrew, threads, "cpu") for threads in (1, 3)),
-        pytest.param(GpuCrew, 0, "cuda", marks=GPU),
-        pytest.param(FedGpuCrew, 3, "cuda", marks=GPU),
+        pytest.param(settings, kind, threads, device, marks=GPU if device == "cuda" else ())
+        for settings in (SETTINGS, MIXING)
+        for kind, threads, device in CREWS
+        if kind is not GpuCrew or not settings.kind.mixes  # gathered by the host always
     ],
 )
-def test_all_crews_take_the_same_steps(datasets: list[Dataset], kind: type, threads: int, device: str) -> None:
-    corpus, _ = corpus_of(datasets)
-    plan = StepPlan(corpus, SETTINGS, VOXELS, ALONE)
-    one = ThreadCrew(Learner(SETTINGS), plan, 1)
+def test_all_crews_take_the_same_steps(
+    datasets: list[Dataset], settings: TrainSettings, kind: type, threads: int, device: str
+) -> None:
+    corpus, _ = corpus_of(datasets, nearby=settings.kind.mixes)
+    plan = StepPlan(corpus, settings, VOXELS, ALONE)
+    one = ThreadCrew(Learner(settings), plan, 1)
     arguments = (threads,) if threads else ()
-    other = kind(Learner(SETTINGS, device=device), plan, *arguments)
+    other = kind(Learner(settings, device=device), plan, *arguments)
     try:
         for step in (0, 1, 5, 2) if kind is ThreadCrew else range(3):  # threads gather ahead, whatever is asked for
             (wanted,), errors = one.gradients(step, torch.float32)
@@ -222,7 +235,7 @@ def test_benchmark_of_a_device(device: str, capsys: pytest.CaptureFixture, monke
     apart = values["differences"]
     assert apart["codes"] <= 1e-4 + 1e-5 * apart["largest_code"]
     assert max(apart["coverage"], apart["luminance"]) <= 1e-3
-    assert apart["errors of a step, fp32"] <= 1e-5
+    assert {apart[f"errors of a step, {kind}, fp32"] <= 1e-5 for kind in ("mixture", "paper")} == {True}
     assert main(words) == 0
     assert "| codes, whole octree |" in capsys.readouterr().out
 

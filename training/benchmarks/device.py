@@ -24,7 +24,7 @@ from ...patchnet_addon.codes.pixel_tiles import PixelRays
 from ...patchnet_addon.codes.predict import predict, predict_on
 from ...patchnet_addon.network.compiled_encode import CompiledEncoder
 from ...patchnet_addon.network.devices import CPU, device_title, found_device
-from ...patchnet_addon.network.kinds import CODE_SIZE, PAPER
+from ...patchnet_addon.network.kinds import CODE_SIZE, MIXTURE, PAPER
 from ...patchnet_addon.network.torch_decode import TorchDecoder
 from ...patchnet_addon.network.torch_encode import TorchEncoder
 from ...patchnet_addon.network.weights import Weights
@@ -36,7 +36,7 @@ from ..data.corpus import Corpus, corpus_of
 from ..data.dataset import Dataset
 from ..data.samples import SampleSettings, draw_samples
 from ..network.losses import mean_errors
-from ..run.crews import DEVICE, HOST, Crew, crew_for
+from ..run.crews import DEVICE, HOST, Crew, FedGpuCrew, crew_for
 from ..run.learner import Learner
 from ..run.provenance import describe_machine, describe_versions
 from ..run.trainer import encoder_type
@@ -46,8 +46,11 @@ from .timing import Comparison, take_turns
 
 Run = Callable[[], Any]
 BATCHES = {2048: 100, 8192: 40}  # samples a step, and steps a run on a GPU
-# The paper's network, whose batches a GPU gathers by itself.
-_SETTINGS = replace(IMPROVED, network=PAPER.name, decoder_width=0, loss=ABSOLUTE, precision=FP32)
+# The network that is shipped, whose batches threads gather, and the paper's, whose batches a GPU gathers by itself.
+_SETTINGS = {
+    MIXTURE.name: replace(IMPROVED, precision=FP32),
+    PAPER.name: replace(IMPROVED, network=PAPER.name, decoder_width=0, loss=ABSOLUTE, precision=FP32),
+}
 _CPU_STEPS = 5  # a run, however large
 
 
@@ -188,44 +191,57 @@ def _decodes(coded: CodedOctree, device: str, bench: DeviceBench) -> tuple[list[
 def _samples(
     octree: Octree, device: str, threads: int, bench: DeviceBench
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:
-    """Rates of training steps, and the CPU's by its threads."""
-    samples = drain(
-        draw_samples(octree, bench.samples, SampleSettings(min_level=min(5, octree.depth - 3), held_out=0.0))
-    )
-    corpus, _ = corpus_of([Dataset("shells", octree, samples, {})])
+    """Rates of training steps of both kinds of network, and the CPU's by its threads."""
+    settings = SampleSettings(min_level=min(5, octree.depth - 3), held_out=0.0)
+    dataset = Dataset("shells", octree, drain(draw_samples(octree, bench.samples, settings)), {})
     measured: list[dict[str, Any]] = []
     differences: dict[str, float] = {}
-    for batch, steps in BATCHES.items():
-        settings = replace(_SETTINGS, batch=batch)
-        local = Training(corpus, settings, CPU, threads)
-        steps = steps if device != CPU else _CPU_STEPS
-        others = {"fp32": Training(corpus, settings, device, threads, DEVICE, steps)}
-        if device != CPU:
-            others["fp32, fed by the CPU"] = Training(corpus, settings, device, threads, HOST, steps)
-            for precision in (TF32, BF16):
-                changed = replace(settings, precision=precision)
-                others[precision] = Training(corpus, changed, device, threads, DEVICE, steps)
-        everyone = {"cpu": local} | others
-        errors = {name: training().cpu() for name, training in everyone.items()}
-        for name in others:
-            relative = float(((errors[name] - errors["cpu"]) / errors["cpu"]).abs().max())
-            differences[f"errors of a step, {name}"] = max(relative, differences.get(f"errors of a step, {name}", 0.0))
-        seconds = take_turns(dict(everyone), bench.repeats, all_cores=True)
-        for name, other in others.items():
-            counts = {"device": other.samples, "cpu": local.samples}
-            pair = {"device": seconds[name], "cpu": seconds["cpu"]}
-            measured.append(_row(f"samples, {batch} a step, {name}", "samples/s", counts, pair))
-        for training in everyone.values():
-            training.close()
-    measured += _by_threads(corpus, threads)
+    for kind in _SETTINGS:
+        corpus, _ = corpus_of([dataset], nearby=_SETTINGS[kind].kind.mixes)
+        for batch, steps in BATCHES.items():
+            rows, apart = _steps(corpus, kind, batch, device, threads, steps if device != CPU else _CPU_STEPS, bench)
+            measured += rows
+            differences |= {name: max(value, differences.get(name, 0.0)) for name, value in apart.items()}
+        measured += _by_threads(corpus, kind, threads)
     return measured, differences
 
 
-def _by_threads(corpus: Corpus, threads: int) -> list[dict[str, Any]]:
+def _steps(
+    corpus: Corpus, kind: str, batch: int, device: str, threads: int, steps: int, bench: DeviceBench
+) -> tuple[list[dict[str, Any]], dict[str, float]]:
+    """Rates of steps of `batch` samples, and how far the errors of a step are from the CPU's."""
+    settings = replace(_SETTINGS[kind], batch=batch)
+    gather = HOST if corpus.nearby else DEVICE
+    local = Training(corpus, settings, CPU, threads)
+    others = {FP32: Training(corpus, settings, device, threads, gather, steps)}
+    if device != CPU:
+        if gather == DEVICE:
+            others[f"{FP32}, fed by the CPU"] = Training(corpus, settings, device, threads, HOST, steps)
+        for precision in (TF32, BF16):
+            others[precision] = Training(corpus, replace(settings, precision=precision), device, threads, gather, steps)
+    everyone = {"cpu": local} | others
+    errors = {name: training().cpu() for name, training in everyone.items()}
+    differences = {
+        f"errors of a step, {kind}, {name}": float(((errors[name] - errors["cpu"]) / errors["cpu"]).abs().max())
+        for name in others
+    }
+    seconds = take_turns(dict(everyone), bench.repeats, all_cores=True)
+    measured = [
+        _row(
+            f"{kind}, {batch} samples a step, {name}", "samples/s",
+            {"device": other.samples, "cpu": local.samples}, {"device": seconds[name], "cpu": seconds["cpu"]},
+        )
+        for name, other in others.items()
+    ]  # fmt: skip
+    for training in everyone.values():
+        training.close()
+    return measured, differences
+
+
+def _by_threads(corpus: Corpus, kind: str, threads: int) -> list[dict[str, Any]]:
     """Rates of the CPU with all threads beside fewer of them."""
-    settings = _SETTINGS
     counts = [count for count in (1, 2, 4, 8, 16, 32, 64) if count < threads]
-    trainings = {count: Training(corpus, settings, CPU, count) for count in (*counts, threads)}
+    trainings = {count: Training(corpus, _SETTINGS[kind], CPU, count) for count in (*counts, threads)}
     for training in trainings.values():
         training()
     seconds = take_turns({str(count): training for count, training in trainings.items()}, 3, all_cores=True)
@@ -234,7 +250,7 @@ def _by_threads(corpus: Corpus, threads: int) -> list[dict[str, Any]]:
     number = trainings[threads].samples
     return [
         _row(
-            f"samples, 2048 a step, {threads} threads, not {count}", "samples/s", number,
+            f"{kind}, 2048 samples a step, {threads} threads, not {count}", "samples/s", number,
             {"device": seconds[str(threads)], "cpu": seconds[str(count)]},
         )
         for count in counts
@@ -268,10 +284,9 @@ class Training:
             first = mean_errors(sums) if first is None else first
         assert first is not None
         _finished(self._learner.device, None)
-        if self._gather == HOST:  # it gathers ahead, and would do so outside the time
-            crew.close()
-        else:
-            self._kept = crew
+        if isinstance(crew, FedGpuCrew):  # it gathers ahead, and would do so outside the time
+            crew.settle()
+        self._kept = crew
         return first
 
     def close(self) -> None:

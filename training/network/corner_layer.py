@@ -51,6 +51,13 @@ def with_luminance(blocks: Tensor) -> Tensor:
     return result.flatten(-2)
 
 
+def padded_corner_sums(slices: Tensor, blocks: Tensor, pair_block: Tensor, pair_corner: Tensor, corners: int) -> Tensor:
+    """Sums (corners, out) float32 of products in the type of `blocks`, of a `PaddedBatch`; as `CornerLayer`."""
+    products = torch.bmm(blocks[pair_block], slices.to(blocks.dtype)).float()  # (8, N, out)
+    result = products.new_zeros(corners + 1, products.shape[2])  # the last row is of pairs of nothing
+    return result.index_add(0, pair_corner.flatten(), products.flatten(0, 1))[:corners]
+
+
 class CornerLayer(torch.autograd.Function):
     """Sum over a corner's occupied blocks of block x slice; the gradient goes to the slices only."""
 

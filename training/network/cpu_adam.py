@@ -16,7 +16,7 @@ from torch import Tensor
 
 from ...patchnet_addon.runtime.kernels import kernel
 
-_KEPT = "exp_avg", "exp_avg_sq"  # torch's names of both moments
+KEPT = "exp_avg", "exp_avg_sq"  # torch's names of both moments
 
 
 class CpuAdam:
@@ -30,9 +30,9 @@ class CpuAdam:
         (self._group,) = optimizer.param_groups
         assert not any(self._group[name] for name in ("weight_decay", "amsgrad", "maximize"))
         parameters: list[Tensor] = self._group["params"]
-        self._states = [_state_of(optimizer, parameter) for parameter in parameters]
+        self._states = [state_of(optimizer, parameter) for parameter in parameters]
         self._steps = int(self._states[0]["step"])
-        moments, squares = ([state[name] for state in self._states] for name in _KEPT)
+        moments, squares = ([state[name] for state in self._states] for name in KEPT)
         # Once: to find the memory of every tensor anew takes as long as a third of the step.
         self._memory = [
             [tensor.detach().view(-1).numpy() for tensor in each]  # refuses what would have to be copied
@@ -59,12 +59,12 @@ class CpuAdam:
             state["step"].fill_(self._steps)
 
 
-def _state_of(optimizer: torch.optim.Adam, parameter: Tensor) -> dict[str, Any]:
-    """State of a parameter, as torch makes it before its first step."""
+def state_of(optimizer: torch.optim.Adam, parameter: Tensor) -> dict[str, Any]:
+    """State of a parameter in an optimiser, as torch makes it before its first step."""
     state: dict[str, Any] = optimizer.state[parameter]
     if not state:
         state["step"] = torch.tensor(0.0)
-        state |= {name: torch.zeros_like(parameter) for name in _KEPT}
+        state |= {name: torch.zeros_like(parameter) for name in KEPT}
     return state
 
 

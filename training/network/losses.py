@@ -39,8 +39,8 @@ def loss_gradient_reference(
     seen = (batch.coverage > 0).float()
     found = predicted.detach()
     errors = torch.stack([found[..., 0] - batch.coverage, (found[..., 1] - batch.luminance) * seen], dim=-1)
-    weights = torch.tensor([1.0, luminance_weight], device=errors.device) / seen.numel()
-    gradient = weights * (2 * errors if squared else errors.sign())
+    slopes = (2 * errors if squared else errors.sign()) / seen.numel()
+    gradient = torch.stack([slopes[..., 0], luminance_weight * slopes[..., 1]], dim=-1)
     return gradient, torch.stack([*errors.abs().mean(dim=(0, 1)), seen.mean()])
 
 

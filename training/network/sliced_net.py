@@ -17,8 +17,9 @@ from ...patchnet_addon.network.devices import CPU
 from ...patchnet_addon.network.torch_convolutions import patch_cells
 from ...patchnet_addon.network.torch_model import MixturePlace, PatchNet
 from ...patchnet_addon.network.weights import Weights
+from ..data.padded_batch import PaddedBatch
 from ..data.tensor_batch import TensorBatch
-from .corner_layer import SLICES, CornerLayer, from_slices, to_slices, with_luminance
+from .corner_layer import SLICES, CornerLayer, from_slices, padded_corner_sums, to_slices, with_luminance
 from .cpu_decoder import CpuDecoder
 from .cpu_encoder import CpuEncoder
 
@@ -88,10 +89,17 @@ class SlicedNet(nn.Module):
         first, *middle, _ = self._encoder()
         corners = 8 * len(batch.ratio)
         pairs = batch.slice_start, batch.pair_block, batch.pair_corner, corners
-        if batch.blocks.device.type == CPU:
+        padded = isinstance(batch, PaddedBatch)
+        if batch.blocks.device.type == CPU and not padded:
             layers = [part for layer in middle for part in (layer.weight, layer.bias)]
             return CpuEncoder.apply(dtype, batch.blocks, *pairs, self.slices, first.bias, *layers)  # type: ignore[no-any-return]
-        hidden = torch.relu(CornerLayer.apply(self.slices, batch.blocks.to(dtype), *pairs) + first.bias)
+        assert self.slices is not None
+        blocks = batch.blocks.to(dtype)
+        if padded:
+            sums = padded_corner_sums(self.slices, blocks, *pairs[1:])
+        else:
+            sums = CornerLayer.apply(self.slices, blocks, *pairs)
+        hidden = torch.relu(sums + first.bias)
         for layer in middle:
             hidden = hidden.to(dtype)
             hidden = torch.relu(functional.linear(hidden, layer.weight.to(dtype), layer.bias.to(dtype)))
@@ -100,10 +108,13 @@ class SlicedNet(nn.Module):
     def _encode_convolving(self, batch: TensorBatch, dtype: torch.dtype) -> Tensor:
         """Codes (8 V, 10) of the corners by convolutions of their whole patches."""
         blocks = (with_luminance(batch.blocks) if self._shape_alone else batch.blocks).to(dtype)
-        eight = torch.zeros(8 * len(batch.ratio), SLICES, blocks.shape[1], dtype=dtype, device=blocks.device)
+        corners = 8 * len(batch.ratio)
+        eight = torch.zeros(corners + 1, SLICES, blocks.shape[1], dtype=dtype, device=blocks.device)
+        if isinstance(batch, PaddedBatch):  # the last row is of pairs of nothing
+            eight[batch.pair_corner, torch.arange(SLICES, device=blocks.device)[:, None]] = blocks[batch.pair_block]
         for number, (first, last) in enumerate(itertools.pairwise(batch.slice_start)):
             eight[batch.pair_corner[first:last], number] = blocks[batch.pair_block[first:last]]
-        return self.net.convolve(patch_cells(eight), dtype)
+        return self.net.convolve(patch_cells(eight[:corners]), dtype)
 
     def to_weights(self, metadata: dict[str, Any] | None = None) -> Weights:
         """Copy of the parameters as plain arrays."""

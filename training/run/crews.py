@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import itertools
 from collections import deque
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Protocol
 
 import numpy as np
@@ -20,8 +21,10 @@ from torch import Tensor
 from ..data.batches import Augmentation, Batch
 from ..data.corpus import Corpus
 from ..data.fresh import FreshCorpus
+from ..data.padded_batch import BatchLayout
 from ..data.tensor_batch import TensorBatch
 from ..data.torch_corpus import TorchCorpus, corpus_fits
+from ..network.replayed import Replayed
 from ..settings import TrainSettings
 from .learner import Learner
 from .processes import Processes
@@ -129,33 +132,83 @@ class GpuCrew:
 
 
 class FedGpuCrew:
-    """GPU whose batches are gathered by threads, some steps ahead, and copied from pinned memory."""
+    """GPU whose batches are gathered by threads, some steps ahead, and copied from pinned memory.
+
+    Its work on batches of one shape is recorded and replayed (`replayed.py`).
+    """
 
     def __init__(self, learner: Learner, plan: StepPlan, threads: int) -> None:
         self._learner, self._plan = learner, plan
-        self._pool = ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,))
-        self._ahead: deque[tuple[int, Future[TensorBatch]]] = deque()
+        corpus, device = plan.corpus, learner.device
+        self._layout = BatchLayout(plan.own_voxels, corpus.views_per_voxel, corpus.lookahead, corpus.nearby)
+        self._there = torch.zeros(self._layout.size, dtype=torch.uint8, device=device)
         self._most = min(threads + 1, _MOST_AHEAD)
-        self.title = f"{learner.device}, fed by {threads} CPU threads"
+        self._free = deque(_Memory(self._layout.size, device) for _ in range(self._most + 1))
+        self._ahead: deque[tuple[int, _Memory, Future[tuple[int, int]]]] = deque()
+        self._steps: dict[tuple[torch.dtype, int], Callable[[], tuple[list[Tensor], Tensor]]] = {}
+        self._pool = ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,))
+        self.title = f"{device}, fed by {threads} CPU threads"
 
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
-        """Gradients of a step as one part, and sums of its errors, see `Crew`; steps are asked for in their order."""
+        """Gradients of a step as one part, and sums of its errors, see `Crew`; steps are asked for in their order.
+
+        The next call overwrites the gradients.
+        """
         following = self._ahead[-1][0] + 1 if self._ahead else step
         for number in range(following, step + self._most):
-            self._ahead.append((number, self._pool.submit(self._gathered, number)))
-        number, batch = self._ahead.popleft()
+            memory = self._free.popleft()
+            memory.wait()
+            self._ahead.append((number, memory, self._pool.submit(self._gathered, number, memory)))
+        number, memory, gathered = self._ahead.popleft()
         assert number == step
-        gradients, sums = self._learner.gradients(batch.result(), dtype, self._plan.share)
-        return [gradients], sums
+        size, pairs = gathered.result()
+        memory.copy_to(self._there, size)
+        self._free.append(memory)
+        gradients, sums = self._of_shape(dtype, pairs)()
+        return [gradients], sums.clone()
 
-    def _gathered(self, step: int) -> TensorBatch:
-        batch = self._plan.batch(step, 0, self._plan.own_voxels)
-        return TensorBatch.of(batch, self._learner.device)
+    def settle(self) -> None:
+        """Wait until all is gathered that was begun."""
+        wait(gathered for _, _, gathered in self._ahead)
+
+    def _gathered(self, step: int, memory: _Memory) -> tuple[int, int]:
+        return self._layout.write(self._plan.batch(step, 0, self._plan.own_voxels), memory.array)
+
+    def _of_shape(self, dtype: torch.dtype, pairs: int) -> Callable[[], tuple[list[Tensor], Tensor]]:
+        """What a step does with the batch that lies on the GPU, with `pairs` of a slice."""
+        if (dtype, pairs) not in self._steps:
+            batch, share = self._layout.read(self._there, pairs), self._plan.share
+            work = partial(self._learner.gradients, batch, dtype, share)
+            recorded = self._learner.model.slices is not None  # encoders that convolve read tables of the host
+            self._steps[dtype, pairs] = Replayed(work, self._learner.device) if recorded else work
+        return self._steps[dtype, pairs]
 
     def close(self) -> None:
         """End the threads."""
         self._pool.shutdown(cancel_futures=True)
         self._ahead.clear()
+
+
+class _Memory:
+    """Memory of the host that a batch is gathered in, and copied to a GPU from while the host goes on."""
+
+    def __init__(self, size: int, device: torch.device) -> None:
+        self._gpu = device if device.type == "cuda" else None
+        self._tensor = torch.empty(size, dtype=torch.uint8, pin_memory=self._gpu is not None)
+        self._copied: torch.cuda.Event | None = None
+        self.array = self._tensor.numpy()
+
+    def copy_to(self, there: Tensor, size: int) -> None:
+        """Begin to copy the first bytes."""
+        there[:size].copy_(self._tensor[:size], non_blocking=True)
+        if self._gpu is not None:
+            self._copied = torch.cuda.Event()
+            self._copied.record(torch.cuda.current_stream(self._gpu))
+
+    def wait(self) -> None:
+        """Wait until all is copied."""
+        if self._copied is not None:
+            self._copied.synchronize()
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ..data.tensor_batch import TensorBatch
 from ..network.cpu_adam import CpuAdam
+from ..network.gpu_adam import GpuAdam
 from ..network.losses import loss_gradient
 from ..network.sliced_net import SlicedNet
 from ..settings import SQUARED, TF32, TrainSettings
@@ -29,7 +30,7 @@ class Learner:
         # Lists once: to walk through the modules at every step takes as long as some of its products.
         self._trained, self._means = (list[Tensor](net.trained()) for net in (self.model, self.mean))
         self.optimizer = torch.optim.Adam(self._trained, settings.learning_rate, betas=(0.9, 0.999), fused=True)
-        self._cpu_adam = self._adam_of_cpu()
+        self._adam = self._adam_of_device()
         self.steps = 0
         self.seconds = 0.0  # of training so far, over all interruptions
 
@@ -59,19 +60,15 @@ class Learner:
         self.steps += 1
         # Early on the mean would remember the random start, so its memory grows with the run.
         decay = min(self.settings.average, (1 + self.steps) / (10 + self.steps)) if self.settings.average else 0.0
-        if self._cpu_adam is not None:
-            self._cpu_adam.step(first, scale=self._clip_scale(first), share=1.0 - decay)
-            return
-        for parameter, gradient in zip(self._trained, first, strict=True):
-            parameter.grad = gradient
-        if self.settings.clip:
-            torch.nn.utils.clip_grad_norm_(self._trained, self.settings.clip)
-        self.optimizer.step()
-        with torch.no_grad():
-            torch._foreach_lerp_(self._means, self._trained, 1.0 - decay)
+        if isinstance(self._adam, CpuAdam):
+            self._adam.step(first, scale=self._clip_scale(first), share=1.0 - decay)
+        else:
+            self._adam.step(first, share=1.0 - decay)
 
-    def _adam_of_cpu(self) -> CpuAdam | None:
-        return CpuAdam(self.optimizer, self._means) if self.device.type == CPU else None
+    def _adam_of_device(self) -> CpuAdam | GpuAdam:
+        if self.device.type == CPU:
+            return CpuAdam(self.optimizer, self._means)
+        return GpuAdam(self.optimizer, self._means, self.settings.clip)
 
     def _clip_scale(self, gradients: list[Tensor]) -> float:
         """Factor that makes the gradients as long as they may be, 1 where they are no longer."""
@@ -83,8 +80,7 @@ class Learner:
 
     def state(self) -> dict[str, Any]:
         """All that `load` needs to go on exactly, on whatever device."""
-        if self._cpu_adam is not None:
-            self._cpu_adam.store()
+        self._adam.store()
         return {
             "model": self.model.state_dict(),
             "mean": self.mean.state_dict(),
@@ -98,5 +94,5 @@ class Learner:
         self.model.load_state_dict(state["model"])
         self.mean.load_state_dict(state["mean"])
         self.optimizer.load_state_dict(state["optimizer"])
-        self._cpu_adam = self._adam_of_cpu()  # of the state that now is
+        self._adam = self._adam_of_device()  # of the state that now is
         self.steps, self.seconds = int(state["steps"]), float(state["seconds"])

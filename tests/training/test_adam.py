@@ -1,24 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Adam's step and the moving mean in one kernel: torch's own steps, and its own state, with which either goes on."""
+"""Adam's step and the moving mean, of CPU and GPU: torch's own steps, and its own state, with which either goes on."""
 
 import copy
 
 import pytest
 
 torch = pytest.importorskip("torch")
+from patchnet.tests.torch_devices import DEVICES  # noqa: E402  needs torch
 from patchnet.training.network.cpu_adam import CpuAdam  # noqa: E402  needs torch
+from patchnet.training.network.gpu_adam import GpuAdam  # noqa: E402  needs torch
 
 SIZES = (3, 40), (77,), (2, 5, 31)
 
 
-def _pair():
+def _pair(device: str = "cpu"):
     """Parameters, their optimiser, and their means, twice the same."""
     torch.manual_seed(1)
-    first = [torch.nn.Parameter(torch.randn(size)) for size in SIZES]
+    first = [torch.nn.Parameter(torch.randn(size).to(device)) for size in SIZES]
     both = []
     for parameters in (first, [torch.nn.Parameter(each.detach().clone()) for each in first]):
         optimizer = torch.optim.Adam(parameters, 1e-2, betas=(0.8, 0.95), eps=1e-6)
-        both.append((parameters, optimizer, [torch.zeros(size) for size in SIZES]))
+        both.append((parameters, optimizer, [torch.zeros(size, device=device) for size in SIZES]))
     return both
 
 
@@ -57,6 +59,30 @@ def test_steps_and_means_are_torchs() -> None:
         _assert_same(means, wanted_means)
     moved = [(one - other).detach().abs().max() for one, other in zip(found, _pair()[0][0], strict=True)]
     assert max(moved) > 0.01
+
+
+@pytest.mark.parametrize("clip", [0.0, 1.0])
+@pytest.mark.parametrize("device", DEVICES)
+def test_steps_of_a_gpu_are_torchs(device: str, clip: float) -> None:
+    """Also of a state that was saved, as a checkpoint is; some gradients are shorter than they may be, some longer."""
+    (wanted, peer, wanted_means), (found, optimizer, means) = _pair(device)
+    ours = GpuAdam(optimizer, means, clip)
+    for step in range(8):
+        if step == 4:
+            ours.store()
+            state = copy.deepcopy(optimizer.state_dict())
+            optimizer = torch.optim.Adam(found, 1e-2)
+            optimizer.load_state_dict(state)
+            ours = GpuAdam(optimizer, means, clip)
+        for group in (*peer.param_groups, *optimizer.param_groups):
+            group["lr"] = 0.02 / (1 + step)
+        gradients = [gradient.to(device) for gradient in _gradients(step)]
+        norm = torch.linalg.vector_norm(torch.cat([gradient.flatten() for gradient in gradients]))
+        scale = min(1.0, clip / (float(norm) + 1e-6)) if clip else 1.0
+        _torch_step(wanted, peer, wanted_means, gradients, scale, 0.5**step)
+        ours.step(gradients, share=0.5**step)
+        _assert_same(found, wanted)
+        _assert_same(means, wanted_means)
 
 
 @pytest.mark.parametrize("torch_first", [True, False])
