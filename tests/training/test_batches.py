@@ -84,9 +84,7 @@ def test_narrow_blocks_are_the_others_as_bfloat16(octree: Octree, samples: Sampl
     count = len(samples.voxel)
     augmentation = Augmentation.random(count, np.random.default_rng(3))
     which = concatenate([octree]), np.zeros(count, int), samples.voxel, samples.views, augmentation
-    wide, narrow = (
-        TensorBatch.of(gather_batch(*which, narrow=narrow), torch.device("cpu")) for narrow in (False, True)
-    )
+    wide, narrow = (TensorBatch.of(gather_batch(*which, narrow=narrow)) for narrow in (False, True))
     assert (wide.blocks.dtype, narrow.blocks.dtype) == (torch.float32, torch.bfloat16)
     assert torch.equal(wide.blocks.bfloat16(), narrow.blocks)
     assert torch.equal(wide.pair_block, narrow.pair_block)

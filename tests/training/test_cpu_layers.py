@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Layers on the CPU, forward and backward, by the kernels as by torch; sums of bfloat16 products in float32."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ torch = pytest.importorskip("torch")
 from torch import Tensor  # noqa: E402
 from torch.nn import functional  # noqa: E402
 
-from patchnet.training.network.corner_layer import SLICES, CornerLayer  # noqa: E402
+from patchnet.training.network.corner_layer import SLICES, corner_sums  # noqa: E402
 from patchnet.training.network.cpu_encoder import CpuEncoder  # noqa: E402
 from patchnet.training.network.cpu_layers import (  # noqa: E402
     add_bias,
@@ -50,12 +52,12 @@ def test_small_terms_count(add) -> None:
     assert (in_bfloat16 == 1).all()  # what the test is about
 
 
-def test_small_terms_count_in_the_layer_of_other_types() -> None:
-    _, starts, corner = small_terms()
+def test_small_terms_count_by_torch() -> None:
     blocks = torch.ones(1, 5, dtype=torch.bfloat16)
     slices = torch.full((SLICES, 5, 4), SMALL / 5)
     slices[0] = 0.2
-    found = CornerLayer.apply(slices, blocks, starts, torch.zeros(SLICES, dtype=torch.int64), corner, 1)
+    only = torch.zeros(SLICES, 1, dtype=torch.int64)
+    found = corner_sums(slices, blocks, only, only, 1)
     assert found.dtype == torch.float32
     torch.testing.assert_close(found, torch.full((1, 4), 1 + 7 * SMALL), atol=2e-3, rtol=0)
 
@@ -120,7 +122,11 @@ def test_encoder_equals_its_layers(dtype: torch.dtype, forward: float, backward:
     parameters = [(0.1 * torch.randn(shape)).bfloat16().float().requires_grad_() for shape in shapes]
     slices, bias, *layers = parameters
     found = CpuEncoder.apply(dtype, blocks, starts, block, corner, corners, *parameters)
-    hidden = torch.relu(CornerLayer.apply(slices, blocks, starts, block, corner, corners) + bias)
+    padded = torch.zeros(SLICES, corners, dtype=torch.int64), torch.full((SLICES, corners), corners)
+    for number, (first, last) in enumerate(itertools.pairwise(starts)):
+        for there, which in zip(padded, (block, corner), strict=True):
+            there[number, : last - first] = which[first:last]
+    hidden = torch.relu(corner_sums(slices, blocks, *padded, corners) + bias)
     for matrix, added in zip(layers[::2], layers[1::2], strict=True):
         hidden = torch.relu(functional.linear(hidden, matrix, added))
     torch.testing.assert_close(found, hidden, atol=forward * hidden.abs().max().item(), rtol=0)

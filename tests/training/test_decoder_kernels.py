@@ -37,7 +37,7 @@ def corpus(dataset: Dataset, kind: NetworkKind) -> Corpus:
 def test_kernels_equal_torch(dataset: Dataset, kind: NetworkKind) -> None:
     rows = np.arange(VOXELS)
     augmentation = Augmentation.random(VOXELS, np.random.default_rng(1))
-    batch = TensorBatch.of(corpus(dataset, kind).batch(rows, augmentation), torch.device("cpu"))
+    batch = TensorBatch.of(corpus(dataset, kind).batch(rows, augmentation))
     model = SlicedNet(Weights.random(3, bias=0.1, kind=kind))
     torch.manual_seed(3)
     eight = (2 * torch.randn(VOXELS, 8, 10)).requires_grad_()
@@ -57,7 +57,7 @@ def test_kernels_equal_torch(dataset: Dataset, kind: NetworkKind) -> None:
 def test_losses_equal_torch_and_what_they_say(dataset: Dataset, squared: bool, seen: str) -> None:
     """The kernel, its reference, and the gradient that torch finds for the loss written down as it is defined."""
     arrays = corpus(dataset, PAPER).batch(np.arange(VOXELS), Augmentation.none(VOXELS))
-    batch = TensorBatch.of(arrays, torch.device("cpu"))
+    batch = TensorBatch.of(arrays)
     batch.coverage[:2] = 0
     if seen == "none":
         batch.coverage[:] = 0

@@ -80,7 +80,7 @@ def test_what_is_trained_is_what_predicts(octree: Octree, dataset: Dataset) -> N
     rows = np.arange(60)
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
     with torch.no_grad():
-        trained = SlicedNet(weights)(TensorBatch.of(batch, torch.device("cpu")), torch.float32).numpy().reshape(-1, 2)
+        trained = SlicedNet(weights)(TensorBatch.of(batch), torch.float32).numpy().reshape(-1, 2)
     level, cells = corpus.voxel[rows, 0].astype(int), corpus.voxel[rows, 1:].astype(int)
     node = np.array([octree.find(here, cell[None])[0] for here, cell in zip(level, cells, strict=True)])
     views = batch.ratio.shape[1]

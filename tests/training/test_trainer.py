@@ -60,7 +60,7 @@ def test_sparse_first_layer_equals_the_network(datasets: list[Dataset]) -> None:
     patches = eight.reshape(len(rows), 1, 8, 2560).expand(-1, 4, -1, -1).reshape(-1, 8, 2560)
     views = [torch.from_numpy(getattr(batch, name)).flatten(0, 1) for name in ("entry", "direction", "up", "ratio")]
     expected = plain(patches, *views)
-    found = sliced(TensorBatch.of(batch, torch.device("cpu")), torch.float32)
+    found = sliced(TensorBatch.of(batch), torch.float32)
     torch.testing.assert_close(found.view(-1, 2), expected, atol=1e-5, rtol=0)
     expected.square().sum().backward()
     found.square().sum().backward()
@@ -77,7 +77,7 @@ def test_convolutions_of_a_batch_equal_the_network(datasets: list[Dataset], kind
 
     corpus, _ = corpus_of(datasets)
     rows = np.arange(3)
-    batch = TensorBatch.of(corpus.batch(rows, Augmentation.none(len(rows))), torch.device("cpu"))
+    batch = TensorBatch.of(corpus.batch(rows, Augmentation.none(len(rows))))
     weights = Weights.random(3, bias=0.1, encoder=kind)
     found = SlicedNet(weights)(batch, torch.float32)
     patches = torch.from_numpy(corner_patches_of(batch)).repeat_interleave(batch.ratio.shape[1], 0)
@@ -94,10 +94,7 @@ def test_a_mixture_learns_from_blocks_without_luminance(datasets: list[Dataset],
     from patchnet.training.network.sliced_net import SlicedNet
 
     rows, none = np.arange(3), Augmentation.none(3)
-    whole, seen = (
-        TensorBatch.of(corpus_of(datasets, nearby=nearby)[0].batch(rows, none), torch.device("cpu"))
-        for nearby in (False, True)
-    )
+    whole, seen = (TensorBatch.of(corpus_of(datasets, nearby=nearby)[0].batch(rows, none)) for nearby in (False, True))
     assert (whole.blocks.shape[1], seen.blocks.shape[1]) == (320, 256)
     weights = Weights.random(3, bias=0.1, kind=MIXTURE, encoder=encoder)
     expected = PatchNet.from_weights(weights).encode(torch.from_numpy(corner_patches_of(whole)).flatten(0, 1))

@@ -36,17 +36,17 @@ from ..data.corpus import Corpus, corpus_of
 from ..data.dataset import Dataset
 from ..data.samples import SampleSettings, draw_samples
 from ..network.losses import mean_errors
-from ..run.crews import DEVICE, HOST, Crew, FedGpuCrew, crew_for
+from ..run.crews import Crew, GpuCrew, crew_for
 from ..run.learner import Learner
 from ..run.provenance import describe_machine, describe_versions
 from ..run.trainer import encoder_type
-from ..settings import ABSOLUTE, BF16, FP32, IMPROVED, TF32
+from ..settings import ABSOLUTE, BF16, FP32, IMPROVED, TF32, TrainSettings
 from .decoding import views_around
 from .timing import Comparison, take_turns
 
 Run = Callable[[], Any]
 BATCHES = {2048: 100, 8192: 40}  # samples a step, and steps a run on a GPU
-# The network that is shipped, whose batches threads gather, and the paper's, whose batches a GPU gathers by itself.
+# The network that is shipped, and the paper's.
 _SETTINGS = {
     MIXTURE.name: replace(IMPROVED, precision=FP32),
     PAPER.name: replace(IMPROVED, network=PAPER.name, decoder_width=0, loss=ABSOLUTE, precision=FP32),
@@ -211,14 +211,11 @@ def _steps(
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:
     """Rates of steps of `batch` samples, and how far the errors of a step are from the CPU's."""
     settings = replace(_SETTINGS[kind], batch=batch)
-    gather = HOST if corpus.nearby else DEVICE
     local = Training(corpus, settings, CPU, threads)
-    others = {FP32: Training(corpus, settings, device, threads, gather, steps)}
-    if device != CPU:
-        if gather == DEVICE:
-            others[f"{FP32}, fed by the CPU"] = Training(corpus, settings, device, threads, HOST, steps)
-        for precision in (TF32, BF16):
-            others[precision] = Training(corpus, replace(settings, precision=precision), device, threads, gather, steps)
+    others = {
+        precision: Training(corpus, replace(settings, precision=precision), device, threads, steps)
+        for precision in ((FP32, TF32, BF16) if device != CPU else (FP32,))
+    }
     everyone = {"cpu": local} | others
     errors = {name: training().cpu() for name, training in everyone.items()}
     differences = {
@@ -261,9 +258,9 @@ class Training:
     """Training steps on a device, a few at each call; returns the errors (2,) of the first of them."""
 
     def __init__(
-        self, corpus: Corpus, settings: Any, device: str, threads: int, gather: str = "", steps: int = _CPU_STEPS
+        self, corpus: Corpus, settings: TrainSettings, device: str, threads: int, steps: int = _CPU_STEPS
     ) -> None:
-        self._corpus, self._threads, self._gather, self._steps = corpus, threads, gather, steps
+        self._corpus, self._threads, self._steps = corpus, threads, steps
         self._learner = Learner(settings, corpus.lookahead, device)
         self._voxels = max(1, settings.batch // corpus.views_per_voxel)
         self._type = encoder_type(settings, 0.0, device)
@@ -276,7 +273,7 @@ class Training:
 
     def __call__(self) -> torch.Tensor:
         """Take the steps, and wait for the last one."""
-        crew = self._kept or crew_for(self._learner, self._corpus, self._voxels, self._threads, self._gather)
+        crew = self._kept or crew_for(self._learner, self._corpus, self._voxels, self._threads)
         first = None
         for _ in range(self._steps):
             gradients, sums = crew.gradients(self._learner.steps, self._type)
@@ -284,7 +281,7 @@ class Training:
             first = mean_errors(sums) if first is None else first
         assert first is not None
         _finished(self._learner.device, None)
-        if isinstance(crew, FedGpuCrew):  # it gathers ahead, and would do so outside the time
+        if isinstance(crew, GpuCrew):  # it gathers ahead, and would do so outside the time
             crew.settle()
         self._kept = crew
         return first

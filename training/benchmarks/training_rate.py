@@ -147,7 +147,7 @@ def _products(learner: Learner, plan: StepPlan, steps: int, dtype: torch.dtype) 
     """Products of one thread's part of the first steps."""
     found: list[Product] = []
     for step in range(steps):
-        batch = TensorBatch.of(plan.batch(step, 0, plan.own_voxels), learner.device)
+        batch = TensorBatch.of(plan.batch(step, 0, plan.own_voxels))
         with recorded_products() as products:
             learner.gradients(batch, dtype, plan.share)
         found += products

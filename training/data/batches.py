@@ -87,6 +87,11 @@ class Augmentation:
         return Augmentation(self.symmetry[first:last], self.remap[first:last])
 
 
+def block_values(lookahead: int, *, nearby: bool) -> int:
+    """Numbers B of a block, see `Batch`; nearby: of networks that mix luminances."""
+    return (CHANNELS - 1 if nearby else CHANNELS) * 8**lookahead
+
+
 @cache
 def _symmetries(lookahead: int) -> Symmetries:
     return cube_symmetries(lookahead)
@@ -108,7 +113,7 @@ def gather_batch(
     symmetries = _symmetries(lookahead)
     count = len(tree)
     linear = np.empty((count, 2), np.float32)  # gain and offset of luminance
-    most, width = 27 * count, (CHANNELS - 1 if nearby else CHANNELS) * 8**lookahead
+    most, width = 27 * count, block_values(lookahead, nearby=nearby)
     blocks = np.empty((0 if narrow else most, width), np.float32)
     bits = np.empty((most if narrow else 0, width), np.uint16)
     moved = np.full((count, 27), -1, np.int32)  # rows of `blocks` by position after the symmetry

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ...patchnet_addon.network.encoders import CHANNELS
+from ...patchnet_addon.network.devices import CPU
 from ...patchnet_addon.network.kinds import COVERING, MIXED, VIEW
 from .batches import Batch
 from .nearby import Nearby
@@ -34,6 +34,15 @@ class PaddedBatch(TensorBatch):
     blocks: (27 V + 1, B), whose first row is zeros; what lies behind the occupied ones is not read. pair_block: (8, N)
     rows of `blocks`, 0 for nothing. pair_corner: (8, N), 8 V for nothing. slice_start is empty.
     """
+
+    @classmethod
+    def of(cls, batch: Batch, device: torch.device | str = CPU) -> PaddedBatch:
+        """Copy of a batch on a device, alone."""
+        voxels, views = batch.ratio.shape
+        layout = BatchLayout(voxels, views, batch.blocks.shape[1], batch.nearby is not None)
+        memory = np.empty(layout.size, np.uint8)
+        _, pairs = layout.write(batch, memory)
+        return layout.read(torch.from_numpy(memory).to(device), pairs)
 
 
 class _Place(NamedTuple):
@@ -53,17 +62,17 @@ class _Place(NamedTuple):
 class BatchLayout:
     """Layout of batches of so many voxels with so many views each, as `Batch` describes them.
 
-    nearby: with the luminances that a mixture needs, whose blocks hold no luminance.
+    values: of a block. nearby: with the luminances that a mixture needs.
     """
 
     voxels: int
     views: int
-    lookahead: int
+    values: int
     nearby: bool
 
     @cached_property
     def _places(self) -> dict[str, _Place]:
-        rays, values = (self.voxels, self.views), (CHANNELS - self.nearby) * 8**self.lookahead
+        rays = self.voxels, self.views
         shapes: dict[str, tuple[type, tuple[int, ...]]] = {}
         shapes |= dict.fromkeys(("entry", "direction", "up"), (np.float32, (*rays, 3)))
         shapes |= dict.fromkeys(("ratio", "coverage", "luminance"), (np.float32, rays))
@@ -72,7 +81,7 @@ class BatchLayout:
             shapes |= {field.name + " nearby": (np.float32, (*rays, size)) for field, size in sizes}
         shapes |= dict.fromkeys(("pair_block", "pair_corner"), (np.int64, (_SLICES, 8 * self.voxels)))
         # Last, for of them only those that are occupied are copied.
-        shapes["blocks"] = np.float32, (_BLOCKS * self.voxels + 1, values)
+        shapes["blocks"] = np.float32, (_BLOCKS * self.voxels + 1, self.values)
         places, offset = {}, 0
         for name, (dtype, shape) in shapes.items():
             places[name] = _Place(dtype, shape, offset)
@@ -101,12 +110,10 @@ class BatchLayout:
         most = int(np.diff(batch.slice_start).max())
         pairs = max(1, -(-most // self.voxels)) * self.voxels
         for number, (first, last) in enumerate(itertools.pairwise(batch.slice_start)):
-            count = last - first
-            for name, padding in (("pair_block", 0), ("pair_corner", 8 * self.voxels)):
-                arrays[name][number, count:pairs] = padding
-            arrays["pair_block"][number, :count] = batch.pair_block[first:last]
-            arrays["pair_block"][number, :count] += 1
-            arrays["pair_corner"][number, :count] = batch.pair_corner[first:last]
+            block, corner, count = arrays["pair_block"][number], arrays["pair_corner"][number], last - first
+            block[:count] = batch.pair_block[first:last] + 1
+            corner[:count] = batch.pair_corner[first:last]
+            block[count:pairs], corner[count:pairs] = 0, 8 * self.voxels
         rows = 1 + len(batch.blocks)
         arrays["blocks"][0] = 0
         arrays["blocks"][1:rows] = batch.blocks

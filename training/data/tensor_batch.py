@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training batch as tensors on a device: what a `Batch` of arrays becomes, or what `torch_corpus.py` gathers there."""
+"""Training batch as tensors: the arrays of a `Batch` on the CPU, and what `padded_batch.py` makes of them for a GPU."""
 
 from __future__ import annotations
 
@@ -41,22 +41,14 @@ class TensorBatch:
     nearby: TensorNearby | None = field(default=None, kw_only=True)
 
     @classmethod
-    def of(cls, batch: Batch, device: torch.device) -> TensorBatch:
-        """Tensors of a batch's arrays: the same memory on the CPU, copies by way of pinned memory on a GPU."""
+    def of(cls, batch: Batch) -> TensorBatch:
+        """Tensors of a batch's arrays, the same memory."""
         arrays = {each.name: getattr(batch, each.name) for each in fields(cls)}
         starts, nearby = arrays.pop("slice_start").tolist(), arrays.pop("nearby")
         there = None
         if nearby is not None:
-            near = {each.name: getattr(nearby, each.name) for each in fields(nearby)}
-            there = TensorNearby(**_on_device(near, device))
-        return cls(slice_start=starts, nearby=there, **_on_device(arrays, device))
-
-
-def _on_device(arrays: dict[str, np.ndarray], device: torch.device) -> dict[str, Tensor]:
-    tensors = {name: _tensor_of(array) for name, array in arrays.items()}
-    if device.type == "cuda":
-        tensors = {name: value.pin_memory().to(device, non_blocking=True) for name, value in tensors.items()}
-    return tensors
+            there = TensorNearby(**{each.name: _tensor_of(getattr(nearby, each.name)) for each in fields(nearby)})
+        return cls(slice_start=starts, nearby=there, **{name: _tensor_of(array) for name, array in arrays.items()})
 
 
 def _tensor_of(array: np.ndarray) -> Tensor:

@@ -8,8 +8,6 @@ are added up per corner.
 
 from __future__ import annotations
 
-from typing import Any
-
 import torch
 from torch import Tensor
 
@@ -51,45 +49,11 @@ def with_luminance(blocks: Tensor) -> Tensor:
     return result.flatten(-2)
 
 
-def padded_corner_sums(slices: Tensor, blocks: Tensor, pair_block: Tensor, pair_corner: Tensor, corners: int) -> Tensor:
-    """Sums (corners, out) float32 of products in the type of `blocks`, of a `PaddedBatch`; as `CornerLayer`."""
+def corner_sums(slices: Tensor, blocks: Tensor, pair_block: Tensor, pair_corner: Tensor, corners: int) -> Tensor:
+    """Sum over a corner's occupied blocks of block x slice (corners, out) float32, of pairs as in `PaddedBatch`.
+
+    slices: (8, B, out) float32; products are of the type of `blocks`.
+    """
     products = torch.bmm(blocks[pair_block], slices.to(blocks.dtype)).float()  # (8, N, out)
     result = products.new_zeros(corners + 1, products.shape[2])  # the last row is of pairs of nothing
     return result.index_add(0, pair_corner.flatten(), products.flatten(0, 1))[:corners]
-
-
-class CornerLayer(torch.autograd.Function):
-    """Sum over a corner's occupied blocks of block x slice; the gradient goes to the slices only."""
-
-    @staticmethod
-    def forward(
-        ctx: Any,
-        slices: Tensor,
-        blocks: Tensor,
-        starts: list[int],
-        pair_block: Tensor,
-        pair_corner: Tensor,
-        corners: int,
-    ) -> Tensor:
-        """Sums (corners, out) float32 of products in the type of `blocks` (M, B) for slices (8, B, out) in float32."""
-        matrices = slices.to(blocks.dtype)
-        result = torch.zeros(corners, slices.shape[2], device=blocks.device)
-        for s in range(SLICES):
-            here = slice(starts[s], starts[s + 1])
-            products = blocks.index_select(0, pair_block[here]) @ matrices[s]
-            result.index_add_(0, pair_corner[here], products.float())
-        ctx.save_for_backward(blocks, pair_block, pair_corner)
-        ctx.starts = starts
-        return result
-
-    @staticmethod
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:  # type: ignore[override]
-        """Gradient (8, B, out) float32 of the slices."""
-        blocks, pair_block, pair_corner = ctx.saved_tensors
-        gradient = gradient.to(blocks.dtype)
-        result = torch.empty(SLICES, blocks.shape[1], gradient.shape[1], device=blocks.device)
-        for s in range(SLICES):
-            here = slice(ctx.starts[s], ctx.starts[s + 1])
-            rows = blocks.index_select(0, pair_block[here])
-            result[s] = rows.t() @ gradient.index_select(0, pair_corner[here])
-        return result, None, None, None, None, None

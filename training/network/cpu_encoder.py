@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Encoder's layers with a ReLU on the CPU, forward and backward, without torch's steps between products.
 
-The same as `CornerLayer` and the linear layers after it, but that biases are added, and their gradients summed, in
+The same as `corner_sums` and the linear layers after it, but that biases are added, and their gradients summed, in
 float32 where products are in bfloat16.
 """
 
@@ -39,7 +39,7 @@ class CpuEncoder(torch.autograd.Function):
         """Results of slices (8, B, out), a bias (out,) and `layers`: matrices (out, out) and biases (out,) in turn.
 
         dtype: of the products, float32 or bfloat16; the parameters are float32. blocks: (M, B) of either type. The
-        others as in `CornerLayer`.
+        others as in `TensorBatch`.
         """
         matrices = [matrix.to(dtype) for matrix in layers[::2]]
         most = max(last - first for first, last in itertools.pairwise(starts))

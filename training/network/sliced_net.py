@@ -19,7 +19,7 @@ from ...patchnet_addon.network.torch_model import MixturePlace, PatchNet
 from ...patchnet_addon.network.weights import Weights
 from ..data.padded_batch import PaddedBatch
 from ..data.tensor_batch import TensorBatch
-from .corner_layer import SLICES, CornerLayer, from_slices, padded_corner_sums, to_slices, with_luminance
+from .corner_layer import SLICES, corner_sums, from_slices, to_slices, with_luminance
 from .cpu_decoder import CpuDecoder
 from .cpu_encoder import CpuEncoder
 
@@ -54,7 +54,7 @@ class SlicedNet(nn.Module):
     def forward(self, batch: TensorBatch, dtype: torch.dtype) -> Tensor:
         """Coverage and luminance (V, R, 2) in [-1, 2]; codes and decoder in float32 whatever the encoder's `dtype`.
 
-        The batch lies on the network's device.
+        The batch lies on the network's device; on a GPU it is a `PaddedBatch`.
         """
         voxels, views = batch.ratio.shape
         eight = self._codes(batch, dtype).view(voxels, 8, -1)
@@ -88,18 +88,13 @@ class SlicedNet(nn.Module):
         """Values (8 V, 256) float32 that the encoder's last layer is given, by products in `dtype`."""
         first, *middle, _ = self._encoder()
         corners = 8 * len(batch.ratio)
-        pairs = batch.slice_start, batch.pair_block, batch.pair_corner, corners
-        padded = isinstance(batch, PaddedBatch)
-        if batch.blocks.device.type == CPU and not padded:
+        pairs = batch.pair_block, batch.pair_corner, corners
+        if not isinstance(batch, PaddedBatch):
             layers = [part for layer in middle for part in (layer.weight, layer.bias)]
-            return CpuEncoder.apply(dtype, batch.blocks, *pairs, self.slices, first.bias, *layers)  # type: ignore[no-any-return]
+            parameters = self.slices, first.bias, *layers
+            return CpuEncoder.apply(dtype, batch.blocks, batch.slice_start, *pairs, *parameters)  # type: ignore[no-any-return]
         assert self.slices is not None
-        blocks = batch.blocks.to(dtype)
-        if padded:
-            sums = padded_corner_sums(self.slices, blocks, *pairs[1:])
-        else:
-            sums = CornerLayer.apply(self.slices, blocks, *pairs)
-        hidden = torch.relu(sums + first.bias)
+        hidden = torch.relu(corner_sums(self.slices, batch.blocks.to(dtype), *pairs) + first.bias)
         for layer in middle:
             hidden = hidden.to(dtype)
             hidden = torch.relu(functional.linear(hidden, layer.weight.to(dtype), layer.bias.to(dtype)))

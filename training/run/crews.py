@@ -18,12 +18,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..data.batches import Augmentation, Batch
+from ...patchnet_addon.network.devices import CPU
+from ..data.batches import Augmentation, Batch, block_values
 from ..data.corpus import Corpus
 from ..data.fresh import FreshCorpus
 from ..data.padded_batch import BatchLayout
 from ..data.tensor_batch import TensorBatch
-from ..data.torch_corpus import TorchCorpus, corpus_fits
 from ..network.replayed import Replayed
 from ..settings import TrainSettings
 from .learner import Learner
@@ -34,7 +34,6 @@ _MOST_AHEAD = 16  # batches that wait for a GPU
 _DRAWN_TOGETHER = 16  # steps whose augmentation is drawn at once: to begin takes longer than to draw
 ALONE = Processes()
 AnyCorpus = Corpus | FreshCorpus
-HOST, DEVICE = "host", "device"  # where a GPU's batches are gathered
 
 
 class Crew(Protocol):
@@ -50,19 +49,11 @@ class Crew(Protocol):
 
 
 def crew_for(
-    learner: Learner, corpus: AnyCorpus, voxels: int, threads: int, gather: str = "", processes: Processes = ALONE
-) -> Crew:
-    """Crew for the learner's device, with `voxels` a step, of which it computes the share of its process.
-
-    gather: HOST or DEVICE, where a GPU's batches are gathered; by default on the GPU if its memory holds the data. The
-    luminances that a mixture needs, and fresh samples, are gathered on the host always.
-    """
-    if learner.device.type == "cpu":
-        return ThreadCrew(learner, StepPlan(corpus, learner.settings, voxels, processes), threads)
-    may_gather = isinstance(corpus, Corpus) and not corpus.nearby
-    if may_gather and (gather == DEVICE or (not gather and corpus_fits(corpus, learner.device))):  # type: ignore[arg-type]
-        return GpuCrew(learner, StepPlan(corpus, learner.settings, voxels, processes))
-    return FedGpuCrew(learner, StepPlan(corpus, learner.settings, voxels, processes), threads)
+    learner: Learner, corpus: AnyCorpus, voxels: int, threads: int, processes: Processes = ALONE
+) -> ThreadCrew | GpuCrew:
+    """Crew for the learner's device, with `voxels` a step, of which it computes the share of its process."""
+    plan = StepPlan(corpus, learner.settings, voxels, processes)
+    return (ThreadCrew if learner.device.type == CPU else GpuCrew)(learner, plan, threads)
 
 
 class ThreadCrew:
@@ -99,7 +90,7 @@ class ThreadCrew:
         return [self._pool.submit(self._gathered, step, *cut, narrow) for cut in itertools.pairwise(cuts)]
 
     def _gathered(self, step: int, first: int, last: int, narrow: bool) -> tuple[TensorBatch, float]:
-        batch = TensorBatch.of(self._plan.batch(step, first, last, narrow=narrow), self._learner.device)
+        batch = TensorBatch.of(self._plan.batch(step, first, last, narrow=narrow))
         return batch, (last - first) / self._plan.voxels
 
     def _part(self, gathered: Future[tuple[TensorBatch, float]], dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
@@ -112,26 +103,6 @@ class ThreadCrew:
 
 
 class GpuCrew:
-    """GPU that holds the data and gathers its batches itself."""
-
-    def __init__(self, learner: Learner, plan: StepPlan) -> None:
-        self._learner, self._plan = learner, plan
-        assert isinstance(plan.corpus, Corpus)
-        self._data = TorchCorpus(plan.corpus, learner.device)
-        self.title = f"{learner.device}, data on it"
-
-    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
-        """Gradients of a step as one part, and sums of its errors, see `Crew`."""
-        batch = self._data.batch(*self._plan.of_step(step))
-        gradients, sums = self._learner.gradients(batch, dtype, self._plan.share)
-        return [gradients], sums
-
-    def close(self) -> None:
-        """Give the data's memory back."""
-        del self._data
-
-
-class FedGpuCrew:
     """GPU whose batches are gathered by threads, some steps ahead, and copied from pinned memory.
 
     Its work on batches of one shape is recorded and replayed (`replayed.py`).
@@ -140,7 +111,8 @@ class FedGpuCrew:
     def __init__(self, learner: Learner, plan: StepPlan, threads: int) -> None:
         self._learner, self._plan = learner, plan
         corpus, device = plan.corpus, learner.device
-        self._layout = BatchLayout(plan.own_voxels, corpus.views_per_voxel, corpus.lookahead, corpus.nearby)
+        values = block_values(corpus.lookahead, nearby=corpus.nearby)
+        self._layout = BatchLayout(plan.own_voxels, corpus.views_per_voxel, values, corpus.nearby)
         self._there = torch.zeros(self._layout.size, dtype=torch.uint8, device=device)
         self._most = min(threads + 1, _MOST_AHEAD)
         self._free = deque(_Memory(self._layout.size, device) for _ in range(self._most + 1))

@@ -49,7 +49,7 @@ class RunOptions:
     """Options of carrying out a run, which change its result by rounding at most.
 
     device: cpu, cuda, cuda:N, or auto (`patchnet_addon/network/devices.py`). threads: of the CPU, which learn or gather
-    for a GPU; None for one a core. gather: see `crew_for`. validation: data sets that are not learned
+    for a GPU; None for one a core. validation: data sets that are not learned
     from, whose samples are all for validation. notes: entries of the weights' metadata beside data, code and extent.
     tensorboard: whether curves are written for it, too.
     """
@@ -63,7 +63,6 @@ class RunOptions:
     notes: dict[str, Any] = field(default_factory=dict)
     device: str = CPU
     threads: int | None = None
-    gather: str = ""
     validation: Sequence[Dataset] = ()
     tensorboard: bool = False
 
@@ -97,7 +96,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
         load_checkpoint(options.out / CHECKPOINT, learner, run)
         notes |= {name: run[name] for name in run if name == "extended_from"}
     with enough_memory("training"):
-        crew = crew_for(learner, corpus, voxels, threads, options.gather, processes)
+        crew = crew_for(learner, corpus, voxels, threads, processes)
     end = min(total, options.stop_after or total)
     keeper = _Keeper(learner, options, run, notes, sets, per_step, end) if processes.is_first else None
     before = time.monotonic() - learner.seconds

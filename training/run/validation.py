@@ -8,10 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 import torch
 
+from ...patchnet_addon.network.devices import CPU
 from ...patchnet_addon.network.torch_precision import float32_products
 from ..data.batches import Augmentation
 from ..data.corpus import Corpus
 from ..data.forest import voxel_luminance
+from ..data.padded_batch import PaddedBatch
 from ..data.tensor_batch import TensorBatch
 from ..network.sliced_net import SlicedNet
 from ..settings import VALIDATION_VOXELS
@@ -53,8 +55,9 @@ def _predicted(model: SlicedNet, corpus: Corpus, first: int, last: int) -> tuple
     rows = np.arange(first, last)
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
     device = model.device
+    there = TensorBatch.of(batch) if device.type == CPU else PaddedBatch.of(batch, device)
     with torch.no_grad(), float32_products(device):
-        predicted = model(TensorBatch.of(batch, device), torch.float32).clamp(0, 1).cpu().numpy()
+        predicted = model(there, torch.float32).clamp(0, 1).cpu().numpy()
     own = np.repeat(voxel_luminance(corpus.forest, corpus.tree[rows], corpus.voxel[rows]), corpus.views.shape[1])
     return batch.coverage.ravel(), batch.luminance.ravel(), predicted[..., 0].ravel(), predicted[..., 1].ravel(), own
 
