@@ -88,7 +88,7 @@ def test_batches_of_one_shape(lookahead: int, nearby: bool, device: str) -> None
 
 
 CREWS = [
-    *((ThreadCrew, threads, "cpu") for threads in (2, 3, 4, 50)),
+    *((ThreadCrew, threads, "cpu") for threads in (2, 3, 50)),
     *((GpuCrew, threads, "cpu") for threads in (1, 3)),
     (GpuCrew, 3, "cuda"),
 ]
@@ -113,7 +113,7 @@ def test_all_crews_take_the_same_steps(
         for step in (0, 1, 5, 2) if kind is ThreadCrew else range(3):  # threads gather ahead, whatever is asked for
             (wanted,), errors = one.gradients(step, torch.float32)
             parts, found = other.gradients(step, torch.float32)
-            assert kind is not ThreadCrew or len(parts) == min(threads, 4)
+            assert kind is not ThreadCrew or len(parts) == min(threads, 2)
             torch.testing.assert_close(found.cpu(), errors, rtol=1e-5, atol=1e-6)
             for mine, *theirs in zip(wanted, *parts, strict=True):
                 difference = torch.stack(theirs).sum(0).cpu() - mine
@@ -140,7 +140,7 @@ def test_gathered_ahead_for_another_number_type(datasets: list[Dataset]) -> None
 def test_crew_of_a_device(datasets: list[Dataset]) -> None:
     corpus, _ = corpus_of(datasets)
     crew = crew_for(Learner(SETTINGS), corpus, VOXELS, 3)
-    assert isinstance(crew, ThreadCrew) and crew.title == "3 CPU threads"
+    assert isinstance(crew, ThreadCrew) and crew.title == "2 CPU threads"
     crew.close()
 
 

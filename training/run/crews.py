@@ -29,7 +29,7 @@ from ..settings import TrainSettings
 from .learner import Learner
 from .processes import Processes
 
-_PART_VOXELS = 16  # smaller parts of a step cost more than they are worth
+_PART_VOXELS = 32  # in smaller parts of a step threads wait for the interpreter more than they compute
 _MOST_AHEAD = 16  # batches that wait for a GPU
 _DRAWN_TOGETHER = 16  # steps whose augmentation is drawn at once: to begin takes longer than to draw
 ALONE = Processes()
@@ -37,7 +37,7 @@ AnyCorpus = Corpus | FreshCorpus
 
 
 class Crew(Protocol):
-    """Crew of a run; `title` says in a few words who computes."""
+    """Crew of a run; `title` says in a few words what computes."""
 
     title: str
 
@@ -60,17 +60,16 @@ class ThreadCrew:
     """Threads that each gather and learn from one part of a step, with products on one thread.
 
     That suits small matrices better than threads inside every product, and a busy machine slows it less. There are as
-    many parts as threads, so that rounding alone depends on their number; threads beyond that work inside products.
+    many parts as threads, so that rounding alone depends on their number, and no more than a step has work for.
     """
 
     def __init__(self, learner: Learner, plan: StepPlan, threads: int) -> None:
         self._learner, self._plan = learner, plan
         self._parts = max(1, min(threads, plan.own_voxels // _PART_VOXELS))
-        inside = max(1, threads // self._parts)
-        self._pool = ThreadPoolExecutor(self._parts, initializer=torch.set_num_threads, initargs=(inside,))
+        self._pool = ThreadPoolExecutor(self._parts, initializer=torch.set_num_threads, initargs=(1,))
         self._ahead: list[Future[tuple[TensorBatch, float]]] = []
         self._ahead_of: tuple[int, bool] | None = None  # step, and whether its blocks are narrow
-        self.title = f"{threads} CPU threads"
+        self.title = "1 CPU thread" if self._parts == 1 else f"{self._parts} CPU threads"
 
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
         """Gradients of the parts of a step, and sums of its errors, see `Crew`."""
@@ -119,7 +118,7 @@ class GpuCrew:
         self._ahead: deque[tuple[int, _Memory, Future[tuple[int, int]]]] = deque()
         self._steps: dict[tuple[torch.dtype, int], Callable[[], tuple[list[Tensor], Tensor]]] = {}
         self._pool = ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,))
-        self.title = f"{device}, fed by {threads} CPU threads"
+        self.title = str(device)
 
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
         """Gradients of a step as one part, and sums of its errors, see `Crew`; steps are asked for in their order.

@@ -112,7 +112,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
             learner.seconds = time.monotonic() - before
             if keeper is not None:
                 keeper.keep_step(sums, rate)
-            yield Progress(learner.steps, end, "Training")
+            yield Progress(learner.steps, end, f"Training on {crew.title}")
     finally:
         crew.close()
         if learner.steps and keeper is not None:
