@@ -46,7 +46,6 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
 
     compare: measure all strategies. Raises SettingError, SceneError.
     """
-    from .pipeline.encoder import decoding_device
     from .pipeline.views import view, view_background
     from .scene.cameras import choose_cameras
 
@@ -55,7 +54,6 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     depsgraph = context.evaluated_depsgraph_get()
     camera = choose_cameras(depsgraph, settings.view.cameras, settings.view.size, bounds)[0]
     clock = StageClock()
-    device = decoding_device(settings.compute)
     with clock.stage("views"), overlay.unfinished_pictures(context) as meanwhile:
         behind = yield from view_background(context, coded.octree, camera, settings)
         looking = view(
@@ -64,7 +62,6 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
             settings.view,
             before.scope,
             compare=compare,
-            device=device,
             background=behind,
             meanwhile=meanwhile,
         )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Codes, decodes and training samples per second on a GPU by torch, beside the CPU in the same run."""
+"""Codes and training samples per second on a GPU by torch, beside the CPU in the same run."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from .arguments import add_repeats
 if TYPE_CHECKING:
     from ...training.benchmarks.timing import Comparison
 
-HELP = "encoding, decoding and training on a GPU against the CPU"
+HELP = "encoding and training on a GPU against the CPU"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of `patchnet bench device`."""
     add_device(parser, "what is measured; cpu: torch there, against our own kernels (auto)")
     add_number(parser, "--nodes", bounds.NODES, default=10_000_000, help="nodes of the octree that is made (10000000)")
-    add_number(parser, "--pixels", bounds.CORNERS, default=1_000_000, help="pixels to decode, about (1000000)")
     add_number(parser, "--corners", bounds.CORNERS, default=200_000, help="corners of the network alone (200000)")
     add_number(
         parser, "--samples", bounds.DATASET_SAMPLES, default=200_000, help="training samples that are drawn (200000)"
@@ -41,7 +40,7 @@ def measure(args: argparse.Namespace) -> Comparison:
     from ...training.benchmarks.device import DeviceBench, benchmark_device
     from ...training.benchmarks.shells import octree_of_shells
 
-    bench = DeviceBench(device, args.pixels, args.corners, args.samples, args.repeats, args.threads)
+    bench = DeviceBench(device, args.corners, args.samples, args.repeats, args.threads)
     return benchmark_device(octree_of_shells(args.nodes), load_weights(), bench)
 
 

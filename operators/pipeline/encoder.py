@@ -70,14 +70,10 @@ def _encoder_in(python: Path, weights: Weights, device: str) -> OtherPythonEncod
     return OtherPythonEncoder(python, weights, device)
 
 
-def decoding_device(compute: ComputeSettings) -> str:
-    """Device of this Python that decodes; the other Python that is named encodes only, so the CPU may decode for it.
-
-    Raises SettingError if a GPU is asked for and there is none.
-    """
-    if compute.torch_python is not None and not torch_has_gpu():
-        return CPU
-    return found_device(compute.torch_device, NETWORK_DEVICE)
+def check_encoder(compute: ComputeSettings) -> None:
+    """Raise SettingError if a GPU of this Python is asked for and there is none; what another has it says itself."""
+    if compute.torch_python is None or torch_has_gpu():
+        found_device(compute.torch_device, NETWORK_DEVICE)
 
 
 def encoder_text(compute: ComputeSettings) -> str:

@@ -31,7 +31,7 @@ from ..state.scene_state import SceneState
 from .camera_folders import view_folders
 from .cycles_pictures import save_cycles
 from .cycles_regions import CyclesView, refine_view
-from .encoder import decoding_device
+from .encoder import check_encoder
 from .job_work import AGAIN, Rates, planned_work
 from .kernels_beside import compiling_beside
 from .lit_octree import Recipe, build_lit_octree, fit_cameras
@@ -121,7 +121,7 @@ def _compute(
     kept: BakePageCache,
     meanwhile: Meanwhile | None,
 ) -> Steps[JobResult]:
-    device = decoding_device(settings.compute)  # before anything is baked
+    check_encoder(settings.compute)  # before anything is baked
     clock = plan.clock
     cameras: list[Camera] = []
     surface, wanted = settings.surface, settings.view
@@ -154,7 +154,7 @@ def _compute(
         with clock.stage("views"):
             if camera is not cameras[0]:
                 behind = yield from view_background(context, made.octree, camera, settings)
-            looking = view(coded, camera, wanted, surface.scope, device=device, background=behind, meanwhile=meanwhile)
+            looking = view(coded, camera, wanted, surface.scope, background=behind, meanwhile=meanwhile)
             views.append((yield from looking))
         if wanted.cycles is not None:
             with clock.stage("cycles"):

@@ -16,7 +16,6 @@ from ...patchnet_addon.image.background import BLACK, encoded, opaque, over
 from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import error_picture, heatmap, overlay, tint
-from ...patchnet_addon.network.devices import CPU
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
@@ -96,7 +95,6 @@ def view(
     scope: str,
     *,
     compare: bool | None = None,
-    device: str = CPU,
     background: Background = BLACK_GROUND,
     meanwhile: Meanwhile | None = None,
 ) -> Steps[View]:
@@ -104,18 +102,17 @@ def view(
 
     scope: which objects were voxelized, for importance that is painted on them. compare: also trace the reference of
     all pixels and measure what all strategies, the exact oracles too, and uniform pictures leave of the error; None: as
-    the settings say. All strategies rank by what the settings' importance makes of their scores. device: what decodes,
-    see `predict`.
+    the settings say. All strategies rank by what the settings' importance makes of their scores.
     background: what pictures show behind all surfaces; priorities and errors are of surfaces alone.
     meanwhile: shows the preview as soon as it is traced, the heatmap, and the picture while it is refined. Raises
-    SettingError if what was painted, or the device, is not there.
+    SettingError if what was painted is not there.
     """
     chosen = strategy(settings.strategy)
     compare = settings.reference if compare is None else compare
     ground = Ground(camera, background.light, coded.octree.exposure)
     if meanwhile is not None:
         yield from first_look(coded.octree, camera, meanwhile, background=ground.background)
-    buffers = yield from _traced(coded, camera, [chosen], device, reference=False)
+    buffers = yield from _traced(coded, camera, [chosen], reference=False)
     if settings.importance is not None:
         looked_up = pixel_importance(settings.importance, scope, coded.octree.grid, buffers)
         buffers = replace(buffers, importance=(yield from labelled(looked_up, f"{camera.name}: {{}}")))
@@ -128,7 +125,7 @@ def view(
     refined = yield from _refined(coded.octree, ranking, settings, meanwhile, ground)
     strategies = list(STRATEGIES.values()) if compare else [chosen]
     if compare:
-        known = yield from _traced(coded, camera, strategies, device, reference=True)
+        known = yield from _traced(coded, camera, strategies, reference=True)
         buffers = replace(known, importance=buffers.importance, unrefined=settings.unrefined)
     measuring = Progress(0, 1, f"{camera.name}: {'Preparing pictures' if not compare else 'Measuring errors'}")
     made = yield from computed(
@@ -154,13 +151,11 @@ def view_background(
 
 
 def _traced(
-    coded: CodedOctree, camera: Camera, strategies: Sequence[Strategy], device: str, *, reference: bool
+    coded: CodedOctree, camera: Camera, strategies: Sequence[Strategy], *, reference: bool
 ) -> Steps[PixelBuffers]:
     """What strategies and the predicted picture need of a view, and its reference if wanted."""
     tracing = run_in_worker(
-        lambda: trace_view(
-            coded.octree, camera, strategies, coded=coded, reference=reference, device=device, unrefined=PREDICTED
-        ),
+        lambda: trace_view(coded.octree, camera, strategies, coded=coded, reference=reference, unrefined=PREDICTED),
         Progress(0, 1, "Tracing the preview"),
     )
     return (yield from labelled(tracing, f"{camera.name}: {{}}"))

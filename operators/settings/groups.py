@@ -173,7 +173,7 @@ class ComputeSettings:
     """Settings of what computes.
 
     memory_bytes: what the octree may take while it is built; None for all that is free. It bounds the depth, so it is
-    in keys. device: of the bake. network_device: of encoding and decoding, AUTO, CPU or GPU, or as torch names one,
+    in keys. device: of the bake. network_device: of encoding, AUTO, CPU or GPU, or as torch names one,
     cuda:1. torch_python: another Python that has torch, which encodes. They decide which device computes, and not what:
     they count for no frame's key.
     """

@@ -9,35 +9,29 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..network.compiled_layers import TILE
-from ..network.kinds import CHILDREN, CODE_SIZE, CORNERS, COVERING, MIXED, SIDE_BY_SIDE, VIEW
+from ..network.kinds import CHILDREN, CODE_SIZE, CORNERS, SIDE_BY_SIDE
 from ..network.mixture_decode import MixtureInputs
 from ..octree.leaf_boxes import covered_shares
 from ..octree.nodes import BoxedNodes
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bits import lowest_one
-from ..runtime.kernels import kernel, lean_device
-from ..runtime.threads import run_parts
+from ..runtime.kernels import lean_device
 from .coded_octree import CodedOctree
 from .corner_rows import corner_row
 from .footprint import (
     ABSENT,
-    clear_tile,
-    empty_footprint_tile,
     footprint_reference,
-    measure_tile,
     place_box,
     set_frame,
 )
 from .outer_cells import (
     OUTER_CELLS,
-    empty_outer_list,
     list_cells,
     mask_geometry,
     measure_cells,
     outer_cells_reference,
 )
 from .patches import OCTANTS
-from .pixel_tiles import PixelRays
 from .ray_frame import CELLS, SIDE, cell_order, ray_frame, ray_frames
 
 if TYPE_CHECKING:
@@ -131,37 +125,6 @@ def fill_fine(nodes, luminance, node, order, tile, place):  # type: ignore[no-un
                 place_box(tile, row, place, boxes, cell - first_boxed, axes)
             cell += step
         child += 1
-
-
-def nearby_of(coded: CodedOctree, nodes: np.ndarray, rows: np.ndarray, rays: PixelRays) -> tuple[np.ndarray, ...]:
-    """View (N, 9), coverage (N, 64) and luminances (N, 65), float32, see `MixtureInputs`, for coded nodes (N,).
-
-    rows: (N,) of the nodes in `corner_rows`. rays: of the same pixels.
-    """
-    count = len(nodes)
-    view, covered = np.empty((count, VIEW), np.float32), np.empty((count, COVERING), np.float32)
-    luminances = np.empty((count, MIXED), np.float32)
-    whole = np.ascontiguousarray(nodes, np.int64), np.ascontiguousarray(rows, np.int64)
-    run_parts(_write_all, -(-count // TILE), NearbyCells.of(coded), *whole, rays, view, covered, luminances)
-    return view, covered, luminances
-
-
-@kernel
-def _write_all(first, last, nearby, nodes, rows, rays, view, covered, luminances):  # type: ignore[no-untyped-def]
-    tile, listed, views = empty_footprint_tile(), empty_outer_list(), np.empty(VIEW * TILE, np.float32)
-    shares, lights = np.empty(COVERING * TILE, np.float32), np.empty(COVERING * TILE, np.float32)
-    for start in range(first * TILE, min(last * TILE, len(nodes)), TILE):
-        count = min(TILE, len(nodes) - start)
-        clear_tile(tile, shares, lights)
-        for place in range(count):
-            pixel = start + place
-            ray = rays.entry[pixel], rays.direction[pixel], rays.up[pixel], rays.ratio[pixel]
-            place_pixel(nearby, nodes[pixel], rows[pixel], ray, (tile, listed), views, shares, lights, place)
-            luminances[pixel, COVERING] = np.float32(nearby.luminance[nodes[pixel]]) * np.float32(1.0 / LUMINANCE_SCALE)
-        measure_tile(tile, shares, lights)
-        write_columns(views, count, view[start:])
-        write_columns(shares, count, covered[start:])
-        write_columns(lights, count, luminances[start:])
 
 
 @lean_device

@@ -12,13 +12,12 @@ from ..network.compiled_decode import decode_tile, empty_tile
 from ..network.compiled_layers import TILE, DecoderLayers
 from ..network.compiled_mixture import pack_mixture
 from ..network.decode import decode
-from ..network.devices import CPU, enough_memory, found_device
 from ..network.mixture_decode import decode_mixture
 from ..runtime.kernels import kernel
 from ..runtime.threads import run_parts
 from .coded_octree import CodedOctree
 from .corner_codes import CornerCodes
-from .mixture_inputs import NearbyCells, mixture_inputs_reference, nearby_of
+from .mixture_inputs import NearbyCells, mixture_inputs_reference
 from .patches import OCTANTS
 from .pixel_tiles import PixelRays, fill_codes, fill_rays, gather_look_ahead
 from .predict_mixture import predict_mixture
@@ -45,15 +44,12 @@ class Prediction:
         return Prediction(self.coverage[pixels], self.luminance[pixels], self.look_ahead[pixels])
 
 
-def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
-    """Decode coverage and luminance of all pixels, on all cores of the CPU or on a GPU.
+def predict(coded: CodedOctree, hits: Hits) -> Prediction:
+    """Decode coverage and luminance of all pixels, on all cores of the CPU.
 
-    Those without look-ahead keep what they show, so that their priority is 0 (methods 4.1b). `device`: cpu, cuda,
-    cuda:N, or auto (`network/devices.py`); all give the same to 1e-3. Raises SettingError for one that is not there, or
-    has too little memory.
+    Those without look-ahead keep what they show, so that their priority is 0 (methods 4.1b). A GPU is no faster: what
+    lies around each pixel's voxel is found on the CPU, and would have to be copied (docs/gpu.md).
     """
-    if (device := found_device(device)) != CPU:
-        return predict_on(device, coded, hits)
     rays = PixelRays.of(hits)
     pixels = len(rays.node)
     prediction = Prediction(
@@ -69,9 +65,9 @@ def predict(coded: CodedOctree, hits: Hits, device: str = CPU) -> Prediction:
     return prediction
 
 
-def predict_pixels(coded: CodedOctree, hits: Hits, pixels: np.ndarray, device: str = CPU) -> Prediction:
+def predict_pixels(coded: CodedOctree, hits: Hits, pixels: np.ndarray) -> Prediction:
     """Decode chosen pixels, given by their indices (N,), alone; as `predict` otherwise."""
-    return predict(coded, hits.part(pixels), device)
+    return predict(coded, hits.part(pixels))
 
 
 def predict_reference(coded: CodedOctree, hits: Hits) -> Prediction:
@@ -86,33 +82,6 @@ def predict_reference(coded: CodedOctree, hits: Hits) -> Prediction:
         codes = interpolate_codes_reference(coded, rows[pixels], hits.entry_voxel[pixels])
         decoded = decode(coded.weights, codes, hits.direction[pixels], hits.up[pixels], hits.ratio[pixels])
     coverage[pixels], luminance[pixels] = decoded
-    return Prediction(coverage, luminance, rows >= 0)
-
-
-def predict_on(device: str, coded: CodedOctree, hits: Hits) -> Prediction:
-    """Prediction as `predict` makes it, by torch; all codes are copied to `device`, as torch names it, for this call.
-
-    Raises SettingError where they do not fit.
-    """
-    from ..network.torch_decode import TorchDecoder
-
-    rows = coded.rows_of(hits.node)
-    pixels = np.flatnonzero(rows >= 0)
-    coverage = np.ones(len(rows), np.float32)
-    luminance = hits.luminance.astype(np.float32)
-    with enough_memory("decoding"):
-        decode_there = TorchDecoder(coded.weights, coded.codes, device)
-        nearby = None
-        if coded.weights.kind.mixes:
-            nearby = nearby_of(coded, hits.node[pixels], rows[pixels], PixelRays.of(hits).part(pixels))
-        coverage[pixels], luminance[pixels] = decode_there(
-            coded.corners_of(rows[pixels]),
-            hits.entry_voxel[pixels],
-            hits.direction[pixels],
-            hits.up[pixels],
-            hits.ratio[pixels],
-            nearby,
-        )
     return Prediction(coverage, luminance, rows >= 0)
 
 

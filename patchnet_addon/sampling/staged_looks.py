@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from ..network.devices import CPU
 from ..octree.octree import Octree
 from ..tracing.camera import Camera
 from .pixel_buffers import PixelBuffers
@@ -48,7 +47,7 @@ class TracedLooks:
     """Looks that trace and decode what they are asked for.
 
     coded: codes of the octree, None where nobody asks for a prediction. lookahead: levels. predicted: prediction of all
-    pixels where there is one already. device: what decodes.
+    pixels where there is one already.
     """
 
     octree: Octree
@@ -56,7 +55,6 @@ class TracedLooks:
     coded: CodedOctree | None
     lookahead: int
     predicted: Prediction | None = None
-    device: str = CPU
 
     def normals(self, hits: Hits, pixels: np.ndarray) -> np.ndarray:
         """See `Looks`."""
@@ -91,7 +89,7 @@ class TracedLooks:
         if self.predicted is not None:
             return self.predicted.part(pixels)
         assert self.coded is not None  # whoever plans stages asks for codes
-        return predict_pixels(self.coded, hits, pixels, self.device)
+        return predict_pixels(self.coded, hits, pixels)
 
 
 @dataclass(frozen=True, eq=False)

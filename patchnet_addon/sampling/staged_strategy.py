@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..network.devices import CPU
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.progress import Steps
 from .pixel_buffers import PixelBuffers
@@ -65,8 +64,6 @@ def scores_in_stages(
     strategy: StagedStrategy,
     budget: float,
     coded: CodedOctree | None = None,
-    *,
-    device: str = CPU,
 ) -> Steps[tuple[PixelBuffers, np.ndarray]]:
     """View as the first stage needs it, and scores (P,) float32 within a budget, traced and decoded stage by stage.
 
@@ -76,6 +73,6 @@ def scores_in_stages(
 
     lookahead = DEFAULT_LOOKAHEAD if coded is None else coded.weights.lookahead
     first = [strategy.first_look()]
-    buffers = yield from trace_view(octree, camera, first, coded=coded, reference=False, device=device)
-    looks = TracedLooks(octree, camera, coded, lookahead, device=device)
+    buffers = yield from trace_view(octree, camera, first, coded=coded, reference=False)
+    looks = TracedLooks(octree, camera, coded, lookahead)
     return buffers, strategy.scores_within(buffers, looks, budget)

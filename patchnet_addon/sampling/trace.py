@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..network.devices import CPU
 from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.errors import SettingError
@@ -43,16 +42,15 @@ def trace_view(
     coded: CodedOctree | None = None,
     reference: bool = True,
     lookahead: int | None = None,
-    device: str = CPU,
     unrefined: str = PREVIEW,
 ) -> Steps[PixelBuffers]:
     """Picture at 1 sample per pixel, what `strategies` need of the rest, and the 32x32 reference if wanted.
 
     Pictures are in colour too if the octree is. lookahead: levels that the exact oracle and rays behind the patch look
-    ahead, 1 to 3; None: those of the weights of `coded`, or two without codes. device: what decodes, see `predict`.
+    ahead, 1 to 3; None: those of the weights of `coded`, or two without codes.
     unrefined: what pixels show that are not refined, see `PixelBuffers`; what the predicted picture needs is traced.
-    Raises SettingError if a strategy, or the predicted picture, needs codes and `coded` is None, if their weights look
-    another number of levels ahead, or for a device that is not there.
+    Raises SettingError if a strategy, or the predicted picture, needs codes and `coded` is None, or if their weights
+    look another number of levels ahead.
     """
     from ..codes.exact import exact_prediction
     from ..codes.predict import predict
@@ -67,7 +65,7 @@ def trace_view(
     hits, behind_node = patch.hits, patch.behind_node
     colored = octree.chroma is not None
     rays = fine_rays(octree, camera, lookahead=lookahead) if needs & {FINE_4, FINE_RAYS} else None
-    prediction = predict(coded, hits, device) if PREDICTION in needs and coded is not None else None
+    prediction = predict(coded, hits) if PREDICTION in needs and coded is not None else None
     exact = (yield from exact_prediction(octree, hits, lookahead)) if EXACT in needs else None
     exact_1 = (yield from exact_prediction(octree, hits, 1)) if EXACT_1 in needs else None
     sampled = None

@@ -5,7 +5,6 @@ Codes to 1e-4 and 1e-5 of the largest before they are rounded to half floats, co
 """
 
 import warnings
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,22 +12,18 @@ import pytest
 from patchnet.patchnet_addon.codes import encode
 from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.patches import covering_nodes, voxel_blocks
-from patchnet.patchnet_addon.codes.predict import predict, predict_on
 from patchnet.patchnet_addon.network import devices
 from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.devices import enough_memory, found_device, read_device
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes
 from patchnet.tests.torch_devices import DEVICES, gpu_only
 
 torch = pytest.importorskip("torch")
 from patchnet.patchnet_addon.codes.torch_tree import TorchCorners, TorchTree, tree_fits  # noqa: E402  needs torch
-from patchnet.patchnet_addon.network import torch_decode, torch_encode  # noqa: E402  needs torch
+from patchnet.patchnet_addon.network import torch_encode  # noqa: E402  needs torch
 from patchnet.patchnet_addon.network.torch_copy import to_device  # noqa: E402  needs torch
 from patchnet.patchnet_addon.network.torch_precision import float32_products  # noqa: E402  needs torch
 
@@ -204,61 +199,3 @@ def test_tf32_of_the_process_changes_nothing(octree, weights, coded):
         assert matmul.allow_tf32
     finally:
         matmul.allow_tf32 = before
-
-
-def views_of(octree, count, seed=1):
-    """Hits as `predict` reads them: some misses, some nodes without look-ahead."""
-    random = np.random.default_rng(seed)
-    nodes = random.integers(-1, octree.node_count, count)
-    direction = random.normal(size=(count, 3))
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    up = np.cross(direction, [0.3, 0.5, 0.8])
-    up /= np.linalg.norm(up, axis=1, keepdims=True)
-    return SimpleNamespace(
-        node=nodes,
-        entry_voxel=random.uniform(size=(count, 3)).astype(np.float32),
-        direction=direction.astype(np.float32),
-        up=up.astype(np.float32),
-        ratio=random.uniform(0.5, 1, count).astype(np.float32),
-        luminance=random.random(count, np.float32),
-    )
-
-
-@pytest.mark.parametrize("device", DEVICES)
-def test_outputs_of_a_device(octree, coded, device, monkeypatch):
-    """In several batches, of codes that are mapped read-only as files are."""
-    monkeypatch.setattr(torch_decode, "BATCH", 101)
-    hits = views_of(octree, 1000)
-    wanted = predict(coded, hits)
-    assert 50 < np.count_nonzero(wanted.look_ahead) < 1000
-    coded.codes.setflags(write=False)
-    found = predict_on(device, coded, hits)
-    assert found.coverage.dtype == found.luminance.dtype == np.float32
-    np.testing.assert_array_equal(found.look_ahead, wanted.look_ahead)
-    np.testing.assert_allclose(found.coverage, wanted.coverage, atol=OUTPUTS)
-    np.testing.assert_allclose(found.luminance, wanted.luminance, atol=OUTPUTS)
-    nothing = predict_on(device, coded, views_of(octree, 0))
-    assert nothing.coverage.shape == nothing.luminance.shape == (0,)
-
-
-def test_a_device_that_is_not_there_decodes_nothing(octree, coded):
-    hits = views_of(octree, 10)
-    with pytest.raises(SettingError, match="Device 'tpu' is unknown"):
-        predict(coded, hits, "tpu")
-    camera = Camera.look_at(np.array([1.5, -1.2, 1.1]), np.full(3, 0.5), size_px=(16, 12))
-    with pytest.raises(SettingError, match="'cuda:1234'"):
-        drain(trace_view(octree, camera, [STRATEGIES["patchnet"]], coded=coded, reference=False, device="cuda:1234"))
-
-
-@gpu_only
-def test_a_view_on_a_gpu(octree, coded):
-    camera = Camera.look_at(np.array([1.5, -1.2, 1.1]), np.full(3, 0.5), size_px=(64, 48))
-    wanted, found = (
-        drain(
-            trace_view(octree, camera, [STRATEGIES["patchnet"]], coded=coded, reference=False, device=device)
-        ).prediction
-        for device in ("cpu", "cuda")
-    )
-    np.testing.assert_allclose(found.coverage, wanted.coverage, atol=OUTPUTS)
-    np.testing.assert_allclose(found.luminance, wanted.luminance, atol=OUTPUTS)
-    np.testing.assert_array_equal(found.look_ahead, wanted.look_ahead)

@@ -227,20 +227,17 @@ def test_device_and_threads_of_the_command(
 @pytest.mark.parametrize("device", DEVICES)
 def test_benchmark_of_a_device(device: str, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(device_bench, "BATCHES", {128: 2})
-    words = ["bench", "device", "--device", device, "--nodes", "3000", "--pixels", "500", "--corners", "100"]
+    words = ["bench", "device", "--device", device, "--nodes", "3000", "--corners", "100"]
     words += ["--samples", "400", "--repeats", "2", "--threads", "2"]
     assert main([*words, "--json"]) == 0
     values = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert (values["name"], values["unit"]) == ("device", "codes per second")
     assert values["ratio"] == pytest.approx(values["ours"] / values["peer"])
     names = [row["what"] for row in values["measured"]]
-    assert len(set(names)) == len(names) and {"codes/s", "decodes/s", "samples/s"} == {
-        row["unit"] for row in values["measured"]
-    }
+    assert len(set(names)) == len(names) and {"codes/s", "samples/s"} == {row["unit"] for row in values["measured"]}
     assert all(row["device"] > 0 and row["cpu"] > 0 and len(row["cpu_runs"]) >= 2 for row in values["measured"])
     apart = values["differences"]
     assert apart["codes"] <= 1e-4 + 1e-5 * apart["largest_code"]
-    assert max(apart["coverage"], apart["luminance"]) <= 1e-3
     assert {apart[f"errors of a step, {kind}, fp32"] <= 1e-5 for kind in ("mixture", "paper")} == {True}
     assert main(words) == 0
     assert "| codes, whole octree |" in capsys.readouterr().out

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.codes.predict import predict, predict_on
+from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, save_weights
 from patchnet.patchnet_addon.octree.octree import Octree
@@ -92,10 +92,10 @@ def test_what_is_trained_is_what_predicts(octree: Octree, dataset: Dataset) -> N
         ratio=batch.ratio.ravel(),
     )
     coded = drain(encode_octree(octree, weights))
-    for prediction in (predict(coded, hits), predict_on("cpu", coded, hits)):  # type: ignore[arg-type]
-        assert prediction.look_ahead.all()
-        np.testing.assert_allclose(prediction.coverage, trained[:, 0].clip(0, 1), atol=2e-3)  # codes are half floats
-        np.testing.assert_allclose(prediction.luminance, trained[:, 1], atol=2e-3)
+    prediction = predict(coded, hits)  # type: ignore[arg-type]
+    assert prediction.look_ahead.all()
+    np.testing.assert_allclose(prediction.coverage, trained[:, 0].clip(0, 1), atol=2e-3)  # codes are half floats
+    np.testing.assert_allclose(prediction.luminance, trained[:, 1], atol=2e-3)
 
 
 def test_mixture_learns_shape_alone(dataset: Dataset, tmp_path: Path) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Codes, decodes and training samples per second on a torch device, beside the CPU in the same run, in turns.
+"""Codes and training samples per second on a torch device, beside the CPU in the same run, in turns.
 
 Wall seconds, all cores, medians. What is timed ends with its results on the host, or with a wait for the GPU, so that
 nothing still runs when the clock stops. Both sides have run before: nothing is compiled or allocated within the time.
@@ -17,15 +17,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.encode import encode_octree, make_encoder
-from ...patchnet_addon.codes.mixture_inputs import nearby_of
-from ...patchnet_addon.codes.pixel_tiles import PixelRays
-from ...patchnet_addon.codes.predict import predict, predict_on
 from ...patchnet_addon.network.compiled_encode import CompiledEncoder
 from ...patchnet_addon.network.devices import CPU, device_title, found_device
 from ...patchnet_addon.network.kinds import CODE_SIZE, MIXTURE, PAPER
-from ...patchnet_addon.network.torch_decode import TorchDecoder
 from ...patchnet_addon.network.torch_encode import TorchEncoder
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.octree import Octree
@@ -41,7 +36,6 @@ from ..run.learner import Learner
 from ..run.provenance import describe_machine, describe_versions
 from ..run.trainer import encoder_type
 from ..settings import ABSOLUTE, BF16, FP32, IMPROVED, TF32, TrainSettings
-from .decoding import views_around
 from .timing import Comparison, take_turns
 
 Run = Callable[[], Any]
@@ -56,10 +50,9 @@ _CPU_STEPS = 5  # a run, however large
 
 @dataclass(frozen=True)
 class DeviceBench:
-    """Settings of the measurement: device, pixels to decode, corners of the network alone, samples that are drawn."""
+    """Settings of the measurement: device, corners of the network alone, samples that are drawn."""
 
     device: str
-    pixels: int = 1_000_000
     corners: int = 200_000
     samples: int = 200_000
     repeats: int = 5
@@ -76,11 +69,8 @@ def benchmark_device(octree: Octree, weights: Weights, bench: DeviceBench) -> Co
     threads = bench.threads or usable_cores()
     torch.set_num_threads(usable_cores())
     measured, differences = _codes(octree, weights, device, bench)
-    coded = drain(encode_octree(octree, weights))
-    for part in (_decodes(coded, device, bench), _samples(octree, device, threads, bench)):
-        measured += part[0]
-        differences |= part[1]
-    first = measured[0]
+    first, codes = measured[0], drain(encode_octree(octree, weights)).codes
+    of_samples, apart = _samples(octree, device, threads, bench)
     details = {
         "device": device_title(device),
         "machine": describe_machine(),
@@ -89,10 +79,10 @@ def benchmark_device(octree: Octree, weights: Weights, bench: DeviceBench) -> Co
         "clock": "wall",
         "repeats": bench.repeats,
         "nodes": octree.node_count,
-        "codes": len(coded.codes),
+        "codes": len(codes),
         "finding_corners_s": _finding_corners(octree, weights),
-        "measured": measured,
-        "differences": differences,
+        "measured": measured + of_samples,
+        "differences": differences | apart,
     }
     return Comparison("device", first["device"], first["cpu"], first["ratio"], details, unit="codes per second")
 
@@ -120,7 +110,7 @@ def _codes(
         run()
     seconds = take_turns(runs, bench.repeats, all_cores=True)
     corners = {"device": sum(len(rows) for _, rows in large), "cpu": sum(len(rows) for _, rows in small)}
-    alone = _row("codes, network alone", "codes/s", corners, seconds)
+    alone = _row("codes, network alone, one thread", "codes/s", corners, seconds)
     ours_exact = here(*small[-1])
     difference = np.abs(there(*small[-1]) - ours_exact).max()  # before they are rounded to half floats
     return [whole, alone], {"codes": float(difference), "largest_code": float(np.abs(ours_exact).max())}
@@ -158,34 +148,6 @@ def _finding_corners(octree: Octree, weights: Weights) -> float:
         if recorder.chunks:
             break
     return time.perf_counter() - start
-
-
-def _decodes(coded: CodedOctree, device: str, bench: DeviceBench) -> tuple[list[dict[str, Any]], dict[str, float]]:
-    """Rates of decoding: of a view, codes copied for it, and with codes that are there."""
-    _, hits = views_around(coded, bench.pixels)
-    rows = coded.rows_of(hits.node)
-    pixels = np.flatnonzero(rows >= 0)
-    corners = coded.corners_of(rows[pixels])
-    views = hits.entry_voxel[pixels], hits.direction[pixels], hits.up[pixels], hits.ratio[pixels]
-    nearby = None
-    if coded.weights.kind.mixes:
-        nearby = nearby_of(coded, hits.node[pixels], rows[pixels], PixelRays.of(hits).part(pixels))
-    decoder = TorchDecoder(coded.weights, coded.codes, device)
-    runs: dict[str, Run] = {
-        "device": lambda: predict_on(device, coded, hits),
-        "there": lambda: decoder(corners, *views, nearby),
-        "cpu": lambda: predict(coded, hits),
-    }
-    theirs, _, ours = runs["device"](), runs["there"](), runs["cpu"]()
-    seconds = take_turns(runs, bench.repeats, all_cores=True)
-    measured = [
-        _row(name, "decodes/s", len(pixels), {"device": seconds[who], "cpu": seconds["cpu"]})
-        for name, who in (("decodes, whole view", "device"), ("decodes, network alone", "there"))
-    ]
-    return measured, {
-        "coverage": float(np.abs(theirs.coverage - ours.coverage).max(initial=0)),
-        "luminance": float(np.abs(theirs.luminance - ours.luminance).max(initial=0)),
-    }
 
 
 def _samples(
