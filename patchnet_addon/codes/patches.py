@@ -78,7 +78,7 @@ def covering_nodes_reference(octree: Octree, level: int, cells: np.ndarray) -> n
     return nodes
 
 
-def corner_table(octree: Octree, level: int, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def corner_table_reference(octree: Octree, level: int, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Distinct corners (C, 3) int32 of `nodes` (K,) of a level, in Morton order, and rows (K, 8) uint32 in that list.
 
     The rows are those of each node's corners, in the order of `OCTANTS`.
@@ -100,7 +100,9 @@ def corner_neighbours(octree: Octree, level: int, corners: np.ndarray) -> np.nda
     return covering_nodes(octree, level, cells.reshape(-1, 3)).reshape(-1, 8)
 
 
-def corner_blocks(octree: Octree, level: int, corners: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
+def corner_blocks_reference(
+    octree: Octree, level: int, corners: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD
+) -> np.ndarray:
     """Patches (C, 2 s, 2 s, 2 s, 5) float32 of corners (C, 3) of a level, order z, y, x, channel (methods 7.9)."""
     side = 1 << lookahead
     neighbours = corner_neighbours(octree, level, corners)

@@ -85,12 +85,6 @@ def refined_picture(buffers: PixelBuffers, mask: np.ndarray) -> np.ndarray:
     return np.where(mask, buffers.reference, buffers.shown)
 
 
-def refined_colors(buffers: PixelBuffers, mask: np.ndarray) -> np.ndarray:
-    """(P, 3) float32: as `refined_picture`, in colour; the view needs its colours and its reference."""
-    assert buffers.shown_color is not None and buffers.reference_color is not None
-    return np.where(mask[:, None], buffers.reference_color, buffers.shown_color)
-
-
 def urgency(buffers: PixelBuffers, score: np.ndarray, budget: float) -> np.ndarray:
     """(P,) float32: 1 for the pixel that is refined first, falling to 0 at the budget's end, 0 beyond it.
 

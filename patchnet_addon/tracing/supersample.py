@@ -63,14 +63,6 @@ def supersample(
     return (yield from steps)[0]
 
 
-def supersample_colors(
-    octree: Octree, camera: Camera, side: int = MAX_SIDE, background: float = 0.0
-) -> Steps[tuple[np.ndarray, np.ndarray]]:
-    """Luminance (P,) as of `supersample`, and the mean linear colours (P, 3) float32; the octree must have colour."""
-    assert octree.chroma is not None
-    return (yield from _supersampled(octree, octree.chroma, camera, side, background, side))[:2]
-
-
 def supersample_all(octree: Octree, camera: Camera, side: int = MAX_SIDE) -> Steps[Sampled]:
     """All means of side x side rays a pixel over black, as of `supersample`; in colour if the octree is."""
     chroma = NO_CHROMA if octree.chroma is None else octree.chroma

@@ -21,7 +21,7 @@ from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.part import camera_part
 from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_colors
+from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all
 from patchnet.tests.engine.octree_samples import random_octree
 
 CHOSEN = STRATEGIES["ss-variance"]
@@ -42,7 +42,7 @@ def test_chosen_pixels_are_those_of_the_whole_picture(with_color: bool) -> None:
     pixels = np.array([0, 390, 7, 200, 201, 200])
     if with_color:
         octree = colored(octree)
-        luminance, colors = drain(supersample_colors(octree, eye, 8))
+        luminance, colors, _ = drain(supersample_all(octree, eye, 8))
     else:
         luminance = drain(supersample(octree, eye, 8))
         colors = np.repeat(luminance[:, None], 3, axis=1)

@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.codes.corner_rows import corner_row, corners_of, wr
 from patchnet.patchnet_addon.codes.corners import CornerRange, Lines, corner_ranges, find_corners, write_corner_rows
 from patchnet.patchnet_addon.codes.encode import encode_chunk, encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.encode_corners import encode_corners
-from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_table
+from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_table_reference
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.levels import hierarchy
@@ -116,7 +116,9 @@ def test_one_kernel_has_the_bits_of_products_of_whole_chunks(octree, lookahead):
     weights = Weights.random(seed=9, bias=0.1, lookahead=lookahead)
     encoder = make_encoder(weights)
     for level in range(octree.depth):
-        corners, _ = corner_table(octree, level, np.arange(octree.level_start[level], octree.level_start[level + 1]))
+        corners, _ = corner_table_reference(
+            octree, level, np.arange(octree.level_start[level], octree.level_start[level + 1])
+        )
         wanted = encode_chunk(encoder, octree, level, corners, lookahead)
         for chunk in (1, 37, 512):
             found = encode_corners(octree, level, corners, encoder.layers, lookahead, chunk)
@@ -130,7 +132,7 @@ def test_codes_are_those_of_all_corners_of_a_level_at_once(octree):
     encoder = make_encoder(weights)
     for level in range(octree.depth - 1):
         _, nodes = coded_cells(octree, level)
-        corners, rows = corner_table(octree, level, nodes)
+        corners, rows = corner_table_reference(octree, level, nodes)
         wanted = encode_chunk(encoder, octree, level, corners, 2).astype(np.float16)
         found = coded.codes[coded.corners_of(coded.rows_of(nodes))]
         np.testing.assert_array_equal(found.view(np.uint16), wanted[rows].view(np.uint16))

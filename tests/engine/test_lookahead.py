@@ -12,7 +12,7 @@ from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.exact import exact_prediction
 from patchnet.patchnet_addon.codes.file import load_codes, save_codes
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
-from patchnet.patchnet_addon.codes.patches import corner_blocks, voxel_blocks, voxel_blocks_reference
+from patchnet.patchnet_addon.codes.patches import corner_blocks_reference, voxel_blocks, voxel_blocks_reference
 from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.lod.depth import coarse_octree, expected_share, wanted_depth
 from patchnet.patchnet_addon.lod.detail import FINE_OFFSETS, lookahead_share, needed_levels
@@ -123,7 +123,7 @@ def test_blocks_and_patches_are_cut_from_the_dense_grid(octree, lookahead):
         cells = octree.cells(level)[::3]
         blocks = voxel_blocks(octree, octree.find(level, cells), lookahead)
         np.testing.assert_array_equal(blocks, voxel_blocks_reference(octree, level, cells, lookahead))
-        patches = corner_blocks(octree, level, cells, lookahead)
+        patches = corner_blocks_reference(octree, level, cells, lookahead)
         for block, patch, (x, y, z) in zip(blocks, patches, side * cells, strict=True):
             np.testing.assert_allclose(patch, dense[z : z + 2 * side, y : y + 2 * side, x : x + 2 * side], atol=1e-7)
             low = np.array([x, y, z]) + side

@@ -6,9 +6,9 @@ import pytest
 
 from patchnet.patchnet_addon.codes.patches import (
     OCTANTS,
-    corner_blocks,
+    corner_blocks_reference,
     corner_neighbours,
-    corner_table,
+    corner_table_reference,
     covering_nodes,
     covering_nodes_reference,
     voxel_blocks,
@@ -61,8 +61,8 @@ def test_patches_of_corners_are_cut_from_the_padded_grid(octree):
     for level in levels(octree):
         dense = np.pad(dense_cells(octree, level + 2), ((4, 4), (4, 4), (4, 4), (0, 0)))
         nodes = np.arange(octree.level_start[level], octree.level_start[level + 1])
-        corners, _ = corner_table(octree, level, nodes)
-        for patch, (x, y, z) in zip(corner_blocks(octree, level, corners), 4 * corners, strict=True):
+        corners, _ = corner_table_reference(octree, level, nodes)
+        for patch, (x, y, z) in zip(corner_blocks_reference(octree, level, corners), 4 * corners, strict=True):
             np.testing.assert_allclose(patch, dense[z : z + 8, y : y + 8, x : x + 8], atol=1e-7)
 
 
@@ -70,7 +70,7 @@ def test_corner_table_lists_each_corner_once(octree):
     level = 3
     nodes = np.arange(octree.level_start[level], octree.level_start[level + 1])[::2]
     cells = octree.cells(level)[::2]
-    corners, rows = corner_table(octree, level, nodes)
+    corners, rows = corner_table_reference(octree, level, nodes)
     wanted = {tuple(cell + offset) for cell in cells.tolist() for offset in [np.array(o) for o in OCTANTS]}
     assert {tuple(corner) for corner in corners.tolist()} == wanted
     assert len(corners) == len(wanted)
@@ -80,7 +80,7 @@ def test_corner_table_lists_each_corner_once(octree):
 def test_neighbours_of_a_corner_meet_there(octree):
     level = 4
     nodes = np.arange(octree.level_start[level], octree.level_start[level + 1])
-    corners, rows = corner_table(octree, level, nodes)
+    corners, rows = corner_table_reference(octree, level, nodes)
     neighbours = corner_neighbours(octree, level, corners)
     for octant in range(8):  # seen from its corner `octant`, a voxel is the neighbour in the opposite octant
         np.testing.assert_array_equal(neighbours[rows[:, octant], 7 - octant], nodes)

@@ -17,7 +17,7 @@ from patchnet.patchnet_addon.sampling.errors import mse_at
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.predicted import PREDICTED, PREVIEW, expected_colors, expected_luminance
 from patchnet.patchnet_addon.sampling.ranking import rank
-from patchnet.patchnet_addon.sampling.refine import refined_colors, refined_picture
+from patchnet.patchnet_addon.sampling.refine import refined_picture
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.remaining import neighbour_difference, remaining_error
 from patchnet.patchnet_addon.sampling.trace import trace_view
@@ -117,9 +117,6 @@ def test_errors_are_those_of_the_shown_picture(view: PixelBuffers) -> None:
         assert left[0] == pytest.approx(error.mean()) and left[2] == 0.0 and left[1] >= best - 1e-12
     mask = rank(CHOSEN, view, 0.3).mask
     np.testing.assert_array_equal(refined_picture(view, mask), np.where(mask, view.reference, view.predicted))
-    colors = refined_colors(view, mask)
-    np.testing.assert_array_equal(colors[mask], view.reference_color[mask])
-    np.testing.assert_array_equal(colors[~mask], view.predicted_color[~mask])
 
 
 def test_the_preview_and_its_scores_are_what_they_were(coded: CodedOctree, view: PixelBuffers) -> None:
@@ -138,7 +135,8 @@ def test_a_picture_in_bands_is_the_picture_at_once(coded: CodedOctree, view: Pix
     drain(picture.refine(0.3))
     mask = rank(CHOSEN, view, 0.3).mask
     np.testing.assert_array_equal(picture.samples, np.where(mask, 1024, 1))
-    np.testing.assert_allclose(picture.colors, refined_colors(view, mask), atol=1e-5)
+    colors = np.where(mask[:, None], view.reference_color, view.predicted_color)
+    np.testing.assert_allclose(picture.colors, colors, atol=1e-5)
 
 
 @pytest.mark.parametrize("mean", [1.0, 3.0, 9.0, 100.0])

@@ -17,7 +17,7 @@ from patchnet.patchnet_addon.tracing.reference import (
     supersampled_reference,
 )
 from patchnet.patchnet_addon.tracing.render import first_hits, hit_colors, patch_hits, ray_up, ray_up_reference
-from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_colors
+from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all
 
 SIZE = (24, 20)
 
@@ -132,15 +132,15 @@ def test_colour_of_pictures(octree):
     """Equal to the plain twin, with the luminance of the gray pictures to the bit."""
     chroma = np.random.default_rng(0).integers(0, 128, (octree.node_count, 2)).astype(np.uint8)
     colored, camera = replace(octree, chroma=chroma), cameras()[0].with_size(9, 7)
-    luminance, colors = drain(supersample_colors(colored, camera, 3, background=0.25))
-    np.testing.assert_array_equal(luminance, drain(supersample(octree, camera, 3, background=0.25)))
-    np.testing.assert_allclose(colors, supersampled_reference(colored, camera, 3, background=0.25)[1], atol=1e-5)
+    luminance, colors, _ = drain(supersample_all(colored, camera, 3))
+    np.testing.assert_array_equal(luminance, drain(supersample(octree, camera, 3)))
+    np.testing.assert_allclose(colors, supersampled_reference(colored, camera, 3)[1], atol=1e-5)
     np.testing.assert_allclose(colors @ (0.2126, 0.7152, 0.0722), luminance, atol=1e-6)
-    hits = first_hits(colored, camera, background=0.25)
-    seen = hit_colors(colored, hits, background=0.25)
+    hits = first_hits(colored, camera)
+    seen = hit_colors(colored, hits)
     np.testing.assert_allclose(seen @ (0.2126, 0.7152, 0.0722), hits.luminance, atol=1e-6)
-    np.testing.assert_allclose(seen, drain(supersample_colors(colored, camera, 1, background=0.25))[1], atol=1e-6)
-    gray = hit_colors(octree, hits, background=0.25)
+    np.testing.assert_allclose(seen, drain(supersample_all(colored, camera, 1)).colors, atol=1e-6)
+    gray = hit_colors(octree, hits)
     np.testing.assert_array_equal(gray, np.repeat(hits.luminance[:, None], 3, axis=1))
 
 

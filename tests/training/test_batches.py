@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
-from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_blocks
+from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_blocks_reference
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import with_boxes
+from patchnet.tests.training.procedural import octree_from_leaves, spheres_and_slats
 from patchnet.training.data.batches import Augmentation, Batch, gather_batch
 from patchnet.training.data.forest import concatenate
-from patchnet.training.data.procedural import octree_from_leaves, spheres_and_slats
 from patchnet.training.data.samples import Samples, SampleSettings, draw_samples
 from patchnet.training.data.symmetry import COUNT, cube_symmetries
 
@@ -60,7 +60,7 @@ def test_patches_are_those_that_are_encoded(octree: Octree, boxed: Octree, sampl
         found = patches(batch, count)
         for row in range(0, count, 5):
             level, *cell = samples.voxel[row].astype(int)
-            wanted = corner_blocks(trees[1], level, np.array(cell) + OCTANTS)
+            wanted = corner_blocks_reference(trees[1], level, np.array(cell) + OCTANTS)
             np.testing.assert_allclose(found[row], wanted, atol=1e-6)
 
 
@@ -121,7 +121,7 @@ def test_augmentation_is_exact(octree: Octree, samples: Samples, symmetry: int) 
         assert (gain < 0) == (symmetry % 2 == 1)
         scene = moved_octree(octree, symmetry, gain, offset)
         cell = np.rint((voxel[row, 1:] + 0.5 - side / 2) @ matrix.T + side / 2 - 0.5).astype(int)
-        np.testing.assert_allclose(found[row], corner_blocks(scene, DEPTH - 2, cell + OCTANTS), atol=1e-4)
+        np.testing.assert_allclose(found[row], corner_blocks_reference(scene, DEPTH - 2, cell + OCTANTS), atol=1e-4)
         rays = PatchRays(
             np.array([DEPTH - 2]), cell[None], np.array([0, views.shape[1]]),
             batch.entry[row], batch.direction[row], batch.up[row], batch.ratio[row],

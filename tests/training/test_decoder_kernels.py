@@ -10,10 +10,10 @@ torch = pytest.importorskip("torch")
 from patchnet.patchnet_addon.network.kinds import KINDS, PAPER, NetworkKind  # noqa: E402
 from patchnet.patchnet_addon.network.weights import Weights  # noqa: E402
 from patchnet.patchnet_addon.runtime.progress import drain  # noqa: E402
+from patchnet.tests.training.procedural import spheres_and_slats  # noqa: E402
 from patchnet.training.data.batches import Augmentation  # noqa: E402
 from patchnet.training.data.corpus import Corpus, corpus_of  # noqa: E402
 from patchnet.training.data.dataset import Dataset  # noqa: E402
-from patchnet.training.data.procedural import spheres_and_slats  # noqa: E402
 from patchnet.training.data.samples import SampleSettings, draw_samples  # noqa: E402
 from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402
 from patchnet.training.network.losses import loss_gradient, loss_gradient_reference  # noqa: E402

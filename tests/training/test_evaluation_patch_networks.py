@@ -16,8 +16,8 @@ from patchnet.patchnet_addon.sampling.patchnet_behind import STRATEGY as BEHIND
 from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.benchmarks.shells import octree_of_shells
-from patchnet.training.data.procedural import spheres_and_slats
 from patchnet.training.evaluation import evaluate, frames, kept_codes
 from patchnet.training.evaluation.figures import network_styles
 from patchnet.training.evaluation.generalisation import seen

@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.camera import Camera
-from patchnet.training.data.procedural import spheres_and_slats
+from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.evaluation.failures import worst_failure
 from patchnet.training.evaluation.tracks import camera_track
 

@@ -14,10 +14,10 @@ from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import octree_hash, save_octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.data import fresh
 from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.fresh import FreshCorpus, fresh_corpus_of
-from patchnet.training.data.procedural import spheres_and_slats
 from patchnet.training.data.samples import Samples, SampleSettings, draw_samples
 from patchnet.training.data.voxel_choice import held_out_voxels, level_chances
 from patchnet.training.settings import SAMPLES, VIEWS, TrainSettings

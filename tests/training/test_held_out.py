@@ -14,10 +14,10 @@ from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import octree_hash, save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.data.dataset import Dataset, save_samples
 from patchnet.training.data.forest import concatenate, voxel_luminance
 from patchnet.training.data.held_out import why_not_held_out
-from patchnet.training.data.procedural import spheres_and_slats
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.run.validation_sets import validation_sets
 

@@ -9,17 +9,17 @@ import pytest
 
 from patchnet import commands
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
-from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_blocks
+from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_blocks_reference
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.data.batches import Augmentation, gather_batch
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset, load_dataset, save_samples
 from patchnet.training.data.forest import concatenate
-from patchnet.training.data.procedural import spheres_and_slats
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.data.symmetry import COUNT, cube_symmetries
 from patchnet.training.settings import TrainSettings
@@ -67,7 +67,7 @@ def test_patches_are_those_that_are_encoded(dataset: Dataset) -> None:
     patches = eight.reshape(count, 8, 2 * side, 2 * side, 2 * side, 5)
     for row in range(0, count, 5):
         level, *cell = samples.voxel[row].astype(int)
-        wanted = corner_blocks(dataset.octree, level, np.array(cell) + OCTANTS, dataset.lookahead)
+        wanted = corner_blocks_reference(dataset.octree, level, np.array(cell) + OCTANTS, dataset.lookahead)
         np.testing.assert_allclose(patches[row], wanted, atol=1e-6)
 
 

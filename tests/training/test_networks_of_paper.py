@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.training.data.procedural import spheres_and_slats
+from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.networks_of_paper.plan import KINDS, NetworkPlan, planned_networks
 from patchnet.training.settings import PRESETS, TrainSettings
 

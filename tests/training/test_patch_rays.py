@@ -8,7 +8,7 @@ from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
 from patchnet.patchnet_addon.codes.patch_rays_reference import render_patches_reference
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.tests.engine.octree_samples import with_boxes
-from patchnet.training.data.procedural import prune, spheres_and_slats
+from patchnet.tests.training.procedural import prune, spheres_and_slats
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.data.dataset import save_samples
-from patchnet.training.data.procedural import spheres_and_slats
 from patchnet.training.data.samples import SampleSettings, draw_samples
 
 pytest.importorskip("torch")

@@ -8,8 +8,8 @@ import pytest
 
 from patchnet.patchnet_addon.octree.file import octree_hash
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.data.dataset import Dataset
-from patchnet.training.data.procedural import spheres_and_slats
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.run.provenance import describe_command, describe_commit, describe_data
 

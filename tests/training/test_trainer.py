@@ -16,10 +16,10 @@ from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, OutputError, PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.data.batches import Augmentation
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset, load_dataset, save_samples
-from patchnet.training.data.procedural import spheres_and_slats
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.run.schedule import learning_rate
 from patchnet.training.settings import PRESETS, TrainSettings, preset_with

@@ -21,11 +21,6 @@ class Crop:
         """Index of the square in a picture."""
         return slice(self.row, self.row + self.side), slice(self.column, self.column + self.side)
 
-    def overlaps(self, other: Crop) -> bool:
-        """Whether two squares share a pixel."""
-        apart = max(abs(self.row - other.row), abs(self.column - other.column))
-        return apart < max(self.side, other.side)
-
 
 def window_sums(values: np.ndarray, side: int) -> np.ndarray:
     """Sums (H - side + 1, W - side + 1) float64 of all squares in `values` (H, W)."""

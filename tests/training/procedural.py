@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Procedural octrees: leaves from formulas instead of meshes, for tests and as small training scenes."""
+"""Procedural octrees: leaves from formulas instead of meshes, as small scenes of tests."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ...patchnet_addon.cells.morton import morton_decode, morton_encode
-from ...patchnet_addon.octree.grid import Grid
-from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
+from patchnet.patchnet_addon.cells.morton import morton_encode
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 
 
 def octree_from_leaves(cells: np.ndarray, luminance: np.ndarray, normal: np.ndarray, depth: int) -> Octree:
@@ -115,8 +115,3 @@ def spheres_and_slats(depth: int, seed: int = 0, spheres: int = 6, slats: int = 
         values.append(np.full(len(place), random.uniform(0.05, 1.0)))
     cells = np.clip((np.concatenate(points) * side).astype(np.int64), 0, side - 1)
     return octree_from_leaves(cells, np.concatenate(values), np.concatenate(normals), depth)
-
-
-def all_cells(octree: Octree, level: int) -> np.ndarray:
-    """Cells (n, 3) int32 of one level, a short name for tests."""
-    return morton_decode(octree.keys(level))
