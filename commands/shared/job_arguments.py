@@ -79,7 +79,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser, "importance_image", "importance_group", "heatmap_maximum")
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
     add_settings(parser, "weights")
-    add_device(parser, "what the network encodes on; auto: a GPU where torch has one (auto)")
+    add_device(parser, "what the network makes codes on; auto: a GPU where torch has one (auto)")
     add_cycles(parser)
 
 
