@@ -170,7 +170,7 @@ _NETWORK = (
         argument="--weights", help="weights file instead of the one that is shipped",
     ),
     Setting(
-        "network_device", "Network On", "What the network makes codes on; results differ by rounding alone",
+        "network_device", "Network On", "What the network encodes on; results differ by rounding alone",
         CODES, Kind.CHOICE, AUTO,
         choices=(
             (AUTO, "Automatic", "A GPU where torch has one, else CPU"
