@@ -71,8 +71,8 @@ def _encoder_in(python: Path, weights: Weights, device: str) -> OtherPythonEncod
 
 
 def check_encoder(compute: ComputeSettings) -> None:
-    """Raise SettingError if a GPU of this Python is asked for and there is none; what another has it says itself."""
-    if compute.torch_python is None or torch_has_gpu():
+    """Raise SettingError if a GPU of this Python is asked for and there is none; another Python speaks for itself."""
+    if compute.torch_python is None:
         found_device(compute.torch_device, NETWORK_DEVICE)
 
 

@@ -127,14 +127,6 @@ def fill_fine(nodes, luminance, node, order, tile, place):  # type: ignore[no-un
         child += 1
 
 
-@lean_device
-def write_columns(rows, count, result):  # type: ignore[no-untyped-def]
-    """Write the first `count` columns of a tile's rows as lines of `result`."""
-    for place in range(count):
-        for row in range(len(rows) // TILE):
-            result[place, row] = rows[row * TILE + place]
-
-
 def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits) -> MixtureInputs:
     """Inputs for some pixels (M,) of hits with look-ahead, in NumPy."""
     octree, node = coded.octree, hits.node[pixels]

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octree on a torch device: the blocks of voxels there, by gathers; what `patches.py` and `brick.py` do on the CPU.
+"""Octree on a torch device: the blocks of voxels there, by gathers; what `patches.py` does on the CPU.
 
-Encoding and training on a GPU are so fast that one core cannot gather blocks for them.
+Encoding on a GPU is so fast that one core cannot gather blocks for it.
 """
 
 from __future__ import annotations
-
-from typing import Protocol
 
 import numpy as np
 import torch
@@ -21,79 +19,40 @@ from .patches import OCTANTS
 NODE_BYTES = 12  # of child mask, first child, luminance, normal, what is filled
 
 
-class Children(Protocol):
-    """Arrays that lead from a node to its children, as `Nodes` has them."""
-
-    @property
-    def child_mask(self) -> np.ndarray:
-        """(n,) uint8."""
-
-    @property
-    def first_child(self) -> np.ndarray:
-        """(n,) uint32."""
-
-
-class Tree(Protocol):
-    """Node arrays of an octree, or of several one after the other, as `Octree` has them."""
-
-    @property
-    def nodes(self) -> Children:
-        """Arrays that lead from a node to its children."""
-
-    @property
-    def luminance(self) -> np.ndarray:
-        """(n,) uint16."""
-
-    @property
-    def normal(self) -> np.ndarray:
-        """(n, 3) int8."""
-
-    @property
-    def filled(self) -> np.ndarray:
-        """(n,) uint16, what each node fills of its voxel."""
-
-
-def tree_fits(tree: Tree, device: torch.device) -> bool:
+def tree_fits(octree: Octree, device: torch.device) -> bool:
     """Return whether the node arrays take at most half of a GPU's free memory; a CPU holds them already."""
     if device.type != "cuda":
         return True
     free, _ = torch.cuda.mem_get_info(device)
-    return 2 * NODE_BYTES * len(tree.luminance) <= int(free)
+    return 2 * NODE_BYTES * octree.node_count <= int(free)
 
 
 class TorchTree:
-    """Copy of a tree's node arrays on a torch device; nodes are int64 tensors there, -1 for none."""
+    """Copy of an octree's node arrays on a torch device; nodes are int64 tensors there, -1 for none."""
 
-    def __init__(self, tree: Tree, device: torch.device) -> None:
+    def __init__(self, octree: Octree, device: torch.device) -> None:
         self.device = device
-        self.luminance = to_device(tree.luminance, device)  # (n,) int16, bits of uint16
-        self.normal = to_device(tree.normal, device)  # (n, 3) int8
-        self._filled = to_device(tree.filled, device)  # (n,) int16
-        self._child_mask = to_device(tree.nodes.child_mask, device)  # (n,) uint8
-        self._first_child = to_device(tree.nodes.first_child, device)  # (n,) int32
+        self._luminance = to_device(octree.luminance, device)  # (n,) int16, bits of uint16
+        self._normal = to_device(octree.normal, device)  # (n, 3) int8
+        self._filled = to_device(octree.filled, device)  # (n,) int16
+        self._child_mask = to_device(octree.child_mask, device)  # (n,) uint8
+        self._first_child = to_device(octree.first_child, device)  # (n,) int32
         masks, octants = np.arange(256)[:, None], np.arange(8)
         place = POPCOUNT[masks & ((1 << octants) - 1)].astype(np.int64)  # among the children that exist
-        # A GPU multiplies by the reciprocal of a number of the host, whose last digit may be another.
-        scales = float(LUMINANCE_SCALE), float(NORMAL_SCALE), float(FILLED_STEPS)
-        self._scales = [torch.tensor(scale, device=device) for scale in scales]
         self._place = to_device(np.where(masks >> octants & 1, place, -1), device)  # (256, 8), -1 for no child
+        # There, since a GPU multiplies by the reciprocal of a number of the host: another last digit.
+        scales = (LUMINANCE_SCALE, NORMAL_SCALE, FILLED_STEPS)
+        self._scales = tuple(torch.tensor(float(scale), device=device) for scale in scales)
 
-    def covering(self, level: int, cells: Tensor, root: Tensor | int = 0, own_level: Tensor | None = None) -> Tensor:
-        """Node (N,) at each cell (N, 3) of a level, the coarser leaf that covers it, or -1; cells may lie outside.
-
-        root: (N,) nodes to go down from. own_level: (N,) levels of the cells, up to `level`, if they differ.
-        """
-        levels = torch.as_tensor(level if own_level is None else own_level, device=self.device)
-        sides = (torch.ones_like(levels) << levels)[..., None]
+    def covering(self, level: int, cells: Tensor) -> Tensor:
+        """Node (N,) at each cell (N, 3) of a level, the coarser leaf that covers it, or -1; cells may lie outside."""
         x, y, z = cells.unbind(-1)
-        inside = ((cells >= 0) & (cells < sides)).all(-1)
-        node = torch.where(inside, torch.as_tensor(root, device=self.device), -1)
+        inside = ((cells >= 0) & (cells < 1 << level)).all(-1)
+        node = inside.long() - 1  # the root, or none
         for shift in range(level - 1, -1, -1):
             octant = (x >> shift & 1) | (y >> shift & 1) << 1 | (z >> shift & 1) << 2
             mask, below = self._children(node)
             stays = (mask == 0) | (node < 0)
-            if own_level is not None:
-                stays |= own_level <= shift
             node = torch.where(stays, node, below.gather(-1, octant[:, None]).squeeze(-1))
         return node
 
@@ -112,14 +71,12 @@ class TorchTree:
     def values(self, cells: Tensor) -> Tensor:
         """Occupancy, luminance and normal (..., 5) float32 of cells (...,); zeros where they are empty."""
         there, safe = cells >= 0, cells.clamp(min=0)
-        luminance = (self.luminance[safe].int() & 0xFFFF).float() / self._scales[0]
-        normal = self.normal[safe].float() / self._scales[1]
-        values = torch.cat([self.filled(safe)[..., None], luminance[..., None], normal], dim=-1)
+        white, unit, full = self._scales
+        filled = self._filled[safe].float() / full
+        luminance = (self._luminance[safe].int() & 0xFFFF).float() / white
+        normal = self._normal[safe].float() / unit
+        values = torch.cat([filled[..., None], luminance[..., None], normal], dim=-1)
         return values.masked_fill_(~there[..., None], 0.0)
-
-    def filled(self, nodes: Tensor) -> Tensor:
-        """Occupancy (...,) float32 of the cells of nodes (...,)."""
-        return self._filled[nodes].float() / self._scales[2]
 
     def _children(self, nodes: Tensor) -> tuple[Tensor, Tensor]:
         """Child masks (...,) and children (..., 8), -1 for none, of nodes (...,); those of node -1 mean nothing."""

@@ -142,15 +142,6 @@ def test_blocks_on_a_device(octree, lookahead, device):
         np.testing.assert_array_equal(tree.values(fine).cpu().numpy().reshape(blocks.shape), blocks)
 
 
-def test_cells_of_different_levels_on_a_device(octree):
-    tree = TorchTree(octree, torch.device("cpu"))
-    level = np.random.default_rng(1).integers(0, octree.depth + 1, 300)
-    cells = np.random.default_rng(2).integers(-1, (1 << level) + 1, (3, 300)).T
-    wanted = [covering_nodes(octree, one, cell[None])[0] for one, cell in zip(level, cells, strict=True)]
-    found = tree.covering(octree.depth, torch.from_numpy(cells), own_level=torch.from_numpy(level))
-    np.testing.assert_array_equal(found, wanted)
-
-
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("lookahead", [1, 2, 3])
 def test_codes_of_a_device(octree, lookahead, device, monkeypatch):

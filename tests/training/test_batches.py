@@ -64,11 +64,6 @@ def test_patches_are_those_that_are_encoded(octree: Octree, boxed: Octree, sampl
             np.testing.assert_allclose(found[row], wanted, atol=1e-6)
 
 
-def test_filled_parts_of_a_forest_are_those_of_its_octrees(octree: Octree, boxed: Octree) -> None:
-    trees = [boxed, octree, with_boxes(octree, seed=1)]
-    np.testing.assert_array_equal(concatenate(trees).filled, np.concatenate([tree.filled for tree in trees]))
-
-
 def test_samples_see_boxes(boxed: Octree) -> None:
     drawn = drain(draw_samples(boxed, 64, SampleSettings(views=4, min_level=DEPTH - 2, held_out=0.0, seed=2)))
     for voxel, views in zip(drawn.voxel[:8], drawn.views[:8], strict=True):

@@ -87,6 +87,18 @@ def test_batches_of_one_shape(lookahead: int, nearby: bool, device: str) -> None
                 assert (theirs.cpu() - mine).norm() <= GRADIENTS[device] * mine.norm()
 
 
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("nearby", [False, True])
+def test_encoders_that_convolve_take_batches_of_one_shape(nearby: bool, device: str) -> None:
+    settings = replace(MIXING if nearby else SETTINGS, encoder="conv3d", encoder_width=0)
+    corpus, _ = corpus_of(drawn(2), nearby=nearby)
+    batch = corpus.batch(np.arange(10), Augmentation.none(10))
+    with torch.no_grad():
+        wanted = Learner(settings).model(TensorBatch.of(batch), torch.float32)
+        found = Learner(settings, device=device).model(PaddedBatch.of(batch, device), torch.float32)
+    torch.testing.assert_close(found.cpu(), wanted, atol=1e-5, rtol=0)
+
+
 CREWS = [
     *((ThreadCrew, threads, "cpu") for threads in (2, 3, 50)),
     *((GpuCrew, threads, "cpu") for threads in (1, 3)),
@@ -140,7 +152,7 @@ def test_gathered_ahead_for_another_number_type(datasets: list[Dataset]) -> None
 def test_crew_of_a_device(datasets: list[Dataset]) -> None:
     corpus, _ = corpus_of(datasets)
     crew = crew_for(Learner(SETTINGS), corpus, VOXELS, 3)
-    assert isinstance(crew, ThreadCrew) and crew.title == "2 CPU threads"
+    assert isinstance(crew, ThreadCrew) and crew.title == "3 CPU threads"
     crew.close()
 
 

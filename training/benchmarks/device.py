@@ -31,7 +31,7 @@ from ..data.corpus import Corpus, corpus_of
 from ..data.dataset import Dataset
 from ..data.samples import SampleSettings, draw_samples
 from ..network.losses import mean_errors
-from ..run.crews import Crew, GpuCrew, crew_for
+from ..run.crews import Crew, crew_for
 from ..run.learner import Learner
 from ..run.provenance import describe_machine, describe_versions
 from ..run.trainer import encoder_type
@@ -243,8 +243,7 @@ class Training:
             first = mean_errors(sums) if first is None else first
         assert first is not None
         _finished(self._learner.device, None)
-        if isinstance(crew, GpuCrew):  # it gathers ahead, and would do so outside the time
-            crew.settle()
+        crew.settle()  # else it would gather outside the time
         self._kept = crew
         return first
 

@@ -107,6 +107,7 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
     def steps() -> None:
         for number in itertools.islice(numbers, bench.steps):
             learner.step(crew.gradients(number, dtype)[0], settings.final_rate)
+        crew.settle()  # else it would gather outside the time
 
     def replayed(count: int, dtype: torch.dtype) -> tuple[list[Callable[[], None]], int]:
         """Each thread's products of so many steps, and how many operations they are a step."""

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...patchnet_addon.octree.leaf_boxes import FILLED_STEPS, filled_steps
 from ...patchnet_addon.octree.nodes import BoxedNodes
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, POPCOUNT, Octree
 from ...patchnet_addon.runtime.kernels import device
@@ -38,15 +37,6 @@ class Forest:
     nodes: ForestNodes
     luminance: np.ndarray
     normal: np.ndarray
-
-    @property
-    def filled(self) -> np.ndarray:
-        """What each node fills of its voxel, as `Octree.filled`."""
-        found = np.full(len(self.luminance), FILLED_STEPS, np.uint16)
-        for tree, first in enumerate(self.nodes.first_boxed):
-            boxes = self.nodes.boxes[self.nodes.box_start[tree] : self.nodes.box_start[tree + 1]]
-            found[first : first + len(boxes)] = filled_steps(boxes)
-        return found
 
 
 @device

@@ -13,14 +13,14 @@ import numpy as np
 from ...patchnet_addon.codes.brick import MIDDLE
 from ...patchnet_addon.codes.corner_cells import empty_work, write_cells_around
 from ...patchnet_addon.codes.footprint import clear_tile, empty_footprint_tile, measure_tile
-from ...patchnet_addon.codes.mixture_inputs import fill_fine, nearby_order, set_ray, write_columns
+from ...patchnet_addon.codes.mixture_inputs import fill_fine, nearby_order, set_ray
 from ...patchnet_addon.codes.outer_cells import empty_outer_list, list_cells, mask_geometry, measure_cells
 from ...patchnet_addon.codes.pixel_tiles import PixelRays
 from ...patchnet_addon.codes.ray_frame import CELLS
 from ...patchnet_addon.network.compiled_layers import TILE
 from ...patchnet_addon.network.kinds import CORNERS, COVERING, MIXED, VIEW
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE
-from ...patchnet_addon.runtime.kernels import kernel
+from ...patchnet_addon.runtime.kernels import kernel, lean_device
 from .forest import Forest, tree_nodes
 
 
@@ -86,10 +86,18 @@ def _gather(nodes, luminance, where, rays, tables, found):
             measure_cells(listed, near, ray, shares, lights, (orders, frame), place)
             luminances[index, COVERING] = np.float32(luminance[node]) * np.float32(1.0 / LUMINANCE_SCALE)
         measure_tile(tile, shares, lights)
-        write_columns(views, count, view[start:])
-        write_columns(shares, count, covered[start:])
-        write_columns(lights, count, luminances[start:])
+        _write_columns(views, count, view[start:])
+        _write_columns(shares, count, covered[start:])
+        _write_columns(lights, count, luminances[start:])
         for index in range(start, start + count):
             gain, offset = linear[number[index], 0], linear[number[index], 1]
             for k in range(MIXED):
                 luminances[index, k] = gain * luminances[index, k] + offset
+
+
+@lean_device
+def _write_columns(rows, count, result):  # type: ignore[no-untyped-def]
+    """Write the first `count` columns of a tile's rows as lines of `result`."""
+    for place in range(count):
+        for row in range(len(rows) // TILE):
+            result[place, row] = rows[row * TILE + place]

@@ -78,7 +78,7 @@ class BatchLayout:
         shapes |= dict.fromkeys(("ratio", "coverage", "luminance"), (np.float32, rays))
         if self.nearby:
             sizes = zip(fields(Nearby), (VIEW, COVERING, MIXED), strict=True)
-            shapes |= {field.name + " nearby": (np.float32, (*rays, size)) for field, size in sizes}
+            shapes |= {field.name: (np.float32, (*rays, size)) for field, size in sizes}
         shapes |= dict.fromkeys(("pair_block", "pair_corner"), (np.int64, (_SLICES, 8 * self.voxels)))
         # Last, for of them only those that are occupied are copied.
         shapes["blocks"] = np.float32, (_BLOCKS * self.voxels + 1, self.values)
@@ -106,7 +106,7 @@ class BatchLayout:
         for name in ("entry", "direction", "up", "ratio", "coverage", "luminance"):
             arrays[name][...] = getattr(batch, name)
         for field in fields(Nearby) if self.nearby else ():
-            arrays[field.name + " nearby"][...] = getattr(batch.nearby, field.name)
+            arrays[field.name][...] = getattr(batch.nearby, field.name)
         most = int(np.diff(batch.slice_start).max())
         pairs = max(1, -(-most // self.voxels)) * self.voxels
         for number, (first, last) in enumerate(itertools.pairwise(batch.slice_start)):
@@ -127,7 +127,7 @@ class BatchLayout:
         }
         for name in ("pair_block", "pair_corner"):
             found[name] = found[name][:, :pairs]
-        near = {field.name: found.pop(field.name + " nearby") for field in fields(Nearby) if self.nearby}
+        near = {field.name: found.pop(field.name) for field in fields(Nearby) if self.nearby}
         return PaddedBatch(slice_start=[], nearby=TensorNearby(**near) if near else None, **found)
 
 

@@ -107,8 +107,9 @@ class SlicedNet(nn.Module):
         eight = torch.zeros(corners + 1, SLICES, blocks.shape[1], dtype=dtype, device=blocks.device)
         if isinstance(batch, PaddedBatch):  # the last row is of pairs of nothing
             eight[batch.pair_corner, torch.arange(SLICES, device=blocks.device)[:, None]] = blocks[batch.pair_block]
-        for number, (first, last) in enumerate(itertools.pairwise(batch.slice_start)):
-            eight[batch.pair_corner[first:last], number] = blocks[batch.pair_block[first:last]]
+        else:
+            for number, (first, last) in enumerate(itertools.pairwise(batch.slice_start)):
+                eight[batch.pair_corner[first:last], number] = blocks[batch.pair_block[first:last]]
         return self.net.convolve(patch_cells(eight[:corners]), dtype)
 
     def to_weights(self, metadata: dict[str, Any] | None = None) -> Weights:

@@ -44,13 +44,14 @@ class Crew(Protocol):
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
         """Gradients of the parts of a step, which add up, and the sums (3,) of its errors for `mean_errors`."""
 
+    def settle(self) -> None:
+        """Wait until all is gathered that was begun: what a step leaves to be done beside the next one."""
+
     def close(self) -> None:
         """End the threads."""
 
 
-def crew_for(
-    learner: Learner, corpus: AnyCorpus, voxels: int, threads: int, processes: Processes = ALONE
-) -> ThreadCrew | GpuCrew:
+def crew_for(learner: Learner, corpus: AnyCorpus, voxels: int, threads: int, processes: Processes = ALONE) -> Crew:
     """Crew for the learner's device, with `voxels` a step, of which it computes the share of its process."""
     plan = StepPlan(corpus, learner.settings, voxels, processes)
     return (ThreadCrew if learner.device.type == CPU else GpuCrew)(learner, plan, threads)
@@ -60,16 +61,18 @@ class ThreadCrew:
     """Threads that each gather and learn from one part of a step, with products on one thread.
 
     That suits small matrices better than threads inside every product, and a busy machine slows it less. There are as
-    many parts as threads, so that rounding alone depends on their number, and no more than a step has work for.
+    many parts as threads, so that rounding alone depends on their number; threads beyond those that a step has parts
+    for work inside products.
     """
 
     def __init__(self, learner: Learner, plan: StepPlan, threads: int) -> None:
         self._learner, self._plan = learner, plan
         self._parts = max(1, min(threads, plan.own_voxels // _PART_VOXELS))
-        self._pool = ThreadPoolExecutor(self._parts, initializer=torch.set_num_threads, initargs=(1,))
+        inside = max(1, threads // self._parts)
+        self._pool = ThreadPoolExecutor(self._parts, initializer=torch.set_num_threads, initargs=(inside,))
         self._ahead: list[Future[tuple[TensorBatch, float]]] = []
         self._ahead_of: tuple[int, bool] | None = None  # step, and whether its blocks are narrow
-        self.title = "1 CPU thread" if self._parts == 1 else f"{self._parts} CPU threads"
+        self.title = "1 CPU thread" if threads == 1 else f"{threads} CPU threads"
 
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
         """Gradients of the parts of a step, and sums of its errors, see `Crew`."""
@@ -95,6 +98,10 @@ class ThreadCrew:
     def _part(self, gathered: Future[tuple[TensorBatch, float]], dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
         batch, share = gathered.result()  # was begun before this, so no thread waits for itself
         return self._learner.gradients(batch, dtype, share)
+
+    def settle(self) -> None:
+        """Wait until all is gathered that was begun, see `Crew`."""
+        wait(self._ahead)
 
     def close(self) -> None:
         """End the threads."""
@@ -139,7 +146,7 @@ class GpuCrew:
         return [gradients], sums.clone()
 
     def settle(self) -> None:
-        """Wait until all is gathered that was begun."""
+        """Wait until all is gathered that was begun, see `Crew`."""
         wait(gathered for _, _, gathered in self._ahead)
 
     def _gathered(self, step: int, memory: _Memory) -> tuple[int, int]:
