@@ -21,6 +21,7 @@ from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileErro
 from patchnet.patchnet_addon.runtime.files import write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.torch_devices import GPU
 
 CONVOLVING = (CONV3D, VOXCEPTION)
 TOLERANCE = 2e-5  # float32 sums of up to 1,500 products of about 1, in another order
@@ -103,6 +104,17 @@ def test_torch_with_numpy(kind, lookahead, count):
     patches = np.moveaxis(cells, 1, -1).reshape(count, int(np.prod(cells.shape[1:])))
     with torch.no_grad():
         np.testing.assert_allclose(model.encode(torch.from_numpy(patches)).numpy(), wanted, atol=TOLERANCE)
+
+
+@pytest.mark.parametrize("device", [pytest.param("cuda", marks=GPU)])
+@pytest.mark.parametrize("lookahead", [1, 2, 3])
+@pytest.mark.parametrize("kind", CONVOLVING, ids=lambda kind: kind.name)
+def test_gpu_with_numpy(kind, lookahead, device):
+    """In float32, although torch convolves in TF32 on a GPU unless it is told otherwise."""
+    weights = Weights.random(5, bias=0.1, lookahead=lookahead, encoder=kind)
+    blocks, rows = corners(lookahead)
+    wanted = NumpyConvolutions(weights)(blocks, rows)
+    np.testing.assert_allclose(convolving_encoder(weights, device)(blocks, rows), wanted, atol=TOLERANCE)
 
 
 @pytest.mark.parametrize("kind", CONVOLVING, ids=lambda kind: kind.name)

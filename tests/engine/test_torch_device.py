@@ -90,18 +90,21 @@ def test_what_does_not_fit_is_said():
 
 
 def test_precision_is_as_before_after_products():
-    matmul = torch.backends.cuda.matmul
+    backends = torch.backends.cuda.matmul, torch.backends.cudnn
+    libraries = (backends[0], backends[1].conv) if has_words() else backends
     name, words = ("fp32_precision", ("ieee", "tf32")) if has_words() else ("allow_tf32", (False, True))
-    before = matmul.allow_tf32
+    before = [backend.allow_tf32 for backend in backends]
     try:
-        for kept in (True, False):
-            matmul.allow_tf32 = kept
+        for kept in ([True, True], [False, True], [True, False], [False, False]):
+            for backend, switch in zip(backends, kept, strict=True):
+                backend.allow_tf32 = switch
             for tf32 in (False, True):
                 with float32_products(torch.device("cuda"), tf32=tf32):
-                    assert getattr(matmul, name) == words[tf32]
-                assert matmul.allow_tf32 == kept
+                    assert [getattr(library, name) for library in libraries] == [words[tf32]] * 2
+                assert [backend.allow_tf32 for backend in backends] == kept
     finally:
-        matmul.allow_tf32 = before
+        for backend, switch in zip(backends, before, strict=True):
+            backend.allow_tf32 = switch
 
 
 def has_words():

@@ -22,6 +22,7 @@ from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.settings import SQUARED, TrainSettings
 
 torch = pytest.importorskip("torch")
+from patchnet.patchnet_addon.network.torch_precision import float32_products  # noqa: E402  needs torch
 from patchnet.training.benchmarks import device as device_bench  # noqa: E402  needs torch
 from patchnet.training.data.padded_batch import BatchLayout, PaddedBatch  # noqa: E402  needs torch
 from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402  needs torch
@@ -93,7 +94,7 @@ def test_encoders_that_convolve_take_batches_of_one_shape(nearby: bool, device: 
     settings = replace(MIXING if nearby else SETTINGS, encoder="conv3d", encoder_width=0)
     corpus, _ = corpus_of(drawn(2), nearby=nearby)
     batch = corpus.batch(np.arange(10), Augmentation.none(10))
-    with torch.no_grad():
+    with torch.no_grad(), float32_products(torch.device(device)):
         wanted = Learner(settings).model(TensorBatch.of(batch), torch.float32)
         found = Learner(settings, device=device).model(PaddedBatch.of(batch, device), torch.float32)
     torch.testing.assert_close(found.cpu(), wanted, atol=1e-5, rtol=0)
