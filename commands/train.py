@@ -21,6 +21,7 @@ from ..training.settings import (
     PRESETS,
     SAMPLES,
     SHIPPED_PASSES,
+    SHIPPED_WIDTH,
     VIEWS,
     TrainSettings,
     preset_with,
@@ -50,7 +51,8 @@ A pass is one sample seen once. Samples are those of files, gone through again a
 With --fresh the octrees are named in their place, and each step draws voxels anew, of {VIEWS} views each. So the
 shipped weights learned in {SHIPPED_PASSES:,} passes (training/shipped_weights.sh):
 
-    patchnet train OCTREE... --fresh --preset {_PRESET} --passes {SHIPPED_PASSES} --out run
+    patchnet train OCTREE... --fresh --preset {_PRESET} --encoder-width {SHIPPED_WIDTH} \\
+        --passes {SHIPPED_PASSES} --out run
 
 Presets:
 

@@ -144,7 +144,7 @@ def of_length(settings: TrainSettings) -> TrainSettings:
 
 
 QUICK_SAMPLES = SAMPLES // 4
-SHIPPED_PASSES = 128_000_000  # of the shipped weights, see shipped_weights.sh
+SHIPPED_PASSES, SHIPPED_WIDTH = 256_000_000, 128  # of the shipped weights and their encoder, see shipped_weights.sh
 PRESETS = {"quick": of_length(replace(IMPROVED, passes=8 * QUICK_SAMPLES)), "paper": PAPER, "improved": IMPROVED}
 
 

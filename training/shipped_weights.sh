@@ -63,7 +63,7 @@ done
     "$patchnet" dataset "$work"/unseen/*.safetensors --samples 240000 --seed 1 --out "$work/unseen-samples"
 resume=$([ -e "$work/run/checkpoint.pt" ] && echo --resume || true)
 "$patchnet" train "$work"/octrees/*.safetensors --fresh --validate "$work/unseen-samples" --preset improved \
-    --passes 128000000 --out "$work/run" $resume
+    --encoder-width 128 --passes 256000000 --out "$work/run" $resume
 
 # The estimator of errors, which learns from what these weights say of the octrees.
 "$patchnet" train-plus "$work"/octrees/*.safetensors --weights "$work/run/patchnet.safetensors" --out "$work/plus"

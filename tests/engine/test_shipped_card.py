@@ -9,7 +9,7 @@ import pytest
 
 from patchnet.commands.train import description
 from patchnet.patchnet_addon.network.weights import default_weights_path, load_weights
-from patchnet.training.settings import PRESETS, SAMPLES, SHIPPED_PASSES, VIEWS, TrainSettings
+from patchnet.training.settings import PRESETS, SAMPLES, SHIPPED_PASSES, SHIPPED_WIDTH, VIEWS, TrainSettings
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "training.md").read_text()
@@ -47,7 +47,7 @@ def stated_settings() -> dict[str, object]:
 
 
 def test_weights_are_of_the_preset() -> None:
-    wanted = replace(PRESETS["improved"], passes=SHIPPED_PASSES, fresh=True)
+    wanted = replace(PRESETS["improved"], passes=SHIPPED_PASSES, encoder_width=SHIPPED_WIDTH, fresh=True)
     assert TrainSettings(**load_weights().metadata["settings"]) == wanted
 
 
@@ -75,7 +75,7 @@ def test_card_counts_no_training_scene_as_held_out() -> None:
 
 def test_script_page_and_help_have_the_numbers() -> None:
     passes = load_weights().metadata["sample_passes"]
-    assert " --fresh " in SCRIPT and f"--passes {passes} " in SCRIPT
+    assert " --fresh " in SCRIPT and f"--encoder-width {SHIPPED_WIDTH} --passes {passes} " in SCRIPT
     assert set(re.findall(r"^octree (\S+)", SCRIPT, re.MULTILINE)) == set(load_weights().metadata["data"])
     text = description()
     assert f"--samples {SAMPLES} " in text and f"{VIEWS} views" in text and f"{passes:,} passes" in text

@@ -89,11 +89,13 @@ def _levels(lookahead: int) -> str:
 def draw_curves(curve: list[dict[str, Any]], validations: list[dict[str, Any]], path: Path) -> bool:
     """Draw training and validation errors over sample passes; False where matplotlib is not installed."""
     try:
+        from matplotlib import colormaps
         from matplotlib.figure import Figure
     except ImportError:
         return False
-    figure = Figure(figsize=(9, 4), layout="constrained")
+    figure = Figure(figsize=(10.5, 4), layout="constrained")
     for axes, field in zip(figure.subplots(1, 2), ("coverage", "luminance"), strict=True):
+        axes.set_prop_cycle(color=colormaps["tab20"].colors)
         axes.plot([line["passes"] / 1e6 for line in curve], [line[field] for line in curve], "0.6", label="training")
         for name in validations[-1]["validation"] if validations else ():
             here = [line for line in validations if name in line["validation"]]
@@ -101,7 +103,7 @@ def draw_curves(curve: list[dict[str, Any]], validations: list[dict[str, Any]], 
             axes.plot(*zip(*points, strict=True), ".-", label=name)
         axes.set(xlabel="million sample passes", ylabel=f"mean absolute error of {field}", yscale="log")
         axes.grid(alpha=0.3, which="both")
-    axes.legend(fontsize="x-small")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper", fontsize="x-small")
     figure.savefig(path, dpi=110)
     return True
 
