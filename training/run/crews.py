@@ -29,7 +29,7 @@ from ..settings import TrainSettings
 from .learner import Learner
 from .processes import Processes
 
-_PART_VOXELS = 32  # in smaller parts of a step threads wait for the interpreter more than they compute
+_PART_VOXELS = 64  # in smaller parts of a step threads wait for the interpreter more than they compute
 _MOST_AHEAD = 16  # batches that wait for a GPU
 _DRAWN_TOGETHER = 16  # steps whose augmentation is drawn at once: to begin takes longer than to draw
 ALONE = Processes()
