@@ -106,7 +106,10 @@ class _Parser(argparse.ArgumentParser):
 
 def make_parser(modules: dict[str, ModuleType], program: str = "patchnet") -> argparse.ArgumentParser:
     """Parser of the whole command line, with one sub-parser a module; docs/make_commands.py reads it."""
+    from .shared.version import add_version
+
     parser = _Parser(prog=program, description="See where a coarse view of a scene is wrong, and refine there first.")
+    add_version(parser)
     _add_log_format(parser)
     subparsers = parser.add_subparsers(dest="command", metavar="SUB-COMMAND", required=True)
     for module in modules.values():

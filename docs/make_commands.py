@@ -122,7 +122,10 @@ def page() -> str:
     for name, text in helps(parser).items():
         lines.append(f"| [`{name}`](#{name}) | {_as_cell(text)} | {'yes' if name in IN_BLENDER else 'no'} |")
     lines += ["", "All of them also have `--help`, and `--log-format text` or `json`: one JSON object a line."]
-    lines += ["They are in [batch.md](batch.md#json-lines).", ""]
+    lines += [
+        "They are in [batch.md](batch.md#json-lines). `patchnet --version` says what a report of a fault needs.",
+        "",
+    ]
     for name, child in parsers(parser).items():
         also = f"Also `blender --command patchnet {name}`." if name in IN_BLENDER else ""
         lines += section(name, child, 2, also)

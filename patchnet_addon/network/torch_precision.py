@@ -37,7 +37,8 @@ def float32_products(device: torch.device, *, tf32: bool = False) -> Iterator[No
 
 def _switches(*, tf32: bool) -> tuple[list[Any], str, str | bool]:
     """What holds the precision of products and of convolutions, what it is called there, and the wanted value."""
-    products, convolutions = torch.backends.cuda.matmul, torch.backends.cudnn
+    products: Any = torch.backends.cuda.matmul
+    convolutions: Any = torch.backends.cudnn
     # torch up to 2.8 has a switch; from 2.9 on a word, and reading the switch is an error where the word was set.
     if hasattr(products, "fp32_precision"):
         return [products, convolutions.conv], "fp32_precision", "tf32" if tf32 else "ieee"

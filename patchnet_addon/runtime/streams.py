@@ -15,6 +15,7 @@ from contextlib import suppress
 from typing import Any, TextIO
 
 _NAMES = ("stdin", "stdout", "stderr")  # by their file descriptors
+_lost: list[OSError] = []  # why something was not written: argparse, for one, says nothing when its help is lost
 
 
 def keep_streams() -> None:
@@ -59,8 +60,8 @@ def _patient(stream: TextIO | None, number: int) -> TextIO:
 
 
 def finish_streams() -> OSError | None:
-    """Write what is not written yet, before the process ends; the error of the first stream that cannot be written."""
-    failed = None
+    """Write what is not written yet, before the process ends; the first error of a stream, also one of before."""
+    failed = _lost[0] if _lost else None
     for number, stream in ((1, sys.stdout), (2, sys.stderr)):
         try:
             if stream is not None and not stream.closed:
@@ -105,4 +106,6 @@ class _Pipe(io.FileIO):
         except OSError as error:
             if error.errno == errno.EBADF:  # it was closed, and now belongs to a file that is only read
                 return memoryview(data).nbytes
-            raise OSError(error.errno, error.strerror, _NAMES[self.fileno()]) from error
+            named = OSError(error.errno, error.strerror, _NAMES[self.fileno()])
+            _lost.append(named)
+            raise named from error

@@ -2,12 +2,14 @@
 """The command line as a user meets it: help, wrong words, bad input, interruption."""
 
 import argparse
+import platform
 import signal
 import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from patchnet import commands
@@ -53,6 +55,14 @@ def test_wrong_words_exit_2(argv: list[str], capsys: pytest.CaptureFixture[str])
         commands.main(argv)
     assert stop.value.code == 2
     assert "patchnet: error:" in capsys.readouterr().err
+
+
+def test_version_names_what_computes(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        commands.main(["--version"])
+    said = capsys.readouterr().out
+    assert not stop.value.code and said.startswith("patchnet 0.") and said.count("\n") == 1
+    assert f"numpy {np.__version__}" in said and f"Python {platform.python_version()}" in said
 
 
 def test_exit_code_of_the_sub_command_is_returned(greet: SimpleNamespace) -> None:

@@ -74,3 +74,11 @@ def test_output_that_is_lost_is_an_error(file: Path) -> None:
     done = shell("patchnet info --json FILE >/dev/full", file)
     assert done.returncode == 2 and "No space left on device" in done.stderr and "Traceback" not in done.stderr
     assert shell("patchnet info nothing 2>/dev/full", file).returncode == 2
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+@pytest.mark.parametrize("words", ["--help", "info --help", "--version"])
+def test_help_that_is_lost_is_an_error(file: Path, words: str) -> None:
+    """Argparse itself passes over it."""
+    done = shell(f"patchnet {words} >/dev/full", file)
+    assert done.returncode == 2 and "No space left on device" in done.stderr and "Traceback" not in done.stderr

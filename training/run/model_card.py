@@ -95,7 +95,7 @@ def draw_curves(curve: list[dict[str, Any]], validations: list[dict[str, Any]], 
         return False
     figure = Figure(figsize=(10.5, 4), layout="constrained")
     for axes, field in zip(figure.subplots(1, 2), ("coverage", "luminance"), strict=True):
-        axes.set_prop_cycle(color=colormaps["tab20"].colors)
+        axes.set_prop_cycle(color=colormaps["tab20"](range(20)))
         axes.plot([line["passes"] / 1e6 for line in curve], [line[field] for line in curve], "0.6", label="training")
         for name in validations[-1]["validation"] if validations else ():
             here = [line for line in validations if name in line["validation"]]
