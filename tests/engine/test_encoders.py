@@ -22,6 +22,7 @@ from patchnet.patchnet_addon.runtime.files import write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.torch_devices import GPU
+from patchnet.training.settings import SHIPPED_WIDTH
 
 CONVOLVING = (CONV3D, VOXCEPTION)
 TOLERANCE = 2e-5  # float32 sums of up to 1,500 products of about 1, in another order
@@ -145,7 +146,7 @@ def test_file_says_the_encoder(kind, tmp_path):
 
 
 def test_files_without_a_word_on_it_have_linear_layers():
-    assert "encoder" not in network(2) and load_weights().encoder_kind is MLP
+    assert "encoder" not in network(2) and load_weights().encoder_kind == MLP.of_width(SHIPPED_WIDTH)
     assert tuple(ENCODERS) == ("mlp", "conv3d", "voxception")
 
 

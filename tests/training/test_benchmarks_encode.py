@@ -17,6 +17,7 @@ from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.training.benchmarks.encoding import record_chunks
 from patchnet.training.benchmarks.products import encoder_products
+from patchnet.training.settings import SHIPPED_WIDTH
 
 SMALL = ["bench", "encode", "--nodes", "3000", "--corners", "100", "--repeats", "2"]
 
@@ -27,7 +28,7 @@ def said_json(capsys):
     return values
 
 
-def check(values, width=256):
+def check(values, width=SHIPPED_WIDTH):
     assert (values["name"], values["unit"], values["octree"]) == ("encode", "corners per second", "shells")
     assert values["nodes"] >= 3000 and values["corners"] > 100 and 0 < values["occupied_cells"] < 1
     names = {"compiled", "numpy"} | ({"torch", "torch_plain"} if importlib.util.find_spec("torch") else set())
