@@ -5,11 +5,8 @@ from __future__ import annotations
 
 import argparse
 import platform
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
-_MANIFEST = Path(__file__).parents[2] / "blender_manifest.toml"
 _PACKAGES = ("bpy", "numpy", "numba", "torch")
 
 
@@ -21,21 +18,10 @@ def add_version(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def versions_line() -> str:
-    """Versions in a line; packages that are not installed are left out. Imports none of them."""
-    import tomllib
-
-    own = tomllib.loads(_MANIFEST.read_text(encoding="utf-8"))["version"]
-    found = [f"patchnet {own}", f"Python {platform.python_version()}"]
-    for name in _PACKAGES:
-        try:
-            found.append(f"{name} {version(name)}")
-        except PackageNotFoundError:
-            continue
-    return ", ".join(found)
-
-
 class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        print(versions_line())
+        from ...patchnet_addon.runtime.versions import installed_versions, own_version
+
+        found = [f"patchnet {own_version()}", f"Python {platform.python_version()}", *installed_versions(_PACKAGES)]
+        print(", ".join(found))
         parser.exit()

@@ -6,20 +6,17 @@ from __future__ import annotations
 import os
 import platform
 import sys
-import tomllib
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
 import bpy
 
-_MANIFEST = Path(__file__).parents[2] / "blender_manifest.toml"
+from ...patchnet_addon.runtime.versions import installed_version, own_version
 
 
 def versions() -> dict[str, Any]:
     """Versions of PatchNet, Blender, Python and the libraries that compute; None for one that is not there."""
     return {
-        "patchnet": tomllib.loads(_MANIFEST.read_text(encoding="utf-8"))["version"],
+        "patchnet": own_version(),
         "blender": bpy.app.version_string,
         "python": platform.python_version(),
         **{name: _installed(name) for name in ("numpy", "numba", "torch")},
@@ -35,7 +32,4 @@ def _installed(name: str) -> str | None:
     """Version of an imported module, else of an installed package: Blender's own NumPy says it only in the module."""
     if name in sys.modules:
         return str(sys.modules[name].__version__)
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return None
+    return installed_version(name)

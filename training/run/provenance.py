@@ -7,13 +7,13 @@ import os
 import platform
 import subprocess
 from collections.abc import Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from ...patchnet_addon.network.devices import CPU, device_title
 from ...patchnet_addon.octree.file import octree_hash
 from ...patchnet_addon.runtime.source_hash import ROOT, source_hash
+from ...patchnet_addon.runtime.versions import installed_versions
 from ..data.dataset import Dataset
 
 _PACKAGES = ("patchnet-blender", "numpy", "numba", "torch")
@@ -69,13 +69,7 @@ def describe_command(arguments: Sequence[str]) -> str:
 
 def describe_versions() -> str:
     """Versions of Python and of the packages that a result depends on."""
-    found = [f"Python {platform.python_version()}"]
-    for package in _PACKAGES:
-        try:
-            found.append(f"{package} {metadata.version(package)}")
-        except metadata.PackageNotFoundError:
-            continue
-    return ", ".join(found)
+    return ", ".join([f"Python {platform.python_version()}", *installed_versions(_PACKAGES)])
 
 
 def describe_machine(device: str = CPU) -> str:
