@@ -1,28 +1,61 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The benchmark of training steps: which products are recorded, and what it prints."""
+"""The benchmark of training steps: which products there are in a step, and what it prints."""
 
 import json
+from collections.abc import Callable
+from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from patchnet.commands import main
 from patchnet.commands.benches import train
+from patchnet.patchnet_addon.network.kinds import MIXTURE, PAPER, NetworkKind
+from patchnet.patchnet_addon.network.weights import Weights
 
 torch = pytest.importorskip("torch")
+from torch.utils._python_dispatch import TorchDispatchMode  # noqa: E402
+
 from patchnet.training.benchmarks import training_rate  # noqa: E402
-from patchnet.training.benchmarks.step_products import operations, recorded_products, replay  # noqa: E402
-from patchnet.training.benchmarks.training_rate import has_matrix_units  # noqa: E402
+from patchnet.training.benchmarks.step_products import operations, replay, step_products  # noqa: E402
+from patchnet.training.benchmarks.training_rate import TrainBench, has_matrix_units  # noqa: E402
+from patchnet.training.data.batches import Augmentation  # noqa: E402
+from patchnet.training.data.corpus import corpus_of  # noqa: E402
+from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402
+from patchnet.training.network import sliced_net  # noqa: E402
 
 
-def test_products_forward_and_backward_are_recorded() -> None:
-    layer, values = torch.nn.Linear(3, 5), torch.ones(7, 3, requires_grad=True)
-    with recorded_products() as products:
-        layer(values).sum().backward()
-    assert [(first.shape, second.shape) for first, second in products] == [
-        ((7, 3), (3, 5)), ((7, 5), (5, 3)), ((5, 7), (7, 3))
-    ]  # fmt: skip
-    assert operations(products) == 3 * 2 * 7 * 3 * 5
-    assert all(operand.dtype == torch.float32 for pair in products for operand in pair)
+def recorded(work: Callable[[], object]) -> list[tuple[tuple[int, ...], ...]]:
+    """Sizes of both factors of all products that torch does meanwhile."""
+    found = []
+
+    class Recorder(TorchDispatchMode):
+        def __torch_dispatch__(self, function, types, arguments=(), keywords=None):
+            if function.overloadpacket in (torch.ops.aten.mm, torch.ops.aten.bmm, torch.ops.aten.addmm):
+                found.append(tuple(tuple(each.shape) for each in arguments[-2:]))
+            return function(*arguments, **(keywords or {}))
+
+    with Recorder():
+        work()
+    return found
+
+
+@pytest.mark.parametrize(("kind", "dtype"), [(MIXTURE, torch.float32), (PAPER, torch.bfloat16), (PAPER, torch.float32)])
+def test_products_are_those_that_torch_does(monkeypatch, kind: NetworkKind, dtype: torch.dtype) -> None:
+    """Those of the encoder as recorded where torch does them, and the decoder's by their sizes."""
+    monkeypatch.setattr(sliced_net, "takes", lambda *_: False)
+    corpus, _ = corpus_of([training_rate._made(TrainBench(nodes=20_000, samples=2_000))], nearby=kind.mixes)
+    batch = TensorBatch.of(corpus.batch(np.arange(24), Augmentation.none(24)))
+    net = sliced_net.SlicedNet(Weights.random(0, kind=kind))
+    products = step_products(batch, kind, 256, dtype)
+    sizes = [(first.shape, second.shape) for first, second in products]
+    count = 2 + 3 * 3
+    found = recorded(lambda: torch.autograd.grad(net._codes(batch, dtype).sum(), net.trained(), allow_unused=True))
+    assert sorted(found) == sorted(sizes[:count])
+    layers = list(pairwise(kind.decoder))
+    views = batch.ratio.numel()
+    assert len(sizes) == count + 3 * len(layers) and sizes[count] == ((views, layers[0][0]), layers[0])
+    assert operations(products[count:]) == sum(3 * 2 * views * inputs * outputs for inputs, outputs in layers)
     replay(products)()
 
 

@@ -1,71 +1,78 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Matrix products of a training step: which ones torch is asked for, and the time of these alone.
+"""Matrix products of a training step: which ones there are, and the time in which torch does these alone.
 
-A training step cannot take less than its products. They are recorded while a step runs, with sizes, strides and number
-types, and done again on other numbers, one after the other, results written to memory that is there. Done once, each
-reads numbers of its own from memory, where in a step it finds in the processor's cache what was just written: so
-each can be done several times in a row.
+A training step that multiplies by torch cannot take less. They are those of the encoder `mlp` and of the decoder,
+forward and backward, each whole, whoever does them in a step and in whatever pieces, and are done on numbers of their
+own, one after the other, results written to memory that is there. Done once, each reads its numbers from memory, where
+in a step it finds in the processor's cache what was just written: so each can be done several times in a row.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
-from torch.utils._python_dispatch import TorchDispatchMode
 
-_ADDED = {torch.ops.aten.addmm, torch.ops.aten.baddbmm}  # the first operand is added to the product
-_PRODUCTS = {torch.ops.aten.mm, torch.ops.aten.bmm} | _ADDED
+from ...patchnet_addon.network.kinds import CODE_SIZE, NetworkKind
+from ..data.tensor_batch import TensorBatch
+from ..network.corner_layer import SLICES
+from ..network.cpu_encoder import ROW_STEP
 
 
 class Operand(NamedTuple):
-    """Matrix, or several of a batch, that a product reads."""
+    """Matrix, or several of a batch, that a product reads; turned: its numbers lie in columns."""
 
     shape: tuple[int, ...]
-    stride: tuple[int, ...]
     dtype: torch.dtype
-
-    @classmethod
-    def of(cls, tensor: Tensor) -> Operand:
-        """Sizes of a tensor."""
-        return cls(tuple(tensor.shape), tuple(tensor.stride()), tensor.dtype)
+    turned: bool = False
 
     def filled(self) -> Tensor:
-        """Tensor of random numbers with these sizes; one that repeats itself is written out."""
-        if 0 in self.stride:
-            return torch.randn(self.shape).to(self.dtype)
-        return torch.empty_strided(self.shape, self.stride, dtype=self.dtype).copy_(torch.randn(self.shape))
+        """Tensor of random numbers."""
+        *several, rows, columns = self.shape
+        if self.turned:
+            return torch.randn(*several, columns, rows).to(self.dtype).transpose(-1, -2)
+        return torch.randn(self.shape).to(self.dtype)
 
 
 Product = tuple[Operand, Operand]
 
 
-class _Recorder(TorchDispatchMode):
-    """Recorder of all products that torch does in this thread."""
+def step_products(batch: TensorBatch, kind: NetworkKind, encoder_width: int, dtype: torch.dtype) -> list[Product]:
+    """Products of a step on a batch, with those of the encoder but its last one in `dtype`."""
+    corners, views, values = 8 * len(batch.ratio), batch.ratio.numel(), batch.blocks.shape[1]
+    most = max(last - first for first, last in pairwise(batch.slice_start))
+    pairs, out = -(-most // ROW_STEP) * ROW_STEP, encoder_width
+    found = [(Operand((SLICES, pairs, values), dtype), Operand((SLICES, values, out), dtype))]
+    rows, gradients = (SLICES, pairs, values), (SLICES, pairs, out)
+    if values > out and dtype != torch.float32:  # whichever torch does faster
+        found.append((Operand(_turned(gradients), dtype, turned=True), Operand(rows, dtype)))
+    else:
+        found.append((Operand(_turned(rows), dtype, turned=True), Operand(gradients, dtype)))
+    for _ in range(2):  # between the first and the last layer
+        found += _of_layer(corners, out, out, dtype)
+    found += _of_layer(corners, out, CODE_SIZE, torch.float32)
+    for inputs, outputs in pairwise(kind.decoder):
+        found += _of_layer(views, inputs, outputs, torch.float32)
+    return found
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.products: list[Product] = []
 
-    def __torch_dispatch__(
-        self, function: Any, types: Any, arguments: Sequence[Any] = (), keywords: Mapping[str, Any] | None = None
-    ) -> Any:
-        kind = function.overloadpacket
-        if kind in _PRODUCTS:
-            first, second = arguments[1:3] if kind in _ADDED else arguments[:2]
-            self.products.append((Operand.of(first), Operand.of(second)))
-        return function(*arguments, **(keywords or {}))
+def _of_layer(rows: int, inputs: int, outputs: int, dtype: torch.dtype) -> list[Product]:
+    """Values, gradient of the matrix and gradient of what it is given, of a layer with a matrix (outputs, inputs)."""
+    values, gradients = Operand((rows, inputs), dtype), Operand((rows, outputs), dtype)
+    turned = Operand((outputs, rows), dtype, turned=True)
+    return [
+        (values, Operand((inputs, outputs), dtype, turned=True)),
+        (turned, values),
+        (gradients, Operand((outputs, inputs), dtype)),
+    ]
 
 
-@contextmanager
-def recorded_products() -> Iterator[list[Product]]:
-    """List of the products that torch does within the block, in this thread; full when the block ends."""
-    recorder = _Recorder()
-    with recorder:
-        yield recorder.products
+def _turned(shape: tuple[int, ...]) -> tuple[int, ...]:
+    *several, rows, columns = shape
+    return (*several, columns, rows)
 
 
 def replay(products: Sequence[Product], times: int = 1) -> Callable[[], None]:

@@ -35,7 +35,7 @@ from ..run.torch_threads import torch_threads
 from ..run.trainer import encoder_type
 from ..settings import AUTO, IMPROVED, PAPER, TrainSettings
 from .shells import octree_of_shells
-from .step_products import Product, operations, recorded_products, replay
+from .step_products import Product, operations, replay, step_products
 from .timing import Comparison, how_measured, take_turns
 
 _WARM = 10  # runs before those that are measured
@@ -112,7 +112,7 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
     def replayed(count: int, dtype: torch.dtype) -> tuple[list[Callable[[], None]], int]:
         """Each thread's products of so many steps, and how many operations they are a step."""
         parts = [
-            _products(learner, StepPlan(corpus, settings, voxels, Processes(part, bench.threads)), count, dtype)
+            _products(StepPlan(corpus, settings, voxels, Processes(part, bench.threads)), count, dtype)
             for part in range(bench.threads)
         ]
         return [replay(products, _TIMES) for products in parts], sum(map(operations, parts)) // count
@@ -144,12 +144,10 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
     }  # fmt: skip
 
 
-def _products(learner: Learner, plan: StepPlan, steps: int, dtype: torch.dtype) -> list[Product]:
+def _products(plan: StepPlan, steps: int, dtype: torch.dtype) -> list[Product]:
     """Products of one thread's part of the first steps."""
     found: list[Product] = []
     for step in range(steps):
         batch = TensorBatch.of(plan.batch(step, 0, plan.own_voxels))
-        with recorded_products() as products:
-            learner.gradients(batch, dtype, plan.share)
-        found += products
+        found += step_products(batch, plan.settings.kind, plan.settings.encoder_width, dtype)
     return found

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Parts of a training step in matrix units: how numbers are put for them, and products of 32 lines with what follows.
+
+For kernels, which `tiled_encoder.py` makes of them. All sums are float32, all factors bits of bfloat16. Indices are
+flat, into C-ordered arrays, and sizes multiples of 32.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...patchnet_addon.runtime.kernels import device, lean_device
+from ...patchnet_addon.runtime.vectors import LANES, larger, less, load, select, splat, store
+from ..data.bfloat16 import copy_bits, load_bfloat, pair_bits, store_bfloat, store_pairs
+from .matrix_units import SIDE, add_products, clear_sums, load_sums, store_sums, transpose_words
+
+TILE = 16  # columns of a tile of pairs, and lines of one of values
+_LINE_BYTES = 64
+
+
+@device
+def aligned_bits(count):
+    """Memory for so many uint16 that begins at a multiple of 64 bytes, which tiles and vectors read fast."""
+    memory = np.empty(count + _LINE_BYTES // 2, np.uint16)
+    before = (_LINE_BYTES - memory.ctypes.data % _LINE_BYTES) % _LINE_BYTES // 2
+    return memory[before : before + count]
+
+
+@device
+def aligned_floats(count):
+    """The same for float32."""
+    return aligned_bits(2 * count).view(np.float32)
+
+
+@lean_device
+def pack_rows(matrix, first, depth, columns, packed, to):
+    """Round a matrix (depth, columns) float32 to bfloat16, as products of 32 lines read their right factor.
+
+    first: its index in `matrix`. packed: uint32, tiles (columns / 16, depth / 32) of 16 lines of 16 columns, each word
+    the numbers of two rows.
+    """
+    for column in range(0, columns, TILE):
+        for top in range(0, depth, 2):
+            place = first + top * columns + column
+            store_pairs(packed, to, load(matrix, place), load(matrix, place + columns))
+            to += TILE
+
+
+@lean_device
+def pack_columns(matrix, depth, columns, work, packed, to):
+    """The same of a matrix whose columns are the rows of `matrix` (columns, depth); work: (16 depth,) uint16."""
+    words = work.view(np.uint32)
+    for column in range(0, columns, TILE):
+        for k in range(0, TILE * depth, LANES):
+            store_bfloat(work, k, load(matrix, column * depth + k))
+        for k in range(0, depth // 2, TILE):
+            transpose_words(words, k, depth // 2, packed, to + k * TILE, TILE)
+        to += TILE * depth // 2
+
+
+@lean_device
+def add_lines(left, top, step, depth, right, begin):
+    """Add to the block of sums the products of 32 lines, `step` numbers apart, and 32 packed columns."""
+    bottom, second = top + TILE * step, begin + TILE * depth
+    for k in range(0, depth, SIDE):
+        add_products(left, top + k, bottom + k, step, right, begin + k * TILE, second + k * TILE)
+
+
+@lean_device
+def write_relu(sums, biases, column, result, to, step):
+    """Write ReLU of sums (32, 32) and biases, rounded, into 32 lines, `step` numbers apart."""
+    zero = splat(np.float32(0))
+    for half in range(0, SIDE, LANES):
+        added = load(biases, column + half)
+        for line in range(SIDE):
+            value = larger(load(sums, line * SIDE + half) + added, zero)
+            store_bfloat(result, to + line * step + half, value)
+
+
+@lean_device
+def write_masked(sums, values, begin, step, result, to):
+    """Write sums (32, 32) where 32 lines of `values` are not 0, and 0 elsewhere, rounded; `step` numbers apart both."""
+    zero = splat(np.float32(0))
+    for line in range(SIDE):
+        for half in range(0, SIDE, LANES):
+            there = less(zero, load_bfloat(values, begin + line * step + half))
+            value = select(there, load(sums, line * SIDE + half), zero)
+            store_bfloat(result, to + line * step + half, value)
+
+
+@lean_device
+def add_columns(lines, begin, out, totals, to):
+    """Add the sums of the columns of 32 lines of `out` numbers to `totals`."""
+    for k in range(0, out, LANES):
+        total = load(totals, to + k)
+        for line in range(SIDE):
+            total = total + load_bfloat(lines, begin + line * out + k)
+        store(totals, to + k, total)
+
+
+@lean_device
+def copy_line(source, begin, values, target, to):
+    """Copy `values` bits of bfloat16."""
+    for k in range(0, values, SIDE):
+        copy_bits(target, to + k, source, begin + k)
+
+
+@lean_device
+def turn_lines(lines, begin, step, columns, work, turned, to):
+    """Write columns of 32 lines, `step` numbers apart, as lines of 32, 16 to a tile: a left factor.
+
+    work: (16 columns,) and turned: uint32.
+    """
+    for pair in range(TILE):
+        upper = begin + 2 * pair * step
+        for k in range(0, columns, LANES):
+            pair_bits(work, pair * columns + k, lines, upper + k, lines, upper + step + k)
+    for column in range(0, columns, TILE):
+        transpose_words(work, column, columns, turned, to + column * TILE, TILE)
+
+
+@lean_device
+def pair_lines(first, upper, second, lower, values, pairs, to):
+    """Write two lines of `values` numbers as one line of each of their tiles, of a right factor; pairs: uint32."""
+    for k in range(0, values, TILE):
+        pair_bits(pairs, to + k * TILE, first, upper + k, second, lower + k)
+
+
+@lean_device
+def pair_group(lines, begin, out, pairs, to):
+    """Write 32 lines of `out` numbers, one after the other, as a right factor; pairs: uint32."""
+    for pair in range(TILE):
+        upper = begin + 2 * pair * out
+        pair_lines(lines, upper, lines, upper + out, out, pairs, to + pair * TILE)
+
+
+@lean_device
+def add_groups(turned, left, listed, groups, out, pairs, right, values, result, to, more):
+    """Write products of turned and paired lines of groups as blocks (out / 32, values / 32) of 32 x 32 sums.
+
+    turned: of a group, `listed` of them, `out` lines of 32. pairs: of one group after the other. more: add them to the
+    blocks that are there. That the blocks lie in one piece each matters: lines of whole matrices are so far apart that
+    they fall onto the same lines of the cache.
+    """
+    half = TILE * SIDE
+    for top in range(0, out, SIDE):
+        for column in range(0, values, SIDE):
+            place = to + top * values + column * SIDE
+            if more:
+                load_sums(result, place, SIDE)
+            else:
+                clear_sums()
+            for number in range(groups):
+                upper = left + (listed[number] * out + top) * SIDE
+                begin = right + (number * values + column) * SIDE
+                add_products(turned, upper, upper + half, SIDE, pairs, begin, begin + half)
+            store_sums(result, place, SIDE)
+
+
+@lean_device
+def write_blocks(blocks, begin, out, values, result, to):
+    """Write blocks of sums, as `add_groups` leaves them, as lines of a matrix (out, values)."""
+    for top in range(0, out, SIDE):
+        for column in range(0, values, SIDE):
+            at = begin + top * values + column * SIDE
+            for line in range(SIDE):
+                target = to + (top + line) * values + column
+                store(result, target, load(blocks, at + line * SIDE))
+                store(result, target + LANES, load(blocks, at + line * SIDE + LANES))
+
+
+@lean_device
+def write_turned_blocks(blocks, out, values, result, to):
+    """Write the same as columns: a matrix (values, out); all are given as uint32."""
+    for top in range(0, out, TILE):
+        for column in range(0, values, TILE):
+            block = top // SIDE * SIDE * values + column // SIDE * SIDE * SIDE
+            inside = top % SIDE * SIDE + column % SIDE
+            transpose_words(blocks, block + inside, SIDE, result, to + column * out + top, out)
