@@ -195,6 +195,20 @@ smallest = intrinsic(_reducing("fmin"))  # smallest number of a vector: smallest
 largest = intrinsic(_reducing("fmax"))  # largest number of a vector: largest(vector)
 
 
+@intrinsic
+def total(_typing: Any, vector: Any) -> Any:
+    """Sum of the numbers of a vector, in whatever order: total(vector)."""
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        kind = vector.ir.element
+        name = f"llvm.vector.reduce.fadd.v{vector.lanes}f{vector.element.bitwidth}"
+        known = builder.module.globals.get(name)
+        function = known or ir.Function(builder.module, ir.FunctionType(kind, [kind, vector.ir]), name)
+        return builder.call(function, [ir.Constant(kind, -0.0), *arguments], fastmath=("reassoc",))
+
+    return vector.element(vector), build
+
+
 def _intrinsic(builder: Any, name: str, vector: VectorType, result: Any) -> Any:
     """Declare one of the compiler's functions of a vector."""
     name = f"llvm.{name}.v{vector.lanes}f{vector.element.bitwidth}"

@@ -18,6 +18,7 @@ from patchnet.patchnet_addon.runtime.vectors import (
     splat,
     square_root,
     store,
+    total,
 )  # fmt: skip
 
 NAMES = ("sum", "difference", "product", "quotient", "smaller", "larger", "root", "chosen", "shifted", "folded")
@@ -33,6 +34,11 @@ def everything(left, right, mask, out):
     for row in range(len(results)):
         store(out, row * LANES, results[row])
     return less(a, b)
+
+
+@kernel
+def sum_of(values):
+    return total(load(values, 0))
 
 
 @kernel
@@ -58,6 +64,7 @@ def test_arithmetic(kind):
     for name, found, wanted in zip(NAMES, out, expected, strict=True):
         np.testing.assert_array_equal(found, wanted, err_msg=name)
     np.testing.assert_array_equal((met >> np.arange(LANES)) & 1 == 1, a < b)
+    assert sum_of(left) == pytest.approx(a.sum(), rel=1e-5)  # in another order
 
 
 @pytest.mark.parametrize("kind", [np.int64, np.uint64])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Decoder of a batch on the CPU, forward and backward: its matrix products by torch, one kernel each between them.
+"""Decoder of a batch on the CPU, forward and backward, by one kernel each.
 
 The same as `PatchNet.decode` and `PatchNet.decode_mixture` by torch's own steps, which are so many that threads which
 learn side by side would wait for the interpreter's lock again and again.
@@ -7,15 +7,20 @@ learn side by side would wait for the interpreter's lock again and again.
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from ...patchnet_addon.network.kinds import CODE_SIZE, CORNERS
+from ...patchnet_addon.network.lanes import LANES
 from ..data.tensor_batch import TensorBatch
-from .cpu_layers import add_bias, mask_gradient
-from .decoder_inputs import codes_gradient, decoder_inputs
-from .decoder_outputs import limit_outputs, mix_luminances, outputs_gradient
+from .decoder_kernels import decode_views, differentiate_views
+from .decoder_products import ROWS, filled
+
+_filled = filled.py_func  # type: ignore[attr-defined]
 
 
 class CpuDecoder(torch.autograd.Function):
@@ -24,31 +29,44 @@ class CpuDecoder(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, eight: Tensor, batch: TensorBatch, *layers: Tensor) -> Tensor:
         """Results of `layers`, matrices (out, in) and biases (out,) in turn, float32; ReLUs stand between them."""
-        values = [torch.from_numpy(decoder_inputs(eight.detach().numpy(), batch))]
-        matrices, biases = layers[::2], layers[1::2]
-        for matrix, bias in zip(matrices[:-1], biases[:-1], strict=True):
-            values.append(add_bias(values[-1] @ matrix.t(), bias))
-        outputs = torch.addmm(biases[-1], values[-1], matrices[-1].t()).numpy()
-        near = batch.nearby
-        if near is None:
-            found, ctx.slopes = limit_outputs(outputs)
-        else:
-            covered, luminances = (part.flatten(0, 1).numpy() for part in (near.covered, near.luminances))
-            found, ctx.slopes = mix_luminances(outputs, covered, luminances)
-        ctx.save_for_backward(*matrices)
-        ctx.values, ctx.entry = values, batch.entry
-        return torch.from_numpy(found)
+        matrices, biases = (tuple(map(_array, each)) for each in (layers[::2], layers[1::2]))
+        entry, direction, up = map(_rows, (batch.entry, batch.direction, batch.up))
+        rays = entry, direction, up, _array(batch.ratio).ravel()
+        view = covered = luminances = np.empty((0, 0), np.float32)
+        if batch.nearby is not None:
+            view, covered, luminances = map(_rows, (batch.nearby.view, batch.nearby.covered, batch.nearby.luminances))
+        found, kept = torch.empty(len(entry), 2), _empty_kept(len(entry), matrices)
+        decode_views(_array(eight), rays, (view, covered), luminances, (matrices, biases), kept, found.numpy())
+        ctx.save_for_backward(*layers[::2])
+        ctx.kept, ctx.entry, ctx.voxels = kept, entry, len(eight)
+        return found
 
     @staticmethod
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:  # type: ignore[override]
         """Gradients of codes and layers."""
-        after = torch.from_numpy(outputs_gradient(ctx.slopes, gradient.numpy()))
-        of_bias = after.sum(0)
-        of_layers: list[Tensor] = []
-        for matrix, values in zip(reversed(ctx.saved_tensors), reversed(ctx.values), strict=True):
-            of_layers[:0] = [after.t() @ values, of_bias]
-            after = after @ matrix
-            if values is not ctx.values[0]:
-                after, of_bias = mask_gradient(after, values)
-        of_codes = codes_gradient(after.numpy(), ctx.values[0].numpy(), ctx.entry.numpy())
-        return torch.from_numpy(of_codes), None, *of_layers
+        matrices = tuple(map(_array, ctx.saved_tensors))
+        of_matrices = [torch.empty(matrix.shape) for matrix in matrices]
+        of_biases = [torch.empty(len(matrix)) for matrix in matrices]
+        of_codes = torch.empty(ctx.voxels, CORNERS, CODE_SIZE)
+        of_layers = tuple(map(_array, of_matrices)), tuple(map(_array, of_biases))
+        differentiate_views(_array(gradient), ctx.kept, ctx.entry, matrices, of_codes.numpy(), of_layers)
+        return of_codes, None, *itertools.chain.from_iterable(zip(of_matrices, of_biases, strict=True))
+
+
+def _empty_kept(views: int, matrices: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Arrays of what `differentiate_views` needs of a forward pass; torch's memory begins at a multiple of 64 bytes."""
+    rows = _filled(views, ROWS)
+    inputs, width, outputs = (_filled(count, LANES) for count in (matrices[0].shape[1], *map(len, matrices[-2:])))
+    shapes = (rows, inputs), (len(matrices) - 1, rows, width), (rows, outputs)
+    kept = [torch.empty(shape).numpy() for shape in shapes]
+    return kept[0], kept[1], kept[2]
+
+
+def _array(tensor: Tensor) -> np.ndarray:
+    """Memory of a tensor, in C order."""
+    return tensor.contiguous().numpy(force=True)
+
+
+def _rows(tensor: Tensor) -> np.ndarray:
+    """Array (V R, width) of what R views of V voxels have, (V, R, width)."""
+    return _array(tensor).reshape(-1, tensor.shape[-1])

@@ -63,7 +63,7 @@ class SlicedNet(nn.Module):
         return found.view(voxels, views, 2)
 
     def _decoded_on_cpu(self, eight: Tensor, batch: TensorBatch) -> Tensor:
-        """The same as `_decoded`, by kernels between the decoder's products."""
+        """The same as `_decoded`, by kernels."""
         layers = [part for layer in self.net.decoder for part in (layer.weight, layer.bias)]
         return CpuDecoder.apply(eight, batch, *layers)  # type: ignore[no-any-return]
 
