@@ -16,7 +16,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ...patchnet_addon.network.kinds import CODE_SIZE, NetworkKind
+from ...patchnet_addon.network.kinds import CODE_SIZE, CORNERS, SIDE_BY_SIDE, NetworkKind
 from ..data.tensor_batch import TensorBatch
 from ..network.corner_layer import SLICES
 from ..network.cpu_encoder import ROW_STEP
@@ -41,7 +41,10 @@ Product = tuple[Operand, Operand]
 
 
 def step_products(batch: TensorBatch, kind: NetworkKind, encoder_width: int, dtype: torch.dtype) -> list[Product]:
-    """Products of a step on a batch, with those of the encoder but its last one in `dtype`."""
+    """Products of a step on a batch, with those of the encoder but its last one in `dtype`.
+
+    What has no use is not among them: empty blocks, and gradients of what is no parameter and made of none.
+    """
     corners, views, values = 8 * len(batch.ratio), batch.ratio.numel(), batch.blocks.shape[1]
     most = max(last - first for first, last in pairwise(batch.slice_start))
     pairs, out = -(-most // ROW_STEP) * ROW_STEP, encoder_width
@@ -54,7 +57,11 @@ def step_products(batch: TensorBatch, kind: NetworkKind, encoder_width: int, dty
     for _ in range(2):  # between the first and the last layer
         found += _of_layer(corners, out, out, dtype)
     found += _of_layer(corners, out, CODE_SIZE, torch.float32)
-    for inputs, outputs in pairwise(kind.decoder):
+    (inputs, outputs), *others = pairwise(kind.decoder)
+    values, gradient, _ = _of_layer(views, inputs, outputs, torch.float32)
+    of_codes = CODE_SIZE + (CORNERS * SIDE_BY_SIDE if kind.mixes else 0)  # of the inputs that these have
+    found += [values, gradient, (Operand((views, outputs), torch.float32), Operand((outputs, of_codes), torch.float32))]
+    for inputs, outputs in others:
         found += _of_layer(views, inputs, outputs, torch.float32)
     return found
 

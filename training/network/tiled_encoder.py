@@ -23,8 +23,9 @@ from torch import Tensor
 from ...patchnet_addon.runtime.kernels import device, kernel, lean_device
 from ..data.bfloat16 import narrow_bits, wide_value
 from .corner_layer import SLICES
-from .matrix_units import SIDE, aligned, clear_sums, leave_units, matrix_units_usable, store_sums, use_units
+from .matrix_units import SIDE, aligned, clear_sums, leave_units, load_sums, matrix_units_usable, store_sums, use_units
 from .tiled_products import (
+    BLOCK,
     TILE,
     add_columns,
     add_groups,
@@ -43,8 +44,8 @@ from .tiled_products import (
     write_turned_blocks,
 )
 
-_SIDE_BY_SIDE = 2  # groups of 32 corners that go through the first layer together
-_TOGETHER = 16  # groups whose pairs lie in the cache while the gradient of a matrix is summed over their corners
+_SIDE_BY_SIDE = 4  # groups of 32 corners that meet a slice of the first matrix while a part of it lies in the cache
+_TOGETHER = 8  # groups whose pairs lie in the cache while the gradient of a matrix is summed over their corners
 _PARTS = 3  # numbers of bfloat16 that make a float32
 _ENDS = 2 * SIDE  # columns of what stands for codes
 
@@ -161,30 +162,41 @@ def _encode(bits, pairs, parameters, groups, hidden, codes):  # type: ignore[no-
     for layer in range(len(middle)):
         pack_columns(middle[layer], out, out, work, others.view(np.uint32), layer * square // 2)
     _pack_last(last, parts.view(np.uint32))
-    lines, sums, ends = aligned_bits(_SIDE_BY_SIDE * SLICES * SIDE * values), aligned_floats(SIDE * SIDE), _ends()
-    nothing, flat = np.zeros(values, np.uint16), ends.reshape(-1)
-    used, counts = np.empty((_SIDE_BY_SIDE, SLICES), np.int64), np.empty(_SIDE_BY_SIDE, np.int64)
+    lines, nothing = aligned_bits(_SIDE_BY_SIDE * SIDE * values), np.zeros(values, np.uint16)
+    sums, ends = aligned_floats(_SIDE_BY_SIDE * SIDE * out), _ends()
+    flat = ends.reshape(-1)
     use_units()
     for start in range(0, len(octants), _SIDE_BY_SIDE):
-        here = min(_SIDE_BY_SIDE, len(octants) - start)
-        for group in range(here):
-            counts[group] = _list_blocks(bits, groups, start + group, nothing, lines, group, used[group])
-        for column in range(0, out, SIDE):
-            for group in range(here):
-                clear_sums()
-                for part in range(counts[group]):
-                    left = (group * SLICES + part) * SIDE * values
-                    add_lines(lines, left, values, values, first, used[group, part] * of_octant + column * values)
-                store_sums(sums, 0, SIDE)
-                write_relu(sums, biases, column, hidden, (start + group) * SIDE * out + column, out)
-        for begin in range(start * SIDE, (start + here) * SIDE, SIDE):
+        together = min(_SIDE_BY_SIDE, len(octants) - start)
+        begun = 0  # bits of groups that have sums
+        for s in range(SLICES):
+            here = _copy_blocks(bits, groups, start, together, s, nothing, lines)
+            for column in range(0, out if here else 0, SIDE):
+                for group in range(together):
+                    if here >> group & 1:
+                        place = group * SIDE * out + column * SIDE
+                        if begun >> group & 1:
+                            load_sums(sums, place, SIDE)
+                        else:
+                            clear_sums()
+                        left = group * SIDE * values
+                        add_lines(lines, left, values, values, first, s * of_octant + column * values)
+                        store_sums(sums, place, SIDE)
+            begun |= here
+        for group in range(together):
+            begin = (start + group) * SIDE
+            if not begun >> group & 1:
+                sums[group * SIDE * out : (group + 1) * SIDE * out] = 0
+            for column in range(0, out, SIDE):
+                write_relu(sums, (group * out + column) * SIDE, biases, column, hidden, begin * out + column, out)
+        for begin in range(start * SIDE, (start + together) * SIDE, SIDE):
             for layer in range(len(middle)):
                 below = layer * size + begin * out
                 for column in range(0, out, SIDE):
                     clear_sums()
                     add_lines(hidden, below, out, out, others, layer * square + column * out)
                     store_sums(sums, 0, SIDE)
-                    write_relu(sums, biases, (layer + 1) * out + column, hidden, below + size + column, out)
+                    write_relu(sums, 0, biases, (layer + 1) * out + column, hidden, below + size + column, out)
             for column in range(0, _ENDS, SIDE):
                 clear_sums()
                 add_lines(hidden, len(middle) * size + begin * out, out, out, parts, column * out)
@@ -238,21 +250,24 @@ def _pack_last(last, packed):  # type: ignore[no-untyped-def]
 
 
 @lean_device
-def _list_blocks(bits, groups, group, nothing, lines, to, used):  # type: ignore[no-untyped-def]
-    """Copy the blocks of a group of corners, by the octants that it has, which are written into `used`; their count."""
+def _copy_blocks(bits, groups, start, together, s, nothing, lines):  # type: ignore[no-untyped-def]
+    """Copy the blocks of some groups of corners in an octant, zeros for none; returns bits of the groups that have any.
+
+    Lines of groups that have none stay as they are.
+    """
     _, rows, octants = groups
-    values, count = bits.shape[1], 0
-    for s in range(SLICES):
-        if octants[group] >> s & 1:
-            for line in range(SIDE):
-                row, target = rows[group * SIDE + line, s], ((to * SLICES + count) * SIDE + line) * values
-                if row >= 0:
-                    copy_line(bits, row * values, values, lines, target)
-                else:
-                    copy_line(nothing, 0, values, lines, target)
-            used[count] = s
-            count += 1
-    return count
+    values, here = bits.shape[1], 0
+    for group in range(together):
+        if octants[start + group] >> s & 1 == 0:
+            continue
+        here |= 1 << group
+        for line in range(SIDE):
+            row, target = rows[(start + group) * SIDE + line, s], (group * SIDE + line) * values
+            if row >= 0:
+                copy_line(bits, row * values, values, lines, target)
+            else:
+                copy_line(nothing, 0, values, lines, target)
+    return here
 
 
 @lean_device
@@ -271,25 +286,24 @@ def _turn_back(bits, groups, matrices, hidden, gradient, found):  # type: ignore
     of_slices, of_middle, of_biases, of_last = found
     layers, count, out = hidden.shape
     size, square, part, chunk = count * out, out * out, SIDE * out, _TOGETHER * SIDE
-    packed, last_rows = aligned_bits((layers - 1) * square), aligned_bits(SIDE * out)
+    packed, last_rows = aligned_bits((layers - 1) * square), aligned_bits(part)
     for layer in range(layers - 1):
         pack_rows(middle[layer], 0, out, out, packed.view(np.uint32), layer * square // 2)
     _pack_last_rows(last, last_rows.view(np.uint32))
     ends = _pack_gradients(gradient, groups[0])
-    first, others, of_codes = aligned_bits(size), aligned_bits((layers - 1) * chunk * out), aligned_bits(chunk * SIDE)
-    turned, turned_codes = others.view(np.uint32), of_codes.view(np.uint32)
-    pairs, both = aligned_bits(layers * chunk * out), aligned_bits(2 * part)
-    words, work = pairs.view(np.uint32), aligned_bits(2 * TILE * out).view(np.uint32)
-    sums, end_blocks, blocks = aligned_floats(SIDE * SIDE), aligned_floats(part), aligned_floats((layers - 1) * square)
-    listed = np.arange(_TOGETHER)
+    turned, turned_ends = aligned_bits(size), aligned_bits(chunk * SIDE)
+    others, pairs = _rows(layers, chunk * out), _rows(layers, chunk * out)  # by layer; `others` has no first
+    both, work, sums = aligned_bits(2 * part), aligned_bits(2 * TILE * out).view(np.uint32), aligned_floats(BLOCK)
+    end_blocks, blocks = aligned_floats(part), aligned_floats(layers * square).reshape((layers, square))
     use_units()
     for start in range(0, count, chunk):
         together = min(_TOGETHER, (count - start) // SIDE)
         for group in range(together):
             begin, here = start + group * SIDE, 0
             for layer in range(layers):
-                pair_group(hidden, layer * size + begin * out, out, words, (layer * _TOGETHER + group) * part // 2)
-            turn_lines(ends, begin * _ENDS + SIDE, _ENDS, SIDE, work, turned_codes, group * SIDE * TILE)
+                pair_group(hidden, layer * size + begin * out, out, pairs[layer].view(np.uint32), group, _TOGETHER)
+            of_ends = turned_ends.view(np.uint32)
+            turn_lines(ends, begin * _ENDS + SIDE, _ENDS, SIDE, work, of_ends, group, _TOGETHER)
             for column in range(0, out, SIDE):
                 clear_sums()
                 add_lines(ends, begin * _ENDS, _ENDS, SIDE, last_rows, column * SIDE)
@@ -297,7 +311,7 @@ def _turn_back(bits, groups, matrices, hidden, gradient, found):  # type: ignore
                 write_masked(sums, hidden, (layers - 1) * size + begin * out + column, out, both, column)
             for layer in range(layers - 1, 0, -1):
                 add_columns(both, here, out, of_biases, layer * out)
-                turn_lines(both, here, out, out, work, turned, ((layer - 1) * _TOGETHER + group) * part // 2)
+                turn_lines(both, here, out, out, work, others[layer].view(np.uint32), group, _TOGETHER)
                 before, below = (layer - 1) * size + begin * out, part - here
                 for column in range(0, out, SIDE):
                     clear_sums()
@@ -306,18 +320,22 @@ def _turn_back(bits, groups, matrices, hidden, gradient, found):  # type: ignore
                     write_masked(sums, hidden, before + column, out, both, below + column)
                 here = below
             add_columns(both, here, out, of_biases, 0)
-            turn_lines(both, here, out, out, work, first.view(np.uint32), begin * out // 2)
-        more = start > 0
-        for layer in range(layers - 1):
-            at = layer * chunk * out
-            add_groups(others, at, listed, together, out, pairs, at, out, blocks, layer * square, more)
-        at = (layers - 1) * chunk * out
-        add_groups(of_codes, 0, listed, together, SIDE, pairs, at, out, end_blocks, 0, more)
-    _sum_over_pairs(first, bits, groups, of_slices)
+            turn_lines(both, here, out, out, work, turned.view(np.uint32), begin // SIDE, count // SIDE)
+        listed = np.arange(together)
+        for layer in range(1, layers):
+            add_groups(others[layer], listed, out, pairs[layer - 1], out, blocks[layer], start > 0)
+        add_groups(turned_ends, listed, SIDE, pairs[layers - 1], out, end_blocks, start > 0)
+    _sum_over_pairs(turned, bits, groups, of_slices)
     leave_units()
-    for layer in range(layers - 1):
-        write_blocks(blocks, layer * square, out, out, of_middle, layer * square)
+    for layer in range(1, layers):
+        write_blocks(blocks[layer], out, out, of_middle[layer - 1])
     _write_last_gradient(end_blocks, of_last)
+
+
+@device
+def _rows(count, numbers):  # type: ignore[no-untyped-def]
+    """Memory for `count` times so many numbers of bfloat16."""
+    return aligned_bits(count * numbers).reshape((count, numbers))
 
 
 @device
@@ -362,7 +380,7 @@ def _write_last_gradient(blocks, of_last):  # type: ignore[no-untyped-def]
     codes, out = of_last.shape
     for code in range(codes):
         for k in range(out):
-            at = k // SIDE * SIDE * SIDE + k % SIDE
+            at = k // SIDE * BLOCK + k % SIDE
             parts = blocks[at + code * SIDE] + blocks[at + (codes + code) * SIDE]
             of_last[code, k] = parts + blocks[at + (2 * codes + code) * SIDE]
 
@@ -382,23 +400,23 @@ def _sum_over_pairs(turned, bits, groups, of_slices):  # type: ignore[no-untyped
         for first in range(0, len(listed), _TOGETHER):
             these = listed[first : first + _TOGETHER]
             for number in range(len(these)):
-                _pair_blocks(bits, rows, these[number] * SIDE, s, nothing, words, number * values * TILE)
-            add_groups(turned, 0, these, len(these), out, pairs, 0, values, blocks, 0, first > 0)
+                _pair_blocks(bits, rows, these[number] * SIDE, s, nothing, words, number)
+            add_groups(turned, these, out, pairs, values, blocks, first > 0)
         found = of_slices.view(np.uint32)
         write_turned_blocks(blocks.view(np.uint32), out, values, found, s * values * out)
 
 
 @lean_device
-def _pair_blocks(bits, rows, begin, s, nothing, words, to):  # type: ignore[no-untyped-def]
+def _pair_blocks(bits, rows, begin, s, nothing, words, number):  # type: ignore[no-untyped-def]
     """Write the blocks of 32 corners in an octant, zeros for none, as a right factor."""
     values = bits.shape[1]
     for pair in range(TILE):
-        upper, lower, at = rows[begin + 2 * pair, s], rows[begin + 2 * pair + 1, s], to + pair * TILE
+        upper, lower = rows[begin + 2 * pair, s], rows[begin + 2 * pair + 1, s]
         if upper >= 0 and lower >= 0:
-            pair_lines(bits, upper * values, bits, lower * values, values, words, at)
+            pair_lines(bits, upper * values, bits, lower * values, values, words, pair, number, _TOGETHER)
         elif upper >= 0:
-            pair_lines(bits, upper * values, nothing, 0, values, words, at)
+            pair_lines(bits, upper * values, nothing, 0, values, words, pair, number, _TOGETHER)
         elif lower >= 0:
-            pair_lines(nothing, 0, bits, lower * values, values, words, at)
+            pair_lines(nothing, 0, bits, lower * values, values, words, pair, number, _TOGETHER)
         else:
-            pair_lines(nothing, 0, nothing, 0, values, words, at)
+            pair_lines(nothing, 0, nothing, 0, values, words, pair, number, _TOGETHER)

@@ -15,6 +15,7 @@ from ..data.bfloat16 import copy_bits, load_bfloat, pair_bits, store_bfloat, sto
 from .matrix_units import SIDE, add_products, clear_sums, load_sums, store_sums, transpose_words
 
 TILE = 16  # columns of a tile of pairs, and lines of one of values
+BLOCK = SIDE * SIDE  # numbers of a block
 _LINE_BYTES = 64
 
 
@@ -39,11 +40,10 @@ def pack_rows(matrix, first, depth, columns, packed, to):
     first: its index in `matrix`. packed: uint32, tiles (columns / 16, depth / 32) of 16 lines of 16 columns, each word
     the numbers of two rows.
     """
-    for column in range(0, columns, TILE):
-        for top in range(0, depth, 2):
-            place = first + top * columns + column
-            store_pairs(packed, to, load(matrix, place), load(matrix, place + columns))
-            to += TILE
+    for top in range(0, depth, 2):  # rows as they lie in memory
+        for column in range(0, columns, TILE):
+            place, target = first + top * columns + column, to + (column * depth + top * TILE) // 2
+            store_pairs(packed, target, load(matrix, place), load(matrix, place + columns))
 
 
 @lean_device
@@ -67,13 +67,13 @@ def add_lines(left, top, step, depth, right, begin):
 
 
 @lean_device
-def write_relu(sums, biases, column, result, to, step):
-    """Write ReLU of sums (32, 32) and biases, rounded, into 32 lines, `step` numbers apart."""
+def write_relu(sums, at, biases, column, result, to, step):
+    """Write ReLU of a block of sums (32, 32) from `at` on and biases, rounded, into 32 lines, `step` numbers apart."""
     zero = splat(np.float32(0))
     for half in range(0, SIDE, LANES):
         added = load(biases, column + half)
         for line in range(SIDE):
-            value = larger(load(sums, line * SIDE + half) + added, zero)
+            value = larger(load(sums, at + line * SIDE + half) + added, zero)
             store_bfloat(result, to + line * step + half, value)
 
 
@@ -106,8 +106,8 @@ def copy_line(source, begin, values, target, to):
 
 
 @lean_device
-def turn_lines(lines, begin, step, columns, work, turned, to):
-    """Write columns of 32 lines, `step` numbers apart, as lines of 32, 16 to a tile: a left factor.
+def turn_lines(lines, begin, step, columns, work, turned, group, groups):
+    """Write columns of 32 lines, `step` numbers apart, as lines of 32: the left factor of a group, see `add_groups`.
 
     work: (16 columns,) and turned: uint32.
     """
@@ -116,55 +116,62 @@ def turn_lines(lines, begin, step, columns, work, turned, to):
         for k in range(0, columns, LANES):
             pair_bits(work, pair * columns + k, lines, upper + k, lines, upper + step + k)
     for column in range(0, columns, TILE):
-        transpose_words(work, column, columns, turned, to + column * TILE, TILE)
+        transpose_words(work, column, columns, turned, _place(column, group, groups), TILE)
 
 
 @lean_device
-def pair_lines(first, upper, second, lower, values, pairs, to):
-    """Write two lines of `values` numbers as one line of each of their tiles, of a right factor; pairs: uint32."""
+def _place(column, group, groups):
+    """Index of a group's tile of 16 columns in uint32."""
+    return (column // SIDE * groups + group) * BLOCK // 2 + column % SIDE * TILE
+
+
+@lean_device
+def pair_lines(first, upper, second, lower, values, pairs, line, group, groups):
+    """Write two lines of `values` numbers as one of each tile of the right factor of a group; pairs: uint32."""
     for k in range(0, values, TILE):
-        pair_bits(pairs, to + k * TILE, first, upper + k, second, lower + k)
+        pair_bits(pairs, _place(k, group, groups) + line * TILE, first, upper + k, second, lower + k)
 
 
 @lean_device
-def pair_group(lines, begin, out, pairs, to):
-    """Write 32 lines of `out` numbers, one after the other, as a right factor; pairs: uint32."""
+def pair_group(lines, begin, out, pairs, group, groups):
+    """Write 32 lines of `out` numbers, one after the other, as the right factor of a group; pairs: uint32."""
     for pair in range(TILE):
         upper = begin + 2 * pair * out
-        pair_lines(lines, upper, lines, upper + out, out, pairs, to + pair * TILE)
+        pair_lines(lines, upper, lines, upper + out, out, pairs, pair, group, groups)
 
 
 @lean_device
-def add_groups(turned, left, listed, groups, out, pairs, right, values, result, to, more):
+def add_groups(turned, listed, out, pairs, values, result, more):
     """Write products of turned and paired lines of groups as blocks (out / 32, values / 32) of 32 x 32 sums.
 
-    turned: of a group, `listed` of them, `out` lines of 32. pairs: of one group after the other. more: add them to the
-    blocks that are there. That the blocks lie in one piece each matters: lines of whole matrices are so far apart that
-    they fall onto the same lines of the cache.
+    turned: blocks (out / 32, groups) of 32 lines of 32. listed: those of the groups that are meant. pairs: blocks
+    (values / 32, groups) of two tiles of pairs, those that are meant first. more: add to the blocks that are there.
+    That what is read for one block of sums lies together matters: lines of a whole matrix or group are so far apart
+    that they fall onto the same lines of the cache.
     """
-    half = TILE * SIDE
+    half, of_left, of_right = BLOCK // 2, len(turned) // (out // SIDE), len(pairs) // (values // SIDE)
     for top in range(0, out, SIDE):
         for column in range(0, values, SIDE):
-            place = to + top * values + column * SIDE
+            place = top * values + column * SIDE
             if more:
                 load_sums(result, place, SIDE)
             else:
                 clear_sums()
-            for number in range(groups):
-                upper = left + (listed[number] * out + top) * SIDE
-                begin = right + (number * values + column) * SIDE
+            for number in range(len(listed)):
+                upper = top // SIDE * of_left + listed[number] * BLOCK
+                begin = column // SIDE * of_right + number * BLOCK
                 add_products(turned, upper, upper + half, SIDE, pairs, begin, begin + half)
             store_sums(result, place, SIDE)
 
 
 @lean_device
-def write_blocks(blocks, begin, out, values, result, to):
+def write_blocks(blocks, out, values, result):
     """Write blocks of sums, as `add_groups` leaves them, as lines of a matrix (out, values)."""
     for top in range(0, out, SIDE):
         for column in range(0, values, SIDE):
-            at = begin + top * values + column * SIDE
+            at = top * values + column * SIDE
             for line in range(SIDE):
-                target = to + (top + line) * values + column
+                target = (top + line) * values + column
                 store(result, target, load(blocks, at + line * SIDE))
                 store(result, target + LANES, load(blocks, at + line * SIDE + LANES))
 
@@ -172,8 +179,8 @@ def write_blocks(blocks, begin, out, values, result, to):
 @lean_device
 def write_turned_blocks(blocks, out, values, result, to):
     """Write the same as columns: a matrix (values, out); all are given as uint32."""
-    for top in range(0, out, TILE):
-        for column in range(0, values, TILE):
-            block = top // SIDE * SIDE * values + column // SIDE * SIDE * SIDE
+    for column in range(0, values, TILE):
+        for top in range(0, out, TILE):
+            block = top // SIDE * SIDE * values + column // SIDE * BLOCK
             inside = top % SIDE * SIDE + column % SIDE
             transpose_words(blocks, block + inside, SIDE, result, to + column * out + top, out)
