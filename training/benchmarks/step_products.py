@@ -57,10 +57,10 @@ def step_products(batch: TensorBatch, kind: NetworkKind, encoder_width: int, dty
     for _ in range(2):  # between the first and the last layer
         found += _of_layer(corners, out, out, dtype)
     found += _of_layer(corners, out, CODE_SIZE, torch.float32)
-    (inputs, outputs), *others = pairwise(kind.decoder)
-    values, gradient, _ = _of_layer(views, inputs, outputs, torch.float32)
-    of_codes = CODE_SIZE + (CORNERS * SIDE_BY_SIDE if kind.mixes else 0)  # of the inputs that these have
-    found += [values, gradient, (Operand((views, outputs), torch.float32), Operand((outputs, of_codes), torch.float32))]
+    first, *others = pairwise(kind.decoder)
+    of_codes = CODE_SIZE + (CORNERS * SIDE_BY_SIDE if kind.mixes else 0)  # inputs that are made of codes
+    found += _of_layer(views, *first, torch.float32)[:2]
+    found.append((Operand((views, first[1]), torch.float32), Operand((first[1], of_codes), torch.float32)))
     for inputs, outputs in others:
         found += _of_layer(views, inputs, outputs, torch.float32)
     return found
