@@ -11,14 +11,16 @@ Everything is in the ray frame (`ray_frame.py`). A tile has pixels as columns, a
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 
-from ..network.compiled_layers import TILE
+from ..network.compiled_layers import TILE, empty_values
 from ..network.kinds import CHILDREN
 from ..octree.leaf_boxes import STEPS, covered_steps
 from ..runtime.kernels import device, lean_device
+from ..runtime.vectors import LANES, larger, less, load, select, smaller, splat, store
 from .outer_cells import SMALL
 from .ray_frame import CELLS, SIDE, ray_frames
 
@@ -26,6 +28,25 @@ ABSENT = np.float32(-1)  # the luminance of a cell that is empty
 
 _RIGHT, _UP, _START, _WIDE, _HIGH, _HALF = 0, 3, 6, 8, 11, 14  # rows of what a frame holds
 FRAME_ROWS = 15
+_COLUMNS = 12  # of two grandchildren in a child, four along each axis
+_EVERY_LANE = (1 << LANES) - 1
+
+
+def _columns() -> tuple[np.ndarray, np.ndarray]:
+    """Columns of all children, along x first: places (8 * 12 * 3,) int64, the axis and where in a tile the rows of the
+    first and of the second begin; and middles (8 * 12 * 6,) float32 of the two faces that a ray meets."""
+    places, middles = [], []
+    for child, axis, column in itertools.product(range(CHILDREN), range(3), range(4)):
+        near = 2 * (child >> np.arange(3) & 1)
+        near[[k for k in range(3) if k != axis]] += column & 1, column >> 1
+        ahead = np.arange(3) == axis
+        rows = [cell @ np.array([1, SIDE, SIDE**2]) * TILE for cell in (near, near + ahead)]
+        places += [axis, *rows]
+        middles += [(cell + np.where(ahead, 0, 0.5)) / SIDE for cell in (near, near + ahead)]
+    return np.array(places), np.concatenate(middles).astype(np.float32)
+
+
+_PLACES, _MIDDLES = _columns()
 
 
 class FootprintTile(NamedTuple):
@@ -45,8 +66,9 @@ class FootprintTile(NamedTuple):
 @device
 def empty_footprint_tile():
     """Tile to measure in, after `clear_tile`."""
-    frame, fine = np.ones(FRAME_ROWS * TILE, np.float32), np.empty(CELLS * TILE, np.float32)
-    return FootprintTile(frame, fine, np.empty(3 * CELLS * TILE, np.float32), np.empty(1, np.bool_))
+    frame = empty_values(FRAME_ROWS)
+    frame[:] = 1  # no pixel of which a column is never written is of size 0
+    return FootprintTile(frame, empty_values(CELLS), empty_values(3 * CELLS), np.empty(1, np.bool_))
 
 
 @lean_device
@@ -118,95 +140,96 @@ def measure_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
 
     covered, shown: (64 * TILE,) float32, rows of children, then of outer cells, which stay as they are.
     """
-    for child in range(CHILDREN):
-        at = slice(child * TILE, (child + 1) * TILE)
-        _measure_child(tile, child, covered[at], shown[at])
-
-
-@lean_device
-def _measure_child(tile, child, covered, shown):  # type: ignore[no-untyped-def]
-    frame = tile.frame
-    boxed = tile.has_boxes[0]
-    covered[:] = 0
-    shown[:] = 0
-    quarter, eighth = np.float32(0.25), np.float32(0.125)
-    x, y, z = 2 * (child & 1), 2 * ((child >> 1) & 1), 2 * (child >> 2)  # its first cell of 4x4x4
-    for axis in range(3):
-        ahead = SIDE**axis
-        for column in range(4):
-            i, j = column & 1, column >> 1
-            a, b, c = x + (0 if axis == 0 else i), y + (0 if axis == 1 else (i if axis == 0 else j)), z
-            c += 0 if axis == 2 else j
-            near = (a + SIDE * (b + SIDE * c)) * TILE
-            far = near + ahead * TILE
-            u = quarter * np.float32(a) + (np.float32(0) if axis == 0 else eighth)
-            v = quarter * np.float32(b) + (np.float32(0) if axis == 1 else eighth)
-            w = quarter * np.float32(c) + (np.float32(0) if axis == 2 else eighth)
+    frame, boxed = tile.frame, tile.has_boxes[0]
+    for pixel in range(0, TILE, LANES):
+        seen = _seen_by(frame, pixel)
+        for child in range(CHILDREN):
             if boxed:
-                _add_boxes(tile, (near, far), (u, v, w), axis, covered, shown)
+                sums = _child_with_boxes(tile, seen, child, pixel)
             else:
-                _add_faces(tile, (near, far), (u, v, w), axis, covered, shown)
-    for pixel in range(TILE):
-        half = frame[_HALF * TILE + pixel]
-        shown[pixel] = shown[pixel] / covered[pixel] if covered[pixel] > 0 else np.float32(0)
-        covered[pixel] = covered[pixel] / (np.float32(4) * half * half)
+                sums = _child_of_faces(tile, seen, child, pixel)
+            _store_child(seen, sums, covered, shown, child * TILE + pixel)
 
 
 @lean_device
-def _add_faces(tile, column, middle, axis, covered, shown):  # type: ignore[no-untyped-def]
-    """Add what the first of two grandchildren shows that stand behind each other along an axis.
-
-    column: first places of their rows. middle: of the face of the first.
-    """
-    frame, fine = tile.frame, tile.fine
-    near, far = column
-    u, v, w = middle
-    quarter, none = np.float32(0.25), np.float32(0)
-    du, dv, dw = quarter if axis == 0 else none, quarter if axis == 1 else none, quarter if axis == 2 else none
-    for pixel in range(TILE):
-        front, back = fine[near + pixel], fine[far + pixel]
-        first = _overlap(frame, pixel, u, v, w, axis)
-        second = _overlap(frame, pixel, u + du, v + dv, w + dw, axis)
-        light = front if front >= 0 else back
-        area = (first if front >= 0 else second) if light >= 0 else none
-        covered[pixel] += area
-        shown[pixel] += area * light
+def _seen_by(frame, pixel):  # type: ignore[no-untyped-def]
+    """Vectors of how pixels from `pixel` on see cells: to the right, up, where the voxel starts, and half sides."""
+    at = _UP * TILE + pixel
+    right = load(frame, pixel), load(frame, pixel + TILE), load(frame, pixel + 2 * TILE)
+    up = load(frame, at), load(frame, at + TILE), load(frame, at + 2 * TILE)
+    start = load(frame, _START * TILE + pixel), load(frame, (_START + 1) * TILE + pixel)
+    return right, up, start, load(frame, _HALF * TILE + pixel)
 
 
 @lean_device
-def _add_boxes(tile, column, middle, axis, covered, shown):  # type: ignore[no-untyped-def]
-    """Add what two grandchildren show, as `_add_faces`: of the second what the box of the first leaves free."""
+def _child_of_faces(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
+    """Sums, over the columns of a child's own children, of the area that the first one there covers, and its light."""
+    frame, fine, none = tile.frame, tile.fine, splat(np.float32(0))
+    covered, shown = none, none
+    for column in range(_COLUMNS * child, _COLUMNS * (child + 1)):
+        axis, near, far = _columns_of(column, pixel)
+        front, back = load(fine, near), load(fine, far)
+        empty = less(front, none)
+        light = select(empty, back, front)
+        area = _overlap(frame, seen, _middle(column, empty), axis, pixel)
+        area = select(less(light, none), none, area)
+        covered, shown = covered + area, shown + area * light
+    return covered, shown
+
+
+@lean_device
+def _child_with_boxes(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
+    """Sums as of `_child_of_faces`: of the second one in a column what the box of the first leaves free."""
     frame, fine, shares = tile.frame, tile.fine, tile.shares
-    near, far = column
-    u, v, w = middle
-    quarter, none = np.float32(0.25), np.float32(0)
-    du, dv, dw = quarter if axis == 0 else none, quarter if axis == 1 else none, quarter if axis == 2 else none
-    of_axis = axis * CELLS * TILE
-    for pixel in range(TILE):
-        front, back = fine[near + pixel], fine[far + pixel]
-        before = shares[of_axis + near + pixel] if front >= 0 else none
-        behind = shares[of_axis + far + pixel] * (np.float32(1) - before) if back >= 0 else none
-        first = before * _overlap(frame, pixel, u, v, w, axis)
-        second = behind * _overlap(frame, pixel, u + du, v + dv, w + dw, axis)
-        covered[pixel] += first + second
-        shown[pixel] += first * front + second * back
+    none, whole = splat(np.float32(0)), splat(np.float32(1))
+    covered, shown = none, none
+    for column in range(_COLUMNS * child, _COLUMNS * (child + 1)):
+        axis, near, far = _columns_of(column, pixel)
+        front, back = load(fine, near), load(fine, far)
+        before = select(less(front, none), none, load(shares, axis * CELLS * TILE + near))
+        behind = load(shares, axis * CELLS * TILE + far) * (whole - before)
+        behind = select(less(back, none), none, behind)
+        first = before * _overlap(frame, seen, _middle(column, 0), axis, pixel)
+        second = behind * _overlap(frame, seen, _middle(column, _EVERY_LANE), axis, pixel)
+        covered, shown = covered + (first + second), shown + (first * front + second * back)
+    return covered, shown
 
 
 @lean_device
-def _overlap(frame, pixel, x, y, z, axis):  # type: ignore[no-untyped-def]
-    """Area of the pixel, in sides of the voxel squared, that a face about (x, y, z) covers.
+def _columns_of(column, pixel):  # type: ignore[no-untyped-def]
+    """Axis of a column, and where the rows of its two grandchildren have a pixel."""
+    return _PLACES[3 * column], _PLACES[3 * column + 1] + pixel, _PLACES[3 * column + 2] + pixel
 
-    axis: which the face is across.
-    """
-    right = frame[_START * TILE + pixel] + x * frame[pixel]
-    right += y * frame[(_RIGHT + 1) * TILE + pixel] + z * frame[(_RIGHT + 2) * TILE + pixel]
-    above = frame[(_START + 1) * TILE + pixel] + x * frame[_UP * TILE + pixel]
-    above += y * frame[(_UP + 1) * TILE + pixel] + z * frame[(_UP + 2) * TILE + pixel]
-    wide, high = frame[(_WIDE + axis) * TILE + pixel], frame[(_HIGH + axis) * TILE + pixel]
-    half = frame[_HALF * TILE + pixel]
-    across = min(right + wide, half) - max(right - wide, -half)
-    up = min(above + high, half) - max(above - high, -half)
-    return max(across, np.float32(0)) * max(up, np.float32(0))
+
+@lean_device
+def _middle(column, behind):  # type: ignore[no-untyped-def]
+    """Middle of the face of a column's first grandchild, in lanes of `behind` of the second's, as three vectors."""
+    x = select(behind, splat(_MIDDLES[6 * column + 3]), splat(_MIDDLES[6 * column]))
+    y = select(behind, splat(_MIDDLES[6 * column + 4]), splat(_MIDDLES[6 * column + 1]))
+    return x, y, select(behind, splat(_MIDDLES[6 * column + 5]), splat(_MIDDLES[6 * column + 2]))
+
+
+@lean_device
+def _overlap(frame, seen, middle, axis, pixel):  # type: ignore[no-untyped-def]
+    """Area of pixels, in sides of the voxel squared, that a face across an axis covers."""
+    (right_x, right_y, right_z), (up_x, up_y, up_z), (start_right, start_up), half = seen
+    x, y, z = middle
+    none = splat(np.float32(0))
+    right = start_right + x * right_x + (y * right_y + z * right_z)
+    above = start_up + x * up_x + (y * up_y + z * up_z)
+    wide, high = load(frame, (_WIDE + axis) * TILE + pixel), load(frame, (_HIGH + axis) * TILE + pixel)
+    across = smaller(right + wide, half) - larger(right - wide, none - half)
+    up = smaller(above + high, half) - larger(above - high, none - half)
+    return larger(across, none) * larger(up, none)
+
+
+@lean_device
+def _store_child(seen, sums, covered, shown, at):  # type: ignore[no-untyped-def]
+    """Store what a child covers of each pixel, and its luminance, from an index on."""
+    half, none = seen[3], splat(np.float32(0))
+    area, light = sums
+    store(shown, at, select(less(none, area), light / area, none))
+    store(covered, at, area / (splat(np.float32(4)) * half * half))
 
 
 def footprint_reference(

@@ -17,7 +17,7 @@ from ...patchnet_addon.codes.mixture_inputs import fill_fine, nearby_order, set_
 from ...patchnet_addon.codes.outer_cells import empty_outer_list, list_cells, mask_geometry, measure_cells
 from ...patchnet_addon.codes.pixel_tiles import PixelRays
 from ...patchnet_addon.codes.ray_frame import CELLS
-from ...patchnet_addon.network.compiled_layers import TILE
+from ...patchnet_addon.network.compiled_layers import TILE, empty_values
 from ...patchnet_addon.network.kinds import CORNERS, COVERING, MIXED, VIEW
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE
 from ...patchnet_addon.runtime.kernels import kernel, lean_device
@@ -58,8 +58,8 @@ def gather_nearby(
 
 @kernel
 def _gather(nodes, luminance, where, rays, tables, found):
-    tile, listed, views = empty_footprint_tile(), empty_outer_list(), np.empty(VIEW * TILE, np.float32)
-    shares, lights = np.empty(COVERING * TILE, np.float32), np.empty(COVERING * TILE, np.float32)
+    tile, listed, views = empty_footprint_tile(), empty_outer_list(), empty_values(VIEW)
+    shares, lights = empty_values(COVERING), empty_values(COVERING)
     words, work = np.empty(CELLS, np.uint32), empty_work()
     tree, around, linear = where
     view, covered, luminances = found
