@@ -18,7 +18,6 @@ import numpy as np
 
 from ..network.compiled_layers import TILE, empty_values
 from ..network.kinds import CHILDREN
-from ..octree.leaf_boxes import STEPS, covered_steps
 from ..runtime.kernels import device, lean_device
 from ..runtime.vectors import LANES, larger, less, load, select, smaller, splat, store
 from .outer_cells import SMALL
@@ -40,7 +39,7 @@ def _columns() -> tuple[np.ndarray, np.ndarray]:
         near = 2 * (child >> np.arange(3) & 1)
         near[[k for k in range(3) if k != axis]] += column & 1, column >> 1
         ahead = np.arange(3) == axis
-        rows = [cell @ np.array([1, SIDE, SIDE**2]) * TILE for cell in (near, near + ahead)]
+        rows = [cell @ np.array([1, SIDE, SIDE**2]) * LANES for cell in (near, near + ahead)]
         places += [axis, *rows]
         middles += [(cell + np.where(ahead, 0, 0.5)) / SIDE for cell in (near, near + ahead)]
     return np.array(places), np.concatenate(middles).astype(np.float32)
@@ -53,8 +52,9 @@ class FootprintTile(NamedTuple):
     """What a tile of pixels is measured with, rows of TILE float32.
 
     frame: 15 rows, see `set_frame`. fine: 64 rows, luminances of the voxel's grandchildren, ABSENT for empty ones.
-    shares: 3 times 64 rows, of their faces across each axis the part that is covered, where has_boxes (1,) bool says
-    that any of them has a box.
+    shares: of each of them three rows, of their faces across each axis the part that is covered, where has_boxes (1,)
+    bool says that any of them has a box. Of `fine` and `shares` the rows of LANES pixels stand together, see
+    `fine_place`: with rows of TILE what is written of a pixel falls into few sets of the processor's cache.
     """
 
     frame: np.ndarray
@@ -78,6 +78,16 @@ def clear_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
     tile.has_boxes[0] = False
     covered[CHILDREN * TILE : CELLS * TILE] = 0
     shown[CHILDREN * TILE : CELLS * TILE] = 0
+
+
+@lean_device
+def fine_place(place):  # type: ignore[no-untyped-def]
+    """Index in `fine` of a pixel's first grandchild; the next one stands LANES behind it.
+
+    Its three rows of `shares` begin there, too, but for the pixel's lane three times as far.
+    """
+    lane = place % LANES
+    return (place - lane) * CELLS, lane
 
 
 @lean_device
@@ -116,22 +126,6 @@ def set_frame(frame, axes, entry, direction, up, ratio, view, place):  # type: i
         scale = np.float32(np.sqrt(area / (np.float32(4) * wide * high + np.float32(SMALL))))
         frame[(_WIDE + k) * TILE + place], frame[(_HIGH + k) * TILE + place] = wide * scale, high * scale
     frame[_HALF * TILE + place] = np.float32(0.5) * ratio
-
-
-@lean_device
-def place_box(tile, cell, place, boxes, row, axes):  # type: ignore[no-untyped-def]
-    """Write what the box of a leaf covers of the faces of a cell of the ray's frame, in column `place`.
-
-    boxes, row: the box, in octree axes. axes: of the ray frame.
-    """
-    shares, has_boxes = tile.shares, tile.has_boxes
-    if not has_boxes[0]:
-        shares[:] = 1
-        has_boxes[0] = True
-    at = cell * TILE + place
-    covered, scale = covered_steps(boxes, row), np.float32(1 / STEPS**2)
-    for k in range(3):
-        shares[k * CELLS * TILE + at] = np.float32(covered[axes[k]]) * scale
 
 
 @lean_device
@@ -186,8 +180,8 @@ def _child_with_boxes(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
     for column in range(_COLUMNS * child, _COLUMNS * (child + 1)):
         axis, near, far = _columns_of(column, pixel)
         front, back = load(fine, near), load(fine, far)
-        before = select(less(front, none), none, load(shares, axis * CELLS * TILE + near))
-        behind = load(shares, axis * CELLS * TILE + far) * (whole - before)
+        before = select(less(front, none), none, load(shares, 3 * near + axis * LANES))
+        behind = load(shares, 3 * far + axis * LANES) * (whole - before)
         behind = select(less(back, none), none, behind)
         first = before * _overlap(frame, seen, _middle(column, 0), axis, pixel)
         second = behind * _overlap(frame, seen, _middle(column, _EVERY_LANE), axis, pixel)
@@ -198,7 +192,7 @@ def _child_with_boxes(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
 @lean_device
 def _columns_of(column, pixel):  # type: ignore[no-untyped-def]
     """Axis of a column, and where the rows of its two grandchildren have a pixel."""
-    return _PLACES[3 * column], _PLACES[3 * column + 1] + pixel, _PLACES[3 * column + 2] + pixel
+    return _PLACES[3 * column], _PLACES[3 * column + 1] + pixel * CELLS, _PLACES[3 * column + 2] + pixel * CELLS
 
 
 @lean_device

@@ -8,22 +8,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..network.compiled_layers import TILE
-from ..network.kinds import CHILDREN, CODE_SIZE, CORNERS, SIDE_BY_SIDE
+from ..network.kinds import CODE_SIZE, CORNERS, SIDE_BY_SIDE
 from ..network.mixture_decode import MixtureInputs
 from ..octree.leaf_boxes import covered_shares
 from ..octree.nodes import BoxedNodes
-from ..octree.octree import LUMINANCE_SCALE, Octree
-from ..runtime.bits import lowest_one
+from ..octree.octree import Octree
 from ..runtime.kernels import lean_device
 from .coded_octree import CodedOctree
 from .corner_rows import corner_row
-from .footprint import (
-    ABSENT,
-    footprint_reference,
-    place_box,
-    set_frame,
-)
+from .fine_cells import list_fine, place_fine
+from .footprint import ABSENT, footprint_reference, set_frame
 from .outer_cells import (
     OUTER_CELLS,
     list_cells,
@@ -66,11 +60,11 @@ class NearbyCells(NamedTuple):
 
 @cache
 def nearby_order() -> np.ndarray:
-    """Number (48, 64) int64 in each ray frame of the 4x4x4 cells by octant: 8 octant of the whole + octant in that.
+    """Number (48, 64) uint8 in each ray frame of the 4x4x4 cells by octant: 8 octant of the whole + octant in that.
 
     That is as children and their children stand in an octree, and cells around the corners of a voxel.
     """
-    return np.ascontiguousarray(cell_order()[:, _CELL_OF.ravel()])
+    return np.ascontiguousarray(cell_order()[:, _CELL_OF.ravel()], np.uint8)
 
 
 @lean_device
@@ -78,12 +72,13 @@ def place_pixel(nearby, node, row, ray, work, view, covered, shown, place):  # t
     """Write what a pixel shows of a voxel and around it into column `place` of a tile, but for its children.
 
     row: of the voxel's corners. ray: entry, direction, up (3,) and ratio. work: a `FootprintTile`, whose columns
-    `measure_tile` needs, and an `OuterList`. view: see `set_frame`. covered, shown: see `measure_tile`.
+    `measure_tile` needs, a `FineList` and an `OuterList`. view: see `set_frame`. covered, shown: see `measure_tile`.
     """
-    tile, listed = work
+    tile, fine, listed = work
     frame, axes = set_ray(ray, tile, view, place)
     order = nearby.order, frame
-    fill_fine(nearby.nodes, nearby.luminance, node, (nearby.order, frame, axes), tile, place)
+    count = list_fine(nearby.nodes, nearby.luminance, node, fine)
+    place_fine(fine, count, (nearby.order, frame, axes), tile, place)
     cells, rows, geometry = nearby.cells, nearby.rows, nearby.geometry  # once: each access counts holders
     count = 0
     for corner in range(CORNERS):
@@ -98,33 +93,6 @@ def set_ray(ray, tile, view, place):  # type: ignore[no-untyped-def]
     number, first, second, third = ray_frame(direction[0], direction[1], direction[2])
     set_frame(tile.frame, (first, second, third), entry, direction, up, ratio, view, place)
     return number, (first, second, third)
-
-
-@lean_device
-def fill_fine(nodes, luminance, node, order, tile, place):  # type: ignore[no-untyped-def]
-    """Write the luminances of a node's grandchildren, and their boxes, into column `place` of a cleared tile.
-
-    A leaf fills all its cell, or its box. order: `nearby_order`, the number of the ray's frame, and its axes.
-    """
-    orders, frame, axes = order
-    fine, first_boxed, boxes = tile.fine, nodes.first_boxed, nodes.boxes
-    scale = np.float32(1.0 / LUMINANCE_SCALE)
-    mask, child = np.int64(nodes.child_mask[node]), np.int64(nodes.first_child[node])
-    while mask != 0:
-        octant = lowest_one(mask)
-        mask &= mask - 1
-        inner, cell, step = np.int64(nodes.child_mask[child]), np.int64(nodes.first_child[child]), 1
-        if inner == 0:
-            inner, cell, step = np.int64(255), child, 0
-        while inner != 0:
-            part = lowest_one(inner)
-            inner &= inner - 1
-            row = orders[frame, CHILDREN * octant + part]
-            fine[row * TILE + place] = np.float32(luminance[cell]) * scale
-            if cell >= first_boxed:
-                place_box(tile, row, place, boxes, cell - first_boxed, axes)
-            cell += step
-        child += 1
 
 
 def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits) -> MixtureInputs:

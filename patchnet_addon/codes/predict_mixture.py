@@ -14,6 +14,7 @@ from ..octree.octree import LUMINANCE_SCALE
 from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.vectors import store
 from .corner_rows import corner_row
+from .fine_cells import empty_fine_list
 from .footprint import clear_tile, empty_footprint_tile, measure_tile
 from .mixture_inputs import place_pixel
 from .outer_cells import empty_outer_list
@@ -29,7 +30,7 @@ def predict_mixture(first, last, rays, corner_codes, nearby, layers, coverage, l
     rays: `PixelRays`. corner_codes: `CornerCodes`. nearby: `NearbyCells`. layers: of `pack_mixture`.
     """
     tile, luminances = (empty_mixture_tile(), empty_mixture_tile()), empty_luminances()
-    work = empty_footprint_tile(), empty_outer_list()
+    work = empty_footprint_tile(), empty_fine_list(), empty_outer_list()
     pixels, rows = np.empty(TILE, np.int64), np.empty(TILE, np.int64)
     pixel, end = first * TILE, min(last * TILE, len(coverage))
     while pixel < end:

@@ -12,8 +12,9 @@ import numpy as np
 
 from ...patchnet_addon.codes.brick import MIDDLE
 from ...patchnet_addon.codes.corner_cells import empty_work, write_cells_around
+from ...patchnet_addon.codes.fine_cells import empty_fine_list, list_fine, place_fine
 from ...patchnet_addon.codes.footprint import clear_tile, empty_footprint_tile, measure_tile
-from ...patchnet_addon.codes.mixture_inputs import fill_fine, nearby_order, set_ray
+from ...patchnet_addon.codes.mixture_inputs import nearby_order, set_ray
 from ...patchnet_addon.codes.outer_cells import empty_outer_list, list_cells, mask_geometry, measure_cells
 from ...patchnet_addon.codes.pixel_tiles import PixelRays
 from ...patchnet_addon.codes.ray_frame import CELLS
@@ -58,14 +59,15 @@ def gather_nearby(
 
 @kernel
 def _gather(nodes, luminance, where, rays, tables, found):
-    tile, listed, views = empty_footprint_tile(), empty_outer_list(), empty_values(VIEW)
+    tile, views, listed, fine = empty_footprint_tile(), empty_values(VIEW), empty_outer_list(), empty_fine_list()
     shares, lights = empty_values(COVERING), empty_values(COVERING)
     words, work = np.empty(CELLS, np.uint32), empty_work()
     tree, around, linear = where
     view, covered, luminances = found
     geometry, orders = tables
     number, entry, direction, up, ratio = rays.node, rays.entry, rays.direction, rays.up, rays.ratio
-    last, node, near = np.int64(-1), np.int64(-1), 0  # the voxel, its node, and cells that are listed around it
+    last, node = np.int64(-1), np.int64(-1)  # the voxel, and its node
+    inside, near = 0, 0  # cells that are listed in and around it
     own = tree_nodes(nodes, 0)
     for start in range(0, len(ratio), TILE):
         count = min(TILE, len(ratio) - start)
@@ -76,13 +78,13 @@ def _gather(nodes, luminance, where, rays, tables, found):
             if here != last:
                 own, node = tree_nodes(nodes, tree[here]), np.int64(around[here, MIDDLE])
                 write_cells_around(own, luminance, around[here], words, work)
-                near = 0
+                inside, near = list_fine(own, luminance, node, fine), 0
                 for corner in range(CORNERS):
                     near = list_cells(words, CORNERS * corner, corner, geometry, listed, near)
                 last = here
             ray = entry[index], direction[index], up[index], ratio[index]
             frame, axes = set_ray(ray, tile, views, place)
-            fill_fine(own, luminance, node, (orders, frame, axes), tile, place)
+            place_fine(fine, inside, (orders, frame, axes), tile, place)
             measure_cells(listed, near, ray, shares, lights, (orders, frame), place)
             luminances[index, COVERING] = np.float32(luminance[node]) * np.float32(1.0 / LUMINANCE_SCALE)
         measure_tile(tile, shares, lights)
