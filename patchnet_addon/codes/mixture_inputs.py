@@ -24,6 +24,7 @@ from .outer_cells import (
     mask_geometry,
     measure_cells,
     outer_cells_reference,
+    unpack_cells,
 )
 from .patches import OCTANTS
 from .ray_frame import CELLS, SIDE, cell_order, ray_frame, ray_frames
@@ -83,6 +84,7 @@ def place_pixel(nearby, node, row, ray, work, view, covered, shown, place):  # t
     count = 0
     for corner in range(CORNERS):
         count = list_cells(cells, CORNERS * corner_row(rows, row, corner), corner, geometry, listed, count)
+    unpack_cells(listed, count)
     measure_cells(listed, count, ray, covered, shown, order, place)
 
 

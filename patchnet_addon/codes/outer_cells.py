@@ -3,7 +3,8 @@
 
 A cell is seen as the box around its children, drawn onto the picture plane as `footprint.py` says, as full as the
 columns of its children are along the ray, and with the luminance of the faces that the ray meets (methods 11.2).
-Occupied cells of a pixel are listed first, so that all of them are measured by the same instructions at once.
+Occupied cells around a voxel are listed and unpacked first, once for all pixels that see it, and all of them are
+measured by the same instructions at once.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..network.compiled_layers import TILE
+from ..network.compiled_layers import TILE, empty_values
 from ..network.kinds import CHILDREN, CORNERS, OUTER
 from ..runtime.bits import lowest_one
 from ..runtime.kernels import device, lean_device
-from ..runtime.vectors import words_set
+from ..runtime.vectors import LANES, larger, load, smaller, splat, square_root, store, words_set
 from .corner_cells import BASE, BASE_STEPS, SLOPE, SLOPE_BITS, SLOPE_STEPS, face_luminances
 from .patches import OCTANTS
 from .ray_frame import CELLS, SIDE
@@ -28,8 +29,11 @@ OUTER_PLACE = np.zeros(CELLS, np.uint64)  # their rows in a tile; those of the o
 OUTER_PLACE[OUTER_CELLS] = np.arange(OUTER)
 assert len(OUTER_CELLS) == OUTER
 
-_TOGETHER = 16  # cells that are measured at once: a vector of the widest processors
-_LISTED = -(-OUTER // _TOGETHER) * _TOGETHER
+_LISTED = TILE  # as many as a row of a tile has room for: cells are measured so many at once as a vector has lanes
+assert OUTER <= _LISTED and _LISTED % LANES == 0
+# Rows of what the numbers of a cell are: the middle of the box around its children, in sides of the voxel, which begins
+# at 0, half its sides, and of columns how many hold a child, along each axis; and luminances of the faces across them.
+_MIDDLE, _HALF, _SEEN, _LIGHT, _ROWS = 0, 3, 6, 9, 15
 SMALL = 1e-9  # keeps a box that is a line from dividing by 0
 # Fields of a mask's geometry: whether there are children on the lower and on the upper half of each axis, and how many
 # columns along it hold a child.
@@ -37,15 +41,16 @@ _LOWER, _UPPER, _COLUMNS, _COUNT_BITS = 0, 3, 6, 3
 
 
 class OuterList(NamedTuple):
-    """List of the occupied outer cells of one pixel, (64,) each.
+    """List of the occupied outer cells around one voxel, (64,) each.
 
-    word: uint32, see `corner_cells.py`. geometry: uint32 of its mask. number: int32, 8 corner + octant. covered, shown:
-    float32, what is found.
+    word: uint32, see `corner_cells.py`. geometry: uint32 of its mask. number: int32, 8 corner + octant. values: 15 rows
+    of float32, what these say: see `unpack_cells`. covered, shown: float32, what is found.
     """
 
     word: np.ndarray
     geometry: np.ndarray
     number: np.ndarray
+    values: np.ndarray
     covered: np.ndarray
     shown: np.ndarray
 
@@ -67,13 +72,15 @@ def mask_geometry() -> np.ndarray:
 
 @device
 def empty_outer_list():
-    """List to write a pixel's cells into."""
+    """List to write the cells around a voxel into."""
+    values = empty_values(_ROWS + 2)
     return OuterList(
         np.zeros(_LISTED, np.uint32),
         np.zeros(_LISTED, np.uint32),
         np.zeros(_LISTED, np.int32),
-        np.zeros(_LISTED, np.float32),
-        np.zeros(_LISTED, np.float32),
+        values[: _ROWS * _LISTED],
+        values[_ROWS * _LISTED : (_ROWS + 1) * _LISTED],
+        values[(_ROWS + 1) * _LISTED :],
     )
 
 
@@ -97,11 +104,26 @@ def list_cells(words, start, corner, geometry, listed, count):  # type: ignore[n
 
 
 @lean_device
+def unpack_cells(listed, count):  # type: ignore[no-untyped-def]
+    """Write the numbers of the first `count` cells of a list; those behind them come to anything."""
+    words, geometries, numbers, values = listed.word, listed.geometry, listed.number, listed.values
+    for axis in range(3):
+        for index in range(-(-count // LANES) * LANES):
+            word, geometry, number = np.int32(words[index]), np.int32(geometries[index]), numbers[index]
+            values[(_MIDDLE + axis) * _LISTED + index] = _middle(geometry, number, axis)
+            values[(_HALF + axis) * _LISTED + index] = _half(geometry, axis)
+            values[(_SEEN + axis) * _LISTED + index] = _columns(geometry, axis)
+            lower, upper = _lights(word, axis)
+            values[(_LIGHT + 2 * axis) * _LISTED + index] = lower
+            values[(_LIGHT + 2 * axis + 1) * _LISTED + index] = upper
+
+
+@lean_device
 def measure_cells(listed, count, ray, covered, shown, order, place):  # type: ignore[no-untyped-def]
     """Write what listed cells cover of a pixel, and their luminances, into column `place` of rows of outer cells.
 
-    ray: entry, direction, up (3,) and ratio. covered, shown: (64 * TILE,) rows of children, then of outer cells. order:
-    `nearby_order`, and the number of the ray's frame.
+    They are unpacked. ray: entry, direction, up (3,) and ratio. covered, shown: (64 * TILE,) rows of children, then of
+    outer cells. order: `nearby_order`, and the number of the ray's frame.
     """
     _measure(listed, count, ray)
     numbers, areas, lights = listed.number, listed.covered, listed.shown
@@ -116,45 +138,59 @@ def measure_cells(listed, count, ray, covered, shown, order, place):  # type: ig
 def _measure(listed, count, ray):  # type: ignore[no-untyped-def]
     """Write areas and luminances of the first `count` cells of a list; those behind them come to anything."""
     entry, direction, up, ratio = ray
-    words, geometries, numbers = listed.word, listed.geometry, listed.number
-    areas, lights = listed.covered, listed.shown
+    values, areas, lights = listed.values, listed.covered, listed.shown
     right_x = direction[1] * up[2] - direction[2] * up[1]
     right_y = direction[2] * up[0] - direction[0] * up[2]
     right_z = direction[0] * up[1] - direction[1] * up[0]
-    up_x, up_y, up_z = up[0], up[1], up[2]
-    along_x, along_y, along_z = abs(direction[0]), abs(direction[1]), abs(direction[2])
-    side_x, side_y, side_z = _met_side(direction[0]), _met_side(direction[1]), _met_side(direction[2])
     start_right = -(entry[0] * right_x + entry[1] * right_y + entry[2] * right_z)
-    start_up = -(entry[0] * up_x + entry[1] * up_y + entry[2] * up_z)
-    half, four, column = np.float32(0.5) * ratio, np.float32(4), np.float32(1 / 16)
-    pixel = ratio * ratio
-    for first in range(0, count, _TOGETHER):
-        for index in range(first, first + _TOGETHER):
-            word, geometry, number = np.int32(words[index]), np.int32(geometries[index]), numbers[index]
-            x, y, z = _middle(geometry, number, 0), _middle(geometry, number, 1), _middle(geometry, number, 2)
-            wide_x, wide_y, wide_z = _half(geometry, 0), _half(geometry, 1), _half(geometry, 2)
-            across = start_right + x * right_x + y * right_y + z * right_z
-            above = start_up + x * up_x + y * up_y + z * up_z
-            wide = wide_x * abs(right_x) + wide_y * abs(right_y) + wide_z * abs(right_z)
-            high = wide_x * abs(up_x) + wide_y * abs(up_y) + wide_z * abs(up_z)
-            area = four * (along_x * wide_y * wide_z + along_y * wide_x * wide_z + along_z * wide_x * wide_y)
-            scale = np.float32(np.sqrt(area / (four * wide * high + np.float32(SMALL))))
-            wide, high = wide * scale, high * scale
-            overlap = max(min(across + wide, half) - max(across - wide, -half), np.float32(0))
-            overlap *= max(min(above + high, half) - max(above - high, -half), np.float32(0))
-            seen_x, seen_y = along_x * _columns(geometry, 0), along_y * _columns(geometry, 1)
-            seen_z = along_z * _columns(geometry, 2)
-            seen = seen_x + seen_y + seen_z
-            light = seen_x * _light(word, 0, side_x) + seen_y * _light(word, 1, side_y)
-            light += seen_z * _light(word, 2, side_z)
-            areas[index] = overlap * (column * seen / area) / pixel
-            lights[index] = light / seen
+    start_up = -(entry[0] * up[0] + entry[1] * up[1] + entry[2] * up[2])
+    half = np.float32(0.5) * ratio
+    along_x, along_y, along_z = splat(abs(direction[0])), splat(abs(direction[1])), splat(abs(direction[2]))
+    column, pixel = splat(np.float32(1 / 16)), splat(ratio * ratio)
+    for first in range(0, count, LANES):
+        x, y, z = _three(values, _HALF, first)
+        area = splat(np.float32(4)) * (along_x * y * z + along_y * x * z + along_z * x * y)
+        across, wide = _extent(values, first, start_right, (right_x, right_y, right_z))
+        above, high = _extent(values, first, start_up, (up[0], up[1], up[2]))
+        scale = square_root(area / (splat(np.float32(4)) * wide * high + splat(np.float32(SMALL))))
+        overlap = _inside(across, wide * scale, half) * _inside(above, high * scale, half)
+        x, y, z = _three(values, _SEEN, first)
+        x, y, z = along_x * x, along_y * y, along_z * z
+        seen = x + y + z
+        light = x * _met_light(values, direction, 0, first) + y * _met_light(values, direction, 1, first)
+        light = light + z * _met_light(values, direction, 2, first)
+        store(areas, first, overlap * (column * seen / area) / pixel)
+        store(lights, first, light / seen)
 
 
 @lean_device
-def _met_side(along):  # type: ignore[no-untyped-def]
-    """Side of a cell that a ray meets along an axis: -1 the lower, 1 the upper."""
-    return np.float32(1) if along < 0 else np.float32(-1)
+def _three(values, row, first):  # type: ignore[no-untyped-def]
+    """Vectors of three rows of numbers, one for each axis."""
+    at = row * _LISTED + first
+    return load(values, at), load(values, at + _LISTED), load(values, at + 2 * _LISTED)
+
+
+@lean_device
+def _extent(values, first, start, plane):  # type: ignore[no-untyped-def]
+    """Vectors of where the boxes around cells have their middles along an axis of the picture, and their half sides."""
+    x, y, z = _three(values, _MIDDLE, first)
+    middle = splat(start) + x * splat(plane[0]) + y * splat(plane[1]) + z * splat(plane[2])
+    x, y, z = _three(values, _HALF, first)
+    return middle, x * splat(abs(plane[0])) + y * splat(abs(plane[1])) + z * splat(abs(plane[2]))
+
+
+@lean_device
+def _inside(middle, reach, half):  # type: ignore[no-untyped-def]
+    """Vector of how much of what reaches to both sides of a middle lies in a pixel."""
+    inside = smaller(middle + reach, splat(half)) - larger(middle - reach, splat(-half))
+    return larger(inside, splat(np.float32(0)))
+
+
+@lean_device
+def _met_light(values, direction, axis, first):  # type: ignore[no-untyped-def]
+    """Vector of the luminances of the faces that a ray meets along an axis."""
+    row = _LIGHT + 2 * axis + (1 if direction[axis] < 0 else 0)
+    return load(values, row * _LISTED + first)
 
 
 @lean_device
@@ -180,14 +216,15 @@ def _columns(geometry, axis):  # type: ignore[no-untyped-def]
 
 
 @lean_device
-def _light(word, axis, side):  # type: ignore[no-untyped-def]
-    """Luminance of the face that is met along an axis."""
+def _lights(word, axis):  # type: ignore[no-untyped-def]
+    """Luminances of a cell's two faces across an axis, the lower one first."""
     base = np.float32((word >> np.int32(BASE)) & np.int32(255)) * np.float32(1 / BASE_STEPS)
     field = (word >> np.int32(SLOPE + SLOPE_BITS * axis)) & np.int32((1 << SLOPE_BITS) - 1)
     steps = np.float32(field - np.int32(SLOPE_STEPS)) * np.float32(1 / SLOPE_STEPS)
-    root = base + side * np.float32(0.5) * steps * abs(steps)
-    root = min(max(root, np.float32(0)), np.float32(1))
-    return root * root
+    half = np.float32(0.5) * steps * abs(steps)
+    lower = min(max(base - half, np.float32(0)), np.float32(1))
+    upper = min(max(base + half, np.float32(0)), np.float32(1))
+    return lower * lower, upper * upper
 
 
 def outer_cells_reference(

@@ -15,7 +15,7 @@ from ...patchnet_addon.codes.corner_cells import empty_work, write_cells_around
 from ...patchnet_addon.codes.fine_cells import empty_fine_list, list_fine, place_fine
 from ...patchnet_addon.codes.footprint import clear_tile, empty_footprint_tile, measure_tile
 from ...patchnet_addon.codes.mixture_inputs import nearby_order, set_ray
-from ...patchnet_addon.codes.outer_cells import empty_outer_list, list_cells, mask_geometry, measure_cells
+from ...patchnet_addon.codes.outer_cells import empty_outer_list, list_cells, mask_geometry, measure_cells, unpack_cells
 from ...patchnet_addon.codes.pixel_tiles import PixelRays
 from ...patchnet_addon.codes.ray_frame import CELLS
 from ...patchnet_addon.network.compiled_layers import TILE, empty_values
@@ -81,6 +81,7 @@ def _gather(nodes, luminance, where, rays, tables, found):
                 inside, near = list_fine(own, luminance, node, fine), 0
                 for corner in range(CORNERS):
                     near = list_cells(words, CORNERS * corner, corner, geometry, listed, near)
+                unpack_cells(listed, near)
                 last = here
             ray = entry[index], direction[index], up[index], ratio[index]
             frame, axes = set_ray(ray, tile, views, place)
