@@ -9,6 +9,7 @@ with shorter registers take several for one vector. Indices are flat, into C-ord
 from __future__ import annotations
 
 import operator
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
@@ -117,19 +118,25 @@ def store(_typing: Any, array: Any, _index: Any, vector: Any) -> Any:
     return types.void(array, types.intp, vector), build
 
 
-@intrinsic
-def words_set(_typing: Any, array: Any, _index: Any) -> Any:
-    """Words of eight uint32 from an index on that are not 0, as the bits of an integer: words_set(array, index)."""
+def _testing(element: types.Integer, test: Callable[[Any, Any, Any], Any]) -> Any:
+    def typing(_typing: Any, array: Any, _index: Any) -> Any:
+        def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            kind = ir.VectorType(ir.IntType(32), OCTANTS)
+            address = array_address(context, builder, signature, *arguments)
+            words = builder.load(builder.bitcast(address, kind.as_pointer()))
+            words.align = 4
+            there = test(builder, words, ir.Constant(kind, [0] * OCTANTS))
+            return builder.zext(builder.bitcast(there, ir.IntType(OCTANTS)), ir.IntType(64))
 
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kind = ir.VectorType(ir.IntType(32), OCTANTS)
-        address = array_address(context, builder, signature, *arguments)
-        words = builder.load(builder.bitcast(address, kind.as_pointer()))
-        words.align = 4
-        there = builder.icmp_unsigned("!=", words, ir.Constant(kind, [0] * OCTANTS))
-        return builder.zext(builder.bitcast(there, ir.IntType(OCTANTS)), ir.IntType(64))
+        return (_MASK(array, types.intp), build) if array.dtype == element else None
 
-    return (_MASK(array, types.intp), build) if array.dtype == types.uint32 else None
+    return typing
+
+
+# Words of eight from an index on that are not 0, of uint32, and that are 0 or above, of int32, as the bits of an
+# integer: words_set(array, index).
+words_set = intrinsic(_testing(types.uint32, lambda builder, words, none: builder.icmp_unsigned("!=", words, none)))
+words_from_zero = intrinsic(_testing(types.int32, lambda builder, words, none: builder.icmp_signed(">=", words, none)))
 
 
 def _choosing(sign: str) -> Any:

@@ -19,6 +19,8 @@ from patchnet.patchnet_addon.runtime.vectors import (
     square_root,
     store,
     total,
+    words_from_zero,
+    words_set,
 )  # fmt: skip
 
 NAMES = ("sum", "difference", "product", "quotient", "smaller", "larger", "root", "chosen", "shifted", "folded")
@@ -73,3 +75,15 @@ def test_bits(kind):
     out = np.empty((len(values), 2), np.int64)
     bits(values, out)
     np.testing.assert_array_equal(out, [[0, 1], [1, 1], [0, 2], [4, 4], [62, 1], [0, 64], [64, 0]])
+
+
+@kernel
+def words_there(positive, signed):
+    return words_set(positive, 1), words_from_zero(signed, 1)
+
+
+def test_words_there() -> None:
+    words = np.array([1, -1, 0, 5, -7, 0, 2**31 - 1, -(2**31), 3, 9])
+    found = words_there(words.astype(np.uint32), words.astype(np.int32))
+    for bits_found, wanted in zip(found, (words != 0, words >= 0), strict=True):
+        assert [bits_found >> lane & 1 for lane in range(8)] == wanted[1:9].tolist() and bits_found < 256

@@ -75,11 +75,15 @@ def test_samples_see_boxes(boxed: Octree) -> None:
         np.testing.assert_allclose(render_patches(boxed, rays)[0], views[:, 10] / 4096, atol=4 / 4096)
 
 
-def test_narrow_blocks_are_the_others_as_bfloat16(octree: Octree, samples: Samples) -> None:
+@pytest.mark.parametrize("nearby", [False, True])
+@pytest.mark.parametrize("lookahead", [1, 2])
+def test_narrow_blocks_are_the_others_as_bfloat16(
+    octree: Octree, boxed: Octree, samples: Samples, nearby: bool, lookahead: int
+) -> None:
     count = len(samples.voxel)
     augmentation = Augmentation.random(count, np.random.default_rng(3))
-    which = concatenate([octree]), np.zeros(count, int), samples.voxel, samples.views, augmentation
-    wide, narrow = (TensorBatch.of(gather_batch(*which, narrow=narrow)) for narrow in (False, True))
+    which = concatenate([octree, boxed]), np.arange(count) % 2, samples.voxel, samples.views, augmentation, lookahead
+    wide, narrow = (TensorBatch.of(gather_batch(*which, nearby=nearby, narrow=narrow)) for narrow in (False, True))
     assert (wide.blocks.dtype, narrow.blocks.dtype) == (torch.float32, torch.bfloat16)
     assert torch.equal(wide.blocks.bfloat16(), narrow.blocks)
     assert torch.equal(wide.pair_block, narrow.pair_block)

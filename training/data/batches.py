@@ -17,9 +17,11 @@ from ...patchnet_addon.codes.brick import Brick, empty_brick, fill_brick
 from ...patchnet_addon.network.weights import CHANNELS
 from ...patchnet_addon.octree.leaf_boxes import filled_share
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
+from ...patchnet_addon.runtime.bits import lowest_one
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.kernels import kernel, lean_device
 from .bfloat16 import narrow_bits
+from .block_words import TOGETHER, occupied_cells, write_words
 from .forest import Forest, tree_nodes
 from .nearby import Nearby, gather_nearby
 from .samples import COVERAGE_SCALE, SIGNED, UNIT
@@ -116,6 +118,7 @@ def gather_batch(
     most, width = 27 * count, block_values(lookahead, nearby=nearby)
     blocks = np.empty((0 if narrow else most, width), np.float32)
     bits = np.empty((most if narrow else 0, width), np.uint16)
+    words = bits.view(np.int64) if nearby else np.empty((0, 0), np.int64)  # a cell of four numbers at once
     moved = np.full((count, 27), -1, np.int32)  # rows of `blocks` by position after the symmetry
     around = np.empty((count, 27), np.int32)
     rows = _gather_blocks(
@@ -125,7 +128,7 @@ def gather_batch(
         (augmentation.remap, augmentation.symmetry, symmetries),
         lookahead,
         not nearby,
-        (blocks, bits),
+        (blocks, bits, words),
         moved,
         around,
         linear,
@@ -188,7 +191,8 @@ def _turn_views(vectors, axis, sign, moved):
 def _gather_blocks(nodes, cells, voxels, augmentation, lookahead, with_luminance, found, moved, around, linear):
     """Write each occupied block as a row of whichever of `found` has rows: float32, or the bits of bfloat16.
 
-    Returns how many there are. around: (V, 27) what the voxels' bricks have of that name.
+    Third among them are words, the bits of a cell's four numbers at once, for networks that mix luminances. Returns how
+    many rows there are. around: (V, 27) what the voxels' bricks have of that name.
     """
     luminance, normal = cells
     root, tree, voxel = voxels
@@ -212,13 +216,14 @@ def _remap(luminance, brick, remap, linear):
     if remap[3] == 0:
         return
     nodes, counts = brick.nodes, brick.counts
-    low, high = LUMINANCE_SCALE, 0.0
+    low, high, cells = LUMINANCE_SCALE, 0.0, nodes.shape[1]
     for block in range(27):
-        for cell in range(nodes.shape[1] if counts[block] > 0 else 0):
-            node = nodes[block, cell]
-            if node >= 0:
-                low = min(low, luminance[node])
-                high = max(high, luminance[node])
+        for first in range(0, cells if counts[block] > 0 else 0, TOGETHER):
+            left = occupied_cells(nodes, block * cells + first, cells - first)
+            while left != 0:
+                light = luminance[nodes[block, first + lowest_one(left)]]
+                left &= left - 1
+                low, high = min(low, light), max(high, light)
     dark, bright = low / LUMINANCE_SCALE, high / LUMINANCE_SCALE
     gain = min(remap[0], 1.0 / max(bright - dark, 1e-6))
     place = remap[1] * (1.0 - gain * (bright - dark))  # the darkest cell's new luminance
@@ -231,41 +236,51 @@ def _remap(luminance, brick, remap, linear):
 @lean_device
 def _write_brick(own, luminance, normal, brick, light, turn, symmetries, values, found, moved, row):
     """Write the blocks of one voxel from `row` on, list their rows in `moved`; returns the row after them."""
+    blocks, bits, words = found
+    to_block = symmetries.block[turn]
+    turned = symmetries.axis[turn], symmetries.sign[turn], symmetries.cell[turn]
+    for block in range(27):
+        if brick.counts[block] == 0:
+            continue
+        moved[to_block[block]] = row
+        if len(words):
+            write_words(own, normal, brick, block, turned, words[row])
+        else:
+            _write_values(own, luminance, normal, brick, block, light, turned, values)
+            if len(bits):
+                for k in range(len(values)):
+                    bits[row, k] = narrow_bits(values[k])
+            else:
+                for k in range(len(values)):
+                    blocks[row, k] = values[k]
+        row += 1
+    return row
+
+
+@lean_device
+def _write_values(own, luminance, normal, brick, block, light, turned, values):
+    """Write the cells of a block into `values` (B,); reference of `write_words`."""
     gain, offset, with_luminance = light
-    blocks, bits = found
-    nodes, counts, first_boxed, boxes = brick.nodes, brick.counts, own.first_boxed, own.boxes
-    to_block, to_cell = symmetries.block[turn], symmetries.cell[turn]
-    axis, sign = symmetries.axis[turn], symmetries.sign[turn]
+    axis, sign, to_cell = turned
+    nodes, first_boxed, boxes = brick.nodes, own.first_boxed, own.boxes
     ax, ay, az = axis[0], axis[1], axis[2]
     scale = np.float32(1.0 / NORMAL_SCALE)
     channels = CHANNELS if with_luminance else CHANNELS - 1
     sx, sy, sz = sign[0] * scale, sign[1] * scale, sign[2] * scale
-    for block in range(27):
-        if counts[block] == 0:
+    for k in range(len(values)):
+        values[k] = 0
+    for cell in range(nodes.shape[1]):
+        node = nodes[block, cell]
+        if node < 0:
             continue
-        moved[to_block[block]] = row
-        for k in range(len(values)):
-            values[k] = 0
-        for cell in range(nodes.shape[1]):
-            node = nodes[block, cell]
-            if node < 0:
-                continue
-            at = channels * to_cell[cell]
-            values[at] = filled_share(boxes, node - first_boxed) if node >= first_boxed else np.float32(1)
-            if with_luminance:
-                values[at + 1] = gain * luminance[node] + offset
-            at += channels - 3
-            values[at] = sx * normal[node, ax]
-            values[at + 1] = sy * normal[node, ay]
-            values[at + 2] = sz * normal[node, az]
-        if len(bits):
-            for k in range(len(values)):
-                bits[row, k] = narrow_bits(values[k])
-        else:
-            for k in range(len(values)):
-                blocks[row, k] = values[k]
-        row += 1
-    return row
+        at = channels * to_cell[cell]
+        values[at] = filled_share(boxes, node - first_boxed) if node >= first_boxed else np.float32(1)
+        if with_luminance:
+            values[at + 1] = gain * luminance[node] + offset
+        at += channels - 3
+        values[at] = sx * normal[node, ax]
+        values[at + 1] = sy * normal[node, ay]
+        values[at + 2] = sz * normal[node, az]
 
 
 @kernel
