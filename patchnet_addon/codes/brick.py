@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..network.kinds import CHILDREN
 from ..octree.octree import POPCOUNT, Octree
 from ..runtime.bits import lowest_one
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
@@ -21,6 +22,19 @@ from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 
 EMPTY = -1
 MIDDLE = 13  # the block that is the voxel itself
+
+
+def _ranks() -> np.ndarray:
+    """How many children stand before each of the eight, (256, 8) int32 by child mask; for those that are not there so
+    far below 0 that it stays there with any node added. A leaf, of mask 0, stands for each of its parts itself."""
+    there = np.arange(256)[:, None] >> np.arange(CHILDREN) & 1 == 1
+    ranks = np.where(there, np.cumsum(there, axis=1) - 1, np.iinfo(np.int32).min)
+    ranks[0] = 0
+    return ranks.astype(np.int32)
+
+
+_RANKS = _ranks()
+_PARTS = (_RANKS >= 0).sum(axis=1).astype(np.uint8)
 
 
 class Brick(NamedTuple):
@@ -78,43 +92,62 @@ def fill_block(nodes, node, lookahead, cells):
     if masks[node] == 0:
         cells[:] = node
         return len(cells)
-    cells[:] = -1
-    cells[0] = node
     side = 1 << lookahead
+    if side == 2:
+        return _write_parts(masks, first_children, node, side, 1, 0, cells)
+    cells[:] = EMPTY
+    cells[0] = node
     width = side
-    count = 0
-    while width > 1:
-        count = 0
+    while width > 4:
         for z in range(0, side, width):
             for y in range(0, side, width):
                 for x in range(0, side, width):
                     corner = x + side * (y + side * z)
-                    count += _divide(masks, first_children, side, width >> 1, corner, cells)
+                    if cells[corner] >= 0:
+                        _write_parts(masks, first_children, np.int64(cells[corner]), side, width >> 1, corner, cells)
         width >>= 1
+    count = 0
+    for z in range(0, side, 4):
+        for y in range(0, side, 4):
+            for x in range(0, side, 4):
+                count += _divide_twice(masks, first_children, side, x + side * (y + side * z), cells)
     return count
 
 
 @lean_device
-def _divide(masks, first_children, side, half, corner, cells):  # type: ignore[no-untyped-def]
-    """Give what the node at a corner of a block fills to its eight parts, `half` cells wide; how many are occupied.
-
-    A leaf is all of its parts.
-    """
+def _divide_twice(masks, first_children, side, corner, cells):  # type: ignore[no-untyped-def]
+    """Give what the node at a corner of a block fills to its 4x4x4 cells; how many are occupied."""
     node = np.int64(cells[corner])
     if node < 0:
         return 0
-    mask, part, step = np.int64(masks[node]), np.int64(first_children[node]), 1
+    mask, child, step = np.int64(masks[node]), np.int64(first_children[node]), 1
     if mask == 0:
-        mask, part, step = np.int64(255), node, 0
-    cells[corner] = -1
+        mask, child, step = np.int64(255), node, 0
+    cells[corner] = EMPTY
     count = 0
     while mask != 0:
         octant = lowest_one(mask)
         mask &= mask - 1
-        cells[corner + half * ((octant & 1) + side * (((octant >> 1) & 1) + side * (octant >> 2)))] = part
-        part += step
-        count += 1
+        first = corner + 2 * ((octant & 1) + side * (((octant >> 1) & 1) + side * (octant >> 2)))
+        count += _write_parts(masks, first_children, child, side, 1, first, cells)
+        child += step
     return count
+
+
+@lean_device
+def _write_parts(masks, first_children, node, side, half, corner, cells):  # type: ignore[no-untyped-def]
+    """Write the children of a node into its eight parts, `half` cells wide, from a corner on; how many there are.
+
+    A leaf is all of its parts. All are written, since no processor could foresee which of them are occupied.
+    """
+    mask = np.int64(masks[node])
+    first = node if mask == 0 else np.int64(first_children[node])
+    for z in range(2):
+        for y in range(2):
+            for x in range(2):
+                part = first + _RANKS[mask, x + 2 * y + 4 * z]
+                cells[corner + half * (x + side * (y + side * z))] = max(part, EMPTY)
+    return np.int64(_PARTS[mask])
 
 
 @lean_device
