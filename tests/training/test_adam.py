@@ -6,7 +6,9 @@ import copy
 import pytest
 
 torch = pytest.importorskip("torch")
+from patchnet.patchnet_addon.runtime.threads import limit_threads  # noqa: E402
 from patchnet.tests.torch_devices import DEVICES  # noqa: E402  needs torch
+from patchnet.training.network import cpu_adam  # noqa: E402  needs torch
 from patchnet.training.network.cpu_adam import CpuAdam  # noqa: E402  needs torch
 from patchnet.training.network.gpu_adam import GpuAdam  # noqa: E402  needs torch
 
@@ -46,43 +48,47 @@ def _assert_same(first, second) -> None:
         torch.testing.assert_close(one, other, atol=2e-6, rtol=2e-5)
 
 
-def test_steps_and_means_are_torchs() -> None:
-    (wanted, peer, wanted_means), (found, optimizer, means) = _pair()
-    ours = CpuAdam(optimizer, means)
-    for step in range(12):
-        for group in (*peer.param_groups, *optimizer.param_groups):
-            group["lr"] = 0.02 / (1 + step)
-        scale, share = 1.0 / (1 + step % 3), 0.5**step
-        _torch_step(wanted, peer, wanted_means, _gradients(step), scale, share)
-        ours.step(_gradients(step), scale=scale, share=share)
-        _assert_same(found, wanted)
-        _assert_same(means, wanted_means)
-    moved = [(one - other).detach().abs().max() for one, other in zip(found, _pair()[0][0], strict=True)]
-    assert max(moved) > 0.01
+def _ours(optimizer, means, device: str, clip: float = 0.0):
+    return (CpuAdam if device == "cpu" else GpuAdam)(optimizer, means, clip)
+
+
+def _take(ours, gradients, share: float, parts: int = 1) -> None:
+    """Take a step of ours; on the CPU along the sum of so many parts."""
+    if isinstance(ours, GpuAdam):
+        ours.step(gradients, share=share)
+        return
+    others = [[torch.randn_like(gradient) for gradient in gradients] for _ in range(parts - 1)]
+    first = [gradient - sum(each) for gradient, *each in zip(gradients, *others, strict=True)] if others else gradients
+    ours.step([first, *others], share=share)
 
 
 @pytest.mark.parametrize("clip", [0.0, 1.0])
+@pytest.mark.parametrize(("parts", "threads"), [(1, 1), (2, 2), (3, 2)])
 @pytest.mark.parametrize("device", DEVICES)
-def test_steps_of_a_gpu_are_torchs(device: str, clip: float) -> None:
+def test_steps_and_means_are_torchs(monkeypatch, device: str, parts: int, threads: int, clip: float) -> None:
     """Also of a state that was saved, as a checkpoint is; some gradients are shorter than they may be, some longer."""
+    monkeypatch.setattr(cpu_adam, "_PIECE", 100)  # more pieces than parameters
     (wanted, peer, wanted_means), (found, optimizer, means) = _pair(device)
-    ours = GpuAdam(optimizer, means, clip)
+    ours = _ours(optimizer, means, device, clip)
     for step in range(8):
         if step == 4:
             ours.store()
             state = copy.deepcopy(optimizer.state_dict())
             optimizer = torch.optim.Adam(found, 1e-2)
             optimizer.load_state_dict(state)
-            ours = GpuAdam(optimizer, means, clip)
+            ours = _ours(optimizer, means, device, clip)
         for group in (*peer.param_groups, *optimizer.param_groups):
             group["lr"] = 0.02 / (1 + step)
         gradients = [gradient.to(device) for gradient in _gradients(step)]
         norm = torch.linalg.vector_norm(torch.cat([gradient.flatten() for gradient in gradients]))
         scale = min(1.0, clip / (float(norm) + 1e-6)) if clip else 1.0
         _torch_step(wanted, peer, wanted_means, gradients, scale, 0.5**step)
-        ours.step(gradients, share=0.5**step)
+        with limit_threads(threads):
+            _take(ours, gradients, 0.5**step, parts)
         _assert_same(found, wanted)
         _assert_same(means, wanted_means)
+    moved = [(one - other).detach().abs().max() for one, other in zip(found, _pair(device)[0][0], strict=True)]
+    assert max(moved) > 0.01
 
 
 @pytest.mark.parametrize("torch_first", [True, False])
@@ -96,7 +102,7 @@ def test_a_run_goes_on_with_the_other(torch_first: bool) -> None:
         if torch_first:
             _torch_step(found, optimizer, means, _gradients(step), 1.0, 0.25)
         else:
-            ours.step(_gradients(step), scale=1.0, share=0.25)
+            ours.step([_gradients(step)], share=0.25)
     if not torch_first:
         ours.store()
     after = torch.optim.Adam(found, 1e-2)
@@ -104,7 +110,7 @@ def test_a_run_goes_on_with_the_other(torch_first: bool) -> None:
     goes_on = CpuAdam(after, means)
     for step in range(3, 6):
         if torch_first:
-            goes_on.step(_gradients(step), scale=1.0, share=0.25)
+            goes_on.step([_gradients(step)], share=0.25)
         else:
             _torch_step(found, after, means, _gradients(step), 1.0, 0.25)
     _assert_same(found, wanted)

@@ -26,7 +26,7 @@ from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
-from ...patchnet_addon.runtime.threads import usable_cores
+from ...patchnet_addon.runtime.threads import limit_threads, usable_cores
 from ..data.corpus import Corpus, corpus_of
 from ..data.dataset import Dataset
 from ..data.samples import SampleSettings, draw_samples
@@ -239,7 +239,8 @@ class Training:
         first = None
         for _ in range(self._steps):
             gradients, sums = crew.gradients(self._learner.steps, self._type)
-            self._learner.step(gradients, 1e-4)
+            with limit_threads(self._threads):
+                self._learner.step(gradients, 1e-4)
             first = mean_errors(sums) if first is None else first
         assert first is not None
         _finished(self._learner.device, None)

@@ -23,6 +23,7 @@ import torch
 from ...patchnet_addon.network.encoders import MLP
 from ...patchnet_addon.network.kinds import MIXTURE
 from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.threads import limit_threads
 from ..data.corpus import corpus_of
 from ..data.dataset import Dataset
 from ..data.samples import SampleSettings, draw_samples
@@ -39,6 +40,7 @@ from .step_products import Product, operations, replay, step_products
 from .timing import Comparison, how_measured, take_turns
 
 _WARM = 10  # runs before those that are measured
+_PRODUCT_STEPS = 4  # steps whose products are done
 _TIMES = 8  # that each product is done in a row, see `step_products.py`
 SETTINGS = {MIXTURE.name: IMPROVED, PAPER.network: PAPER}  # the preset by kind of network
 
@@ -52,7 +54,7 @@ class TrainBench:
 
     nodes: int = 1_000_000
     samples: int = 400_000
-    steps: int = 4
+    steps: int = 16
     repeats: int = 9
     threads: int = 1
     precision: str = AUTO
@@ -106,7 +108,9 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
 
     def steps() -> None:
         for number in itertools.islice(numbers, bench.steps):
-            learner.step(crew.gradients(number, dtype)[0], settings.final_rate)
+            gradients, _ = crew.gradients(number, dtype)
+            with limit_threads(bench.threads):
+                learner.step(gradients, settings.final_rate)
         crew.settle()  # else it would gather outside the time
 
     def replayed(count: int, dtype: torch.dtype) -> tuple[list[Callable[[], None]], int]:
@@ -117,7 +121,8 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
         ]
         return [replay(products, _TIMES) for products in parts], sum(map(operations, parts)) // count
 
-    alone, work = replayed(bench.steps, dtype)
+    count = min(bench.steps, _PRODUCT_STEPS)
+    alone, work = replayed(count, dtype)
     plain, plain_work = replayed(1, torch.float32)
     with ThreadPoolExecutor(bench.threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         runs = {
@@ -131,7 +136,7 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
         seconds = take_turns(runs, bench.repeats, all_cores=bench.threads > 1)
     crew.close()
     step = median(seconds["step"]) / bench.steps
-    bound = median(seconds["products"]) / bench.steps / _TIMES
+    bound = median(seconds["products"]) / count / _TIMES
     plain_bound = median(seconds["float32_products"]) / _TIMES
     return {
         "batch": settings.batch, "precision": str(dtype).removeprefix("torch."),

@@ -12,10 +12,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from .cpu_adam import KEPT, state_of
+from .cpu_adam import KEPT, LEAST_NORM, state_of
 from .replayed import Replayed
-
-_LEAST_NORM = 1e-6  # as torch clips
 
 
 class GpuAdam:
@@ -56,7 +54,7 @@ class GpuAdam:
         gradients = self._gradients
         if self._clip:
             norm = torch.linalg.vector_norm(torch.stack(torch._foreach_norm(gradients)))
-            scale = (self._clip / (norm + _LEAST_NORM)).clamp(max=1.0)
+            scale = (self._clip / (norm + LEAST_NORM)).clamp(max=1.0)
             gradients = list(torch._foreach_mul(gradients, scale))
         torch._foreach_lerp_(self._moments, gradients, 1 - first)
         torch._foreach_mul_(self._squares, second)

@@ -6,7 +6,6 @@ What a step learns from depends on the seed and its number alone, so all crews t
 
 from __future__ import annotations
 
-import itertools
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -28,8 +27,10 @@ from ..network.replayed import Replayed
 from ..settings import TrainSettings
 from .learner import Learner
 from .processes import Processes
+from .torch_threads import torch_threads
 
 _PART_VOXELS = 64  # in smaller parts of a step threads wait for the interpreter more than they compute
+_STEP_VOXELS = 32  # that are learned from in the time in which the step is taken
 _MOST_AHEAD = 16  # batches that wait for a GPU
 _DRAWN_TOGETHER = 16  # steps whose augmentation is drawn at once: to begin takes longer than to draw
 ALONE = Processes()
@@ -62,42 +63,47 @@ class ThreadCrew:
 
     That suits small matrices better than threads inside every product, and a busy machine slows it less. There are as
     many parts as threads, so that rounding alone depends on their number; threads beyond those that a step has parts
-    for work inside products.
+    for work inside products. The first part is the calling thread's, which takes the step, too, and has less to learn
+    from for it; the others gather the next step's batch meanwhile.
     """
 
     def __init__(self, learner: Learner, plan: StepPlan, threads: int) -> None:
         self._learner, self._plan = learner, plan
-        self._parts = max(1, min(threads, plan.own_voxels // _PART_VOXELS))
-        inside = max(1, threads // self._parts)
-        self._pool = ThreadPoolExecutor(self._parts, initializer=torch.set_num_threads, initargs=(inside,))
-        self._ahead: list[Future[tuple[TensorBatch, float]]] = []
+        parts = max(1, min(threads, plan.own_voxels // _PART_VOXELS))
+        self._inside = max(1, threads // parts)
+        self._cuts = _cuts(plan.own_voxels, parts)
+        others = max(1, parts - 1)  # a pool has at least one thread, which begins with its first job
+        self._pool = ThreadPoolExecutor(others, initializer=torch.set_num_threads, initargs=(self._inside,))
+        self._ahead: list[Future[TensorBatch]] = []
         self._ahead_of: tuple[int, bool] | None = None  # step, and whether its blocks are narrow
         self.title = "1 CPU thread" if threads == 1 else f"{threads} CPU threads"
 
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
         """Gradients of the parts of a step, and sums of its errors, see `Crew`."""
-        narrow = dtype == torch.bfloat16 and self._learner.model.slices is not None  # as `CpuEncoder` takes it
+        narrow = dtype == torch.bfloat16 and self._learner.model.slices is not None  # as the encoder takes it
         if self._ahead_of != (step, narrow):
             self._ahead = self._gather(step, narrow)
-        batches = self._ahead
-        jobs = [self._pool.submit(self._part, batch, dtype) for batch in batches]
-        if self._parts > 1:  # while the step is taken; a thread alone would then have two cores
-            self._ahead, self._ahead_of = self._gather(step + 1, narrow), (step + 1, narrow)
-        gradients, sums = zip(*(job.result() for job in jobs), strict=True)
+        jobs = [self._pool.submit(self._learn, part, batch, dtype) for part, batch in enumerate(self._ahead, 1)]
+        self._ahead, self._ahead_of = self._gather(step + 1, narrow), (step + 1, narrow)
+        with torch_threads(self._inside):
+            own = self._learner.gradients(self._gathered(step, 0, narrow), dtype, self._share(0))
+        gradients, sums = zip(own, *(job.result() for job in jobs), strict=True)
         return list(gradients), torch.stack(sums).sum(0)
 
-    def _gather(self, step: int, narrow: bool) -> list[Future[tuple[TensorBatch, float]]]:
-        """Parts of a step, which the threads gather, and the share of the step that each is."""
-        cuts = np.linspace(0, self._plan.own_voxels, self._parts + 1).round().astype(int).tolist()
-        return [self._pool.submit(self._gathered, step, *cut, narrow) for cut in itertools.pairwise(cuts)]
+    def _gather(self, step: int, narrow: bool) -> list[Future[TensorBatch]]:
+        """Parts of a step but the first, which the threads gather."""
+        return [self._pool.submit(self._gathered, step, part, narrow) for part in range(1, len(self._cuts) - 1)]
 
-    def _gathered(self, step: int, first: int, last: int, narrow: bool) -> tuple[TensorBatch, float]:
-        batch = TensorBatch.of(self._plan.batch(step, first, last, narrow=narrow))
-        return batch, (last - first) / self._plan.voxels
+    def _gathered(self, step: int, part: int, narrow: bool) -> TensorBatch:
+        return TensorBatch.of(self._plan.batch(step, *self._cuts[part : part + 2], narrow=narrow))
 
-    def _part(self, gathered: Future[tuple[TensorBatch, float]], dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
-        batch, share = gathered.result()  # was begun before this, so no thread waits for itself
-        return self._learner.gradients(batch, dtype, share)
+    def _share(self, part: int) -> float:
+        """Share of the step that a part is."""
+        return (self._cuts[part + 1] - self._cuts[part]) / self._plan.voxels
+
+    def _learn(self, part: int, gathered: Future[TensorBatch], dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
+        batch = gathered.result()  # was begun before this, so no thread waits for itself
+        return self._learner.gradients(batch, dtype, self._share(part))
 
     def settle(self) -> None:
         """Wait until all is gathered that was begun, see `Crew`."""
@@ -106,6 +112,13 @@ class ThreadCrew:
     def close(self) -> None:
         """End the threads."""
         self._pool.shutdown(cancel_futures=True)
+
+
+def _cuts(voxels: int, parts: int) -> list[int]:
+    """Where the parts of so many voxels begin, and where the last one ends; the first one has less."""
+    first = max((voxels + _STEP_VOXELS) / parts - _STEP_VOXELS, 1) if parts > 1 else voxels
+    cuts: list[int] = np.linspace(first, voxels, parts).round().astype(int).tolist()
+    return [0, *cuts]
 
 
 class GpuCrew:

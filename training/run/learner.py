@@ -50,33 +50,23 @@ class Learner:
     def step(self, parts: list[list[Tensor]], rate: float) -> None:
         """Take one step at learning rate `rate` along the sum of the gradients of the parts of a step.
 
-        The sum is made in the memory of the first part.
+        The sum is made in the memory of the first part. On the CPU all threads that `run_parts` may use take the step.
         """
         for group in self.optimizer.param_groups:
             group["lr"] = rate
-        first, *others = parts
-        for part in others:
-            torch._foreach_add_(first, part)
         self.steps += 1
         # Early on the mean would remember the random start, so its memory grows with the run.
         decay = min(self.settings.average, (1 + self.steps) / (10 + self.steps)) if self.settings.average else 0.0
         if isinstance(self._adam, CpuAdam):
-            self._adam.step(first, scale=self._clip_scale(first), share=1.0 - decay)
+            self._adam.step(parts, share=1.0 - decay)
         else:
-            self._adam.step(first, share=1.0 - decay)
+            (only,) = parts
+            self._adam.step(only, share=1.0 - decay)
 
     def _adam_of_device(self) -> CpuAdam | GpuAdam:
         if self.device.type == CPU:
-            return CpuAdam(self.optimizer, self._means)
+            return CpuAdam(self.optimizer, self._means, self.settings.clip)
         return GpuAdam(self.optimizer, self._means, self.settings.clip)
-
-    def _clip_scale(self, gradients: list[Tensor]) -> float:
-        """Factor that makes the gradients as long as they may be, 1 where they are no longer."""
-        if not self.settings.clip:
-            return 1.0
-        flat = [gradient.flatten() for gradient in gradients]
-        norm = sum(float(gradient.dot(gradient)) for gradient in flat) ** 0.5
-        return min(1.0, self.settings.clip / (norm + 1e-6))
 
     def state(self) -> dict[str, Any]:
         """All that `load` needs to go on exactly, on whatever device."""

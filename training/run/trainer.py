@@ -26,7 +26,7 @@ from ...patchnet_addon.runtime.file_kinds import CHECKPOINT as CHECKPOINT_KIND
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.replace import replaced_path
-from ...patchnet_addon.runtime.threads import usable_cores
+from ...patchnet_addon.runtime.threads import limit_threads, usable_cores
 from ..data.corpus import Corpus, corpus_of
 from ..data.dataset import Dataset
 from ..data.fresh import fresh_corpus_of
@@ -39,7 +39,6 @@ from .provenance import describe_data
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .run_log import Log
 from .schedule import learning_rate
-from .torch_threads import torch_threads
 from .validation import validate
 from .validation_sets import ValidationSet, validation_sets
 
@@ -106,8 +105,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
             dtype = encoder_type(settings, learner.steps / total, device)
             with enough_memory("batches of this size (--batch)"):
                 gradients, sums = processes.sums(*crew.gradients(learner.steps, dtype))
-                # The crew gathers the next step's batch meanwhile: threads would wait for a core.
-                with torch_threads(1), interrupts_wait():  # lest a checkpoint be of half a step
+                with limit_threads(threads), interrupts_wait():  # lest a checkpoint be of half a step
                     learner.step(gradients, rate)
             learner.seconds = time.monotonic() - before
             if keeper is not None:
