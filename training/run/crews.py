@@ -6,12 +6,13 @@ What a step learns from depends on the seed and its number alone, so all crews t
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import torch
@@ -24,13 +25,15 @@ from ..data.fresh import FreshCorpus
 from ..data.padded_batch import BatchLayout
 from ..data.tensor_batch import TensorBatch
 from ..network.replayed import Replayed
+from ..network.tiled_encoder import takes
 from ..settings import TrainSettings
 from .learner import Learner
 from .processes import Processes
 from .torch_threads import torch_threads
 
 _PART_VOXELS = 64  # in smaller parts of a step threads wait for the interpreter more than they compute
-_STEP_VOXELS = 32  # that are learned from in the time in which the step is taken
+_STEP_VOXELS = 32  # that are learned from in the time in which the step is taken, in matrix units
+_STEP_VOXELS_OF_TORCH = 8  # and by torch's products
 _MOST_AHEAD = 16  # batches that wait for a GPU
 _DRAWN_TOGETHER = 16  # steps whose augmentation is drawn at once: to begin takes longer than to draw
 ALONE = Processes()
@@ -58,6 +61,13 @@ def crew_for(learner: Learner, corpus: AnyCorpus, voxels: int, threads: int, pro
     return (ThreadCrew if learner.device.type == CPU else GpuCrew)(learner, plan, threads)
 
 
+class _Part(NamedTuple):
+    """Part of a step: its batch, and the share of the step that it is."""
+
+    batch: TensorBatch
+    share: float
+
+
 class ThreadCrew:
     """Threads that each gather and learn from one part of a step, with products on one thread.
 
@@ -71,39 +81,48 @@ class ThreadCrew:
         self._learner, self._plan = learner, plan
         parts = max(1, min(threads, plan.own_voxels // _PART_VOXELS))
         self._inside = max(1, threads // parts)
-        self._cuts = _cuts(plan.own_voxels, parts)
+        self._parts, corpus = parts, plan.corpus
+        self._block_values = block_values(corpus.lookahead, nearby=corpus.nearby)
         others = max(1, parts - 1)  # a pool has at least one thread, which begins with its first job
         self._pool = ThreadPoolExecutor(others, initializer=torch.set_num_threads, initargs=(self._inside,))
-        self._ahead: list[Future[TensorBatch]] = []
-        self._ahead_of: tuple[int, bool] | None = None  # step, and whether its blocks are narrow
+        self._ahead: list[Future[_Part]] = []
+        self._ahead_of: tuple[int, torch.dtype] | None = None
         self.title = "1 CPU thread" if threads == 1 else f"{threads} CPU threads"
 
     def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
         """Gradients of the parts of a step, and sums of its errors, see `Crew`."""
-        narrow = dtype == torch.bfloat16 and self._learner.model.slices is not None  # as the encoder takes it
-        if self._ahead_of != (step, narrow):
-            self._ahead = self._gather(step, narrow)
-        jobs = [self._pool.submit(self._learn, part, batch, dtype) for part, batch in enumerate(self._ahead, 1)]
-        self._ahead, self._ahead_of = self._gather(step + 1, narrow), (step + 1, narrow)
+        if self._ahead_of != (step, dtype):
+            self._ahead = self._gather(step, dtype)
+        jobs = [self._pool.submit(self._learn, each, dtype) for each in self._ahead]
+        self._ahead, self._ahead_of = self._gather(step + 1, dtype), (step + 1, dtype)
         with torch_threads(self._inside):
-            own = self._learner.gradients(self._gathered(step, 0, narrow), dtype, self._share(0))
-        gradients, sums = zip(own, *(job.result() for job in jobs), strict=True)
+            first, last, *_ = self._cuts(dtype)
+            own = self._gathered(step, first, last, dtype)
+            found = [self._learner.gradients(own.batch, dtype, own.share)]
+        gradients, sums = zip(*found, *(job.result() for job in jobs), strict=True)
         return list(gradients), torch.stack(sums).sum(0)
 
-    def _gather(self, step: int, narrow: bool) -> list[Future[TensorBatch]]:
+    def _cuts(self, dtype: torch.dtype) -> list[int]:
+        """Where the parts of a step begin, and where the last one ends; the first one has less."""
+        voxels, parts = self._plan.own_voxels, self._parts
+        less = _STEP_VOXELS if takes(dtype, self._block_values) else _STEP_VOXELS_OF_TORCH
+        first = max((voxels + less) / parts - less, 1) if parts > 1 else voxels
+        cuts: list[int] = np.linspace(first, voxels, parts).round().astype(int).tolist()
+        return [0, *cuts]
+
+    def _gather(self, step: int, dtype: torch.dtype) -> list[Future[_Part]]:
         """Parts of a step but the first, which the threads gather."""
-        return [self._pool.submit(self._gathered, step, part, narrow) for part in range(1, len(self._cuts) - 1)]
+        _, *cuts = itertools.pairwise(self._cuts(dtype))
+        return [self._pool.submit(self._gathered, step, *cut, dtype) for cut in cuts]
 
-    def _gathered(self, step: int, part: int, narrow: bool) -> TensorBatch:
-        return TensorBatch.of(self._plan.batch(step, *self._cuts[part : part + 2], narrow=narrow))
+    def _gathered(self, step: int, first: int, last: int, dtype: torch.dtype) -> _Part:
+        narrow = dtype == torch.bfloat16 and self._learner.model.slices is not None  # as the encoder takes it
+        batch = TensorBatch.of(self._plan.batch(step, first, last, narrow=narrow))
+        return _Part(batch, (last - first) / self._plan.voxels)
 
-    def _share(self, part: int) -> float:
-        """Share of the step that a part is."""
-        return (self._cuts[part + 1] - self._cuts[part]) / self._plan.voxels
-
-    def _learn(self, part: int, gathered: Future[TensorBatch], dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
-        batch = gathered.result()  # was begun before this, so no thread waits for itself
-        return self._learner.gradients(batch, dtype, self._share(part))
+    def _learn(self, gathered: Future[_Part], dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
+        part = gathered.result()  # was begun before this, so no thread waits for itself
+        return self._learner.gradients(part.batch, dtype, part.share)
 
     def settle(self) -> None:
         """Wait until all is gathered that was begun, see `Crew`."""
@@ -112,13 +131,6 @@ class ThreadCrew:
     def close(self) -> None:
         """End the threads."""
         self._pool.shutdown(cancel_futures=True)
-
-
-def _cuts(voxels: int, parts: int) -> list[int]:
-    """Where the parts of so many voxels begin, and where the last one ends; the first one has less."""
-    first = max((voxels + _STEP_VOXELS) / parts - _STEP_VOXELS, 1) if parts > 1 else voxels
-    cuts: list[int] = np.linspace(first, voxels, parts).round().astype(int).tolist()
-    return [0, *cuts]
 
 
 class GpuCrew:
