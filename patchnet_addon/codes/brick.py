@@ -190,8 +190,14 @@ def empty_brick(lookahead):
 @lean_device
 def fill_brick(nodes, root, level, cell, lookahead, brick):
     """Write the brick of the voxel at `cell` (x, y, z) of a level below `root` into `brick`, a `Brick`."""
+    nodes_around(nodes, root, level, cell, brick.around)
+    fill_blocks(nodes, lookahead, brick)
+
+
+@lean_device
+def fill_blocks(nodes, lookahead, brick):
+    """Write the cells of a brick whose nodes around are there, and how many of each block are occupied."""
     cells, counts, around = brick.nodes, brick.counts, brick.around
-    nodes_around(nodes, root, level, cell, around)
     for block in range(27):
         node = np.int64(around[block])
         counts[block] = 0 if node < 0 else fill_block(nodes, node, lookahead, cells[block])

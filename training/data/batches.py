@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from ...patchnet_addon.codes.brick import Brick, empty_brick, fill_brick
+from ...patchnet_addon.codes.brick import Brick, empty_brick, fill_blocks, nodes_around
 from ...patchnet_addon.network.weights import CHANNELS
 from ...patchnet_addon.octree.leaf_boxes import filled_share
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
@@ -22,6 +22,7 @@ from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.kernels import kernel, lean_device
 from .bfloat16 import narrow_bits
 from .block_words import TOGETHER, occupied_cells, write_words
+from .fetch_ahead import AHEAD, fetch_cells, fetch_children, fetch_nodes
 from .forest import Forest, tree_nodes
 from .nearby import Nearby, gather_nearby
 from .samples import COVERAGE_SCALE, SIGNED, UNIT
@@ -188,21 +189,34 @@ def _turn_views(vectors, axis, sign, moved):
 
 
 @kernel
-def _gather_blocks(nodes, cells, voxels, augmentation, lookahead, with_luminance, found, moved, around, linear):
+def _gather_blocks(nodes, cells_of, voxels, augmentation, lookahead, with_luminance, found, moved, around, linear):
     """Write each occupied block as a row of whichever of `found` has rows: float32, or the bits of bfloat16.
 
     Third among them are words, the bits of a cell's four numbers at once, for networks that mix luminances. Returns how
     many rows there are. around: (V, 27) what the voxels' bricks have of that name.
     """
-    luminance, normal = cells
+    luminance, normal = cells_of
     root, tree, voxel = voxels
     remap, symmetry, symmetries = augmentation
     empty = empty_brick(lookahead)
     values = np.empty(found[0].shape[1], np.float32)
     row = 0
-    for v in range(len(tree)):
-        own, place, brick = tree_nodes(nodes, tree[v]), voxel[v], Brick(empty.nodes, empty.counts, around[v])
-        fill_brick(own, root[tree[v]], place[0], place[1:], lookahead, brick)
+    normals = normal.reshape(-1)
+    for step in range(len(tree) + 3 * AHEAD):
+        children, cells, v = step - AHEAD, step - 2 * AHEAD, step - 3 * AHEAD
+        if step < len(tree):
+            nodes_around(nodes, root[tree[step]], voxel[step, 0], voxel[step, 1:], around[step])
+            fetch_nodes(nodes, around[step])
+        if 0 <= children < len(tree):
+            fetch_children(nodes, around[children])
+        if 0 <= cells < len(tree):
+            fetch_cells(nodes, normals, 3, around[cells])
+            if with_luminance or remap[cells, 3] > 0:
+                fetch_cells(nodes, luminance, 1, around[cells])
+        if v < 0:
+            continue
+        own, brick = tree_nodes(nodes, tree[v]), Brick(empty.nodes, empty.counts, around[v])
+        fill_blocks(own, lookahead, brick)
         _remap(luminance, brick, remap[v], linear[v])
         light = np.float32(linear[v, 0] / np.float32(LUMINANCE_SCALE)), linear[v, 1], with_luminance
         row = _write_brick(own, luminance, normal, brick, light, symmetry[v], symmetries, values, found, moved[v], row)

@@ -22,6 +22,7 @@ from ...patchnet_addon.network.compiled_layers import TILE, empty_values
 from ...patchnet_addon.network.kinds import CORNERS, COVERING, MIXED, VIEW
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE
 from ...patchnet_addon.runtime.kernels import kernel, lean_device
+from .fetch_ahead import AHEAD, fetch_cells, fetch_children
 from .forest import Forest, tree_nodes
 
 
@@ -76,6 +77,10 @@ def _gather(nodes, luminance, where, rays, tables, found):
             index = start + place
             here = number[index]
             if here != last:
+                if here + 2 * AHEAD < len(around):
+                    fetch_children(nodes, around[here + 2 * AHEAD])
+                if here + AHEAD < len(around):
+                    fetch_cells(nodes, luminance, 1, around[here + AHEAD])
                 own, node = tree_nodes(nodes, tree[here]), np.int64(around[here, MIDDLE])
                 write_cells_around(own, luminance, around[here], words, work)
                 inside, near = list_fine(own, luminance, node, fine), 0
