@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Training samples per second on the CPU, against the rate that a step's matrix products alone would allow.
 
-Torch does the products of some of the steps alone in the same run, whole, with their sizes, strides and number types, in
-as many threads. One thread is measured in processor seconds on one core. In matrix units (AMX) products take a sixth
+Torch does the products of some of the steps alone in the same run, whole, with their sizes, strides and number types,
+in as many threads. One thread is measured in processor seconds on one core. In matrix units (AMX) products take a sixth
 of the time, so their share of a step is smaller there; ONEDNN_MAX_CPU_ISA=AVX512_CORE_BF16 measures without them. The
 last columns have a step's products in float32, which need neither: the ceiling of training without bfloat16.
 """

@@ -29,10 +29,10 @@ from patchnet.training.data.bfloat16 import (  # noqa: E402
 from patchnet.training.data.corpus import corpus_of  # noqa: E402
 from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402
 from patchnet.training.network import matrix_units, sliced_net  # noqa: E402
+from patchnet.training.network.aligned_memory import aligned  # noqa: E402
 from patchnet.training.network.corner_layer import SLICES  # noqa: E402
 from patchnet.training.network.matrix_units import (  # noqa: E402
     add_products,
-    aligned,
     clear_sums,
     leave_units,
     load_sums,
@@ -240,7 +240,6 @@ def test_vectors_of_bfloat16() -> None:
     assert (doubled == bits_of(2 * torch.from_numpy(values).bfloat16().float())).all()
 
 
-@needs_units
 def test_aligned_memory() -> None:
     for shape, dtype in (((3, 5), torch.int16), ((7,), torch.float32)):
         array = aligned(shape, dtype)

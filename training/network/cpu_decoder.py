@@ -17,6 +17,7 @@ from torch import Tensor
 from ...patchnet_addon.network.kinds import CODE_SIZE, CORNERS
 from ...patchnet_addon.network.lanes import LANES
 from ..data.tensor_batch import TensorBatch
+from .aligned_memory import aligned
 from .decoder_kernels import decode_views, differentiate_views
 from .decoder_products import ROWS, filled
 
@@ -54,11 +55,11 @@ class CpuDecoder(torch.autograd.Function):
 
 
 def _empty_kept(views: int, matrices: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Arrays of what `differentiate_views` needs of a forward pass; torch's memory begins at a multiple of 64 bytes."""
+    """Arrays of what `differentiate_views` needs of a forward pass."""
     rows = _filled(views, ROWS)
     inputs, width, outputs = (_filled(count, LANES) for count in (matrices[0].shape[1], *map(len, matrices[-2:])))
     shapes = (rows, inputs), (len(matrices) - 1, rows, width), (rows, outputs)
-    kept = [torch.empty(shape).numpy() for shape in shapes]
+    kept = [aligned(shape, torch.float32) for shape in shapes]
     return kept[0], kept[1], kept[2]
 
 

@@ -15,7 +15,7 @@ from ...patchnet_addon.network.lanes import LANES, add_product, load, spread, ze
 from ...patchnet_addon.network.weights import MODULATED
 from ...patchnet_addon.runtime.kernels import device, lean_device
 from ...patchnet_addon.runtime.vectors import select, store
-from .decoder_products import aligned_zeros
+from .aligned_memory import aligned_zeros
 
 CODE_PLACE = 16  # numbers that a code takes up in gradients, so that it is whole vectors
 BESIDE = CORNERS * SIDE_BY_SIDE  # numbers of codes side by side

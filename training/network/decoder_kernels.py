@@ -12,10 +12,11 @@ import numpy as np
 from ...patchnet_addon.network.lanes import LANES, load, zeros
 from ...patchnet_addon.runtime.kernels import kernel, lean_device
 from ...patchnet_addon.runtime.vectors import less, select, store
+from .aligned_memory import aligned_zeros
 from .decoder_inputs import add_codes_gradient, write_inputs
 from .decoder_outputs import limit_outputs, mix_luminances, scale_outputs
 from .decoder_packing import code_columns, empty_sums, mixes, pack_backward, pack_forward, unpack_sums
-from .decoder_products import ROWS, add_products, aligned_zeros, apply_layer, filled
+from .decoder_products import ROWS, add_products, apply_layer, filled
 
 TILE = 128  # views; with fewer, matrices and sums come to the nearest cache more often
 assert TILE % LANES == 0

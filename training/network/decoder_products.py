@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba.core import types
 from numba.core.types.containers import UniTuple
@@ -25,21 +24,12 @@ _PANEL = 3  # vectors of a block at most
 
 _VECTOR = VectorType(types.float32, LANES)
 _INTEGER = ir.IntType(64)
-_LINE = 16  # float32 in a line of the cache
 
 
 @device
 def filled(count, step):
     """Least multiple of `step` that is no less than `count`."""
     return (count + step - 1) // step * step
-
-
-@device
-def aligned_zeros(rows, columns):
-    """Array (rows, columns) of float32 zeros at a multiple of 64 bytes: a vector lies in one line of the cache."""
-    values = np.zeros(rows * columns + _LINE, np.float32)
-    start = -(values.ctypes.data // 4) % _LINE
-    return values[start : start + rows * columns].reshape(rows, columns)
 
 
 @lean_device

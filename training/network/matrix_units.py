@@ -5,7 +5,7 @@ A unit has eight tiles of 16 lines of 64 bytes. Four hold the sums of a block, f
 of 32 numbers, and 16 lines of 32 columns' pairs of numbers, one below the other (`pack_pairs` of tile_layout.py). So a
 kernel clears or loads the sums, adds products of 32 numbers after 32, and stores them.
 
-Lines that begin at a multiple of 64 bytes are read six times as fast as others: use `aligned` for all that tiles read.
+Lines that begin at a multiple of 64 bytes are read six times as fast as others: see `aligned_memory.py`.
 Indices and steps count elements of flat, C-ordered arrays, and are not checked. Code that calls these functions only
 compiles where `matrix_units_usable` says so; `use_units` comes first, `leave_units` last.
 """
@@ -19,7 +19,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import torch
 from llvmlite import binding, ir
 from numba.core import types
 from numba.extending import intrinsic
@@ -49,12 +48,6 @@ def matrix_units_usable() -> bool:
     if not (features.get("amx-tile") and features.get("amx-bf16") and features.get("avx512f")):
         return False
     return bool(ctypes.CDLL(None).syscall(_ARCH_PRCTL, _ASK_FOR_STATE, _TILE_DATA) == 0)
-
-
-def aligned(shape: tuple[int, ...], dtype: torch.dtype = torch.int16) -> np.ndarray:
-    """Empty array that begins at a multiple of 64 bytes, which NumPy's need not; int16 are taken for bfloat16."""
-    array: np.ndarray = torch.empty(shape, dtype=dtype).numpy()
-    return array.view(np.uint16) if dtype == torch.int16 else array
 
 
 def _tile_shapes() -> bytes:

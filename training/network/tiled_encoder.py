@@ -22,16 +22,15 @@ from torch import Tensor
 
 from ...patchnet_addon.runtime.kernels import device, kernel, lean_device
 from ..data.bfloat16 import narrow_bits, wide_value
+from .aligned_memory import aligned, aligned_bits, aligned_floats
 from .corner_layer import SLICES
-from .matrix_units import SIDE, aligned, clear_sums, leave_units, load_sums, matrix_units_usable, store_sums, use_units
+from .matrix_units import SIDE, clear_sums, leave_units, load_sums, matrix_units_usable, store_sums, use_units
 from .tiled_products import (
     BLOCK,
     TILE,
     add_columns,
     add_groups,
     add_lines,
-    aligned_bits,
-    aligned_floats,
     copy_line,
     pack_columns,
     pack_rows,

@@ -9,28 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...patchnet_addon.runtime.kernels import device, lean_device
+from ...patchnet_addon.runtime.kernels import lean_device
 from ...patchnet_addon.runtime.vectors import LANES, larger, less, load, select, splat, store
 from ..data.bfloat16 import copy_bits, load_bfloat, pair_bits, store_bfloat, store_pairs
 from .matrix_units import SIDE, add_products, clear_sums, load_sums, store_sums, transpose_words
 
 TILE = 16  # columns of a tile of pairs, and lines of one of values
 BLOCK = SIDE * SIDE  # numbers of a block
-_LINE_BYTES = 64
-
-
-@device
-def aligned_bits(count):
-    """Memory for so many uint16 that begins at a multiple of 64 bytes, which tiles and vectors read fast."""
-    memory = np.empty(count + _LINE_BYTES // 2, np.uint16)
-    before = (_LINE_BYTES - memory.ctypes.data % _LINE_BYTES) % _LINE_BYTES // 2
-    return memory[before : before + count]
-
-
-@device
-def aligned_floats(count):
-    """The same for float32."""
-    return aligned_bits(2 * count).view(np.float32)
 
 
 @lean_device
