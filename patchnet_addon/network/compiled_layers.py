@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..runtime.aligned_memory import aligned_zeros
 from ..runtime.bits import float_of_bits
 from ..runtime.kernels import device
 from ..runtime.vectors import larger, store
@@ -62,9 +63,7 @@ class DecoderLayers(NamedTuple):
 @device
 def empty_values(rows):
     """Values of a tile, (rows * TILE,) float32 zeros at a multiple of 64 bytes: a vector lies in one cache line."""
-    values = np.zeros(rows * TILE + 16, np.float32)
-    start = -(values.ctypes.data // 4) % 16
-    return values[start : start + rows * TILE]
+    return aligned_zeros(rows, TILE).reshape(-1)
 
 
 @device

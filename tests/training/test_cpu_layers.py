@@ -10,7 +10,7 @@ torch = pytest.importorskip("torch")
 from torch import Tensor  # noqa: E402
 from torch.nn import functional  # noqa: E402
 
-from patchnet.training.network.corner_layer import SLICES, corner_sums  # noqa: E402
+from patchnet.training.network.corner_layer import SLICES, BlockPairs, corner_sums  # noqa: E402
 from patchnet.training.network.cpu_encoder import CpuEncoder  # noqa: E402
 from patchnet.training.network.cpu_layers import (  # noqa: E402
     add_bias,
@@ -71,7 +71,7 @@ def test_gradients_of_many_small_terms() -> None:
     with torch.no_grad():
         bias += 1
     blocks = torch.ones(corners, 5)
-    hidden = CpuEncoder.apply(torch.bfloat16, blocks, starts, corner, corner, corners, slices, bias)
+    hidden = CpuEncoder.apply(torch.bfloat16, BlockPairs(blocks, starts, corner, corner, corners), slices, bias)
     of_slices, of_bias = torch.autograd.grad(SMALL * hidden.sum(), [slices, bias])
     assert (of_bias == corners * SMALL).all() and (of_slices[0] == corners * SMALL).all()
     assert not of_slices[1:].any()
@@ -121,7 +121,7 @@ def test_encoder_equals_its_layers(dtype: torch.dtype, forward: float, backward:
     shapes = (SLICES, size, out), (out,), (out, out), (out,), (out, out), (out,)
     parameters = [(0.1 * torch.randn(shape)).bfloat16().float().requires_grad_() for shape in shapes]
     slices, bias, *layers = parameters
-    found = CpuEncoder.apply(dtype, blocks, starts, block, corner, corners, *parameters)
+    found = CpuEncoder.apply(dtype, BlockPairs(blocks, starts, block, corner, corners), *parameters)
     padded = torch.zeros(SLICES, corners, dtype=torch.int64), torch.full((SLICES, corners), corners)
     for number, (first, last) in enumerate(itertools.pairwise(starts)):
         for there, which in zip(padded, (block, corner), strict=True):

@@ -11,7 +11,6 @@ without bfloat16.
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -28,6 +27,7 @@ from ..data.corpus import corpus_of
 from ..data.dataset import Dataset
 from ..data.samples import SampleSettings, draw_samples
 from ..data.tensor_batch import TensorBatch
+from ..network.matrix_units import matrix_units_allowed
 from ..run.crews import ALONE, StepPlan, ThreadCrew
 from ..run.learner import Learner
 from ..run.processes import Processes
@@ -86,8 +86,7 @@ def benchmark_training(datasets: Sequence[Dataset], bench: TrainBench) -> Compar
 def has_matrix_units() -> bool:
     """Whether torch multiplies bfloat16 in this processor's matrix units, as far as oneDNN's variable lets it."""
     capability = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
-    allowed = os.environ.get("ONEDNN_MAX_CPU_ISA", "ALL").upper()
-    return bool(capability.get("amx_bf16")) and (allowed in ("", "ALL", "DEFAULT") or "AMX" in allowed)
+    return bool(capability.get("amx_bf16")) and matrix_units_allowed()
 
 
 def _made(bench: TrainBench) -> Dataset:

@@ -8,6 +8,8 @@ are added up per corner.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor
 
@@ -15,6 +17,19 @@ from ...patchnet_addon.network.encoders import CHANNELS, LUMINANCE
 
 SLICES = 8  # octants of a corner's patch
 SHAPE = [channel for channel in range(CHANNELS) if channel != LUMINANCE]  # what says how a cell is shaped
+
+
+class BlockPairs(NamedTuple):
+    """Occupied blocks of a batch, and which of them meets which slice for which corner, see `Batch`.
+
+    blocks: (M, B). starts: 9 numbers. block, corner: (P,). corners: how many there are.
+    """
+
+    blocks: Tensor
+    starts: list[int]
+    block: Tensor
+    corner: Tensor
+    corners: int
 
 
 def to_slices(weight: Tensor, *, shape_alone: bool = False) -> Tensor:

@@ -16,8 +16,8 @@ from torch import Tensor
 
 from ...patchnet_addon.network.kinds import CODE_SIZE, CORNERS
 from ...patchnet_addon.network.lanes import LANES
+from ...patchnet_addon.runtime.aligned_memory import aligned
 from ..data.tensor_batch import TensorBatch
-from .aligned_memory import aligned
 from .decoder_kernels import decode_views, differentiate_views
 from .decoder_products import ROWS, filled
 
@@ -59,7 +59,7 @@ def _empty_kept(views: int, matrices: tuple[np.ndarray, ...]) -> tuple[np.ndarra
     rows = _filled(views, ROWS)
     inputs, width, outputs = (_filled(count, LANES) for count in (matrices[0].shape[1], *map(len, matrices[-2:])))
     shapes = (rows, inputs), (len(matrices) - 1, rows, width), (rows, outputs)
-    kept = [aligned(shape, torch.float32) for shape in shapes]
+    kept = [aligned(shape, np.float32) for shape in shapes]
     return kept[0], kept[1], kept[2]
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from .corner_layer import BlockPairs
 from .cpu_layers import add_bias, add_pairs, gather_rows, mask_gradient
 
 # Slices are filled up to a multiple of this many rows: torch compiles a product for each new size, which takes longer
@@ -27,20 +28,16 @@ class CpuEncoder(torch.autograd.Function):
     def forward(
         ctx: Any,
         dtype: torch.dtype,
-        blocks: Tensor,
-        starts: list[int],
-        pair_block: Tensor,
-        pair_corner: Tensor,
-        corners: int,
+        pairs: BlockPairs,
         slices: Tensor,
         bias: Tensor,
         *layers: Tensor,
     ) -> Tensor:
         """Results of slices (8, B, out), a bias (out,) and `layers`: matrices (out, out) and biases (out,) in turn.
 
-        dtype: of the products, float32 or bfloat16; the parameters are float32. blocks: (M, B) of either type. The
-        others as in `TensorBatch`.
+        dtype: of the products, float32 or bfloat16; the parameters are float32, the blocks of either type.
         """
+        blocks, starts, pair_block, pair_corner, corners = pairs
         matrices = [matrix.to(dtype) for matrix in layers[::2]]
         most = max(last - first for first, last in itertools.pairwise(starts))
         rows = gather_rows(blocks.to(dtype), pair_block, starts, -(-most // ROW_STEP) * ROW_STEP)
@@ -65,7 +62,7 @@ class CpuEncoder(torch.autograd.Function):
             after, of_bias = mask_gradient(after @ matrices[layer], hidden[layer])
         copied = gather_rows(after, pair_corner, ctx.starts, rows.shape[1])
         of_slices = _slices_gradient(rows, copied)
-        return None, None, None, None, None, None, of_slices, of_bias, *of_layers
+        return None, None, of_slices, of_bias, *of_layers
 
 
 def _slices_gradient(rows: Tensor, gradients: Tensor) -> Tensor:

@@ -13,9 +13,9 @@ from ...patchnet_addon.network.kinds import CODE_SIZE, CORNERS, COVERING, HARMON
 from ...patchnet_addon.network.lane_harmonics import store_harmonics
 from ...patchnet_addon.network.lanes import LANES, add_product, load, spread, zeros
 from ...patchnet_addon.network.weights import MODULATED
+from ...patchnet_addon.runtime.aligned_memory import aligned_zeros
 from ...patchnet_addon.runtime.kernels import device, lean_device
 from ...patchnet_addon.runtime.vectors import select, store
-from .aligned_memory import aligned_zeros
 
 CODE_PLACE = 16  # numbers that a code takes up in gradients, so that it is whole vectors
 BESIDE = CORNERS * SIDE_BY_SIDE  # numbers of codes side by side
@@ -46,8 +46,7 @@ def write_inputs(eight, rays, near, first, inputs):
         _write_harmonics(direction, first, (start, min(start + LANES, count)), (axes, terms), inputs)
     row = 0
     while row < count:
-        voxel = (first + row) // of_voxel
-        last = min(count, (voxel + 1) * of_voxel - first)
+        voxel, last = _views_of_voxel(first, row, of_voxel, count)
         _write_codes(eight[voxel], codes, shares, (row, last), inputs)
         row = last
     _write_rays(direction, up, ratio, first, inputs[:count])
@@ -55,6 +54,13 @@ def write_inputs(eight, rays, near, first, inputs):
         _write_nearby(view, covered, first, inputs[:count])
     inputs[:count, _COVERED + COVERING if len(covered) > 0 else RAY_INPUTS :] = 0
     inputs[count:] = 0
+
+
+@lean_device
+def _views_of_voxel(first, row, of_voxel, count):
+    """Voxel that a row of a tile is a view of, and the row after the last such one."""
+    voxel = (first + row) // of_voxel
+    return voxel, min(count, (voxel + 1) * of_voxel - first)
 
 
 @device
@@ -68,8 +74,7 @@ def add_codes_gradient(gradient, inputs, entry, first, of_codes):
     count, of_voxel = max(0, min(len(inputs), len(entry) - first)), len(entry) // len(of_codes)
     row = 0
     while row < count:
-        voxel = (first + row) // of_voxel
-        last = min(count, (voxel + 1) * of_voxel - first)
+        voxel, last = _views_of_voxel(first, row, of_voxel, count)
         _sum_codes(gradient, inputs, shares, (row, last), sums)
         _add_voxel(gradient, (row, last), sums, of_codes[voxel])
         row = last

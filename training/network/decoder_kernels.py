@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from ...patchnet_addon.network.lanes import LANES, load, zeros
+from ...patchnet_addon.runtime.aligned_memory import aligned_zeros
 from ...patchnet_addon.runtime.kernels import kernel, lean_device
 from ...patchnet_addon.runtime.vectors import less, select, store
-from .aligned_memory import aligned_zeros
 from .decoder_inputs import add_codes_gradient, write_inputs
 from .decoder_outputs import limit_outputs, mix_luminances, scale_outputs
 from .decoder_packing import code_columns, empty_sums, mixes, pack_backward, pack_forward, unpack_sums

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from ...patchnet_addon.network.kinds import CODE_SIZE, RAY_INPUTS
 from ...patchnet_addon.network.lanes import LANES
+from ...patchnet_addon.runtime.aligned_memory import aligned_zeros
 from ...patchnet_addon.runtime.kernels import device
-from .aligned_memory import aligned_zeros
 from .decoder_inputs import BESIDE, CODE_PLACE
 from .decoder_products import ROWS, filled
 

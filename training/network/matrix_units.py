@@ -5,7 +5,7 @@ A unit has eight tiles of 16 lines of 64 bytes. Four hold the sums of a block, f
 of 32 numbers, and 16 lines of 32 columns' pairs of numbers, one below the other (`pack_pairs` of tile_layout.py). So a
 kernel clears or loads the sums, adds products of 32 numbers after 32, and stores them.
 
-Lines that begin at a multiple of 64 bytes are read six times as fast as others: see `aligned_memory.py`.
+Lines that begin at a multiple of 64 bytes are read six times as fast as others: see `runtime/aligned_memory.py`.
 Indices and steps count elements of flat, C-ordered arrays, and are not checked. Code that calls these functions only
 compiles where `matrix_units_usable` says so; `use_units` comes first, `leave_units` last.
 """
@@ -32,14 +32,16 @@ _ARCH_PRCTL, _ASK_FOR_STATE, _TILE_DATA = 158, 0x1023, 18  # Linux: its call, wh
 _BYTE, _WORD = ir.IntType(8), ir.IntType(64)
 
 
+def matrix_units_allowed() -> bool:
+    """Whether oneDNN's variable ONEDNN_MAX_CPU_ISA, by which torch's products leave them out, lets them be used."""
+    allowed = os.environ.get("ONEDNN_MAX_CPU_ISA", "ALL").upper()
+    return allowed in ("", "ALL", "DEFAULT") or "AMX" in allowed
+
+
 @cache
 def matrix_units_usable() -> bool:
-    """Whether kernels may use matrix units here: the processor has them, and Linux lends them to this process.
-
-    As torch leaves them out by the variable ONEDNN_MAX_CPU_ISA, so do we.
-    """
-    allowed = os.environ.get("ONEDNN_MAX_CPU_ISA", "ALL").upper()
-    if not (allowed in ("", "ALL", "DEFAULT") or "AMX" in allowed) or not sys.platform.startswith("linux"):
+    """Whether kernels may use matrix units here: the processor has them, and Linux lends them to this process."""
+    if not matrix_units_allowed() or not sys.platform.startswith("linux"):
         return False
     try:
         features = binding.get_host_cpu_features()

@@ -19,7 +19,7 @@ from ...patchnet_addon.network.torch_model import MixturePlace, PatchNet
 from ...patchnet_addon.network.weights import Weights
 from ..data.padded_batch import PaddedBatch
 from ..data.tensor_batch import TensorBatch
-from .corner_layer import SLICES, corner_sums, from_slices, to_slices, with_luminance
+from .corner_layer import SLICES, BlockPairs, corner_sums, from_slices, to_slices, with_luminance
 from .cpu_decoder import CpuDecoder
 from .cpu_encoder import CpuEncoder
 from .tiled_encoder import TiledEncoder, takes
@@ -85,9 +85,7 @@ class SlicedNet(nn.Module):
         if not isinstance(batch, PaddedBatch) and takes(dtype, batch.blocks.shape[1]):
             first, *others = self._encoder()
             layers = [part for layer in others for part in (layer.weight, layer.bias)]
-            pairs = batch.pair_block, batch.pair_corner, 8 * len(batch.ratio)
-            of_batch = batch.blocks, batch.slice_start, *pairs
-            return TiledEncoder.apply(*of_batch, self.slices, first.bias, *layers)  # type: ignore[no-any-return]
+            return TiledEncoder.apply(_pairs(batch), self.slices, first.bias, *layers)  # type: ignore[no-any-return]
         codes: Tensor = self._encoder()[-1](self._hidden(batch, dtype))
         return codes
 
@@ -99,7 +97,7 @@ class SlicedNet(nn.Module):
         if not isinstance(batch, PaddedBatch):
             layers = [part for layer in middle for part in (layer.weight, layer.bias)]
             parameters = self.slices, first.bias, *layers
-            return CpuEncoder.apply(dtype, batch.blocks, batch.slice_start, *pairs, *parameters)  # type: ignore[no-any-return]
+            return CpuEncoder.apply(dtype, _pairs(batch), *parameters)  # type: ignore[no-any-return]
         assert self.slices is not None
         hidden = torch.relu(corner_sums(self.slices, batch.blocks.to(dtype), *pairs) + first.bias)
         for layer in middle:
@@ -125,6 +123,11 @@ class SlicedNet(nn.Module):
             with torch.no_grad():
                 self._encoder()[0].weight.copy_(from_slices(self.slices, shape_alone=self._shape_alone))
         return self.net.to_weights(metadata)
+
+
+def _pairs(batch: TensorBatch) -> BlockPairs:
+    """Pairs of blocks and corners of a batch on the CPU."""
+    return BlockPairs(batch.blocks, batch.slice_start, batch.pair_block, batch.pair_corner, 8 * len(batch.ratio))
 
 
 def corner_shares(entry: Tensor) -> Tensor:

@@ -6,18 +6,21 @@ Vectors of 512 bits and lines of matrix units that lie in two lines of the cache
 
 from __future__ import annotations
 
-import numpy as np
-import torch
+from typing import Any
 
-from ...patchnet_addon.runtime.kernels import device
+import numpy as np
+
+from .kernels import device
 
 LINE = 64  # bytes
 
 
-def aligned(shape: tuple[int, ...], dtype: torch.dtype = torch.int16) -> np.ndarray:
-    """Empty array; int16 are taken for the bits of bfloat16, uint16."""
-    array: np.ndarray = torch.empty(shape, dtype=dtype).numpy()
-    return array.view(np.uint16) if dtype == torch.int16 else array
+def aligned(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
+    """Array whose numbers are anything."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    memory = np.empty(size + LINE, np.uint8)
+    before = -memory.ctypes.data % LINE
+    return memory[before : before + size].view(dtype).reshape(shape)
 
 
 @device
