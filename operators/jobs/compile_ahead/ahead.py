@@ -26,7 +26,7 @@ from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import computed
 from ...ui.preferences import ROOT_PACKAGE
 
-ABOUT = 246  # kernels that the small jobs call, for the progress alone
+ABOUT = 271  # kernels that the small jobs call, for the progress alone
 _AT = Progress(0, ABOUT, "Compiling kernels", note=NOTE, waiting=True)
 _LOOK_S = 0.5  # between two looks at what is compiled by now
 _STOP_S = 5.0  # until a Blender that shall stop is killed
