@@ -40,6 +40,7 @@ from .step_products import Product, operations, replay, step_products
 from .timing import Comparison, how_measured, take_turns
 
 _WARM = 10  # runs before those that are measured
+_BEFORE = 4  # steps before those of a run: in a training, what a step finds in the caches is another step's
 _PRODUCT_STEPS = 4  # steps whose products are done
 _TIMES = 8  # that each product is done in a row, see `step_products.py`
 SETTINGS = {MIXTURE.name: IMPROVED, PAPER.network: PAPER}  # the preset by kind of network
@@ -105,8 +106,8 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
 
     numbers = itertools.count()  # every step is another one, as in a run: not two have as many blocks
 
-    def steps() -> None:
-        for number in itertools.islice(numbers, bench.steps):
+    def take(count: int) -> None:
+        for number in itertools.islice(numbers, count):
             gradients, _ = crew.gradients(number, dtype)
             with limit_threads(bench.threads):
                 learner.step(gradients, settings.final_rate)
@@ -125,14 +126,14 @@ def _measured(datasets: Sequence[Dataset], settings: TrainSettings, bench: Train
     plain, plain_work = replayed(1, torch.float32)
     with ThreadPoolExecutor(bench.threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         runs = {
-            "step": steps,
+            "step": lambda: take(bench.steps),
             "products": lambda: [job.result() for job in [pool.submit(each) for each in alone]],
             "float32_products": lambda: [job.result() for job in [pool.submit(each) for each in plain]],
         }
         for _ in range(_WARM):  # torch compiles products of sizes that it meets for the first time
-            steps()
+            take(bench.steps)
         runs["products"]()
-        seconds = take_turns(runs, bench.repeats, all_cores=bench.threads > 1)
+        seconds = take_turns(runs, bench.repeats, all_cores=bench.threads > 1, prepare=lambda: take(_BEFORE))
     crew.close()
     step = median(seconds["step"]) / bench.steps
     bound = median(seconds["products"]) / count / _TIMES
