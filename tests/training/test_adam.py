@@ -7,9 +7,10 @@ import pytest
 
 torch = pytest.importorskip("torch")
 from patchnet.patchnet_addon.runtime.threads import limit_threads  # noqa: E402
-from patchnet.tests.torch_devices import DEVICES  # noqa: E402  needs torch
+from patchnet.tests.torch_devices import GPU  # noqa: E402  needs torch
 from patchnet.training.network import cpu_adam  # noqa: E402  needs torch
 from patchnet.training.network.cpu_adam import CpuAdam  # noqa: E402  needs torch
+from patchnet.training.network.flat_memory import flat_gradient, flat_memory  # noqa: E402  needs torch
 from patchnet.training.network.gpu_adam import GpuAdam  # noqa: E402  needs torch
 
 SIZES = (3, 40), (77,), (2, 5, 31)
@@ -48,35 +49,36 @@ def _assert_same(first, second) -> None:
         torch.testing.assert_close(one, other, atol=2e-6, rtol=2e-5)
 
 
-def _ours(optimizer, means, device: str, clip: float = 0.0):
-    return (CpuAdam if device == "cpu" else GpuAdam)(optimizer, means, clip)
+KINDS = [(CpuAdam, 1, 1), (CpuAdam, 2, 2), (CpuAdam, 3, 2), (GpuAdam, 1, 1)]  # parts of a step, threads
+RUNS = [(*kind, "cpu") for kind in KINDS] + [pytest.param(*KINDS[-1], "cuda", marks=GPU)]
 
 
 def _take(ours, gradients, share: float, parts: int = 1) -> None:
     """Take a step of ours; on the CPU along the sum of so many parts."""
+    flat = flat_gradient(gradients)
     if isinstance(ours, GpuAdam):
-        ours.step(gradients, share=share)
+        ours.step(flat, share=share)
         return
-    others = [[torch.randn_like(gradient) for gradient in gradients] for _ in range(parts - 1)]
-    first = [gradient - sum(each) for gradient, *each in zip(gradients, *others, strict=True)] if others else gradients
-    ours.step([first, *others], share=share)
+    others = [torch.randn_like(flat) for _ in range(parts - 1)]
+    ours.step([flat - sum(others), *others], share=share)
 
 
 @pytest.mark.parametrize("clip", [0.0, 1.0])
-@pytest.mark.parametrize(("parts", "threads"), [(1, 1), (2, 2), (3, 2)])
-@pytest.mark.parametrize("device", DEVICES)
-def test_steps_and_means_are_torchs(monkeypatch, device: str, parts: int, threads: int, clip: float) -> None:
+@pytest.mark.parametrize(("kind", "parts", "threads", "device"), RUNS)
+def test_steps_and_means_are_torchs(
+    monkeypatch, kind: type, parts: int, threads: int, device: str, clip: float
+) -> None:
     """Also of a state that was saved, as a checkpoint is; some gradients are shorter than they may be, some longer."""
     monkeypatch.setattr(cpu_adam, "_PIECE", 100)  # more pieces than parameters
     (wanted, peer, wanted_means), (found, optimizer, means) = _pair(device)
-    ours = _ours(optimizer, means, device, clip)
+    ours = kind(optimizer, means, clip)
     for step in range(8):
         if step == 4:
             ours.store()
             state = copy.deepcopy(optimizer.state_dict())
             optimizer = torch.optim.Adam(found, 1e-2)
             optimizer.load_state_dict(state)
-            ours = _ours(optimizer, means, device, clip)
+            ours = kind(optimizer, means, clip)
         for group in (*peer.param_groups, *optimizer.param_groups):
             group["lr"] = 0.02 / (1 + step)
         gradients = [gradient.to(device) for gradient in _gradients(step)]
@@ -102,7 +104,7 @@ def test_a_run_goes_on_with_the_other(torch_first: bool) -> None:
         if torch_first:
             _torch_step(found, optimizer, means, _gradients(step), 1.0, 0.25)
         else:
-            ours.step([_gradients(step)], share=0.25)
+            ours.step([flat_gradient(_gradients(step))], share=0.25)
     if not torch_first:
         ours.store()
     after = torch.optim.Adam(found, 1e-2)
@@ -110,8 +112,23 @@ def test_a_run_goes_on_with_the_other(torch_first: bool) -> None:
     goes_on = CpuAdam(after, means)
     for step in range(3, 6):
         if torch_first:
-            goes_on.step([_gradients(step)], share=0.25)
+            goes_on.step([flat_gradient(_gradients(step))], share=0.25)
         else:
             _torch_step(found, after, means, _gradients(step), 1.0, 0.25)
     _assert_same(found, wanted)
     _assert_same(means, wanted_means)
+
+
+def test_flat_memory_is_that_of_the_tensors() -> None:
+    tensors = [torch.randn(3, 4), torch.randn(5), torch.randn(2, 3).t()]
+    wanted = [tensor.clone() for tensor in tensors]
+    flat = flat_memory(tensors)
+    assert flat_memory(tensors).data_ptr() == flat.data_ptr() and flat.shape == (23,)
+    for tensor, like in zip(tensors, wanted, strict=True):
+        assert torch.equal(tensor, like) and tensor.is_contiguous()
+    flat += 1
+    assert all(torch.equal(tensor, like + 1) for tensor, like in zip(tensors, wanted, strict=True))
+    assert flat_memory(tensors[:2]).shape == (17,)
+    apart = [tensors[1], tensors[0]]  # in another order they do not lie in a row
+    moved = flat_memory(apart)
+    assert moved.data_ptr() != flat.data_ptr() and torch.equal(moved[:5], wanted[1] + 1)

@@ -10,10 +10,13 @@ import pytest
 import torch
 
 from patchnet.patchnet_addon.codes.encode import encode_octree
+from patchnet.patchnet_addon.codes.mixture_inputs import nearby_order
+from patchnet.patchnet_addon.codes.outer_cells import mask_geometry
 from patchnet.patchnet_addon.codes.predict import predict
-from patchnet.patchnet_addon.network.kinds import MIXTURE
+from patchnet.patchnet_addon.network.kinds import COVERING, MIXED, MIXTURE, VIEW
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, save_weights
 from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import around_voxels
 from patchnet.tests.training.procedural import spheres_and_slats
@@ -22,7 +25,7 @@ from patchnet.training.data.batches import Augmentation
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.forest import concatenate
-from patchnet.training.data.nearby import gather_nearby
+from patchnet.training.data.nearby import Nearby, gather_nearby
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.data.symmetry import cube_symmetries
 from patchnet.training.data.tensor_batch import TensorBatch
@@ -42,12 +45,27 @@ def dataset(octree: Octree) -> Dataset:
     return Dataset("scene", octree, drain(draw_samples(octree, 400, settings)), {})
 
 
+@kernel
+def gather(nodes, luminance, where, rays, tables, found):
+    gather_nearby(nodes, luminance, where, rays, tables, found)
+
+
+def nearby(octree: Octree, voxel: np.ndarray, rays: tuple[np.ndarray, ...], linear: np.ndarray) -> Nearby:
+    """Cells near voxels (V, 4) of an octree, as rays see them."""
+    forest, tables = concatenate([octree]), (mask_geometry(), nearby_order())
+    where = np.zeros(len(voxel), np.int64), around_voxels(octree, voxel), linear
+    found = Nearby(*(np.empty((*rays[3].shape, size), np.float32) for size in (VIEW, COVERING, MIXED)))
+    arrays = found.view, found.covered, found.luminances
+    exact = tuple(np.ascontiguousarray(array, np.float32) for array in rays)
+    gather(forest.nodes, forest.luminance, where, exact, tables, arrays)
+    return found
+
+
 @pytest.mark.parametrize("symmetry", [0, 7, 18, 29, 41, 47])
 def test_nearby_turns_with_the_scene(octree: Octree, dataset: Dataset, symmetry: int) -> None:
     voxel = dataset.samples.voxel[:40].astype(np.int64)
     gain, offset = (0.5, 0.25) if symmetry % 2 else (1.0, 0.0)
     linear = np.tile(np.array([[gain, offset]], np.float32), (len(voxel), 1))
-    none = np.zeros(len(voxel), np.int32)
     plain = moved_octree(octree, 0, 1.0, 0.0)  # means of inner voxels as those of the turned scene
     random = np.random.default_rng(symmetry)
     entry, direction = random.random((40, 3, 3)), random.normal(size=(40, 3, 3))
@@ -55,16 +73,14 @@ def test_nearby_turns_with_the_scene(octree: Octree, dataset: Dataset, symmetry:
     up = np.cross(direction, random.normal(size=(40, 3, 3)))
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
     ratio = random.uniform(0.5, 1, (40, 3))
-    found = gather_nearby(
-        concatenate([plain]), none, around_voxels(plain, voxel), (entry, direction, up, ratio), linear
-    )
+    found = nearby(plain, voxel, (entry, direction, up, ratio), linear)
     side, matrix = 1 << voxel[:, :1], cube_symmetries().matrix(symmetry)
     cells = (voxel[:, 1:] + 0.5 - side / 2) @ matrix.T + side / 2 - 0.5
     moved = np.concatenate([voxel[:, :1], np.rint(cells).astype(np.int64)], axis=1)
     scene = moved_octree(octree, symmetry, gain, offset)
     rays = (entry - 0.5) @ matrix.T + 0.5, direction @ matrix.T, up @ matrix.T, ratio
     same = np.tile(np.array([[1, 0]], np.float32), (40, 1))
-    wanted = gather_nearby(concatenate([scene]), none, around_voxels(scene, moved), rays, same)
+    wanted = nearby(scene, moved, rays, same)
     np.testing.assert_allclose(found.view, wanted.view, atol=1e-6)
     np.testing.assert_allclose(found.covered, wanted.covered, atol=1e-5)
     there = np.concatenate([wanted.covered > 1e-4, np.ones((40, 3, 1), bool)], axis=-1)

@@ -4,6 +4,7 @@
 import ctypes
 import subprocess
 import sys
+from dataclasses import replace
 
 import numba
 import numpy as np
@@ -12,10 +13,9 @@ import pytest
 torch = pytest.importorskip("torch")
 from torch import Tensor  # noqa: E402
 
-from patchnet.patchnet_addon.network.kinds import MIXTURE, PAPER  # noqa: E402
-from patchnet.patchnet_addon.network.weights import Weights  # noqa: E402
 from patchnet.patchnet_addon.runtime.aligned_memory import aligned  # noqa: E402
 from patchnet.patchnet_addon.runtime.vectors import LANES, load  # noqa: E402
+from patchnet.tests.training.tiled import TiledEncoder  # noqa: E402  needs torch
 from patchnet.training.benchmarks.training_rate import TrainBench, _made  # noqa: E402
 from patchnet.training.data.batches import Augmentation  # noqa: E402
 from patchnet.training.data.bfloat16 import (  # noqa: E402
@@ -28,8 +28,9 @@ from patchnet.training.data.bfloat16 import (  # noqa: E402
 )
 from patchnet.training.data.corpus import corpus_of  # noqa: E402
 from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402
-from patchnet.training.network import matrix_units, sliced_net  # noqa: E402
+from patchnet.training.network import matrix_units  # noqa: E402
 from patchnet.training.network.corner_layer import SLICES, BlockPairs  # noqa: E402
+from patchnet.training.network.losses import loss_gradient_reference  # noqa: E402
 from patchnet.training.network.matrix_units import (  # noqa: E402
     add_products,
     clear_sums,
@@ -40,7 +41,11 @@ from patchnet.training.network.matrix_units import (  # noqa: E402
     transpose_words,
     use_units,
 )
-from patchnet.training.network.tiled_encoder import TiledEncoder, encode_reference, takes  # noqa: E402
+from patchnet.training.network.sliced_net import _pairs  # noqa: E402
+from patchnet.training.network.tiled_encoder import encode_reference  # noqa: E402
+from patchnet.training.network.tiled_packing import PackedMatrices  # noqa: E402
+from patchnet.training.run.learner import Learner  # noqa: E402
+from patchnet.training.settings import BF16, FP32, IMPROVED, PAPER, SQUARED, TrainSettings  # noqa: E402
 
 needs_units = pytest.mark.skipif(not matrix_units_usable(), reason="this processor has no matrix units")
 
@@ -78,7 +83,6 @@ def distance(found: Tensor, wanted: Tensor) -> float:
 def test_encoder_equals_its_reference(corners: int, size: int, out: int) -> None:
     torch.manual_seed(corners)
     batch, parameters = batch_of(corners, size), parameters_of(size, out)
-    assert takes(torch.bfloat16, size)
     codes, wanted = TiledEncoder.apply(batch, *parameters), encode_reference(batch, *parameters)
     assert codes.dtype == torch.float32 and distance(codes, wanted) < 1e-3
     given = torch.randn(codes.shape)
@@ -132,16 +136,54 @@ def test_gradients_of_many_small_terms() -> None:
 
 
 @needs_units
-@pytest.mark.parametrize("kind", [MIXTURE, PAPER])
-def test_network_uses_it(kind, monkeypatch) -> None:
-    corpus, _ = corpus_of([_made(TrainBench(nodes=20_000, samples=2_000))], nearby=kind.mixes)
-    batch = TensorBatch.of(corpus.batch(np.arange(40), Augmentation.none(40), narrow=True))
-    net = sliced_net.SlicedNet(Weights.random(0, kind=kind))
-    codes = net._codes(batch, torch.bfloat16)
-    assert codes.grad_fn.name() == "TiledEncoderBackward"
-    assert net._codes(batch, torch.float32).grad_fn.name() != "TiledEncoderBackward"
-    monkeypatch.setattr(sliced_net, "takes", lambda *_: False)
-    assert distance(codes, net._codes(batch, torch.bfloat16)) < 0.02
+@pytest.mark.parametrize("settings", [IMPROVED, PAPER], ids=["mixture", "paper"])
+def test_gradients_of_a_batch(settings: TrainSettings) -> None:
+    """By all parameters, and sums of errors: as by autograd through the reference, torch's decoder and loss."""
+    corpus, _ = corpus_of([_made(TrainBench(nodes=20_000, samples=2_000))], nearby=settings.kind.mixes)
+    learner = Learner(replace(settings, precision=BF16))
+    batch = corpus.batch(np.arange(40), Augmentation.none(40), narrow=True)
+    assert learner.multiplies_in_units(torch.bfloat16) and not learner.multiplies_in_units(torch.float32)
+    ours, errors = learner.gradients(batch, torch.bfloat16, 0.5)
+
+    model, tensors = learner.model, TensorBatch.of(batch)
+    first, *others = model._encoder()
+    layers = [part for layer in others for part in (layer.weight, layer.bias)]
+    codes = encode_reference(_pairs(tensors), model.slices, first.bias, *layers)
+    predicted = model._decoded(codes.view(40, 8, -1), tensors).view(40, -1, 2)
+    loss = {"squared": settings.loss == SQUARED, "luminance_weight": settings.luminance_weight}
+    gradient, wanted = loss_gradient_reference(predicted, tensors, **loss)
+    theirs = torch.autograd.grad(predicted, model.trained(), 0.5 * gradient)
+    torch.testing.assert_close(errors, 0.5 * wanted, atol=1e-4, rtol=1e-3)
+    for one, other in zip(ours.split([each.numel() for each in theirs]), theirs, strict=True):
+        assert distance(one, other.flatten()) < 0.01
+
+
+@needs_units
+def test_learner_in_float32_leaves_them_out() -> None:
+    assert not Learner(replace(IMPROVED, precision=FP32)).multiplies_in_units(torch.bfloat16)
+
+
+@needs_units
+def test_packed_matrices_are_those_of_the_parameters() -> None:
+    """After a step of the optimiser, and after torch wrote into them."""
+    learner = Learner(replace(IMPROVED, precision=BF16))
+    packed, sizes = learner._tiled.packed, learner._tiled.packed.sizes
+
+    def assert_packed() -> None:
+        parameters = [parameter.detach().clone() for parameter in learner.model.trained()]
+        for ours, theirs in zip(packed.current(), PackedMatrices(parameters, sizes).current(), strict=True):
+            assert (ours == theirs).all()
+
+    assert_packed()
+    before = packed.current().slices.copy()
+    learner.step([torch.randn(sum(parameter.numel() for parameter in learner.model.trained()))], 0.1)
+    assert (packed.arrays.slices != before).mean() > 0.9
+    assert_packed()
+    with torch.no_grad():
+        learner.model.trained()[2].normal_()
+    assert_packed()
+    learner.load(Learner(replace(IMPROVED, precision=BF16, seed=5)).state())
+    assert_packed()
 
 
 def test_units_are_left_out_where_torch_leaves_them_out(monkeypatch) -> None:

@@ -14,18 +14,21 @@ from functools import cache
 import numpy as np
 
 from ...patchnet_addon.codes.brick import Brick, empty_brick, fill_blocks, nodes_around
+from ...patchnet_addon.codes.mixture_inputs import nearby_order
+from ...patchnet_addon.codes.outer_cells import mask_geometry
+from ...patchnet_addon.network.kinds import COVERING, MIXED, VIEW
 from ...patchnet_addon.network.weights import CHANNELS
 from ...patchnet_addon.octree.leaf_boxes import filled_share
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ...patchnet_addon.runtime.bits import lowest_one
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
-from ...patchnet_addon.runtime.kernels import kernel, lean_device
+from ...patchnet_addon.runtime.kernels import device, kernel, lean_device
 from .bfloat16 import narrow_bits
 from .block_words import TOGETHER, occupied_cells, write_words
 from .fetch_ahead import AHEAD, fetch_cells, fetch_children, fetch_nodes
 from .forest import Forest, tree_nodes
 from .nearby import Nearby, gather_nearby
-from .samples import COVERAGE_SCALE, SIGNED, UNIT
+from .stored_views import read_views, turn_views
 from .symmetry import COUNT, Symmetries, cube_symmetries
 
 PAIR_POSITION = np.array(
@@ -113,82 +116,55 @@ def gather_batch(
 ) -> Batch:
     """Batch of voxels (V, 4) of octrees `tree` (V,) with their stored views (V, R, 12), drawn `lookahead` levels
     ahead; `nearby`: with the luminances that a mixture needs; `narrow`: with blocks in bits of bfloat16."""
-    symmetries = _symmetries(lookahead)
-    count = len(tree)
+    width = block_values(lookahead, nearby=nearby)
+    stored = np.ascontiguousarray(tree, np.int32), np.ascontiguousarray(voxel, np.uint16), np.ascontiguousarray(views)
+    blocks, pairs, rays, near = _gather(
+        (forest.nodes, forest.luminance, forest.normal, forest.root),
+        stored,
+        (augmentation.remap, augmentation.symmetry, _symmetries(lookahead)),
+        (lookahead, width, narrow, nearby),
+        (PAIR_POSITION, mask_geometry(), nearby_order()),
+    )
+    found = Nearby(*near) if nearby else None
+    return Batch(blocks[1] if narrow else blocks[0], *pairs, *rays, nearby=found)
+
+
+@kernel
+def _gather(forest, stored, augmentation, how, tables):
+    """Gather a batch by one call, since each of Python's steps in between would find its own code in no cache."""
+    nodes, luminance, normal, root = forest
+    trees, voxels, views = stored
+    _, symmetry, symmetries = augmentation
+    lookahead, width, narrow, nearby = how
+    position, geometry, orders = tables
+    count = len(trees)
+    tree, voxel = trees.astype(np.int64), voxels.astype(np.int32)
     linear = np.empty((count, 2), np.float32)  # gain and offset of luminance
-    most, width = 27 * count, block_values(lookahead, nearby=nearby)
+    most = 27 * count
     blocks = np.empty((0 if narrow else most, width), np.float32)
     bits = np.empty((most if narrow else 0, width), np.uint16)
     words = bits.view(np.int64) if nearby else np.empty((0, 0), np.int64)  # a cell of four numbers at once
     moved = np.full((count, 27), -1, np.int32)  # rows of `blocks` by position after the symmetry
     around = np.empty((count, 27), np.int32)
-    rows = _gather_blocks(
-        forest.nodes,
-        (forest.luminance, forest.normal),
-        (forest.root, tree.astype(np.int64), voxel.astype(np.int32)),
-        (augmentation.remap, augmentation.symmetry, symmetries),
-        lookahead,
-        not nearby,
-        (blocks, bits, words),
-        moved,
-        around,
-        linear,
+    where, cells_of = (root, tree, voxel), (luminance, normal)
+    found = blocks, bits, words
+    rows = _gather_blocks(nodes, cells_of, where, augmentation, lookahead, not nearby, found, moved, around, linear)
+    pairs = _list_pairs(moved, position)
+    entry, direction, up, ratio, coverage, light = read_views(views)
+    near_views = views.shape[1] if nearby else 0
+    near = (
+        np.empty((count, near_views, VIEW), np.float32),
+        np.empty((count, near_views, COVERING), np.float32),
+        np.empty((count, near_views, MIXED), np.float32),
     )
-    start, pair_block, pair_corner = _list_pairs(moved, PAIR_POSITION)
-    stored = _stored_views(views)
-    moved_views = _move_views(stored, augmentation.symmetry, symmetries, linear)
-    found = gather_nearby(forest, tree, around, stored[:4], linear) if nearby else None
-    found_blocks = (bits if narrow else blocks)[:rows]
-    return Batch(found_blocks, start, pair_block, pair_corner, *moved_views, nearby=found)
+    if nearby:
+        rays = entry, direction, up, ratio
+        gather_nearby(nodes, luminance, (tree, around, linear), rays, (geometry, orders), near)
+    turn_views((entry, direction, up), light, (symmetry, symmetries), linear)
+    return (blocks[:rows], bits[:rows]), pairs, (entry, direction, up, ratio, coverage, light), near
 
 
-def _stored_views(views: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Entry, direction, up (V, R, 3), ratio, coverage, luminance (V, R), float32, of stored views (V, R, 12)."""
-    vectors = [np.empty((*views.shape[:2], 3), np.float32) for _ in range(3)]
-    numbers = [np.empty(views.shape[:2], np.float32) for _ in range(3)]
-    _read_views(views, *vectors, *numbers)
-    return *vectors, *numbers
-
-
-def _move_views(
-    stored: tuple[np.ndarray, ...], symmetry: np.ndarray, symmetries: Symmetries, linear: np.ndarray
-) -> tuple[np.ndarray, ...]:
-    """Entry, direction, up, ratio, coverage, luminance of stored views after the augmentation."""
-    *vectors, ratio, coverage, luminance = stored
-    moved = tuple(np.empty_like(vector) for vector in vectors)
-    _turn_views(tuple(vectors), symmetries.axis[symmetry], symmetries.sign[symmetry], moved)
-    return *moved, ratio, coverage, luminance * linear[:, None, 0] + linear[:, None, 1]
-
-
-@kernel
-def _read_views(views, entry, direction, up, ratio, coverage, luminance):
-    unit, signed = np.float32(UNIT), np.float32(SIGNED)
-    for v in range(views.shape[0]):
-        for r in range(views.shape[1]):
-            for axis in range(3):
-                entry[v, r, axis] = np.float32(views[v, r, axis]) / unit
-                direction[v, r, axis] = np.float32(np.int16(views[v, r, 3 + axis])) / signed
-                up[v, r, axis] = np.float32(np.int16(views[v, r, 6 + axis])) / signed
-            ratio[v, r] = np.float32(views[v, r, 9]) / unit
-            coverage[v, r] = np.float32(views[v, r, 10]) / np.float32(COVERAGE_SCALE)
-            luminance[v, r] = np.float32(views[v, r, 11]) / unit
-
-
-@kernel
-def _turn_views(vectors, axis, sign, moved):
-    entry, direction, up = vectors
-    moved_entry, moved_direction, moved_up = moved
-    half = np.float32(0.5)
-    for v in range(entry.shape[0]):
-        for r in range(entry.shape[1]):
-            for k in range(3):
-                source, s = axis[v, k], sign[v, k]
-                moved_entry[v, r, k] = s * (entry[v, r, source] - half) + half
-                moved_direction[v, r, k] = s * direction[v, r, source]
-                moved_up[v, r, k] = s * up[v, r, source]
-
-
-@kernel
+@device
 def _gather_blocks(nodes, cells_of, voxels, augmentation, lookahead, with_luminance, found, moved, around, linear):
     """Write each occupied block as a row of whichever of `found` has rows: float32, or the bits of bfloat16.
 
@@ -297,7 +273,7 @@ def _write_values(own, luminance, normal, brick, block, light, turned, values):
         values[at + 2] = sz * normal[node, az]
 
 
-@kernel
+@device
 def _list_pairs(moved, position):
     start = np.zeros(9, np.int64)
     total = 0

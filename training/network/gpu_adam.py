@@ -32,19 +32,22 @@ class GpuAdam:
         self._moments, self._squares = ([state[name] for state in self._states] for name in KEPT)
         self._means, self._clip = list(means), clip
         device = self._parameters[0].device
-        self._gradients = [torch.empty_like(parameter) for parameter in self._parameters]
+        sizes = [parameter.numel() for parameter in self._parameters]
+        self._gradient = torch.empty(sum(sizes), device=device)
+        parts = zip(self._gradient.split(sizes), self._parameters, strict=True)
+        self._gradients = [part.view_as(parameter) for part, parameter in parts]
         self._numbers = torch.zeros(3, device=device)  # that are others at each step
         self._replayed = Replayed(self._step, device)
 
     @torch.no_grad()
-    def step(self, gradients: Sequence[Tensor], *, share: float) -> None:
-        """Take a step along the gradients; means become (1 - share) mean + share parameter."""
+    def step(self, gradient: Tensor, *, share: float) -> None:
+        """Take a step along the gradient (n,) of all; means become (1 - share) mean + share parameter."""
         self._steps += 1
         first, second = self._group["betas"]
         length = self._group["lr"] / (1 - first**self._steps)  # both moments began at 0
         root = (1 - second**self._steps) ** -0.5
         self._numbers.copy_(torch.tensor([length, root, share]))
-        torch._foreach_copy_(self._gradients, list(gradients))
+        self._gradient.copy_(gradient)
         self._replayed()
 
     def _step(self) -> None:

@@ -28,7 +28,8 @@ def loss_gradient(
         return loss_gradient_reference(predicted, batch, squared=squared, luminance_weight=luminance_weight)
     gradient, sums = np.empty(predicted.shape, np.float32), np.zeros(3)
     wanted = batch.coverage.numpy(), batch.luminance.numpy()
-    _measure(predicted.detach().numpy(), *wanted, squared, np.float32(luminance_weight), gradient, sums)
+    how = squared, np.float32(luminance_weight), np.float32(1)
+    measure_errors(predicted.detach().numpy(), *wanted, *how, gradient, sums)
     return torch.from_numpy(gradient), torch.from_numpy(sums.astype(np.float32))
 
 
@@ -50,9 +51,10 @@ def mean_errors(sums: Tensor) -> Tensor:
 
 
 @kernel
-def _measure(predicted, coverage, luminance, squared, luminance_weight, gradient, sums):
+def measure_errors(predicted, coverage, luminance, squared, luminance_weight, scale, gradient, sums):
+    """Write the gradient and the sums of `loss_gradient`, both times `scale`."""
     voxels, views = coverage.shape
-    share = np.float32(1.0 / (voxels * views))
+    share = np.float32(scale / (voxels * views))
     of_coverage, of_luminance, seen = 0.0, 0.0, 0
     for v in range(voxels):
         for r in range(views):

@@ -22,7 +22,6 @@ from ..data.tensor_batch import TensorBatch
 from .corner_layer import SLICES, BlockPairs, corner_sums, from_slices, to_slices, with_luminance
 from .cpu_decoder import CpuDecoder
 from .cpu_encoder import CpuEncoder
-from .tiled_encoder import TiledEncoder, takes
 
 
 class SlicedNet(nn.Module):
@@ -82,10 +81,6 @@ class SlicedNet(nn.Module):
         """Codes (8 V, 10) float32 of the voxels' corners, by products in `dtype`."""
         if self.slices is None:
             return self._encode_convolving(batch, dtype)
-        if not isinstance(batch, PaddedBatch) and takes(dtype, batch.blocks.shape[1]):
-            first, *others = self._encoder()
-            layers = [part for layer in others for part in (layer.weight, layer.bias)]
-            return TiledEncoder.apply(_pairs(batch), self.slices, first.bias, *layers)  # type: ignore[no-any-return]
         codes: Tensor = self._encoder()[-1](self._hidden(batch, dtype))
         return codes
 

@@ -11,13 +11,13 @@ from ..data.bfloat16 import narrow_bits, wide_value
 from .corner_layer import SLICES
 from .matrix_units import SIDE, clear_sums, leave_units, store_sums, use_units
 from .tiled_forward import ENDS
+from .tiled_packing import pack_rows
 from .tiled_products import (
     BLOCK,
     TILE,
     add_columns,
     add_groups,
     add_lines,
-    pack_rows,
     pair_group,
     pair_lines,
     turn_lines,
@@ -31,14 +31,16 @@ _TOGETHER = 8  # groups whose pairs lie in the cache while the gradient of a mat
 
 @kernel
 def differentiate_groups(bits, groups, matrices, hidden, gradient, found):  # type: ignore[no-untyped-def]
-    """Write the gradients of all parameters but the last bias, of that of codes (corners, codes)."""
-    middle, last = matrices
+    """Write the gradients of all parameters but the last bias, of that of codes (corners, codes).
+
+    matrices: `Packed`, and the last one (codes, out). found: those of slices, a tuple of matrices, biases (layers, out)
+    of zeros, and the last matrix.
+    """
+    packed, last = matrices[0].back, matrices[1]
     of_slices, of_middle, of_biases, of_last = found
     layers, count, out = hidden.shape
     size, square, part, chunk = count * out, out * out, SIDE * out, _TOGETHER * SIDE
-    packed, last_rows = aligned_bits((layers - 1) * square), aligned_bits(part)
-    for layer in range(layers - 1):
-        pack_rows(middle[layer], 0, out, out, packed.view(np.uint32), layer * square // 2)
+    last_rows = aligned_bits(part)
     _pack_last_rows(last, last_rows.view(np.uint32))
     ends = _pack_gradients(gradient, groups[0])
     turned, turned_ends = aligned_bits(size), aligned_bits(chunk * SIDE)
@@ -98,7 +100,7 @@ def _pack_last_rows(last, packed):  # type: ignore[no-untyped-def]
             first = wide_value(narrow_bits(last[code, k]))
             rows[code, k] = rows[2 * codes + code, k] = first
             rows[codes + code, k] = last[code, k] - first
-    pack_rows(rows, 0, SIDE, out, packed, 0)
+    pack_rows(rows, 0, (0, SIDE), SIDE, out, packed, 0)
 
 
 @device

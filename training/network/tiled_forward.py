@@ -10,7 +10,8 @@ from ...patchnet_addon.runtime.kernels import device, kernel, lean_device
 from ..data.bfloat16 import narrow_bits, wide_value
 from .corner_layer import SLICES
 from .matrix_units import SIDE, clear_sums, leave_units, load_sums, store_sums, use_units
-from .tiled_products import TILE, add_lines, copy_line, pack_columns, pack_rows, write_relu
+from .tiled_packing import pack_rows
+from .tiled_products import TILE, add_lines, copy_line, write_relu
 
 ENDS = 2 * SIDE  # columns of what stands for codes
 _SIDE_BY_SIDE = 4  # groups of 32 corners that meet a slice of the first matrix while a part of it lies in the cache
@@ -21,20 +22,17 @@ _PARTS = 3  # numbers of bfloat16 that make a float32
 def encode_groups(bits, pairs, parameters, groups, hidden, codes):  # type: ignore[no-untyped-def]
     """Group the corners, and write values of all layers into `hidden` (layers, lines, out) and their codes.
 
+    parameters: `Packed`, biases (layers, out), and the last matrix (codes, out) and its bias.
     groups: order (lines,) int32 corner of each line, -1 for none; rows (lines, 8) int32 of `bits`, -1 for none; octants
     (lines / 32,) int32, as bits, in which a corner of a group has a block.
     """
     order, rows, octants = groups
-    slices, middle, biases, last, of_last = parameters
+    packed, biases, last, of_last = parameters
+    first, others = packed.slices, packed.forward
     _group_corners(pairs, order, rows, octants, len(codes))
-    values, out = slices.shape[1], slices.shape[2]
+    values, middle, out = bits.shape[1], hidden.shape[0] - 1, hidden.shape[2]
     size, square, of_octant = hidden.shape[1] * out, out * out, values * out
-    first, others = aligned_bits(SLICES * of_octant), aligned_bits(len(middle) * square)
-    work, parts = aligned_bits(TILE * out), aligned_bits(out * ENDS)
-    for s in range(SLICES):
-        pack_rows(slices, s * of_octant, values, out, first.view(np.uint32), s * of_octant // 2)
-    for layer in range(len(middle)):
-        pack_columns(middle[layer], out, out, work, others.view(np.uint32), layer * square // 2)
+    parts = aligned_bits(out * ENDS)
     _pack_last(last, parts.view(np.uint32))
     lines, nothing = aligned_bits(_SIDE_BY_SIDE * SIDE * values), np.zeros(values, np.uint16)
     sums, ends = aligned_floats(_SIDE_BY_SIDE * SIDE * out), _ends()
@@ -64,7 +62,7 @@ def encode_groups(bits, pairs, parameters, groups, hidden, codes):  # type: igno
             for column in range(0, out, SIDE):
                 write_relu(sums, (group * out + column) * SIDE, biases, column, hidden, begin * out + column, out)
         for begin in range(start * SIDE, (start + together) * SIDE, SIDE):
-            for layer in range(len(middle)):
+            for layer in range(middle):
                 below = layer * size + begin * out
                 for column in range(0, out, SIDE):
                     clear_sums()
@@ -73,7 +71,7 @@ def encode_groups(bits, pairs, parameters, groups, hidden, codes):  # type: igno
                     write_relu(sums, 0, biases, (layer + 1) * out + column, hidden, below + size + column, out)
             for column in range(0, ENDS, SIDE):
                 clear_sums()
-                add_lines(hidden, len(middle) * size + begin * out, out, out, parts, column * out)
+                add_lines(hidden, middle * size + begin * out, out, out, parts, column * out)
                 store_sums(flat, column, ENDS)
             _write_codes(ends, of_last, order, begin, codes)
     leave_units()
@@ -120,7 +118,7 @@ def _pack_last(last, packed):  # type: ignore[no-untyped-def]
             for part in range(_PARTS):
                 columns[k, part * TILE + code] = wide_value(narrow_bits(rest))
                 rest -= columns[k, part * TILE + code]
-    pack_rows(columns, 0, out, ENDS, packed, 0)
+    pack_rows(columns, 0, (0, out), out, ENDS, packed, 0)
 
 
 @lean_device

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Parts of a training step in matrix units: how numbers are put for them, and products of 32 lines with what follows.
 
-For kernels, which `tiled_encoder.py` makes of them. All sums are float32, all factors bits of bfloat16. Indices are
-flat, into C-ordered arrays, and sizes multiples of 32.
+For the kernels of `tiled_forward.py` and `tiled_backward.py`. All sums are float32, all factors bits of bfloat16.
+Indices are flat, into C-ordered arrays, and sizes multiples of 32.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 
 from ...patchnet_addon.runtime.kernels import lean_device
 from ...patchnet_addon.runtime.vectors import LANES, larger, less, load, select, splat, store
-from ..data.bfloat16 import copy_bits, load_bfloat, pair_bits, store_bfloat, store_pairs
+from ..data.bfloat16 import copy_bits, load_bfloat, pair_bits, store_bfloat
 from .matrix_units import SIDE, add_products, clear_sums, load_sums, store_sums, transpose_words
 
 TILE = 16  # columns of a tile of pairs, and lines of one of values
@@ -19,33 +19,8 @@ BLOCK = SIDE * SIDE  # numbers of a block
 
 
 @lean_device
-def pack_rows(matrix, first, depth, columns, packed, to):
-    """Round a matrix (depth, columns) float32 to bfloat16, as products of 32 lines read their right factor.
-
-    first: its index in `matrix`. packed: uint32, tiles (columns / 16, depth / 32) of 16 lines of 16 columns, each word
-    the numbers of two rows.
-    """
-    for top in range(0, depth, 2):  # rows as they lie in memory
-        for column in range(0, columns, TILE):
-            place, target = first + top * columns + column, to + (column * depth + top * TILE) // 2
-            store_pairs(packed, target, load(matrix, place), load(matrix, place + columns))
-
-
-@lean_device
-def pack_columns(matrix, depth, columns, work, packed, to):
-    """The same of a matrix whose columns are the rows of `matrix` (columns, depth); work: (16 depth,) uint16."""
-    words = work.view(np.uint32)
-    for column in range(0, columns, TILE):
-        for k in range(0, TILE * depth, LANES):
-            store_bfloat(work, k, load(matrix, column * depth + k))
-        for k in range(0, depth // 2, TILE):
-            transpose_words(words, k, depth // 2, packed, to + k * TILE, TILE)
-        to += TILE * depth // 2
-
-
-@lean_device
 def add_lines(left, top, step, depth, right, begin):
-    """Add to the block of sums the products of 32 lines, `step` numbers apart, and 32 packed columns."""
+    """Add to the block of sums the products of 32 lines, `step` numbers apart, and 32 columns, see `Packed`."""
     bottom, second = top + TILE * step, begin + TILE * depth
     for k in range(0, depth, SIDE):
         add_products(left, top + k, bottom + k, step, right, begin + k * TILE, second + k * TILE)

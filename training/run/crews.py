@@ -23,16 +23,14 @@ from ..data.batches import Augmentation, Batch, block_values
 from ..data.corpus import Corpus
 from ..data.fresh import FreshCorpus
 from ..data.padded_batch import BatchLayout
-from ..data.tensor_batch import TensorBatch
 from ..network.replayed import Replayed
-from ..network.tiled_encoder import takes
 from ..settings import TrainSettings
 from .learner import Learner
 from .processes import Processes
 from .torch_threads import torch_threads
 
 _PART_VOXELS = 64  # in smaller parts of a step threads wait for the interpreter more than they compute
-_STEP_VOXELS = 32  # that are learned from in the time in which the step is taken, in matrix units
+_STEP_VOXELS = 36  # that are learned from in the time in which the step is taken, in matrix units
 _STEP_VOXELS_OF_TORCH = 8  # and by torch's products
 _MOST_AHEAD = 16  # batches that wait for a GPU
 _DRAWN_TOGETHER = 16  # steps whose augmentation is drawn at once: to begin takes longer than to draw
@@ -45,8 +43,8 @@ class Crew(Protocol):
 
     title: str
 
-    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
-        """Gradients of the parts of a step, which add up, and the sums (3,) of its errors for `mean_errors`."""
+    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
+        """Gradients (n,) of the parts of a step, which add up, and the sums (3,) of its errors for `mean_errors`."""
 
     def settle(self) -> None:
         """Wait until all is gathered that was begun: what a step leaves to be done beside the next one."""
@@ -64,7 +62,7 @@ def crew_for(learner: Learner, corpus: AnyCorpus, voxels: int, threads: int, pro
 class _Part(NamedTuple):
     """Part of a step: its batch, and the share of the step that it is."""
 
-    batch: TensorBatch
+    batch: Batch
     share: float
 
 
@@ -81,15 +79,14 @@ class ThreadCrew:
         self._learner, self._plan = learner, plan
         parts = max(1, min(threads, plan.own_voxels // _PART_VOXELS))
         self._inside = max(1, threads // parts)
-        self._parts, corpus = parts, plan.corpus
-        self._block_values = block_values(corpus.lookahead, nearby=corpus.nearby)
+        self._parts = parts
         others = max(1, parts - 1)  # a pool has at least one thread, which begins with its first job
         self._pool = ThreadPoolExecutor(others, initializer=torch.set_num_threads, initargs=(self._inside,))
         self._ahead: list[Future[_Part]] = []
         self._ahead_of: tuple[int, torch.dtype] | None = None
         self.title = "1 CPU thread" if threads == 1 else f"{threads} CPU threads"
 
-    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
+    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
         """Gradients of the parts of a step, and sums of its errors, see `Crew`."""
         if self._ahead_of != (step, dtype):
             self._ahead = self._gather(step, dtype)
@@ -105,7 +102,7 @@ class ThreadCrew:
     def _cuts(self, dtype: torch.dtype) -> list[int]:
         """Where the parts of a step begin, and where the last one ends; the first one has less."""
         voxels, parts = self._plan.own_voxels, self._parts
-        less = _STEP_VOXELS if takes(dtype, self._block_values) else _STEP_VOXELS_OF_TORCH
+        less = _STEP_VOXELS if self._learner.multiplies_in_units(dtype) else _STEP_VOXELS_OF_TORCH
         first = max((voxels + less) / parts - less, 1) if parts > 1 else voxels
         cuts: list[int] = np.linspace(first, voxels, parts).round().astype(int).tolist()
         return [0, *cuts]
@@ -117,10 +114,10 @@ class ThreadCrew:
 
     def _gathered(self, step: int, first: int, last: int, dtype: torch.dtype) -> _Part:
         narrow = dtype == torch.bfloat16 and self._learner.model.slices is not None  # as the encoder takes it
-        batch = TensorBatch.of(self._plan.batch(step, first, last, narrow=narrow))
+        batch = self._plan.batch(step, first, last, narrow=narrow)
         return _Part(batch, (last - first) / self._plan.voxels)
 
-    def _learn(self, gathered: Future[_Part], dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
+    def _learn(self, gathered: Future[_Part], dtype: torch.dtype) -> tuple[Tensor, Tensor]:
         part = gathered.result()  # was begun before this, so no thread waits for itself
         return self._learner.gradients(part.batch, dtype, part.share)
 
@@ -148,11 +145,11 @@ class GpuCrew:
         self._most = min(threads + 1, _MOST_AHEAD)
         self._free = deque(_Memory(self._layout.size, device) for _ in range(self._most + 1))
         self._ahead: deque[tuple[int, _Memory, Future[tuple[int, int]]]] = deque()
-        self._steps: dict[tuple[torch.dtype, int], Callable[[], tuple[list[Tensor], Tensor]]] = {}
+        self._steps: dict[tuple[torch.dtype, int], Callable[[], tuple[Tensor, Tensor]]] = {}
         self._pool = ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,))
         self.title = str(device)
 
-    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[list[Tensor]], Tensor]:
+    def gradients(self, step: int, dtype: torch.dtype) -> tuple[list[Tensor], Tensor]:
         """Gradients of a step as one part, and sums of its errors, see `Crew`; steps are asked for in their order.
 
         The next call overwrites the gradients.
@@ -177,7 +174,7 @@ class GpuCrew:
     def _gathered(self, step: int, memory: _Memory) -> tuple[int, int]:
         return self._layout.write(self._plan.batch(step, 0, self._plan.own_voxels), memory.array)
 
-    def _of_shape(self, dtype: torch.dtype, pairs: int) -> Callable[[], tuple[list[Tensor], Tensor]]:
+    def _of_shape(self, dtype: torch.dtype, pairs: int) -> Callable[[], tuple[Tensor, Tensor]]:
         """What a step does with the batch that lies on the GPU, with `pairs` of a slice."""
         if (dtype, pairs) not in self._steps:
             batch, share = self._layout.read(self._there, pairs), self._plan.share

@@ -12,12 +12,15 @@ from ...patchnet_addon.network.devices import CPU
 from ...patchnet_addon.network.torch_precision import float32_products
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from ..data.batches import Batch
 from ..data.tensor_batch import TensorBatch
 from ..network.cpu_adam import CpuAdam
+from ..network.flat_memory import flat_gradient
 from ..network.gpu_adam import GpuAdam
 from ..network.losses import loss_gradient
 from ..network.sliced_net import SlicedNet
-from ..settings import SQUARED, TF32, TrainSettings
+from ..network.tiled_step import TiledStep, fits, sizes_of
+from ..settings import FP32, SQUARED, TF32, TrainSettings
 
 
 class Learner:
@@ -30,25 +33,35 @@ class Learner:
         # Lists once: to walk through the modules at every step takes as long as some of its products.
         self._trained, self._means = (list[Tensor](net.trained()) for net in (self.model, self.mean))
         self.optimizer = torch.optim.Adam(self._trained, settings.learning_rate, betas=(0.9, 0.999), fused=True)
+        self._tiled = self._tiled_step()
         self._adam = self._adam_of_device()
         self.steps = 0
         self.seconds = 0.0  # of training so far, over all interruptions
 
-    def gradients(self, batch: TensorBatch, dtype: torch.dtype, share: float = 1.0) -> tuple[list[Tensor], Tensor]:
-        """Gradients of the loss of a batch, and its sums (3,) for `mean_errors`.
+    def multiplies_in_units(self, dtype: torch.dtype) -> bool:
+        """Whether gradients by products of the encoder in `dtype` are computed in the processor's matrix units."""
+        return self._tiled is not None and dtype == torch.bfloat16
+
+    def gradients(self, batch: Batch | TensorBatch, dtype: torch.dtype, share: float = 1.0) -> tuple[Tensor, Tensor]:
+        """Gradient (n,) of the loss of a batch, all parameters' in a row, and its sums (3,) for `mean_errors`.
 
         share: of the step that the batch is; both are multiplied by it, so that those of all parts add up. The
-        encoder's products run in `dtype`. Touches nothing, so that several threads may work on parts of a step.
+        encoder's products run in `dtype`; blocks of a `Batch` are of that type. Touches nothing, so that several
+        threads may work on parts of a step.
         """
+        if isinstance(batch, Batch):
+            if self._tiled is not None and dtype == torch.bfloat16:
+                return self._tiled.gradients(batch, share)
+            batch = TensorBatch.of(batch)
         with float32_products(self.device, tf32=self.settings.precision == TF32):
             predicted = self.model(batch, dtype)
             squared, weight = self.settings.loss == SQUARED, self.settings.luminance_weight
             gradient, sums = loss_gradient(predicted, batch, squared=squared, luminance_weight=weight)
             gradients = torch.autograd.grad(predicted, self._trained, share * gradient)
-        return list(gradients), share * sums
+        return flat_gradient(gradients), share * sums
 
-    def step(self, parts: list[list[Tensor]], rate: float) -> None:
-        """Take one step at learning rate `rate` along the sum of the gradients of the parts of a step.
+    def step(self, parts: list[Tensor], rate: float) -> None:
+        """Take one step at learning rate `rate` along the sum of the gradients (n,) of the parts of a step.
 
         The sum is made in the memory of the first part. On the CPU all threads that `run_parts` may use take the step.
         """
@@ -63,9 +76,18 @@ class Learner:
             (only,) = parts
             self._adam.step(only, share=1.0 - decay)
 
+    def _tiled_step(self) -> TiledStep | None:
+        """What computes gradients in matrix units, where these are and the settings let them be used."""
+        settings, slices = self.settings, self.model.slices
+        if self.device.type != CPU or settings.precision == FP32 or slices is None or not fits(slices):
+            return None
+        sizes, squared = sizes_of(slices, settings.kind), settings.loss == SQUARED
+        return TiledStep(self._trained, sizes, squared=squared, luminance_weight=settings.luminance_weight)
+
     def _adam_of_device(self) -> CpuAdam | GpuAdam:
         if self.device.type == CPU:
-            return CpuAdam(self.optimizer, self._means, self.settings.clip)
+            packed = self._tiled.packed if self._tiled else None
+            return CpuAdam(self.optimizer, self._means, self.settings.clip, packed)
         return GpuAdam(self.optimizer, self._means, self.settings.clip)
 
     def state(self) -> dict[str, Any]:

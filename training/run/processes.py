@@ -51,16 +51,15 @@ class Processes:
         """Share of `length` things that is this one's."""
         return slice(self.rank * length // self.count, (self.rank + 1) * length // self.count)
 
-    def sums(self, gradients: list[list[Tensor]], sums: Tensor) -> tuple[list[list[Tensor]], Tensor]:
-        """Gradients of all processes as one part, and their sums (3,) of errors, added up; see `Crew`."""
+    def sums(self, gradients: list[Tensor], sums: Tensor) -> tuple[list[Tensor], Tensor]:
+        """Gradients (n,) of all processes as one part, and their sums (3,) of errors, added up; see `Crew`."""
         if self.count == 1:
             return gradients, sums
-        own = [torch.stack(parts).sum(0) if len(parts) > 1 else parts[0] for parts in zip(*gradients, strict=True)]
-        flat = torch.cat([part.flatten() for part in (*own, sums)]).float().cpu()
-        distributed.all_reduce(flat)
-        split = flat.split([part.numel() for part in (*own, sums)])
-        added = [part.view_as(like).to(like) for part, like in zip(split, (*own, sums), strict=True)]
-        return [added[:-1]], added[-1]
+        own = torch.stack(gradients).sum(0) if len(gradients) > 1 else gradients[0]
+        both = torch.cat([own, sums]).float().cpu()
+        distributed.all_reduce(both)
+        added, errors = both.split([len(own), len(sums)])
+        return [added.to(own)], errors.to(sums)
 
     def leave(self) -> None:
         """End what was joined, after all have come here."""
