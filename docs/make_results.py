@@ -194,10 +194,8 @@ def filled(page: str, own: str, results: dict[str, Any]) -> str:
                 raise MissingError(f"the table '{mark[2]}'")
             rows = copied(table, source)
         else:
-            make: Callable[[Table, Results], list[list[str]]] = (
-                by_scene if "geometric mean" in table.head else over_scenes
-            )
-            rows = make(table, Results.of(results, mark[2].split(", ")))
+            over = Results.of(results, mark[2].split(", "))
+            rows = by_scene(table, over) if "geometric mean" in table.head else over_scenes(table, over)
         for number, row in enumerate(rows, table.line + 2):
             lines[number] = f"| {' | '.join(row)} |"
     return "\n".join(lines) + "\n"
