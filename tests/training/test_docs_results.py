@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The script that fills tables of docs/results.md with the numbers of an evaluation."""
 
-
 import pytest
 
 from patchnet.docs import make_results as script
