@@ -41,9 +41,8 @@ def recorded(work: Callable[[], object]) -> list[tuple[tuple[int, ...], ...]]:
 
 
 @pytest.mark.parametrize(("kind", "dtype"), [(MIXTURE, torch.float32), (PAPER, torch.bfloat16), (PAPER, torch.float32)])
-def test_products_are_those_that_torch_does(monkeypatch, kind: NetworkKind, dtype: torch.dtype) -> None:
+def test_products_are_those_that_torch_does(kind: NetworkKind, dtype: torch.dtype) -> None:
     """Those of the encoder as recorded where torch does them, and the decoder's by their sizes."""
-    monkeypatch.setattr(sliced_net, "takes", lambda *_: False)
     corpus, _ = corpus_of([training_rate._made(TrainBench(nodes=20_000, samples=2_000))], nearby=kind.mixes)
     batch = TensorBatch.of(corpus.batch(np.arange(24), Augmentation.none(24)))
     net = sliced_net.SlicedNet(Weights.random(0, kind=kind))
