@@ -70,7 +70,7 @@ def test_matrix_units_are_used_where_they_are_and_may_be(monkeypatch, allowed: s
 
 @pytest.mark.parametrize(("threads", "precision"), [(1, "auto"), (2, "fp32")])
 def test_both_kinds_are_measured(capsys, monkeypatch, threads: int, precision: str) -> None:
-    for name in ("_WARM", "_TIMES"):  # for good figures, which take long
+    for name in ("_WARM", "_TIMES", "_BEFORE"):  # for good figures, which take long
         monkeypatch.setattr(training_rate, name, 1)
     words = ["bench", "train", "--nodes", "60000", "--samples", "20000", "--repeats", "1", "--threads", str(threads)]
     words += ["--precision", precision, "--encoder-width", "64"]
