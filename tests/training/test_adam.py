@@ -132,3 +132,5 @@ def test_flat_memory_is_that_of_the_tensors() -> None:
     apart = [tensors[1], tensors[0]]  # in another order they do not lie in a row
     moved = flat_memory(apart)
     assert moved.data_ptr() != flat.data_ptr() and torch.equal(moved[:5], wanted[1] + 1)
+    turned = torch.arange(6.0).view(2, 3).t()
+    assert flat_memory([turned]).tolist() == [0, 3, 1, 4, 2, 5] and turned.is_contiguous()

@@ -38,7 +38,8 @@ def flat_memory(tensors: Sequence[Tensor]) -> Tensor:
     first, place = tensors[0], tensors[0].data_ptr()
     memory = first.untyped_storage()
     for tensor in tensors:
-        if tensor.data_ptr() != place or tensor.untyped_storage().data_ptr() != memory.data_ptr():
+        beside = tensor.data_ptr() == place and tensor.untyped_storage().data_ptr() == memory.data_ptr()
+        if not beside or not tensor.is_contiguous():
             break
         place += tensor.element_size() * tensor.numel()
     else:

@@ -22,8 +22,6 @@ from .flat_memory import MIDDLE, Sizes, flat_memory, middle_start
 from .matrix_units import SIDE, transpose_words
 from .tiled_products import TILE
 
-_middle_start = middle_start.py_func  # type: ignore[attr-defined]
-
 
 class Packed(NamedTuple):
     """Packed matrices, bits of bfloat16: tiles (columns / 16, rows / 32) of 16 lines of 16 columns' pairs.
@@ -51,7 +49,7 @@ class PackedMatrices:
         """All of them; packed anew where torch has written into the parameters, as when a checkpoint is loaded."""
         versions = [matrix._version for matrix in self._packed_from]
         if versions != self._versions:
-            pack_lines(self._flat.numpy(), 0, _middle_start(MIDDLE, self.sizes), self.sizes, self.arrays)
+            _pack_all(self._flat.numpy(), self.sizes, self.arrays)
             self._versions = versions
         return self.arrays
 
@@ -62,14 +60,13 @@ class PackedMatrices:
 
 
 @kernel
-def pack_lines(flat, first, last, sizes, packed):  # type: ignore[no-untyped-def]
-    """Pack those of the parameters `first` to `last`, excluded, that are of packed matrices, by 32 lines each."""
-    pack_piece(flat, first, last, sizes, packed)
+def _pack_all(flat, sizes, packed):  # type: ignore[no-untyped-def]
+    pack_piece(flat, 0, len(flat), sizes, packed)
 
 
 @device
 def pack_piece(flat, first, last, sizes, packed):  # type: ignore[no-untyped-def]
-    """The same, for kernels."""
+    """Pack those of the parameters `first` to `last`, excluded, that are of packed matrices, by 32 lines each."""
     values, width = sizes.values, sizes.width
     lines = values * width
     for s in range(SLICES):

@@ -40,7 +40,10 @@ class Learner:
 
     def multiplies_in_units(self, dtype: torch.dtype) -> bool:
         """Whether gradients by products of the encoder in `dtype` are computed in the processor's matrix units."""
-        return self._tiled is not None and dtype == torch.bfloat16
+        return self._tiled_for(dtype) is not None
+
+    def _tiled_for(self, dtype: torch.dtype) -> TiledStep | None:
+        return self._tiled if dtype == torch.bfloat16 else None
 
     def gradients(self, batch: Batch | TensorBatch, dtype: torch.dtype, share: float = 1.0) -> tuple[Tensor, Tensor]:
         """Gradient (n,) of the loss of a batch, all parameters' in a row, and its sums (3,) for `mean_errors`.
@@ -50,8 +53,9 @@ class Learner:
         threads may work on parts of a step.
         """
         if isinstance(batch, Batch):
-            if self._tiled is not None and dtype == torch.bfloat16:
-                return self._tiled.gradients(batch, share)
+            tiled = self._tiled_for(dtype)
+            if tiled is not None:
+                return tiled.gradients(batch, share)
             batch = TensorBatch.of(batch)
         with float32_products(self.device, tf32=self.settings.precision == TF32):
             predicted = self.model(batch, dtype)
