@@ -130,7 +130,8 @@ def build_lit_octree(
             octree = yield from build(
                 surface, replace(choice, grid=grid), shade, settings, light, _provenance(recipe, state) | notes
             )
-    warnings = (*source.warnings, *choice.warnings, *assumed)
+    own_color = recipe.unlit or not settings.light.is_baked
+    warnings = (*source.warnings, *(source.color_warnings if own_color else ()), *choice.warnings, *assumed)
     return LitOctree(octree, choice.layout, light, source, state, warnings)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from .images import usable
 from .node_links import Input, Output, source
-from .node_terms import WHITE, ColorTerm, NodeEvaluator, NotUnderstoodError, TextureUse, rgb
+from .node_terms import WHITE, ColorTerm, NodeEvaluator, NotUnderstoodError, TextureUse, Transform, rgb
 
 
 def texture_use(values: NodeEvaluator, output: Output) -> TextureUse:
@@ -21,26 +21,31 @@ def texture_use(values: NodeEvaluator, output: Output) -> TextureUse:
         raise NotUnderstoodError(f"{name} (missing, empty or tiled)")
     if node.projection != "FLAT":
         raise NotUnderstoodError(f"the {node.projection.lower()} projection of image '{node.image.name}'")
-    return TextureUse(node.image, node.extension, _uv_transform(values, output.input("Vector")))
+    closest = node.interpolation == "Closest"
+    return TextureUse(node.image, node.extension, *_uv_transform(output.input("Vector")), closest)
 
 
-def _uv_transform(
-    values: NodeEvaluator, at: Input
-) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
-    """Transform from the mesh's UV map to texture coordinates; None for the map itself."""
+def _uv_transform(at: Input) -> tuple[Transform | None, str]:
+    """Transform from a UV map to texture coordinates, None for the map itself, and the map's name."""
     found = source(at)
-    if isinstance(found, Input) or (found.node.type == "TEX_COORD" and found.socket.name == "UV"):
-        return None
-    if found.node.type in ("UVMAP", "ATTRIBUTE"):
-        return None  # by name: nearly always the map that renders
-    if found.node.type != "MAPPING":
-        raise NotUnderstoodError(f"texture coordinates from node '{found.node.name}'")
-    inner = _uv_transform(values, found.input("Vector"))
-    matrix = _mapping_matrix(found)
-    if inner is not None:
-        matrix = matrix @ np.vstack([inner, [0, 0, 1]])
-    (a, b, c), (d, e, f) = matrix[:2]
-    return (float(a), float(b), float(c)), (float(d), float(e), float(f))
+    if isinstance(found, Input):
+        return None, ""
+    node = found.node
+    if node.type == "MAPPING":
+        inner, uv_map = _uv_transform(found.input("Vector"))
+        matrix = _mapping_matrix(found)
+        if inner is not None:
+            matrix = matrix @ np.vstack([inner, [0, 0, 1]])
+        (a, b, c), (d, e, f) = matrix[:2]
+        return ((float(a), float(b), float(c)), (float(d), float(e), float(f))), uv_map
+    if not getattr(node, "from_instancer", False):
+        if node.type == "TEX_COORD" and found.socket.name == "UV":
+            return None, ""
+        if node.type == "UVMAP":
+            return None, node.uv_map
+    if node.type == "ATTRIBUTE" and node.attribute_type == "GEOMETRY" and found.socket.name in ("Vector", "Color"):
+        return None, node.attribute_name
+    raise NotUnderstoodError(f"texture coordinates from node '{node.name}'")
 
 
 def _mapping_matrix(output: Output) -> np.ndarray:

@@ -42,7 +42,8 @@ class Gloss:
     @property
     def is_glossy(self) -> bool:
         """Return whether a bake of diffuse light and emission leaves out most of what it shows."""
-        return self.glossy > 0.0 and self.shine <= 0.0 and self.glossy + self.clear >= self.diffuse
+        other = self.glossy + self.clear
+        return other > 0.0 and self.shine <= 0.0 and other >= self.diffuse
 
     @property
     def is_clear(self) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from ...patchnet_addon.surface.chroma import REC709
 
 CHANNELS = {"R": 0, "G": 1, "B": 2, "A": 3}
+_SQUARES_SIDE = 512  # of images whose texels are squares, at least half of it
 _RAW_SPACES = frozenset({"Non-Color", "Raw"})
 
 
@@ -18,6 +19,7 @@ class ImageReader:
     def __init__(self) -> None:
         self._colors: dict[str, np.ndarray] = {}
         self._channels: dict[tuple[str, str], np.ndarray] = {}
+        self._squares: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
     def color(self, image: bpy.types.Image) -> np.ndarray:
         """(H, W, 3) float32, linear; row 0 at v = 0."""
@@ -35,6 +37,14 @@ class ImageReader:
             values = color @ REC709 if channel == "Y" else color[..., CHANNELS[channel]]
             self._channels[key] = np.ascontiguousarray(values[..., None])
         return self._channels[key]
+
+    def squares(self, pixels: np.ndarray) -> np.ndarray:
+        """Enlarge small pixels (H, W, C) so that bilinear lookups show them as squares, as Closest interpolation."""
+        if id(pixels) not in self._squares:
+            times = _SQUARES_SIDE // max(pixels.shape[:2])
+            large = pixels.repeat(times, axis=0).repeat(times, axis=1) if times > 1 else pixels
+            self._squares[id(pixels)] = pixels, large
+        return self._squares[id(pixels)][1]
 
     def mean(self, image: bpy.types.Image) -> np.ndarray:
         """Mean colour (3,), linear."""

@@ -9,6 +9,8 @@ import bpy
 
 # The layer that holds generated coordinates, which belong to a mesh and its texture space.
 GENERATED = "patchnet_generated"
+# The layer that holds a mesh's default colour attribute, which a Color Attribute node without a name reads.
+DEFAULT_COLOR = "patchnet_default_color"
 # Textures that take generated coordinates if nothing else is linked to them.
 GENERATED_BY_DEFAULT = frozenset(
     {
@@ -35,16 +37,32 @@ def layer_names(material: bpy.types.Material) -> frozenset[str]:
     for node in all_nodes(tree):
         if node.type in _NAME_PROPERTY:
             names.add(getattr(node, _NAME_PROPERTY[node.type]))
-        elif needs_generated(node):
+        if needs_generated(node):
             names.add(GENERATED)
+        elif asks_default_color(node):
+            names.add(DEFAULT_COLOR)
     return frozenset(names - {""})
 
 
+def asks_default_color(node: bpy.types.Node) -> bool:
+    """Return whether a node reads the mesh's default colour attribute."""
+    return node.type == "VERTEX_COLOR" and not node.layer_name
+
+
 def needs_generated(node: bpy.types.Node) -> bool:
-    """Return whether a node yields or takes generated coordinates."""
+    """Return whether a node yields or takes generated coordinates, or a tangent that is made of them."""
     if node.type == "TEX_COORD":
-        return node.outputs["Generated"].is_linked
+        return node.outputs["Generated"].is_linked and not node.from_instancer
+    if asks_tangent(node):
+        return True
     return node.type in GENERATED_BY_DEFAULT and not node.inputs["Vector"].is_linked
+
+
+def asks_tangent(node: bpy.types.Node) -> bool:
+    """Return whether a node yields a tangent around an axis of the generated coordinates."""
+    if node.type == "NEW_GEOMETRY":
+        return node.outputs["Tangent"].is_linked
+    return node.type == "TANGENT" and node.direction_type == "RADIAL"
 
 
 def shader_tree(material: bpy.types.Material) -> bpy.types.NodeTree | None:

@@ -9,7 +9,8 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import GeometryError
-from .layer_names import GENERATED
+from .images import srgb_to_linear
+from .layer_names import DEFAULT_COLOR, GENERATED
 
 _NORMAL_SCALE = 32767.0
 
@@ -113,26 +114,55 @@ def _layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
         return _generated(mesh)
     if name in mesh.uv_layers:
         return _uvs(mesh.uv_layers[name], len(mesh.loops))
-    attribute = mesh.attributes.get(name)
+    attribute = mesh.attributes.get(mesh.attributes.default_color_name if name == DEFAULT_COLOR else name)
     if attribute is None or attribute.data_type not in _ATTRIBUTE_KINDS:
         return None
-    key, width = _ATTRIBUTE_KINDS[attribute.data_type]
-    values = _read(attribute.data, key, (len(attribute.data), width), np.float32)
-    if attribute.domain == "POINT":
+    key, width, dtype = _ATTRIBUTE_KINDS[attribute.data_type]
+    values = _read(attribute.data, key, (len(attribute.data), width), dtype)
+    if attribute.domain == "EDGE":
+        values = _at_vertices(mesh, values, attribute)
+    values = values.astype(np.float32)
+    if attribute.domain in ("POINT", "EDGE"):
         return values[_vertex_of_loop(mesh)]
     if attribute.domain == "FACE":
         return np.repeat(values, _read(mesh.polygons, "loop_total", (len(mesh.polygons),), np.int32), axis=0)
     return values if attribute.domain == "CORNER" else None
 
 
-# Data type of an attribute -> key of its values and their width.
-_ATTRIBUTE_KINDS = {
-    "FLOAT": ("value", 1),
-    "FLOAT_VECTOR": ("vector", 3),
-    "FLOAT2": ("vector", 2),
-    "FLOAT_COLOR": ("color", 4),
-    "BYTE_COLOR": ("color", 4),
+# Data type of an attribute that Cycles evaluates -> key of its values, their width and type.
+_ATTRIBUTE_KINDS: dict[str, tuple[str, int, type]] = {
+    "FLOAT": ("value", 1, np.float32),
+    "INT": ("value", 1, np.int32),
+    "INT8": ("value", 1, np.int8),
+    "BOOLEAN": ("value", 1, np.bool_),
+    "FLOAT_VECTOR": ("vector", 3, np.float32),
+    "FLOAT2": ("vector", 2, np.float32),
+    "FLOAT_COLOR": ("color", 4, np.float32),
+    "BYTE_COLOR": ("color", 4, np.float32),
+    "QUATERNION": ("value", 4, np.float32),
+    "FLOAT4": ("vector", 4, np.float32),
 }
+
+
+def _at_vertices(mesh: bpy.types.Mesh, values: np.ndarray, attribute: bpy.types.Attribute) -> np.ndarray:
+    """Means (V, C) at vertices of an attribute's values (E, C) at edges, as Blender mixes its type."""
+    if attribute.data_type == "BYTE_COLOR":
+        values = _read(attribute.data, "color_srgb", values.shape, np.float32)
+    ends = _read(mesh.edges, "vertices", (len(mesh.edges), 2), np.int32)
+    sums, counts = np.zeros((len(mesh.vertices), values.shape[1]), np.float32), np.zeros(len(mesh.vertices), np.float32)
+    np.add.at(sums, ends, values[:, None])
+    np.add.at(counts, ends, 1.0)
+    means: np.ndarray = sums / np.maximum(counts, 1.0)[:, None]
+    match attribute.data_type:
+        case "BOOLEAN":
+            return means > 0.0
+        case "INT" | "INT8":
+            return np.floor(means + np.float32(0.5))
+        case "BYTE_COLOR":
+            return np.concatenate([srgb_to_linear(means[:, :3]), means[:, 3:]], axis=1)
+        case "QUATERNION":
+            return means / np.maximum(np.linalg.norm(means, axis=1, keepdims=True), 1e-30)
+    return means
 
 
 def _generated(mesh: bpy.types.Mesh) -> np.ndarray:

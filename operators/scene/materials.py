@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import bpy
 import numpy as np
@@ -14,13 +14,15 @@ from ...patchnet_addon.surface.mesh import Material, Texture
 from .images import ImageReader
 from .layer_names import shader_tree
 from .node_links import Input, Output, source
-from .node_terms import ColorTerm, NotUnderstoodError, NumberTerm, Rgb
+from .node_terms import ColorTerm, NotUnderstoodError, NumberTerm, Rgb, TextureUse
 from .node_values import NodeValues
 
 _DEFAULT_COLOR: Rgb = (0.8, 0.8, 0.8)
 _BLACK: Rgb = (0.0, 0.0, 0.0)
 _Term = TypeVar("_Term", ColorTerm, NumberTerm)
 _MAX_EMISSION = 1e6  # W/m2; more can only be a mistake
+_HALF = 0.5  # opacity from which on a surface is there
+_PARTLY, _MUCH = (0.1, 0.9), 0.25  # opacities that are neither, and the share of texels from which on users are told
 
 
 @dataclass(frozen=True)
@@ -33,36 +35,75 @@ class _Surface:
     transparent: bool = False
 
 
-def read_material(material: bpy.types.Material, images: ImageReader) -> tuple[Material, str | None]:
-    """Read the view-independent part of a material, and one sentence if something in it had to be simplified.
+class MaterialReading(NamedTuple):
+    """Material, and one sentence each on what was simplified: of its shape and opacity, and of its colours.
 
-    What is not understood takes its default value: base colour 0.8, opaque, no emission.
+    A bake takes its colours from Cycles, so that `color_note` is for what shows a surface's own colour.
+    """
+
+    material: Material
+    note: str | None = None
+    color_note: str | None = None
+
+
+def read_material(material: bpy.types.Material, images: ImageReader) -> MaterialReading:
+    """Read the view-independent part of a material.
+
+    What is not understood takes its default value: base colour 0.8, opaque, no emission. Without an output for Cycles
+    it is black, as Cycles shows it.
     """
     name = material.name
     tree = shader_tree(material)
     if tree is None:
-        r, g, b, alpha = material.diffuse_color
-        return Material(name, base_color=(r, g, b), alpha=alpha), None
-    walk = _Walk(NodeValues(images))
-    output = _output(tree)
-    only_volume = output is not None and output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked
-    if output is None or only_volume:  # a mist box is no wall
+        r, g, b, _ = material.diffuse_color  # its alpha is for viewports
+        return MaterialReading(Material(name, base_color=(r, g, b)))
+    output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    if output is None:
+        note = f"Material '{name}' is black, as in Cycles: no Material Output of it is for Cycles"
+        return MaterialReading(Material(name, base_color=_BLACK), note)
+    walk = _Walk(images)
+    if output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked:  # a mist box is no wall
         surface = _Surface(transparent=True, alpha=NumberTerm(0.0))
     else:
         surface = walk.surface(Input(output.inputs["Surface"]))
         if material.displacement_method != "BUMP" and output.inputs["Displacement"].is_linked:
             walk.values.notes.append("its displacement moves no voxels, unlike a Displace modifier")
-    result = _material(name, surface, images)
-    notes = list(dict.fromkeys(walk.values.notes))
-    return result, f"Material '{name}' is simplified: {'; '.join(notes)}" if notes else None
+    result = _material(name, surface, walk.colors)
+    return MaterialReading(result, _simplified(name, walk.values.notes), _simplified(name, walk.colors.notes))
 
 
-def _output(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
-    return tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+def _simplified(name: str, notes: list[str]) -> str | None:
+    return f"Material '{name}' is simplified: {'; '.join(dict.fromkeys(notes))}" if notes else None
 
 
-def _material(name: str, surface: _Surface, images: ImageReader) -> Material:
-    alpha, base = surface.alpha, surface.base
+def is_partly_transparent(material: Material) -> bool:
+    """Return whether much of a material is neither opaque nor transparent; soft edges of cut-outs are not much."""
+    if material.alpha_threshold is not None:
+        return False
+    low, high = _PARTLY
+    if material.alpha_texture is None:
+        return low < material.alpha < high
+    alpha = material.alpha * material.alpha_texture.pixels
+    partly = np.count_nonzero((alpha > low) & (alpha < high))
+    return bool(partly > _MUCH * max(np.count_nonzero(alpha > low), 1))
+
+
+def as_cut_out(material: Material) -> Material:
+    """Make a voxel's surface opaque or none: what is less than half opaque is left out."""
+    if material.alpha_threshold is not None:
+        return material
+    if material.alpha_texture is None:
+        return replace(material, alpha=float(material.alpha >= _HALF))
+    return replace(material, alpha_threshold=_HALF)
+
+
+def _material(name: str, surface: _Surface, colors: NodeValues) -> Material:
+    alpha, base, images = surface.alpha, surface.base, colors.images
+    if base.texture and alpha.texture and base.texture.uv_map != alpha.texture.uv_map:
+        name = base.texture.image.name
+        colors.notes.append(f"image '{name}' counts by its mean color, since its opacity lies on another UV map")
+        base = ColorTerm(colors.constant_color(base))
+    uv_map = next((term.texture.uv_map for term in (base, alpha) if term.texture), "")
     threshold = alpha.threshold
     opacity = alpha.offset
     texture = None
@@ -72,11 +113,10 @@ def _material(name: str, surface: _Surface, images: ImageReader) -> Material:
         opacity = 1.0
         if (alpha.scale, alpha.offset) != (1.0, 0.0):
             pixels = np.clip(pixels * np.float32(alpha.scale) + np.float32(alpha.offset), 0.0, 1.0)
-        texture = Texture(alpha.texture.image.name, pixels, alpha.texture.wrap, alpha.texture.transform)
+        texture = _texture(alpha.texture, pixels, images)
     base_texture = None
     if base.texture is not None:
-        pixels = images.color(base.texture.image)
-        base_texture = Texture(base.texture.image.name, pixels, base.texture.wrap, base.texture.transform)
+        base_texture = _texture(base.texture, images.color(base.texture.image), images)
     return Material(
         name=name,
         base_color=base.factor,
@@ -85,14 +125,23 @@ def _material(name: str, surface: _Surface, images: ImageReader) -> Material:
         alpha_texture=texture,
         alpha_threshold=None if alpha.constant else threshold,
         emission=surface.emission,
+        uv_map=uv_map,
     )
 
 
-class _Walk:
-    """Walk along shaders from the material's output towards the BSDFs."""
+def _texture(use: TextureUse, pixels: np.ndarray, images: ImageReader) -> Texture:
+    """Texture of an image's pixels (H, W, C)."""
+    return Texture(use.image.name, images.squares(pixels) if use.closest else pixels, use.wrap, use.transform)
 
-    def __init__(self, values: NodeValues) -> None:
-        self.values = values
+
+class _Walk:
+    """Walk along shaders from the material's output towards the BSDFs.
+
+    values: evaluates opacity and what mixes shaders, colors: base colour and emission; each has notes of its own.
+    """
+
+    def __init__(self, images: ImageReader) -> None:
+        self.values, self.colors = NodeValues(images), NodeValues(images)
 
     def surface(self, at: Input) -> _Surface:
         """Evaluate a shader input to what it shows; unlinked it is black."""
@@ -114,44 +163,41 @@ class _Walk:
             return _Surface(base=self._base(found.input("Color")))
         if "Base Color" in node.inputs:
             return _Surface(base=self._base(found.input("Base Color")))
-        self.values.notes.append(f"shader '{node.name}' is taken as gray")
+        if node.bl_idname == "NodeUndefined":
+            self.values.notes.append(f"node '{node.name}' is of a missing add-on, and black as in Cycles")
+            return _Surface()
+        self.colors.notes.append(f"shader '{node.name}' is taken as gray")
         return _Surface(base=ColorTerm(_DEFAULT_COLOR))
 
     def _principled(self, output: Output) -> _Surface:
         return _Surface(
             base=self._base(output.input("Base Color")),
-            alpha=self._number(output.input("Alpha"), "opacity", 1.0),
+            alpha=self._number(self.values, output.input("Alpha"), "opacity", 1.0),
             emission=self._emission(output, "Emission Color", "Emission Strength"),
         )
 
     def _base(self, at: Input) -> ColorTerm:
-        return self._understood(lambda: self.values.color(at), "its base color", ColorTerm(_DEFAULT_COLOR))
+        return _understood(self.colors, lambda: self.colors.color(at), "its base color", ColorTerm(_DEFAULT_COLOR))
 
-    def _number(self, at: Input, what: str, default: float) -> NumberTerm:
-        return self._understood(lambda: self.values.number(at), f"its {what}", NumberTerm(default))
+    def _number(self, values: NodeValues, at: Input, what: str, default: float) -> NumberTerm:
+        return _understood(values, lambda: values.number(at), f"its {what}", NumberTerm(default))
 
     def _emission(self, output: Output, color: str, strength: str) -> Rgb:
-        factor = self._number(output.input(strength), "emission strength", 1.0)
+        factor = self._number(self.colors, output.input(strength), "emission strength", 1.0)
         if not factor.constant:
-            self.values.notes.append("the texture of its emission strength is left out")
+            self.colors.notes.append("the texture of its emission strength is left out")
             factor = NumberTerm(factor.offset + 0.5 * factor.scale)
         if factor.offset <= 0.0:
             return _BLACK
-        term = self._understood(lambda: self.values.color(output.input(color)), "its emission color", ColorTerm())
+        colors = self.colors
+        term = _understood(colors, lambda: colors.color(output.input(color)), "its emission color", ColorTerm())
         if term.texture is not None:
-            self.values.notes.append("the texture of its emission counts by its mean color")
-        r, g, b = (min(max(each * factor.offset, 0.0), _MAX_EMISSION) for each in self.values.constant_color(term))
+            colors.notes.append("the texture of its emission counts by its mean color")
+        r, g, b = (min(max(each * factor.offset, 0.0), _MAX_EMISSION) for each in colors.constant_color(term))
         return r, g, b
 
-    def _understood(self, read: Callable[[], _Term], what: str, default: _Term) -> _Term:
-        try:
-            return read()
-        except NotUnderstoodError as cause:
-            self.values.notes.append(f"{what} depends on {cause}, so that the default value counts")
-            return default
-
     def _mix(self, output: Output) -> _Surface:
-        factor = self._number(output.input(0), "shader mix", 0.5)
+        factor = self._number(self.values, output.input(0), "shader mix", 0.5)
         first, second = self.surface(output.input(1)), self.surface(output.input(2))
         if factor.constant and factor.offset <= 0.0:
             return first
@@ -164,7 +210,7 @@ class _Walk:
         if second.transparent:
             return replace(first, alpha=self._alpha(first.alpha, factor.affine(-1.0, 1.0)))
         if not factor.constant:
-            self.values.notes.append("the texture that mixes its shaders is left out")
+            self.colors.notes.append("the texture that mixes its shaders is left out")
         return self._blend(first, second, factor.offset if factor.constant else 0.5)
 
     def _alpha(self, alpha: NumberTerm, factor: NumberTerm) -> NumberTerm:
@@ -189,7 +235,7 @@ class _Walk:
             if light.base.factor == _BLACK:
                 base = base.scaled((share,) * 3)
             else:
-                self.values.notes.append("the lesser of its mixed shaders is left out")
+                self.colors.notes.append("the lesser of its mixed shaders is left out")
         return replace(first if weight < 0.5 else second, base=base, emission=(r, g, b))
 
     def _add(self, first: _Surface, second: _Surface) -> _Surface:
@@ -205,5 +251,13 @@ class _Walk:
                 x, y, z = (a + c for a, c in zip(base.factor, lesser.base.factor, strict=True))
                 base = ColorTerm((x, y, z))
             else:
-                self.values.notes.append("one of its added shaders is left out")
+                self.colors.notes.append("one of its added shaders is left out")
         return replace(first, base=base, emission=(r, g, b))
+
+
+def _understood(values: NodeValues, read: Callable[[], _Term], what: str, default: _Term) -> _Term:
+    try:
+        return read()
+    except NotUnderstoodError as cause:
+        values.notes.append(f"{what} depends on {cause}, so that the default value counts")
+        return default

@@ -18,13 +18,21 @@ Rgb = tuple[float, float, float]
 WHITE: Rgb = (1.0, 1.0, 1.0)
 
 
+Transform = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
 @dataclass(frozen=True)
 class TextureUse:
-    """Image and how it lies on the surface: uv' = transform (2, 3) of (u, v, 1); wrap: the node's `extension`."""
+    """Image and how it lies on the surface: uv' = transform (2, 3) of (u, v, 1); wrap: the node's `extension`.
+
+    uv_map: name of the UV map or attribute, "" for the one that renders. closest: texels are squares of one colour.
+    """
 
     image: bpy.types.Image
     wrap: str = "REPEAT"
-    transform: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+    transform: Transform | None = None
+    uv_map: str = ""
+    closest: bool = False
 
 
 @dataclass(frozen=True)

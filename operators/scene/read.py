@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -11,17 +11,18 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError, SettingError
+from ...patchnet_addon.runtime.wording import named_list
 from ...patchnet_addon.surface.mesh import Material
 from ..schema.table import SELECTED, VISIBLE
 from ..state.unsteady import origin_of_corners
 from .gloss import Gloss, read_gloss
 from .images import ImageReader
+from .instance_values import Asked, InstanceReader, asked_values
 from .layer_names import layer_names
 from .light_links import LightLinks
 from .local_mesh import LocalMesh, read_local_mesh
-from .materials import read_material
+from .materials import MaterialReading, as_cut_out, is_partly_transparent, read_material
 from .missing_files import missing_files, missing_libraries
-from .object_random import object_random
 from .render_geometry import render_geometry
 from .scene_mesh import MeshInstances, SceneMesh
 from .surface_instances import surface_instances
@@ -37,19 +38,30 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMes
     """
     if scope not in (SELECTED, VISIBLE):
         raise SettingError(f"There is no scope {scope!r}: choose {SELECTED} or {VISIBLE}")
-    reader = _Reader()
+    reader = _Reader(depsgraph.scene.frame_current_final)
     with render_geometry(depsgraph):
         for instance in surface_instances(depsgraph, scope):
             reader.add(instance)
     parts = reader.parts()
     if not parts:
         raise EmptySelectionError(". ".join([_nothing(scope), *missing_libraries()]))
-    materials, gloss, warnings = reader.materials()
+    readings, gloss = reader.materials()
     in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
-    warnings = missing_files(in_use, depsgraph.scene.world) + warnings
-    warnings += _unlike_renders(depsgraph)
+    warnings = missing_files(in_use, depsgraph.scene.world)
+    warnings += [reading.note for reading in readings if reading.note]
+    warnings += _partly_transparent([reading.material for reading in readings])
+    warnings += _unlike_renders(depsgraph) + _not_found(reader.instance_reader.unknown)
     links = tuple(reader.light_links.distinct)
-    return SceneMesh(parts, materials, tuple(reader.material_names), warnings, links, gloss)
+    materials = tuple(as_cut_out(reading.material) for reading in readings)
+    color_warnings = tuple(reading.color_note for reading in readings if reading.color_note)
+    return SceneMesh(parts, materials, tuple(reader.material_names), warnings, links, gloss, color_warnings)
+
+
+def _partly_transparent(materials: Sequence[Material]) -> list[str]:
+    """Sentence about materials that are partly transparent."""
+    listed = named_list(material.name for material in materials if is_partly_transparent(material))
+    what = "partly transparent: where less than half opaque it is left out, elsewhere it is solid"
+    return [f"Material {listed} is {what}; Refine with Cycles shows it"] if listed else []
 
 
 def _unlike_renders(depsgraph: bpy.types.Depsgraph) -> list[str]:
@@ -70,6 +82,14 @@ def _unlike_renders(depsgraph: bpy.types.Depsgraph) -> list[str]:
     return said
 
 
+def _not_found(names: set[str]) -> list[str]:
+    """Sentence about attributes of objects and instances that materials ask for in vain."""
+    if not names:
+        return []
+    listed = named_list(sorted(names))
+    return [f"Materials ask objects or instances for {listed}, which none was found to have: it counts as 0"]
+
+
 def _nothing(scope: str) -> str:
     if scope == SELECTED:
         return "No selected object has a surface: select a mesh, curve or text, or choose all visible objects"
@@ -83,9 +103,7 @@ class _Placed:
     name: str
     matrix_world: np.ndarray
     slots: tuple[int, ...]
-    random: float
-    color: tuple[float, ...]
-    index: int
+    values: dict[Asked, tuple[float, ...]]
     links: int
 
     def padded_slots(self, width: int) -> tuple[int, ...]:
@@ -96,11 +114,12 @@ class _Placed:
 class _Reader:
     """Collector of instances; each mesh and each material once."""
 
-    def __init__(self) -> None:
+    def __init__(self, frame: float) -> None:
         self.material_names: dict[str, int] = {}
         self.light_links = LightLinks()
+        self.instance_reader = InstanceReader(frame)
         self._meshes: dict[tuple[object, ...], LocalMesh | None] = {}
-        self._layer_names: dict[str, frozenset[str]] = {}
+        self._needs: dict[str, tuple[frozenset[str], frozenset[Asked]]] = {}
         self._placed: dict[tuple[object, ...], list[_Placed]] = {}
 
     def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
@@ -115,30 +134,35 @@ class _Reader:
         if key not in self._meshes:
             with _evaluated_mesh(instance) as mesh:
                 origin = origin_of_corners(item)
-                self._meshes[key] = mesh and read_local_mesh(mesh, item.name, self._layers_of(item), origin)
+                self._meshes[key] = mesh and read_local_mesh(mesh, item.name, self._needs_of(item)[0], origin)
         if self._meshes[key] is not None:
             slots = tuple(self._material(slot.material) for slot in item.material_slots)
             self._placed.setdefault(key, []).append(
                 _Placed(
-                    item.name, matrix, slots or (self._material(None),), object_random(instance), tuple(item.color),
-                    item.pass_index, self.light_links.number(instance),
+                    item.name,
+                    matrix,
+                    slots or (self._material(None),),
+                    {asked: self.instance_reader.value(instance, asked) for asked in self._needs_of(item)[1]},
+                    self.light_links.number(instance),
                 )
-            )  # fmt: skip
+            )
 
     def _key(self, instance: bpy.types.DepsgraphObjectInstance) -> tuple[object, ...]:
         """Objects share a mesh if they share evaluated data and the layers that their materials name."""
         item = instance.object
-        return item.data.as_pointer(), self._layers_of(item)
+        return item.data.as_pointer(), self._needs_of(item)[0]
 
-    def _layers_of(self, item: bpy.types.Object) -> frozenset[str]:
-        names: frozenset[str] = frozenset()
+    def _needs_of(self, item: bpy.types.Object) -> tuple[frozenset[str], frozenset[Asked]]:
+        """Layers that the materials of an object name, and values that they ask of it."""
+        layers: frozenset[str] = frozenset()
+        values: frozenset[Asked] = frozenset()
         for slot in item.material_slots:
             if slot.material:
                 key = slot.material.original.name_full
-                if key not in self._layer_names:
-                    self._layer_names[key] = layer_names(slot.material)
-                names |= self._layer_names[key]
-        return names
+                if key not in self._needs:
+                    self._needs[key] = layer_names(slot.material), asked_values(slot.material)
+                layers, values = layers | self._needs[key][0], values | self._needs[key][1]
+        return layers, values
 
     def _material(self, material: bpy.types.Material | None) -> int:
         name = material.original.name_full if material else _NO_MATERIAL
@@ -157,25 +181,28 @@ class _Reader:
                     objects=tuple(each.name for each in placed),
                     matrices_world=np.stack([each.matrix_world for each in placed]),
                     materials=np.array([each.padded_slots(width) for each in placed], np.int32),
-                    random=np.array([each.random for each in placed]),
-                    colors=np.array([each.color for each in placed], np.float32),
-                    indices=np.array([each.index for each in placed], np.int32),
+                    values=_values(placed),
                     links=np.array([each.links for each in placed], np.int32),
                 )
             )
         return tuple(parts)
 
-    def materials(self) -> tuple[tuple[Material, ...], tuple[Gloss, ...], list[str]]:
-        """Materials and their gloss in the order of their indices, and sentences about what was simplified."""
-        images, warnings, result, gloss = ImageReader(), [], [], []
+    def materials(self) -> tuple[list[MaterialReading], tuple[Gloss, ...]]:
+        """Materials and their gloss in the order of their indices."""
+        images = ImageReader()
         library = {material.name_full: material for material in bpy.data.materials}
-        for name in self.material_names:
-            material, warning = read_material(library[name], images) if name else (Material("default"), None)
-            result.append(material)
-            gloss.append(read_gloss(library[name], images) if name else Gloss(diffuse=0.8))
-            if warning:
-                warnings.append(warning)
-        return tuple(result), tuple(gloss), warnings
+        used = [library.get(name) for name in self.material_names]
+        readings = [read_material(each, images) if each else MaterialReading(Material("default")) for each in used]
+        return readings, tuple(read_gloss(each, images) if each else Gloss(diffuse=0.8) for each in used)
+
+
+def _values(placed: Sequence[_Placed]) -> dict[str, np.ndarray]:
+    """Values (P, C) float32 of placed objects by their layer; zero where nobody asks."""
+    widths = {asked: len(value) for each in placed for asked, value in each.values.items()}
+    return {
+        asked.layer: np.array([each.values.get(asked, (0.0,) * width) for each in placed], np.float32)
+        for asked, width in sorted(widths.items())
+    }
 
 
 @contextmanager

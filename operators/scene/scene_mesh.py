@@ -24,17 +24,15 @@ class MeshInstances:
 
     mesh: the triangles in their own space. objects: (P,) names of the placed objects.
     matrices_world: (P, 4, 4) float64. materials: (P, S) int32, index into the scene's materials for each slot.
-    random: (P,) float64 in [0, 1], Cycles' random number of each object. colors: (P, 4) float32, the objects' colours.
-    indices: (P,) int32, the objects' pass indices. links: (P,) int32, index into the scene's `light_links`.
+    values: layer -> (P, C) float32, what materials ask of each object. links: (P,) int32, index into the scene's
+    `light_links`.
     """
 
     mesh: LocalMesh
     objects: tuple[str, ...]
     matrices_world: np.ndarray
     materials: np.ndarray
-    random: np.ndarray
-    colors: np.ndarray
-    indices: np.ndarray
+    values: dict[str, np.ndarray]
     links: np.ndarray
 
     @property
@@ -83,6 +81,18 @@ class Run:
         part = values[self.first : self.last]
         return self.wound(np.broadcast_to(part, (self.hi - self.lo, *part.shape)))
 
+    def uvs(self, materials: tuple[Material, ...]) -> np.ndarray:
+        """Texture coordinates (N, 3, 2) float32, of the UV map of each triangle's material."""
+        mesh = self.instances.mesh
+        none = np.zeros((len(mesh), 3, 2), np.float32)
+        uvs = self.per_corner(none if mesh.uvs is None else mesh.uvs)
+        maps = np.array([material.uv_map for material in materials], object)
+        used = np.unique(self.instances.materials[self.lo : self.hi])
+        for name in set(maps[used]) - {""}:
+            values = mesh.layers.get(name, none)[..., :2]
+            uvs = np.where((maps == name)[self.materials()][:, None, None], self.per_corner(values), uvs)
+        return uvs
+
     def wound(self, values: np.ndarray) -> np.ndarray:
         """Values (P, T, 3, C) with corners 1 and 2 exchanged where the placement is mirrored, as (N, 3, C)."""
         mirrored = self.mirrored
@@ -119,7 +129,7 @@ class SceneMesh:
     """`MeshSource` of a Blender scene; meshes are kept once; placed triangles exist only batch by batch.
 
     material_names: Blender's (full) name for each of `materials`, "" where a surface has none.
-    warnings: sentences about what is missing or was simplified.
+    warnings: sentences about what is missing or was simplified; color_warnings: those that do not matter to a bake.
     light_links: receiver collections of lamps that objects are in.
     gloss: of each of `materials`.
     """
@@ -130,6 +140,7 @@ class SceneMesh:
     warnings: list[str]
     light_links: tuple[Links, ...]
     gloss: tuple[Gloss, ...] = ()
+    color_warnings: tuple[str, ...] = ()
     bounds_world: np.ndarray = field(init=False)  # (2, 3) float64
     triangle_count: int = field(init=False)
 
@@ -154,7 +165,7 @@ class SceneMesh:
         """Triangles in batches, all in a fixed order: mesh by mesh, placement by placement."""
         first = 0
         for runs in self.runs():
-            batch = _batch(runs, first)
+            batch = _batch(runs, first, self.materials)
             yield batch
             first += len(batch)
 
@@ -185,16 +196,11 @@ def _runs(part: MeshInstances) -> Iterator[Run]:
             yield Run(part, lo, hi, int(first), int(last))
 
 
-def _batch(runs: tuple[Run, ...], first_triangle: int) -> TriangleBatch:
-    uvs = [
-        np.zeros((len(run), 3, 2), np.float32) if run.instances.mesh.uvs is None
-        else run.per_corner(run.instances.mesh.uvs)
-        for run in runs
-    ]  # fmt: skip
+def _batch(runs: tuple[Run, ...], first_triangle: int, materials: tuple[Material, ...]) -> TriangleBatch:
     names = dict.fromkeys(name for run in runs for name in run.instances.objects[run.lo : run.hi])
     return TriangleBatch(
         corners_world=np.concatenate([run.corners_world() for run in runs]),
-        uvs=np.concatenate(uvs),
+        uvs=np.concatenate([run.uvs(materials) for run in runs]),
         materials=np.concatenate([run.materials() for run in runs]).astype(np.int32),
         first_triangle=first_triangle,
         name=next(iter(names)) if len(names) == 1 else "",

@@ -16,8 +16,8 @@ def wrapped_reference(index: np.ndarray, size: int, wrap: str) -> tuple[np.ndarr
     """Texels of indices (n,) by the texture's wrap mode, and whether there is one."""
     inside = (index >= 0) & (index < size)
     everywhere = np.ones_like(inside)
-    if wrap in ("EXTEND", "CLIP"):
-        return np.clip(index, 0, size - 1), inside if wrap == "CLIP" else everywhere
+    if wrap in ("EXTEND", "CLIP", "BLACK"):
+        return np.clip(index, 0, size - 1), everywhere if wrap == "EXTEND" else inside
     if wrap == "MIRROR":
         index = index % (2 * size)
         return np.where(index < size, index, 2 * size - 1 - index), everywhere

@@ -41,6 +41,7 @@ class Material:
     alpha_texture: Texture | None = None  # multiplied with alpha
     alpha_threshold: float | None = None  # opacity becomes 0 or 1 at this value; None: partial opacity
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    uv_map: str = ""  # that its textures lie on; "" is the one that renders
 
 
 class TriangleArrays(NamedTuple):
@@ -56,7 +57,7 @@ class TriangleBatch:
     """Triangles of one placed object.
 
     corners_world: (T, 3, 3) float64, triangle, corner, axis.
-    uvs: (T, 3, 2) float32; zeros where the mesh has none.
+    uvs: (T, 3, 2) float32, of the UV map of each triangle's material; zeros where the mesh has none.
     materials: (T,) int32 into the source's `materials`.
     first_triangle: index of the batch's first triangle among all triangles of the source, in its fixed order.
     """

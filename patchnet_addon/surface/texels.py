@@ -7,7 +7,7 @@ import math
 from typing import NamedTuple
 
 from ..runtime.kernels import device
-from .textures import CLIP, EXTEND, MIRROR
+from .textures import BLACK, EXTEND, MIRROR, REPEAT
 
 # Numbers only: the compiler counts references to each array of a tuple at each use, which costs more than a lookup.
 
@@ -31,17 +31,15 @@ class MipLevel(NamedTuple):
 
 @device
 def wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
-    """Texel index by the texture's wrap mode; -1 outside of a clipped one."""
+    """Texel index by the texture's wrap mode; -1 outside of one that ends at its border."""
     if 0 <= index < size:
         return index
     if wrap == EXTEND:
         return min(max(index, 0), size - 1)
-    if wrap == CLIP:
-        return -1
     if wrap == MIRROR:
         index = index % (2 * size)
         return index if index < size else 2 * size - 1 - index
-    return index % size
+    return index % size if wrap == REPEAT else -1
 
 
 @device
@@ -67,9 +65,11 @@ def bilinear(texels, level, u, v):  # type: ignore[no-untyped-def]
         weight_y = fy if dy else 1.0 - fy
         for dx in range(2):
             column = wrapped(int(left) + dx, level.width, level.wrap)
-            if row < 0 or column < 0:
-                continue
             weight = weight_y * (fx if dx else 1.0 - fx)
+            if row < 0 or column < 0:
+                if level.wrap == BLACK:
+                    opacity += weight
+                continue
             texel = level.offset + row * level.width + column
             premultiplied += weight * texels[texel, 0]
             opacity += weight * texels[texel, 1]

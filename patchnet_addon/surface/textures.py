@@ -17,8 +17,9 @@ import numpy as np
 from .chroma import REC709
 from .mesh import Material, Texture
 
-REPEAT, EXTEND, MIRROR, CLIP = range(4)
-WRAP_MODES = {"REPEAT": REPEAT, "EXTEND": EXTEND, "MIRROR": MIRROR, "CLIP": CLIP}
+REPEAT, EXTEND, MIRROR, CLIP, BLACK = range(5)
+# Outside of a clipped image there is nothing where it holds opacity, and black where it holds colour alone.
+WRAP_MODES = {"REPEAT": REPEAT, "EXTEND": EXTEND, "MIRROR": MIRROR, "CLIP": CLIP, "BLACK": BLACK}
 CUT_SAMPLES = 4  # along a texel that a threshold cuts
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
@@ -90,7 +91,8 @@ class TextureTable:
             if key not in numbers:
                 numbers[key] = len(levels)
                 levels.append(_mip_chain(material, color))
-                styles.append(main)
+                black = main.wrap == "CLIP" and material.alpha_texture is None
+                styles.append(replace(main, wrap="BLACK") if black else main)
             return numbers[key]
 
         parts = [_parts(material) for material in materials]

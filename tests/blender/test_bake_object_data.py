@@ -2,6 +2,7 @@
 """Joined triangles show what their materials ask of each object: coordinates, random numbers, colours, back sides."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import bpy
 import numpy as np
@@ -16,7 +17,7 @@ from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments
-from patchnet.tests.blender.light_scene import SQUARE
+from patchnet.tests.blender.light_scene import SQUARE, assert_agrees, compare, link, mesh, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
@@ -173,27 +174,200 @@ def test_what_is_lost_is_named() -> None:
     assert "'Glow'" in warning and "'Texture Coordinate'" in warning
 
 
-def test_vertex_colors_and_other_attributes() -> None:
-    def attribute(name: str) -> Callable[[bpy.types.NodeTree], bpy.types.NodeSocket]:
-        def color(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-            node = tree.nodes.new("ShaderNodeAttribute")
-            node.attribute_name = name
-            return node.outputs["Color"]
+ATTRIBUTE_TYPES = {  # key of the values and their width
+    "FLOAT": ("value", 1), "INT": ("value", 1), "INT8": ("value", 1), "BOOLEAN": ("value", 1), "FLOAT2": ("vector", 2),
+    "FLOAT_VECTOR": ("vector", 3), "FLOAT_COLOR": ("color", 4), "BYTE_COLOR": ("color", 4), "QUATERNION": ("value", 4),
+    "FLOAT4": ("vector", 4),
+}  # fmt: skip
 
-        return color
 
-    for index, (name, kind, key, domain, value) in enumerate(
-        [
-            ("Paint", "FLOAT_COLOR", "color", "CORNER", (0.2, 0.4, 0.6, 1.0)),
-            ("Wet", "FLOAT", "value", "FACE", (0.35,)),
-            ("Flow", "FLOAT_VECTOR", "vector", "POINT", (0.1, 0.9, 0.3)),
-        ]
-    ):
-        item = square(name, glowing(attribute(name)))
-        item.location.x = 5 * index
-        layer = item.data.attributes.new(name, kind, domain)
-        layer.data.foreach_set(key, np.array(value * len(layer.data), np.float32))
-    source, atlas = baked(0.5)
-    _, values = at_points(source, atlas)
-    expected = [REC709 @ (0.2, 0.4, 0.6), 0.35, REC709 @ (0.1, 0.9, 0.3)]
-    np.testing.assert_allclose(values.reshape(3, -1), np.repeat(np.array(expected)[:, None], 8, 1), rtol=1e-3)
+def read_by(kind: str, output: str = "Color", **settings: object) -> Callable[[bpy.types.NodeTree], object]:
+    """An output of a new node with these settings."""
+
+    def socket(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+        node = tree.nodes.new(f"ShaderNode{kind}")
+        for name, value in settings.items():
+            setattr(node, name, value)
+        return node.outputs[output]
+
+    return socket
+
+
+def painted(name: str, kind: str, domain: str, seed: int = 0) -> bpy.types.Object:
+    """A square of 2 x 2 faces with an attribute of random values."""
+    item = square(name, bpy.data.materials.new("To be replaced"))
+    mesh = item.data
+    mesh.clear_geometry()
+    places = np.linspace(-1.0, 1.0, 3)
+    mesh.from_pydata([(x, y, 0.0) for y in places for x in places], [],
+                     [(k, k + 1, k + 4, k + 3) for k in (0, 1, 3, 4)])  # fmt: skip
+    corners = np.array([vertex.co[:2] for vertex in mesh.vertices])[[loop.vertex_index for loop in mesh.loops]]
+    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", ((corners + 1) / 2).astype(np.float32).ravel())
+    layer = mesh.attributes.new(name, kind, domain)
+    key, width = ATTRIBUTE_TYPES[kind]
+    values = np.random.default_rng(seed).uniform(0.1, 1.0, (len(layer.data), width)).astype(np.float32)
+    if kind in ("INT", "INT8", "BOOLEAN"):
+        values = (values * 3).astype({"INT": np.int32, "INT8": np.int8}.get(kind, np.int32))
+        values = values > 1 if kind == "BOOLEAN" else values
+    layer.data.foreach_set(key, values.ravel())
+    return item
+
+
+def assert_as_cycles(items: list[bpy.types.Object], tolerance: float = 0.02) -> None:
+    """Baked together, objects show what Cycles bakes of each alone."""
+    bpy.context.view_layer.update()
+    source, atlas = baked(0.03)
+    points, values = at_points(source, atlas)
+    owners = np.split(np.arange(len(points)), len(items))
+    for item, mine in zip(items, owners, strict=True):
+        expected = own_bake(item)
+        local = points[mine] - np.array(item.matrix_world.translation)
+        texel = ((local[:, :2] + 1) / 2 * 64).astype(int)
+        expected = expected[texel[:, 1], texel[:, 0]]
+        np.testing.assert_allclose(values[mine], expected, rtol=tolerance, atol=tolerance * max(expected.max(), 0.1))
+        assert expected.max() > 0.01
+
+
+@pytest.mark.parametrize("domain", ["POINT", "EDGE", "FACE", "CORNER"])
+@pytest.mark.parametrize("kind", ATTRIBUTE_TYPES)
+def test_attributes_of_all_types_on_all_domains(kind: str, domain: str) -> None:
+    if kind not in bpy.types.Attribute.bl_rna.properties["data_type"].enum_items:
+        pytest.skip(f"this Blender has no attributes of type {kind}")
+    item = painted("Mask", kind, domain)
+    item.data.materials[0] = glowing(read_by("Attribute", attribute_name="Mask"))
+    assert_as_cycles([item])
+
+
+def test_attributes_of_one_name_and_two_types() -> None:
+    """A number on one mesh and a colour on the other, read by one material."""
+    items = [painted("Mask", kind, "POINT", seed) for seed, kind in enumerate(("FLOAT", "FLOAT_COLOR"))]
+    items[1].location.x = 3.0
+    material = glowing(read_by("Attribute", attribute_name="Mask"))
+    for item in items:
+        item.data.materials[0] = material
+    assert_as_cycles(items)
+
+
+@pytest.mark.parametrize("kind", ["BYTE_COLOR", "FLOAT_COLOR"])
+def test_color_attribute_without_a_name_is_the_default_one(kind: str) -> None:
+    """As Blender's glTF importer makes it. The default colour attribute is not the active one, and its name differs."""
+    items = [painted(name, kind, "CORNER", seed) for seed, name in enumerate(("Color", "Paint"))]
+    items[1].location.x = 3.0
+    material = glowing(read_by("VertexColor"))
+    for item in items:
+        colors = item.data.color_attributes
+        other = colors.new("Other", kind, "POINT")
+        other.data.foreach_set("color", np.full(4 * len(other.data), 0.9, np.float32))
+        colors.active_color = other
+        colors.render_color_index = 0
+        item.data.materials[0] = material
+    assert_as_cycles(items)
+
+
+def test_more_uv_maps_than_a_mesh_takes_by_its_own_operator() -> None:
+    """Twelve objects whose materials read twelve maps, one of them as a tangent."""
+    items = []
+    for number in range(12):
+        item = square(f"Plate {number}", bpy.data.materials.new("To be replaced"))
+        layer = item.data.uv_layers.new(name=f"map {number}")
+        layer.uv.foreach_set("vector", np.array([0.2, 0.9, 0.4, 0.1, 0.8, 0.3, 0.9, 0.7], np.float32))
+        node = read_by("UVMap", "UV", uv_map=layer.name)
+        if number == 11:
+            node = read_by("Tangent", "Tangent", direction_type="UV_MAP", uv_map=layer.name)
+        item.data.materials[0] = glowing(node)
+        item.location.x = 3.0 * number
+        items.append(item)
+    assert_as_cycles(items)
+
+
+@pytest.mark.parametrize("node", ["Geometry", "X", "Y", "Z"])
+def test_tangents_around_an_axis(node: str) -> None:
+    def absolute(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+        math = tree.nodes.new("ShaderNodeVectorMath")
+        math.operation = "ABSOLUTE"
+        new = "NewGeometry" if node == "Geometry" else "Tangent"
+        tangent = read_by(new, "Tangent", **({} if node == "Geometry" else {"axis": node}))(tree)
+        tree.links.new(tangent, math.inputs[0])
+        return math.outputs[0]
+
+    item = painted("Plate", "FLOAT", "POINT")
+    for vertex in item.data.vertices:
+        vertex.co.z = 0.3 * vertex.co.x
+    item.data.materials[0] = glowing(absolute)
+    assert_as_cycles([item], 0.05)
+
+
+OWNERS = {
+    "OBJECT": {"Plate": {"paint": (0.2, 0.7, 0.4)}},
+    "INSTANCER": {"Plate": {"paint": (0.9, 0.9, 0.9)}, "Empty": {"paint": (0.1, 0.5, 0.3)}},
+}
+
+
+@pytest.mark.parametrize("kind", OWNERS)
+def test_properties_of_objects_and_of_what_instances_them(kind: str) -> None:
+    """Against Cycles' render of instances, whose own bake Blender does not offer."""
+    item = slab("Plate", glowing(read_by("Attribute", attribute_name="paint", attribute_type=kind)))
+    group = bpy.data.collections.new("Plates")
+    bpy.context.scene.collection.objects.unlink(item)
+    group.objects.link(item)
+    empty = link(bpy.data.objects.new("Empty", None))
+    empty.instance_type, empty.instance_collection = "COLLECTION", group
+    for name, values in OWNERS[kind].items():
+        for key, value in values.items():
+            bpy.data.objects[name][key] = value
+    assert_agrees(compare(16, ["Empty"]))
+
+
+def test_attributes_of_instances() -> None:
+    """Geometry nodes store a colour for each instance."""
+    tint = read_by("Attribute", attribute_name="tint", attribute_type="INSTANCER")
+    item = slab("Plate", glowing(tint), (-0.5, -0.5), (0.5, 0.5))
+    item.hide_render = True
+    host = link(mesh("Host", [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)], []))
+    tree = host.modifiers.new("Scatter", "NODES").node_group = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    nodes = [tree.nodes.new(kind) for kind in (
+        "NodeGroupInput", "GeometryNodeInstanceOnPoints", "GeometryNodeStoreNamedAttribute", "NodeGroupOutput"
+    )]  # fmt: skip
+    for one, other in pairwise(nodes):
+        tree.links.new(one.outputs[0], other.inputs[0])
+    plate, random = tree.nodes.new("GeometryNodeObjectInfo"), tree.nodes.new("FunctionNodeRandomValue")
+    plate.inputs["Object"].default_value, plate.inputs["As Instance"].default_value = item, True
+    tree.links.new(plate.outputs["Geometry"], nodes[1].inputs["Instance"])
+    random.data_type, nodes[2].data_type, nodes[2].domain = "FLOAT_VECTOR", "FLOAT_COLOR", "INSTANCE"
+    nodes[2].inputs["Name"].default_value = "tint"
+    tree.links.new(random.outputs[0], next(s for s in nodes[2].inputs if s.name == "Value" and s.enabled))
+    found = compare(16, ["Host"])
+    assert_agrees(found, contrast=0.1)
+    assert found.warnings == ()
+
+
+@pytest.mark.parametrize("output", ["Index", "Random", "Age", "Size", "Location"])
+def test_particle_info(output: str) -> None:
+    def socket(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+        value = read_by("ParticleInfo", output)(tree)
+        for operation in ("SCALE", "ABSOLUTE"):
+            math = tree.nodes.new("ShaderNodeVectorMath")
+            math.operation = operation
+            math.inputs[3].default_value = 0.1  # the scale
+            tree.links.new(value, math.inputs[0])
+            value = math.outputs[0]
+        return value
+
+    item = slab("Plate", glowing(socket), (-0.3, -0.3), (0.3, 0.3))
+    item.hide_render = True
+    host = link(mesh("Host", [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)], []))
+    system = host.modifiers.new("Particles", "PARTICLE_SYSTEM").particle_system.settings
+    system.count, system.emit_from, system.use_emit_random = 4, "VERT", False
+    system.frame_start, system.frame_end, system.physics_type = 1, 1, "NO"
+    system.render_type, system.instance_object, system.particle_size = "OBJECT", item, 1.0
+    bpy.context.scene.frame_set(5)
+    assert_agrees(compare(16, ["Host"]))
+
+
+def test_attribute_that_nothing_has_is_named() -> None:
+    square("Plate", glowing(read_by("Attribute", attribute_name="paint", attribute_type="OBJECT")))
+    bpy.context.view_layer.update()
+    (warning,) = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
+    assert "'paint'" in warning

@@ -214,10 +214,10 @@ def test_a_sequence_that_is_there_is_not_missed(small: bpy.types.Scene, tmp_path
     principled = material.node_tree.nodes["Principled BSDF"]
     material.node_tree.links.new(node.outputs["Color"], principled.inputs["Base Color"])
     small.frame_set(2)
-    (warning,) = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
-    assert "image 'leaf_001.png', whose frames are not read" in warning
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    assert source.warnings == [] and "image 'leaf_001.png', whose frames are not read" in source.color_warnings[0]
     (tmp_path / "leaf_002.png").unlink()
-    missing, _ = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
+    (missing,) = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
     assert missing.startswith("Images are missing") and "leaf_002.png" in missing
 
 

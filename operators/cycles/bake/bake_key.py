@@ -70,8 +70,10 @@ def add_surface(digest: Digest, source: SceneMesh) -> None:
     digest.text(source.material_names, [sorted(links) for links in source.light_links])
     for part in source.parts:
         add_mesh(digest, part.mesh)
-        for name in ("matrices_world", "materials", "random", "colors", "indices", "links"):
+        for name in ("matrices_world", "materials", "links"):
             digest.array(name, getattr(part, name))
+        for name, values in part.values.items():
+            digest.array(name, values)
 
 
 def add_mesh(digest: Digest, mesh: LocalMesh) -> None:

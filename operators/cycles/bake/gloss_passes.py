@@ -11,12 +11,12 @@ import bpy
 import numpy as np
 
 from ....patchnet_addon.runtime.errors import SceneError
+from ....patchnet_addon.runtime.wording import named_list
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.overrides import changed
 from ...schema.table import GLOSS_AUTO, GLOSS_CAMERA, GLOSS_OFF
 from ...settings.groups import LightSettings
 
-_MOST_NAMES = 5  # in a sentence
 _TINTED = 0.2  # share of light that passes, from which on a material that is no clear glass is one to speak of
 
 
@@ -102,8 +102,5 @@ def gloss_warnings(source: SceneMesh, light: LightSettings) -> tuple[str, ...]:
 
 def _named(names: Iterable[str], what: str) -> tuple[str, ...]:
     """Sentence that names materials; none for none."""
-    listed = [f"'{name}'" for name in names if name]
-    if not listed:
-        return ()
-    more = f" and {len(listed) - _MOST_NAMES} more" if len(listed) > _MOST_NAMES else ""
-    return (f"Material {', '.join(listed[:_MOST_NAMES])}{more} is {what}",)
+    listed = named_list(names)
+    return (f"Material {listed} is {what}",) if listed else ()

@@ -176,8 +176,8 @@ def _hash_of_place(
     digest = Digest()
     digest.text(mesh, [looks[number] for number in part.materials[index]], links[part.links[index]])
     digest.array("matrix", part.matrices_world[index])
-    for name in ("random", "colors", "indices"):
-        digest.array(name, np.atleast_1d(getattr(part, name)[index]))
+    for name, values in part.values.items():
+        digest.array(name, values[index])
     return digest.hexdigest()
 
 

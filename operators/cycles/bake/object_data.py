@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Object data that materials read, kept as mesh attributes when triangles of many objects are joined.
 
-In copies of the materials, links from Object Info and from generated and object coordinates are led to Attribute nodes.
+In copies of the materials, links from nodes that ask the object (`asked_by`), from generated and object coordinates and
+from tangents around an axis are led to Attribute nodes.
 """
 
 from __future__ import annotations
@@ -11,17 +12,21 @@ from collections.abc import Iterator, Sequence
 import bpy
 import numpy as np
 
-from ...scene.layer_names import GENERATED, all_nodes, needs_generated, shader_tree
+from ...scene.instance_values import asked_by
+from ...scene.layer_names import (
+    DEFAULT_COLOR,
+    GENERATED,
+    all_nodes,
+    asks_default_color,
+    asks_tangent,
+    needs_generated,
+    shader_tree,
+)
 from ...scene.scene_mesh import Run
 
 OBJECT = "patchnet_object"
-_INFO = {  # output of Object Info -> attribute
-    "Location": "patchnet_location",
-    "Color": "patchnet_color",
-    "Alpha": "patchnet_alpha",
-    "Object Index": "patchnet_object_index",
-    "Random": "patchnet_random",
-}
+_AROUND = {axis: f"patchnet_around_{axis}" for axis in "XYZ"}
+_KINDS = {"RGBA": "Color", "VECTOR": "Vector", "VALUE": "Fac"}  # type of a socket -> output of the Attribute node
 # Outputs by node type that joining changes, or that depend on the view; None means all of them.
 _LOST: dict[str, frozenset[str] | None] = {
     "TEX_COORD": frozenset({"Normal", "Camera", "Window", "Reflection"}),
@@ -31,7 +36,6 @@ _LOST: dict[str, frozenset[str] | None] = {
     "CAMERA": None,
     "FRESNEL": None,
     "LAYER_WEIGHT": None,
-    "PARTICLE_INFO": None,
     "HAIR_INFO": None,
     "POINT_INFO": None,
     "WIREFRAME": None,
@@ -39,13 +43,13 @@ _LOST: dict[str, frozenset[str] | None] = {
 
 
 def attributes_needed(materials: Sequence[bpy.types.Material]) -> frozenset[str]:
-    """Names of attributes, GENERATED apart, that `redirect` will link to in copies of these materials."""
+    """Names of attributes that pages compute because `redirect` links to them in copies of these materials."""
     needed: set[str] = set()
     for node in _nodes(materials):
-        if node.type == "OBJECT_INFO":
-            needed.update(_INFO[socket.name] for socket in node.outputs if socket.is_linked and socket.name in _INFO)
-        elif _own_coordinates(node) and node.outputs["Object"].is_linked:
+        if _own_coordinates(node) and node.outputs["Object"].is_linked:
             needed.add(OBJECT)
+        elif asks_tangent(node):
+            needed.add(_around_of(node))
     return frozenset(needed)
 
 
@@ -68,10 +72,6 @@ def lost_inputs(material: bpy.types.Material, turned: bool = True, divided: bool
 def _asks_whole_object(node: bpy.types.Node, turned: bool, divided: bool) -> bool:
     """Return whether a node's settings make it depend on its object, its instancer or the surface around."""
     match node.type:
-        case "ATTRIBUTE":
-            return node.attribute_type in ("OBJECT", "INSTANCER")
-        case "TEX_COORD" | "UVMAP":
-            return node.from_instancer
         case "AMBIENT_OCCLUSION":
             return node.inside or node.only_local
         case "TEX_IMAGE":
@@ -92,27 +92,47 @@ def _asks_whole_object(node: bpy.types.Node, turned: bool, divided: bool) -> boo
 
 def attribute_values(run: Run, name: str) -> np.ndarray:
     """Values (N, 3, C) float32 of one of `attributes_needed` for the triangles of a run."""
-    instances, part = run.instances, slice(run.lo, run.hi)
+    mesh = run.instances.mesh
     if name == OBJECT:
-        mesh = instances.mesh
         return run.per_corner(mesh.vertices[mesh.triangles])
-    values = {
-        "patchnet_location": instances.matrices_world[part, :3, 3],
-        "patchnet_color": instances.colors[part],
-        "patchnet_alpha": instances.colors[part, 3:],
-        "patchnet_object_index": instances.indices[part, None],
-        "patchnet_random": instances.random[part, None],
-    }[name].astype(np.float32)  # (P, C)
-    triangles = run.last - run.first
-    return np.repeat(np.repeat(values, triangles, axis=0)[:, None], 3, axis=1)
+    return _around(run, name[-1])
+
+
+def placed_values(run: Run) -> dict[str, np.ndarray]:
+    """Values (N, 3, C) float32, by layer, that the triangles of a run have from where they are placed."""
+    count = run.last - run.first
+    return {
+        layer: np.repeat(np.repeat(values[run.lo : run.hi], count, axis=0)[:, None], 3, axis=1)
+        for layer, values in run.instances.values.items()
+    }
+
+
+def _around(run: Run, axis: str) -> np.ndarray:
+    """Directions (N, 3, 3) around an axis of the generated coordinates, in the world, as Cycles' tangents begin."""
+    layer = run.instances.mesh.layers.get(GENERATED)
+    if layer is None:
+        return np.zeros((len(run), 3, 3), np.float32)
+    around = np.cross(np.eye(3)["XYZ".index(axis)] * (-1.0 if axis == "Y" else 1.0), run.per_corner(layer) - 0.5)
+    linear = run.instances.matrices_world[run.lo : run.hi, :3, :3]
+    turned = np.einsum("pij,ptcj->ptci", _normal_transforms(linear), around.reshape(len(linear), -1, 3, 3))
+    return turned.reshape(-1, 3, 3).astype(np.float32)
+
+
+def _normal_transforms(linear: np.ndarray) -> np.ndarray:
+    """Transposed inverses (P, 3, 3) of transforms; zero where there is none."""
+    there = np.abs(np.linalg.det(linear)) > 0.0
+    result = np.zeros_like(linear)
+    result[there] = np.linalg.inv(linear[there]).transpose(0, 2, 1)
+    return result
 
 
 def needs_redirect(material: bpy.types.Material) -> bool:
     """Return whether `redirect` changes anything in a material."""
     return any(
-        node.type in ("OBJECT_INFO", "NEW_GEOMETRY") or _own_coordinates(node) or needs_generated(node)
+        node.type == "NEW_GEOMETRY" or _own_coordinates(node) or needs_generated(node) or asks_default_color(node)
+        or any(asked_by(node, socket.name) for socket in node.outputs)
         for node in _nodes([material])
-    )
+    )  # fmt: skip
 
 
 def redirect(tree: bpy.types.NodeTree, material_index: int, back: bool) -> None:
@@ -121,23 +141,49 @@ def redirect(tree: bpy.types.NodeTree, material_index: int, back: bool) -> None:
     back: the mesh shows its back sides as fronts, so that "Backfacing" is a constant 1.
     """
     for node in list(tree.nodes):
+        for socket in node.outputs:
+            if asked := asked_by(node, socket.name):
+                kind = socket.name if node.type == "ATTRIBUTE" else _KINDS[socket.type]
+                _replace(tree, socket, asked.layer, kind)
         if _own_coordinates(node):
             _replace(tree, node.outputs["Generated"], GENERATED, "Vector")
             _replace(tree, node.outputs["Object"], OBJECT, "Vector")
         elif node.type == "OBJECT_INFO":
-            for name, attribute in _INFO.items():
-                kind = {"Location": "Vector", "Color": "Color"}.get(name, "Fac")
-                _replace(tree, node.outputs[name], attribute, kind)
             _replace_constant(tree, node.outputs["Material Index"], float(material_index))
-        elif node.type == "NEW_GEOMETRY" and back:
-            _replace_constant(tree, node.outputs["Backfacing"], 1.0)
+        elif asks_default_color(node):
+            node.layer_name = DEFAULT_COLOR
+        elif asks_tangent(node):
+            _make_tangent(tree, node)
         elif needs_generated(node):
             tree.links.new(_attribute(tree, GENERATED).outputs["Vector"], node.inputs["Vector"])
+        if node.type == "NEW_GEOMETRY" and back:
+            _replace_constant(tree, node.outputs["Backfacing"], 1.0)
+
+
+def _around_of(node: bpy.types.Node) -> str:
+    """Attribute that the tangent of a node begins with; one without an axis takes Z."""
+    return _AROUND[getattr(node, "axis", "Z")]
+
+
+def _make_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
+    """Compute the tangent of a node from its attribute a and the normal n, as Cycles does: n x (a x n), unit length."""
+    normal = tree.nodes.new("ShaderNodeNewGeometry").outputs["Normal"]
+    across = _vector_math(tree, "CROSS_PRODUCT", _attribute(tree, _around_of(node)).outputs["Vector"], normal)
+    value = _vector_math(tree, "CROSS_PRODUCT", normal, _vector_math(tree, "NORMALIZE", across))
+    _move_links(tree, node.outputs["Tangent"], value)
+
+
+def _vector_math(tree: bpy.types.NodeTree, operation: str, *inputs: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    node = tree.nodes.new("ShaderNodeVectorMath")
+    node.operation = operation
+    for socket, target in zip(inputs, node.inputs, strict=False):
+        tree.links.new(socket, target)
+    return node.outputs[0]
 
 
 def _own_coordinates(node: bpy.types.Node) -> bool:
-    """Texture coordinates of the object that is shaded, not of another one."""
-    return node.type == "TEX_COORD" and node.object is None
+    """Texture coordinates of the object that is shaded, neither of another one nor of what instances it."""
+    return node.type == "TEX_COORD" and node.object is None and not node.from_instancer
 
 
 def _nodes(materials: Sequence[bpy.types.Material]) -> Iterator[bpy.types.Node]:

@@ -12,11 +12,10 @@ import numpy as np
 from ....patchnet_addon.lightmap.charts import Charts
 from ...scene.scene_mesh import Run, SceneMesh
 from .closed_runs import ClosedPieces
-from .object_data import attribute_values
+from .object_data import attribute_values, placed_values
 
 CHART_LAYER = "PatchNet Charts"
 SURFACE_LAYER = "PatchNet Surface"
-_MAX_UV_LAYERS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,15 +76,31 @@ _COLUMNS = ("triangles", "corners_world", "normals_world", "uvs", "chart_uvs", "
 
 
 def joined(parts: Sequence[PageTriangles]) -> PageTriangles:
-    """Triangles of all parts; a layer that a part lacks is zero there."""
-    widths = {name: values.shape[-1] for part in parts for name, values in part.layers.items()}
+    """Triangles of all parts; a layer that a part lacks is zero there, one of fewer numbers becomes as wide."""
+    widths: dict[str, int] = {}
+    for part in parts:
+        for name, values in part.layers.items():
+            widths[name] = max(widths.get(name, 0), values.shape[-1])
     layers = {
-        name: np.concatenate([p.layers.get(name, np.zeros((len(p), 3, width), np.float32)) for p in parts])
+        name: np.concatenate([_widened(part.layers.get(name), (len(part), 3, width)) for part in parts])
         for name, width in widths.items()
     }
     return PageTriangles(
         **{name: np.concatenate([getattr(p, name) for p in parts]) for name in _COLUMNS}, layers=layers
     )
+
+
+def _widened(values: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
+    """Layer of a shape (N, 3, C), as shaders read one of fewer numbers: a number is gray, alpha is 1."""
+    wanted = shape[-1]
+    if values is not None and values.shape[-1] == wanted:
+        return values
+    wide = np.zeros(shape, np.float32)
+    wide[..., 3:] = 1.0
+    if values is not None:
+        width = values.shape[-1]
+        wide[..., : min(wanted, 3) if width == 1 else width] = values
+    return wide
 
 
 def page_triangles(
@@ -127,6 +142,7 @@ def _part(
         pieces=closed.of(run)[mask],
         links=np.repeat(run.instances.links[run.lo : run.hi], run.last - run.first)[mask],
         layers={name: run.per_corner(values)[mask] for name, values in mesh.layers.items()}
+        | {name: values[mask] for name, values in placed_values(run).items()}
         | {name: attribute_values(run, name)[mask] for name in sorted(attributes)},
     )
 
@@ -160,27 +176,19 @@ def fill_mesh(
         mesh.materials.append(material)
     mesh.polygons.foreach_set("material_index", part.materials.astype(np.int32))
     mesh.update(calc_edges=True)
-    _add_uvs(mesh, SURFACE_LAYER, part.uvs)
+    _add_layer(mesh, SURFACE_LAYER, part.uvs)
     mesh.uv_layers[SURFACE_LAYER].active_render = True
-    _add_uvs(mesh, CHART_LAYER, part.chart_uvs)
+    _add_layer(mesh, CHART_LAYER, part.chart_uvs)
     for name, values in part.layers.items():
         _add_layer(mesh, name, values)
     normals = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
     normals.data.foreach_set("vector", np.ascontiguousarray(part.normals_world, np.float32).ravel())
 
 
-def _add_uvs(mesh: bpy.types.Mesh, name: str, uvs: np.ndarray) -> None:
-    layer = mesh.uv_layers.new(name=name, do_init=False)
-    layer.uv.foreach_set("vector", np.ascontiguousarray(uvs, np.float32).ravel())
-
-
 def _add_layer(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
-    """Add a UV map or attribute of values (N, 3, C)."""
-    width = values.shape[-1]
-    if width == 2:
-        if len(mesh.uv_layers) < _MAX_UV_LAYERS:
-            _add_uvs(mesh, name, values)
-        return
-    kind, key = {1: ("FLOAT", "value"), 3: ("FLOAT_VECTOR", "vector"), 4: ("FLOAT_COLOR", "color")}[width]
+    """Add a UV map or attribute of values (N, 3, C). `uv_layers.new` would stop at eight maps, this does not."""
+    kind, key = {
+        1: ("FLOAT", "value"), 2: ("FLOAT2", "vector"), 3: ("FLOAT_VECTOR", "vector"), 4: ("FLOAT_COLOR", "color")
+    }[values.shape[-1]]  # fmt: skip
     attribute = mesh.attributes.new(name, kind, "CORNER")
     attribute.data.foreach_set(key, np.ascontiguousarray(values, np.float32).ravel())

@@ -25,6 +25,7 @@ from ....patchnet_addon.lightmap.sheet_sides import (
     turned_sheets,
 )
 from ....patchnet_addon.runtime.progress import Progress, Steps
+from ....patchnet_addon.runtime.wording import named_list
 from ....patchnet_addon.runtime.worker import computed
 from ....patchnet_addon.tracing.camera import Camera
 from ...scene.precision import LIFT_SHARE
@@ -222,8 +223,7 @@ def _brighter_backs(names: np.ndarray, light: np.ndarray, closed: np.ndarray, br
 
 
 def _sentence(names: dict[str, float]) -> str:
-    listed = [f"'{name}'" for name in names]
-    text = ", ".join(listed[:_NAMED]) + (f" and {len(listed) - _NAMED} more" if len(listed) > _NAMED else "")
+    text = named_list(names, _NAMED)
     times = float(np.median(list(names.values())))
     return (
         f"{text} is seen from behind, where {times:.0f} times as much light falls as on the side of its normals, and "
