@@ -13,6 +13,7 @@ import numpy as np
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
 from ..scene_access.frames import go_to_frame, kept_frame
+from ..scene_access.temporary import sync_view_layers, temporary
 
 ALL = "all"
 AUTO = "auto"
@@ -169,7 +170,22 @@ def choose_cameras(
     if list(names) == [AUTO]:
         return framing_cameras(bounds_world, camera_size_px(scene, size))
     cameras = scene_cameras(scene)
-    return [replace(tracing_camera(cameras[name].evaluated_get(depsgraph), scene, size), name=name) for name in chosen]
+    return [replace(_view(cameras[name], depsgraph, size), name=name) for name in chosen]
+
+
+def _view(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, size: tuple[int, int]) -> Camera:
+    """View of a camera of the scene, also of one that the view layer leaves out, with its parents and constraints."""
+    evaluated = camera.evaluated_get(depsgraph)
+    if evaluated.is_evaluated or depsgraph.mode == "RENDER":
+        return tracing_camera(evaluated, depsgraph.scene, size)
+    with temporary(bpy.data.scenes.new("PatchNet Camera")) as stage:
+        stage.frame_set(depsgraph.scene.frame_current, subframe=depsgraph.scene.frame_subframe)
+        stage.camera = camera  # a scene's camera is evaluated whatever hides it
+        layer = stage.view_layers[0]
+        layer.update()
+        view = tracing_camera(camera.evaluated_get(layer.depsgraph), depsgraph.scene, size)
+    sync_view_layers()
+    return view
 
 
 def track_cameras(

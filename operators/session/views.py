@@ -61,13 +61,19 @@ def _changed(scene: bpy.types.Scene, item: bpy.types.Object, before: Camera) -> 
     except PatchNetError:
         return True
     size = 1.0 + float(np.abs(before.position_world).max())
-    same = (
+    same_place = (
         np.allclose(now.position_world, before.position_world, rtol=0.0, atol=_SAME * size)
         and np.allclose(now.up, before.up, atol=_SAME)
         and np.allclose(now.forward, before.forward, atol=_SAME)
-        and np.allclose(_lens(now), _lens(before), rtol=_SAME, atol=_SAME)
     )
-    return now.kind != before.kind or not same
+    same_lens = now.kind == before.kind and np.allclose(_lens(now), _lens(before), rtol=_SAME, atol=_SAME)
+    return not same_lens or (not same_place and _is_placed(scene, item))
+
+
+def _is_placed(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
+    """Return whether Blender keeps the place of a camera up to date: not that of one that all view layers leave out."""
+    graphs = (layer.depsgraph for layer in scene.view_layers)
+    return any(graph is not None and item.evaluated_get(graph).is_evaluated for graph in graphs)
 
 
 def _lens(camera: Camera) -> list[float]:

@@ -210,7 +210,7 @@ def test_emission_and_mixed_alpha() -> None:
     principled = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     principled.inputs["Base Color"].default_value = (0.5, 0.5, 0.5, 1.0)
     principled.inputs["Specular IOR Level"].default_value = 0.0
-    principled.inputs["Alpha"].default_value = 0.25
+    principled.inputs["Alpha"].default_value = 0.75
     square("Pane", material)
     sun(3.0)
     source, atlas = baked()

@@ -113,3 +113,42 @@ def test_framing_cameras_see_the_scene(camera: bpy.types.Object, size: tuple[int
         if view.name != "Close":
             assert points.min() >= 0.0 and points.max() <= 1.0
     assert widths[0] < 0.6 * widths[1] and widths[1] > 0.5
+
+
+@pytest.mark.parametrize("hidden", ["excluded collection", "disabled in viewports", "hidden"])
+@pytest.mark.parametrize("active", [True, False])
+def test_cameras_that_the_view_layer_leaves_out(camera: bpy.types.Object, hidden: str, active: bool) -> None:
+    """With a parent that is animated and a constraint, at the scene's frame; as they are when nothing hides them."""
+    scene = bpy.context.scene
+    rig, target = (bpy.data.objects.new(name, None) for name in ("Rig", "Target"))
+    collection = bpy.data.collections.new("Cameras")
+    scene.collection.children.link(collection)
+    for item in (rig, target):
+        collection.objects.link(item)
+    scene.collection.objects.unlink(camera)
+    collection.objects.link(camera)
+    camera.parent, target.location, rig.scale = rig, (1.0, 2.0, 0.5), (2.0, 1.0, 1.0)
+    for frame, x in ((1, 0.0), (11, 10.0)):
+        rig.location.x = x
+        rig.keyframe_insert("location", frame=frame)
+    constraint = camera.constraints.new("TRACK_TO")
+    constraint.target, constraint.track_axis, constraint.up_axis = target, "TRACK_NEGATIVE_Z", "UP_Y"
+    scene.frame_set(4)
+    bounds = np.array([[-1.0] * 3, [1.0] * 3])
+    (wanted,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), ("Eye",), (64, 64), bounds)
+    assert wanted.position_world[0] > 3.0
+    scene.camera = camera if active else None
+    layer = bpy.context.view_layer.layer_collection.children["Cameras"]
+    if hidden == "excluded collection":
+        layer.exclude = True
+    elif hidden == "hidden":
+        layer.hide_viewport = True
+    else:
+        for item in collection.objects:
+            item.hide_viewport = True
+    scene.frame_set(4)
+    scenes = len(bpy.data.scenes)
+    (found,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), ("Eye",), (64, 64), bounds)
+    assert len(bpy.data.scenes) == scenes and scene.frame_current == 4
+    for name in ("position_world", "right", "up", "forward"):
+        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), atol=1e-5)

@@ -36,6 +36,7 @@ from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
 # Side of the square around a texel's centre that Cycles' paths go out from, in texels: half of it in 4.5, all in 5.2.
 SPREAD = 0.5 if bpy.app.version < (5, 0, 0) else 1.0
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
+_DARK_PIECE, _BLACK = 1e-3, 1e-6  # of the brightest triangle on a page: next to no light, and none
 
 
 class _Passes(NamedTuple):
@@ -127,18 +128,24 @@ class Baker:
         return part.only(self._shown[part.materials])
 
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
-        """(N,) bool: triangles without any light, so that their other side may be what is seen.
+        """(N,) bool: triangles whose other side may be what is seen.
 
-        Of closed pieces, a lamp may be inside; where another triangle of the piece gets light from outside, the dark
-        ones are hidden. A sheet may shine on its back alone, which light that falls on it does not tell.
+        Closed pieces are that get next to no light, whatever gets in at an edge: a lamp may be inside, or normals be
+        flipped. A sheet may shine on its back alone, which light that falls on it does not tell.
         """
         from ....patchnet_addon.lightmap.chart_lookup import group_means
 
         means = group_means(self._charts, front, part.triangles, page)[:, 0]
-        dark = means <= 1e-6 * means.max(initial=0.0)
-        hidden = part.closed & np.isin(part.pieces, part.pieces[~dark])
-        sheets = ~part.closed & (self._one_sided & self._shining)[part.materials] & ~self._turned[part.triangles]
-        return np.asarray(dark & (part.closed & ~hidden | sheets))
+        brightest = float(means.max(initial=0.0))
+        shown = ~self._turned[part.triangles]
+        number = np.unique(part.pieces, return_inverse=True)[1].reshape(-1)
+        area = np.linalg.norm(
+            np.cross(*(part.corners_world[:, [1, 2]] - part.corners_world[:, :1]).transpose(1, 0, 2)), axis=1
+        )
+        light, whole = np.bincount(number, area * means), np.bincount(number, area)
+        pieces = part.closed & (light <= _DARK_PIECE * brightest * whole)[number]
+        sheets = (means <= _BLACK * brightest) & ~part.closed & (self._one_sided & self._shining)[part.materials]
+        return np.asarray(shown & (pieces | sheets))
 
     def merged(
         self,

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Survey of sheets before a bake: which are baked on their back, and which a warning names (methods 7.2f).
 
-An opaque sheet has one luminance, that of one side. Cameras say which side of it is seen, and one small bake how much
-light falls on both: sheets that are clear are decided as a whole. What stays open shows the side of its normals; where
-cameras see the other one, and far more light falls there, normals are perhaps flipped, and a warning says so.
+An opaque sheet has one luminance, that of one side, and so has a closed surface. Cameras say which side of it is seen,
+and one small bake how much light falls on both: sheets that are clear are decided as a whole. What stays open shows the
+side of its normals; where cameras see the other one, and far more light falls there, normals are perhaps flipped, and a
+warning says so.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ class Sides(NamedTuple):
 class _Survey:
     """Sheets of a surface, what cameras see of them, and where their light is measured.
 
-    sheet: (T,) int32, -1 for none. is_open: (S,) bool. may_turn: (T,) bool, of open sheets and materials of one side.
+    sheet: (T,) int32, -1 for none. is_open: (S,) bool. may_turn: (T,) bool, of closed sheets and materials of one side.
     areas: (S,) of what may turn. seen: (S, 2) pixels of front and back. asked: (N,) sheets whose light is measured, at
     `points`; backs: (B,) triangles whose back is seen, and at which place (B, 3).
     """
@@ -82,17 +83,14 @@ def sides_of_sheets(
     """Decide which sheets of `source` are baked on their back, in the light of the context's scene.
 
     cameras: those that look; of more than 16 as many, spread over them. texel_world: side of the smallest texels.
-    Nothing is measured where nothing is of one side. Raises SceneError, StoppedError.
+    Nothing is measured where nothing is of one side or closed. Raises SceneError, StoppedError.
     """
     at = Progress(0, 1, "Looking at sides of surfaces")
-    nothing = Sides(np.zeros(source.triangle_count, bool))
     one_sided = one_sided_materials(source, light)
-    if not one_sided.any():
-        return nothing
     survey = yield from computed(lambda: _surveyed(source, cameras, one_sided, warns=not light.both_sides), at)
     triangles = np.concatenate([survey.points.triangle, survey.backs])
     if not len(triangles):
-        return nothing
+        return Sides(np.zeros(source.triangle_count, bool))
     places, normals = yield from computed(lambda: _places(source, survey, triangles), at)
     lift = max(1e-3 * texel_world, LIFT_SHARE * float(np.abs(source.bounds_world).max()))
     measured = yield from light_of_sides(context, places, normals, lift, with_daylight=bool(light.daylight), at=at)
@@ -115,7 +113,7 @@ def _surveyed(source: SceneMesh, cameras: Sequence[Camera], one_sided: np.ndarra
         may_turn[mine] = one_sided[batch.materials]
         sight.add(batch.corners_world, opaque[batch.materials], batch.first_triangle)
     backs, places = _seen_backs(sight, may_turn) if warns else (np.empty(0, np.int64), np.empty((0, 3)))
-    may_turn &= (sheet >= 0) & np.append(is_open, False)[sheet]
+    may_turn = (sheet >= 0) & (may_turn | ~np.append(is_open, True)[sheet])
     areas *= may_turn
     by_sheet = np.bincount(sheet[may_turn], areas[may_turn], len(is_open))
     seen = np.zeros((len(is_open), 2), np.int64)
@@ -123,7 +121,7 @@ def _surveyed(source: SceneMesh, cameras: Sequence[Camera], one_sided: np.ndarra
     triangle, behind = sight.seen.triangle[hit], sight.seen.behind[hit]
     counts = sheet[triangle] >= 0
     np.add.at(seen, (sheet[triangle[counts]], behind[counts].astype(int)), 1)
-    asked = asked_sheets(by_sheet, seen)
+    asked = asked_sheets(np.where(is_open | (seen[:, 1] > 0), by_sheet, 0.0), seen)
     points = points_on_sheets(asked, sheet, areas)
     return _Survey(sheet, is_open, may_turn, by_sheet, seen, asked, points, backs, places)
 
@@ -190,7 +188,7 @@ def _decided(source: SceneMesh, survey: _Survey, measured: np.ndarray) -> Sides:
     closed = ~np.append(survey.is_open, True)[survey.sheet[survey.backs]]
     shown = ~of_triangle[survey.backs]
     named = _brighter_backs(names[shown], measured[count:][shown], closed[shown], float(measured.max(initial=0.0)))
-    warnings = (_sentence(named),) if named else ()
+    warnings = (_sentence(named, has_sheets=not set(named) <= set(names[closed].tolist())),) if named else ()
     if not turned.any():
         return Sides(of_triangle, warnings)
     _, first = np.unique(np.where(of_triangle, survey.sheet, -1), return_index=True)
@@ -222,10 +220,11 @@ def _brighter_backs(names: np.ndarray, light: np.ndarray, closed: np.ndarray, br
     return found
 
 
-def _sentence(names: dict[str, float]) -> str:
+def _sentence(names: dict[str, float], *, has_sheets: bool) -> str:
     text = named_list(names, _NAMED)
     times = float(np.median(list(names.values())))
     return (
         f"{text} is seen from behind, where {times:.0f} times as much light falls as on the side of its normals, and "
-        "looks too dark: flip the normals if they are wrong (Mesh > Normals), else bake with Both Sides (--both-sides)"
+        "looks too dark: flip the normals if they are wrong (Mesh > Normals)"
+        + (", else bake with Both Sides (--both-sides)" if has_sheets else "")
     )
