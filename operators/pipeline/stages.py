@@ -17,6 +17,7 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.wording import named_list
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
 from ...patchnet_addon.surface.mesh import Material, MeshSource, ShadingFn
 from ...patchnet_addon.tracing.camera import Camera
@@ -249,7 +250,7 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
         "versions": versions(),
     }
     if all(_is_black(material) for material in source.materials):
-        values[BLACK_SURFACE] = True  # for a sentence about black pictures
+        values[BLACK_SURFACE] = named_list(material.name for material in source.materials)
     if light == CYCLES:
         light_of_bake = settings.light
         values |= {name: getattr(light_of_bake, name) for name in ("samples", "texel_voxels", "gloss", "denoise")}

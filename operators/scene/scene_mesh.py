@@ -161,6 +161,21 @@ class SceneMesh:
             used.update(np.unique(part.materials[turned]).tolist())
         return frozenset(self.material_names[index] for index in used)
 
+    def objects_of(self, triangles: np.ndarray) -> np.ndarray:
+        """(N,) names of the objects of triangles (N,)."""
+        names = [name for part in self.parts for name in part.objects]
+        ends = np.cumsum(np.concatenate([np.full(len(part.objects), len(part.mesh)) for part in self.parts]))
+        return np.array(names, object)[np.searchsorted(ends, triangles, side="right")]
+
+    def corners_and_materials(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Corners (N, 3, 3) float64 in the world and materials (N,) int32 of triangles (N,)."""
+        corners, materials = np.empty((len(triangles), 3, 3)), np.empty(len(triangles), np.int32)
+        for batch in self.batches():
+            local = triangles - batch.first_triangle
+            mine = (local >= 0) & (local < len(batch))
+            corners[mine], materials[mine] = batch.corners_world[local[mine]], batch.materials[local[mine]]
+        return corners, materials
+
     def batches(self) -> Iterator[TriangleBatch]:
         """Triangles in batches, all in a fixed order: mesh by mesh, placement by placement."""
         first = 0

@@ -46,6 +46,7 @@ class Sight:
 
     def __init__(self, cameras: Sequence[Camera]) -> None:
         """Begin with nothing seen."""
+        self.cameras = tuple(cameras)
         count = len(cameras)
         poses = [
             (c.position_world, np.asarray(c.right) / c.half_x, np.asarray(c.up) / c.half_y, c.forward) for c in cameras

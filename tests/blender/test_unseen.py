@@ -3,6 +3,7 @@
 
 import json
 import logging
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -10,12 +11,16 @@ import numpy as np
 import pytest
 
 from patchnet import commands
+from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.runtime.stage_clock import StageClock
+from patchnet.patchnet_addon.tracing.unseen import BLACK_VIEWS
 from patchnet.tests.blender.engine_scene import build_for_engine, rendered
 from patchnet.tests.blender.job_scene import QUICK, build, principled, saved
+from patchnet.tests.blender.light_scene import SQUARE, grey, lamp, link, material, mesh, shader, shown, simple
 
 BEHIND = "Camera 'Eye' sees nothing: the surface is behind it; turn or move it"
 
@@ -69,11 +74,12 @@ def test_render_engine_says_it(
 
 def test_black_materials_are_named_as_the_reason(weights: Path) -> None:
     build()
-    for material in bpy.data.materials:
-        principled(material.name).inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+    for paint in bpy.data.materials:
+        principled(paint.name).inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)
     settings = JobSettings.of(depth=5, light="two-lights", size=(24, 16), weights=weights, strategy="patchnet-behind")
     assert drain(run_job(bpy.context, settings)).warnings == (
-        "Camera 'Eye' sees only black: all materials of the surface are black",
+        "Camera 'Eye' sees only black: all materials of the surface are black: 'Slab', 'Lath 0', 'Lath 1', "
+        "'Lath 2', 'Lath 3' and 1 more",
     )
 
 
@@ -87,7 +93,54 @@ def test_lamp_that_reaches_nothing_is_named_as_the_reason(weights: Path) -> None
         depth=5, samples=1, texel_voxels=8.0, size=(24, 16), weights=weights, strategy="patchnet-behind"
     )
     (warning,) = drain(run_job(bpy.context, settings)).warnings
-    assert warning.startswith("Camera 'Eye' sees only black: no light of the scene reaches the surface; add light")
+    assert warning.startswith("Camera 'Eye' sees only black: no light of the scene reaches 'Slab'")
+
+
+def plate(make: Callable[[], bpy.types.Material], below: bool) -> None:
+    """A plate that fills the view of a camera above it, with a sun above or below."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    link(mesh("Plate", SQUARE, [(0, 1, 2, 3)], make()))
+    lamp("SUN", 3.0).rotation_euler.x = np.pi if below else 0.0
+    eye = link(bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye")), (0.0, 0.0, 1.0))
+    bpy.context.scene.camera = eye
+    bpy.context.view_layer.update()
+
+
+def no_output() -> bpy.types.Material:
+    paint, tree = material("Coal")
+    tree.nodes.clear()
+    return paint
+
+
+def missing_attribute() -> bpy.types.Material:
+    paint, tree = material("Coal")
+    emission = shader(tree, "Emission")
+    node = tree.nodes.new("ShaderNodeAttribute")
+    node.attribute_name, node.attribute_type = "paint", "OBJECT"
+    tree.links.new(node.outputs["Color"], emission.node.inputs["Color"])
+    shown(tree, emission)
+    return paint
+
+
+BLACK = {
+    "black": (lambda: simple(name="Coal", Color=(0, 0, 0, 1)), False, "the material 'Coal' of 'Plate' is black; give"),
+    "no output": (no_output, False, "Coal' of 'Plate' is black: Material 'Coal' is black, as in Cycles: no Material"),
+    "metal": (
+        lambda: simple("BsdfGlossy", "Coal", Roughness=0.4), False,
+        "the material 'Coal' of 'Plate' is black without its gloss; choose Gloss",
+    ),
+    "attribute": (missing_attribute, False, "material 'Coal' of 'Plate' is black"),
+    "other side": (grey, True, "light falls on the other side of 'Plate'; flip its normals"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BLACK)
+def test_reason_of_a_black_picture_names_object_and_material(case: str) -> None:
+    make, below, said = BLACK[case]
+    plate(make, below)
+    settings = JobSettings.of(depth=4, samples=1, size=(24, 16), cameras=("Eye",), gloss="off")
+    made = drain(build_lit_octree(bpy.context, settings, StageClock()))
+    assert said in made.octree.provenance[BLACK_VIEWS]["Eye"]
 
 
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])

@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.patchnet_addon.tracing.unseen import BLACK_SURFACE, why_unseen
+from patchnet.patchnet_addon.tracing.unseen import BLACK_SURFACE, BLACK_VIEWS, why_unseen
 
 SIZE = (24, 16)
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
@@ -71,7 +71,9 @@ def test_why_a_camera_sees_nothing(camera: Camera, said: str) -> None:
 @pytest.mark.parametrize(
     ("provenance", "said"),
     [
-        ({BLACK_SURFACE: True, "light": "cycles"}, "all materials of the surface are black"),
+        ({BLACK_SURFACE: "'Coal'"}, "all materials of the surface are black: 'Coal'"),
+        ({BLACK_VIEWS: {"Eye": "the material 'Coal' of 'Heap' is black"}}, "the material 'Coal' of 'Heap' is black"),
+        ({BLACK_VIEWS: {"Other": "it is dark"}, "light": "two-lights"}, "the surface itself is black"),
         ({"light": "cycles"}, "no light of the scene reaches the surface"),
         ({"light": "cycles", "exposure": "given"}, "nothing is brighter at an exposure of 1;"),
         ({"light": "two-lights"}, "the surface itself is black"),

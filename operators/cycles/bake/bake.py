@@ -26,13 +26,15 @@ from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import computed, run_in_worker
 from ....patchnet_addon.tracing.camera import Camera
+from ....patchnet_addon.tracing.unseen import BLACK_VIEWS
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.devices import bakes_on_gpu
 from ...schema.table import AUTO
 from ...settings.groups import LightSettings
 from ...state.watch import check_unchanged
 from .bake_key import bake_key, scene_key
-from .baker import SPREAD, Baker, texel_channels
+from .baker import SPREAD, Baker, lift_world, texel_channels
+from .black_views import black_views
 from .gloss_passes import place_of_view
 from .incremental import Incremental, incremental_bake
 from .sheet_survey import sides_of_sheets
@@ -82,7 +84,8 @@ def bake_luminance(
     charts = yield from run_in_worker(
         lambda: _charts(source, texel_world, light.samples, side), Progress(0, 1, "Laying out charts")
     )
-    sides = yield from sides_of_sheets(context, source, cameras, light, charts.texel_world)
+    lift = lift_world(source, charts)
+    sides = yield from sides_of_sheets(context, source, cameras, light, lift)
     switches: tuple[object, ...] = (light.color, light.both_sides, light.denoise, bakes_on_gpu(context, device))
     switches += (bool(light.daylight), light.gloss, place_of_view(context.scene, light))
     again: Incremental | None = None
@@ -107,7 +110,10 @@ def bake_luminance(
     turned = sides.turned if sides.turned.any() else None
     noise = texels[:, -1] if light.denoise else None
     lit = texels[:, :-1] if light.denoise else texels
-    return Atlas(charts, lit, light.samples, warnings, noise=noise, spread=SPREAD, notes=notes, turned=turned)
+    atlas = Atlas(charts, lit, light.samples, warnings, noise=noise, spread=SPREAD, notes=notes, turned=turned)
+    if black := (yield from black_views(context, source, atlas, sides.sight, light, lift)):
+        notes[BLACK_VIEWS] = black
+    return atlas
 
 
 def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -> Steps[np.ndarray]:

@@ -97,9 +97,7 @@ class Baker:
             if (nodes := lost_inputs(material, material.name_full in transformed, charts.page_count > 1))
         )
         self.warnings = (*lost, *gloss_warnings(source, light))
-        # Far less than a voxel, but well above the rounding of single precision coordinates.
-        reach = float(np.abs(source.bounds_world).max())
-        self._offset_world = max(1e-3 * charts.texel_world, LIFT_SHARE * reach)
+        self._offset_world = lift_world(source, charts)
 
     def page(self, page: int) -> Steps[np.ndarray]:
         """Texels (side * side, C) of a page."""
@@ -279,6 +277,11 @@ def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> lis
     if channels > 2:
         pages[:, :height, :width, 2:] = np.maximum(pixels[..., (0, 2)], 0.0)
     return list(pages.reshape(len(pages), -1, channels))
+
+
+def lift_world(source: SceneMesh, charts: Charts) -> float:
+    """Distance off the surface at which light is baked: far less than a voxel, far more than coordinates' rounding."""
+    return max(1e-3 * charts.texel_world, LIFT_SHARE * float(np.abs(source.bounds_world).max()))
 
 
 def texel_channels(light: LightSettings) -> int:

@@ -29,7 +29,6 @@ from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.wording import named_list
 from ....patchnet_addon.runtime.worker import computed
 from ....patchnet_addon.tracing.camera import Camera
-from ...scene.precision import LIFT_SHARE
 from ...scene.scene_mesh import SceneMesh
 from ...settings.groups import LightSettings
 from .one_sided import is_opaque, one_sided_materials
@@ -46,9 +45,13 @@ _MOST_TIMES = 100.0  # that a sentence says: a front may be black
 
 
 class Sides(NamedTuple):
-    """turned: (T,) bool, triangles that are baked on their back. warnings: sentences. notes: plain JSON values."""
+    """turned: (T,) bool, triangles that are baked on their back. sight: what cameras see. warnings: sentences.
+
+    notes: plain JSON values.
+    """
 
     turned: np.ndarray
+    sight: Sight
     warnings: tuple[str, ...] = ()
     notes: dict[str, Any] = {}
 
@@ -71,6 +74,7 @@ class _Survey:
     points: SheetPoints
     backs: np.ndarray
     back_places: np.ndarray
+    sight: Sight
 
 
 def sides_of_sheets(
@@ -78,11 +82,12 @@ def sides_of_sheets(
     source: SceneMesh,
     cameras: Sequence[Camera],
     light: LightSettings,
-    texel_world: float,
+    lift_world: float,
 ) -> Steps[Sides]:
     """Decide which sheets of `source` are baked on their back, in the light of the context's scene.
 
-    cameras: those that look; of more than 16 as many, spread over them. texel_world: side of the smallest texels.
+    cameras: those that look; of more than 16 as many, spread over them. lift_world: how far off the surface light is
+    measured.
     Nothing is measured where nothing is of one side or closed. Raises SceneError, StoppedError.
     """
     at = Progress(0, 1, "Looking at sides of surfaces")
@@ -90,10 +95,11 @@ def sides_of_sheets(
     survey = yield from computed(lambda: _surveyed(source, cameras, one_sided, warns=not light.both_sides), at)
     triangles = np.concatenate([survey.points.triangle, survey.backs])
     if not len(triangles):
-        return Sides(np.zeros(source.triangle_count, bool))
+        return Sides(np.zeros(source.triangle_count, bool), survey.sight)
     places, normals = yield from computed(lambda: _places(source, survey, triangles), at)
-    lift = max(1e-3 * texel_world, LIFT_SHARE * float(np.abs(source.bounds_world).max()))
-    measured = yield from light_of_sides(context, places, normals, lift, with_daylight=bool(light.daylight), at=at)
+    measured = yield from light_of_sides(
+        context, places, normals, lift_world, with_daylight=bool(light.daylight), at=at
+    )
     return _decided(source, survey, measured)
 
 
@@ -123,7 +129,7 @@ def _surveyed(source: SceneMesh, cameras: Sequence[Camera], one_sided: np.ndarra
     np.add.at(seen, (sheet[triangle[counts]], behind[counts].astype(int)), 1)
     asked = asked_sheets(np.where(is_open | (seen[:, 1] > 0), by_sheet, 0.0), seen)
     points = points_on_sheets(asked, sheet, areas)
-    return _Survey(sheet, is_open, may_turn, by_sheet, seen, asked, points, backs, places)
+    return _Survey(sheet, is_open, may_turn, by_sheet, seen, asked, points, backs, places, sight)
 
 
 def _placed_sheets(source: SceneMesh) -> tuple[np.ndarray, np.ndarray]:
@@ -163,12 +169,7 @@ def _places(source: SceneMesh, survey: _Survey, triangles: np.ndarray) -> tuple[
     """Places and unit normals (N, 3) in the world: on sheets, then on backs. triangles: (N,) those of both."""
     from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
 
-    corners = np.empty((len(triangles), 3, 3))
-    for batch in source.batches():
-        local = triangles - batch.first_triangle
-        mine = (local >= 0) & (local < len(batch))
-        if mine.any():
-            corners[mine] = batch.corners_world[local[mine]]
+    corners, _ = source.corners_and_materials(triangles)
     one, two = survey.points.barycentric.T[:, :, None]
     start, first, second = (corners[: len(one), i] for i in range(3))
     on_sheets = start + one * (first - start) + two * (second - start)
@@ -184,24 +185,17 @@ def _decided(source: SceneMesh, survey: _Survey, measured: np.ndarray) -> Sides:
         asked = survey.asked
         turned[asked] = turned_sheets(of_sheets, survey.areas[asked], survey.seen[asked])
     of_triangle = turned[survey.sheet] & survey.may_turn
-    names = _names(source, survey.backs)
+    names = source.objects_of(survey.backs)
     closed = ~np.append(survey.is_open, True)[survey.sheet[survey.backs]]
     shown = ~of_triangle[survey.backs]
     named = _brighter_backs(names[shown], measured[count:][shown], closed[shown], float(measured.max(initial=0.0)))
     warnings = (_sentence(named, has_sheets=not set(named) <= set(names[closed].tolist())),) if named else ()
     if not turned.any():
-        return Sides(of_triangle, warnings)
+        return Sides(of_triangle, survey.sight, warnings)
     _, first = np.unique(np.where(of_triangle, survey.sheet, -1), return_index=True)
-    objects = sorted(set(_names(source, first[of_triangle[first]]).tolist()))
+    objects = sorted(set(source.objects_of(first[of_triangle[first]]).tolist()))
     notes = {"turned_sheets": int(turned.sum()), "turned_objects": objects[:_NOTED]}
-    return Sides(of_triangle, warnings, notes)
-
-
-def _names(source: SceneMesh, triangles: np.ndarray) -> np.ndarray:
-    """(N,) names of the objects of triangles (N,)."""
-    names = [name for part in source.parts for name in part.objects]
-    ends = np.cumsum(np.concatenate([np.full(len(part.objects), len(part.mesh)) for part in source.parts]))
-    return np.array(names, object)[np.searchsorted(ends, triangles, side="right")]
+    return Sides(of_triangle, survey.sight, warnings, notes)
 
 
 def _brighter_backs(names: np.ndarray, light: np.ndarray, closed: np.ndarray, brightest: float) -> dict[str, float]:
