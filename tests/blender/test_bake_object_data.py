@@ -17,7 +17,7 @@ from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments
-from patchnet.tests.blender.light_scene import SQUARE, assert_agrees, compare, link, mesh, slab
+from patchnet.tests.blender.light_scene import SQUARE, assert_agrees, compare, link, mesh, picture, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
@@ -371,3 +371,15 @@ def test_attribute_that_nothing_has_is_named() -> None:
     bpy.context.view_layer.update()
     (warning,) = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
     assert "'paint'" in warning
+
+
+def test_what_depends_on_the_angle_is_the_mean_of_all_views() -> None:
+    """Against Cycles' picture of a ball, on whose disc all angles are seen as often as a view of a surface has them."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=0.98)
+    bpy.context.object.data.materials.append(glowing(read_by("LayerWeight", "Facing")))
+    bpy.ops.object.shade_smooth()
+    source, atlas = baked(0.2)
+    _, values = at_points(source, atlas)
+    light, alpha = picture(16, 1, height=1.5)
+    assert values.mean() == pytest.approx(light.sum() / alpha.sum(), rel=0.1)
+    assert np.ptp(values) < 0.01 * values.mean() and len(atlas.warnings) == 1

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cameras against Blender's own projection."""
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
@@ -117,7 +119,9 @@ def test_framing_cameras_see_the_scene(camera: bpy.types.Object, size: tuple[int
 
 @pytest.mark.parametrize("hidden", ["excluded collection", "disabled in viewports", "hidden"])
 @pytest.mark.parametrize("active", [True, False])
-def test_cameras_that_the_view_layer_leaves_out(camera: bpy.types.Object, hidden: str, active: bool) -> None:
+def test_cameras_that_the_view_layer_leaves_out(
+    camera: bpy.types.Object, hidden: str, active: bool, tmp_path: Path
+) -> None:
     """With a parent that is animated and a constraint, at the scene's frame; as they are when nothing hides them."""
     scene = bpy.context.scene
     rig, target = (bpy.data.objects.new(name, None) for name in ("Rig", "Target"))
@@ -146,7 +150,9 @@ def test_cameras_that_the_view_layer_leaves_out(camera: bpy.types.Object, hidden
     else:
         for item in collection.objects:
             item.hide_viewport = True
-    scene.frame_set(4)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "file.blend"))  # a file that is opened knows no places
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "file.blend"))
+    scene = bpy.context.scene
     scenes = len(bpy.data.scenes)
     (found,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), ("Eye",), (64, 64), bounds)
     assert len(bpy.data.scenes) == scenes and scene.frame_current == 4

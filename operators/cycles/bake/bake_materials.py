@@ -16,15 +16,16 @@ from .translucency import is_translucent, keep_sides
 
 @contextmanager
 def bake_materials(
-    names: Sequence[str], image: bpy.types.Image, back: bool, through: bool = False
+    names: Sequence[str], image: bpy.types.Image, back: bool, through: bool = False, *, oblique: bool = False
 ) -> Iterator[list[bpy.types.Material]]:
     """Copy each named material, in this order, with `image` as the active node; removed after the block.
 
     The copies take from attributes what they would ask the object. back: the mesh shows back sides. through: they show
-    only what shines through from behind, else all but that.
+    only what shines through from behind, else all but that. oblique: what depends on the angle of view is as for the
+    mean of all views.
     """
     with ExitStack() as stack:
-        copies = _Copies(through, stack)
+        copies = _Copies(through, oblique, stack)
         for name in names:
             copies.add(name, image, back)
         yield copies.materials
@@ -33,8 +34,8 @@ def bake_materials(
 class _Copies:
     """Copies of materials and of the node groups in them, until `stack` is closed."""
 
-    def __init__(self, through: bool, stack: ExitStack) -> None:
-        self._through, self._stack = through, stack
+    def __init__(self, through: bool, oblique: bool, stack: ExitStack) -> None:
+        self._through, self._oblique, self._stack = through, oblique, stack
         self.materials: list[bpy.types.Material] = []
         self._library = {material.name_full: material for material in bpy.data.materials}
 
@@ -51,7 +52,7 @@ class _Copies:
     def _redirect(
         self, tree: bpy.types.NodeTree, material_index: int, back: bool, known: dict[str, bpy.types.NodeTree]
     ) -> None:
-        redirect(tree, material_index, back)
+        redirect(tree, material_index, back, self._oblique)
         keep_sides(tree, self._through)
         for node in tree.nodes:
             if node.type == "GROUP" and node.node_tree:

@@ -35,6 +35,7 @@ from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
 
 # Side of the square around a texel's centre that Cycles' paths go out from, in texels: half of it in 4.5, all in 5.2.
 SPREAD = 0.5 if bpy.app.version < (5, 0, 0) else 1.0
+_MOST_LOST = 12  # nodes in a sentence
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
 _DARK_PIECE, _BLACK = 1e-3, 1e-6  # of the brightest triangle on a page: next to no light, and none
 
@@ -91,12 +92,12 @@ class Baker:
         self._turned = np.zeros(source.triangle_count, bool) if turned is None else turned
         self.paths_traced = 0
         transformed = source.turned_materials
-        lost = tuple(
-            _lost(material.name, nodes)
+        lost = [
+            f"node '{node}' of material '{material.name}'"
             for material in used
-            if (nodes := lost_inputs(material, material.name_full in transformed, charts.page_count > 1))
-        )
-        self.warnings = (*lost, *gloss_warnings(source, light))
+            for node in lost_inputs(material, material.name_full in transformed, charts.page_count > 1)
+        ]
+        self.warnings = (*_lost(lost), *gloss_warnings(source, light))
         self._offset_world = lift_world(source, charts)
 
     def page(self, page: int) -> Steps[np.ndarray]:
@@ -219,13 +220,14 @@ class Baker:
             sides = (len(fronts) > 0) + (len(backs) > 0)
             image = stack.enter_context(page_image(size, sides * halves))
             materials, parts = [], []
+            oblique = not self._light.from_camera
             for part, back in ((fronts, False), (backs, True)):
                 used, mine = np.unique(part.materials, return_inverse=True)
                 part = replace(part, materials=mine.reshape(-1).astype(np.int32))
                 first = halves if back and sides == 2 else 0
                 parts.append(joined([part.on_image(sides * halves, first + half) for half in range(halves)]))
                 own = [names[number] for number in used]
-                materials.append(stack.enter_context(bake_materials(own, image, back, what.through)))
+                materials.append(stack.enter_context(bake_materials(own, image, back, what.through, oblique=oblique)))
             mesh = stack.enter_context(page_mesh())
             lift_world = -self._offset_world if what.through else self._offset_world
             turned = parts[1].turned(len(materials[0]))
@@ -291,6 +293,9 @@ def texel_channels(light: LightSettings) -> int:
     return (COLOR_CHANNELS if light.color else 2) + bool(light.denoise)
 
 
-def _lost(name: str, nodes: tuple[str, ...]) -> str:
-    listed = ", ".join(f"'{node}'" for node in nodes)
-    return f"Material '{name}' is baked without what depends on the view or on whole objects: node {listed}"
+def _lost(nodes: Sequence[str]) -> tuple[str, ...]:
+    """Sentence that names nodes whose values a bake does not have; none for none."""
+    if not nodes:
+        return ()
+    more = f" and {len(nodes) - _MOST_LOST} more" if len(nodes) > _MOST_LOST else ""
+    return (f"What depends on the view or on whole objects is not baked: {', '.join(nodes[:_MOST_LOST])}{more}",)

@@ -26,6 +26,7 @@ from ...scene.scene_mesh import Run
 
 OBJECT = "patchnet_object"
 _AROUND = {axis: f"patchnet_around_{axis}" for axis in "XYZ"}
+_BY_ANGLE = ("LAYER_WEIGHT", "FRESNEL")
 _KINDS = {"RGBA": "Color", "VECTOR": "Vector", "VALUE": "Fac"}  # type of a socket -> output of the Attribute node
 # Outputs by node type that joining changes, or that depend on the view; None means all of them.
 _LOST: dict[str, frozenset[str] | None] = {
@@ -129,16 +130,17 @@ def _normal_transforms(linear: np.ndarray) -> np.ndarray:
 def needs_redirect(material: bpy.types.Material) -> bool:
     """Return whether `redirect` changes anything in a material."""
     return any(
-        node.type == "NEW_GEOMETRY" or _own_coordinates(node) or needs_generated(node) or asks_default_color(node)
-        or any(asked_by(node, socket.name) for socket in node.outputs)
+        node.type in ("NEW_GEOMETRY", *_BY_ANGLE) or _own_coordinates(node) or needs_generated(node)
+        or asks_default_color(node) or any(asked_by(node, socket.name) for socket in node.outputs)
         for node in _nodes([material])
     )  # fmt: skip
 
 
-def redirect(tree: bpy.types.NodeTree, material_index: int, back: bool) -> None:
+def redirect(tree: bpy.types.NodeTree, material_index: int, back: bool, oblique: bool = False) -> None:
     """Lead links of a tree that ask the object to attributes; groups in it are left to the caller.
 
-    back: the mesh shows its back sides as fronts, so that "Backfacing" is a constant 1.
+    back: the mesh shows its back sides as fronts, so that "Backfacing" is a constant 1. oblique: nodes that depend on
+    the angle of view see it as large as in the mean of all views, whose cosine is 2/3, and not from above.
     """
     for node in list(tree.nodes):
         for socket in node.outputs:
@@ -156,6 +158,8 @@ def redirect(tree: bpy.types.NodeTree, material_index: int, back: bool) -> None:
             _make_tangent(tree, node)
         elif needs_generated(node):
             tree.links.new(_attribute(tree, GENERATED).outputs["Vector"], node.inputs["Vector"])
+        if oblique and node.type in _BY_ANGLE and not node.inputs["Normal"].is_linked:
+            tree.links.new(_oblique_normal(tree), node.inputs["Normal"])
         if node.type == "NEW_GEOMETRY" and back:
             _replace_constant(tree, node.outputs["Backfacing"], 1.0)
 
@@ -171,6 +175,21 @@ def _make_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
     across = _vector_math(tree, "CROSS_PRODUCT", _attribute(tree, _around_of(node)).outputs["Vector"], normal)
     value = _vector_math(tree, "CROSS_PRODUCT", normal, _vector_math(tree, "NORMALIZE", across))
     _move_links(tree, node.outputs["Tangent"], value)
+
+
+def _oblique_normal(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+    """Direction whose cosine to the normal is 2/3: the normal and 1.118 times a unit vector across it."""
+    normal = tree.nodes.new("ShaderNodeNewGeometry").outputs["Normal"]
+    across = tree.nodes.new("ShaderNodeVectorMath")
+    across.operation = "CROSS_PRODUCT"
+    across.inputs[1].default_value = (0.48, 0.6, 0.64)
+    tree.links.new(normal, across.inputs[0])
+    sum_of_both = tree.nodes.new("ShaderNodeVectorMath")
+    sum_of_both.operation = "MULTIPLY_ADD"
+    sum_of_both.inputs[1].default_value = (1.118,) * 3
+    tree.links.new(_vector_math(tree, "NORMALIZE", across.outputs[0]), sum_of_both.inputs[0])
+    tree.links.new(normal, sum_of_both.inputs[2])
+    return _vector_math(tree, "NORMALIZE", sum_of_both.outputs[0])
 
 
 def _vector_math(tree: bpy.types.NodeTree, operation: str, *inputs: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
