@@ -29,6 +29,7 @@ _SKIPPED_PROPERTIES = {
     "preview",
     "users",
     "depsgraph",
+    "is_library_indirect",  # Blender 5.3 makes it false where a script sets what it was, and true again in each save
 }
 # Blender 4.5 makes the lists of what is selected in a UV map when they are read, named by memory that it has freed.
 _SKIPPED_OF_UV_MAPS = {"vertex_selection", "edge_selection", "pin"}
