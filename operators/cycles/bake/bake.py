@@ -27,12 +27,13 @@ from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import computed, run_in_worker
 from ....patchnet_addon.tracing.camera import Camera
 from ...scene.scene_mesh import SceneMesh
+from ...scene_access.blender_version import BAKE_SPREAD
 from ...scene_access.devices import bakes_on_gpu
 from ...schema.table import AUTO
 from ...settings.groups import LightSettings
 from ...state.watch import check_unchanged
 from .bake_key import bake_key, scene_key
-from .baker import SPREAD, Baker, texel_channels
+from .baker import Baker, texel_channels
 from .gloss_passes import place_of_view
 from .incremental import Incremental, incremental_bake
 from .sheet_survey import sides_of_sheets
@@ -107,7 +108,7 @@ def bake_luminance(
     turned = sides.turned if sides.turned.any() else None
     noise = texels[:, -1] if light.denoise else None
     lit = texels[:, :-1] if light.denoise else texels
-    return Atlas(charts, lit, light.samples, warnings, noise=noise, spread=SPREAD, notes=notes, turned=turned)
+    return Atlas(charts, lit, light.samples, warnings, noise=noise, spread=BAKE_SPREAD, notes=notes, turned=turned)
 
 
 def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -> Steps[np.ndarray]:

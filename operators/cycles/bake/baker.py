@@ -33,8 +33,6 @@ from .object_data import attributes_needed, lost_inputs
 from .one_sided import one_sided_materials, shining_materials, shows, translucent_materials
 from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
 
-# Side of the square around a texel's centre that Cycles' paths go out from, in texels: half of it in 4.5, all in 5.2.
-SPREAD = 0.5 if bpy.app.version < (5, 0, 0) else 1.0
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
 
 

@@ -11,8 +11,9 @@ from collections.abc import Iterator, Sequence
 import bpy
 import numpy as np
 
-from ...scene.layer_names import GENERATED, all_nodes, needs_generated, shader_tree
+from ...scene.layer_names import GENERATED, all_nodes, needs_generated
 from ...scene.scene_mesh import Run
+from ...scene_access.blender_version import tree_in_use
 
 OBJECT = "patchnet_object"
 _INFO = {  # output of Object Info -> attribute
@@ -142,7 +143,7 @@ def _own_coordinates(node: bpy.types.Node) -> bool:
 
 def _nodes(materials: Sequence[bpy.types.Material]) -> Iterator[bpy.types.Node]:
     for material in materials:
-        tree = shader_tree(material)
+        tree = tree_in_use(material)
         if tree is not None:
             yield from all_nodes(tree)
 

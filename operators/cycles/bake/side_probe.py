@@ -14,6 +14,7 @@ import numpy as np
 
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.surface.chroma import REC709
+from ...scene_access.blender_version import start_nodes
 from ...scene_access.temporary import temporary
 from ...scene_access.window_job import when_job_ended, window_is_alive
 from ..daylight import daylight
@@ -23,7 +24,8 @@ from .page_mesh import CHART_LAYER
 
 SAMPLES = 64  # a texel
 _BLOCK = 4  # texels of a side of a point's block
-_OWN = np.add.outer(np.arange(_BLOCK), np.arange(_BLOCK)) < _BLOCK - 2  # (rows, columns) whose centres a triangle covers
+# Rows and columns of it whose centres its triangle covers.
+_OWN = np.add.outer(np.arange(_BLOCK), np.arange(_BLOCK)) < _BLOCK - 2
 _PER_ROW = 32  # blocks
 _NAME = "PatchNet Probe"
 
@@ -68,9 +70,8 @@ def light_of_sides(
 
 def _white(image: bpy.types.Image) -> bpy.types.Material:
     material = bpy.data.materials.new(_NAME)
-    if bpy.app.version < (5, 0, 0):
-        material.use_nodes = True
-    nodes, links = material.node_tree.nodes, material.node_tree.links
+    tree = start_nodes(material)
+    nodes, links = tree.nodes, tree.links
     nodes.clear()
     diffuse, texture = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeTexImage")
     diffuse.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
