@@ -6,22 +6,22 @@
 #   make test-blender   the extension in a real Blender 5.2, with a window: BLENDER=/path/to/blender, or one is fetched
 #   make docs     the site of the documentation into out/docs; its tutorial runs in Blender meanwhile
 #   make zip      the extension with its wheels into dist/: a zip for each platform and Python
-#   make zip-platform   one zip a platform with the wheels of Blender 4.5 and 5.2, for extensions.blender.org
+#   make zip-platform   one zip a platform with the wheels of Blender 4.5 to 5.3, for extensions.blender.org
 #   make clean    remove results and builds, keep the environments
 #
 # PYTHON=/path/to/python3.11 chooses the interpreter.
 
 SHELL := /bin/bash
-export PYTHON PYTHON_52
+export PYTHON PYTHON_NEWEST
 VENV := .venv
 STAMP := $(VENV)/.installed
-VENV_52 := .venv-5.2
-STAMP_52 := $(VENV_52)/.installed
+VENV_NEWEST := .venv-newest
+STAMP_NEWEST := $(VENV_NEWEST)/.installed
 VENV_DOCS := .venv-docs
 STAMP_DOCS := $(VENV_DOCS)/.installed
 INPUTS := pyproject.toml setup.py constraints.txt
 
-.PHONY: demo test test-blender lint docs zip zip-platform clean system environment environment-5.2 environment-docs
+.PHONY: demo test test-blender lint docs zip zip-platform clean system environment environment-newest environment-docs
 
 demo: environment
 	$(VENV)/bin/patchnet demo --reference --out out/demo
@@ -53,7 +53,7 @@ clean:
 	find . -name __pycache__ -not -path './.venv*' -prune -exec rm -rf {} +
 
 environment: $(STAMP)
-environment-5.2: $(STAMP_52)
+environment-newest: $(STAMP_NEWEST)
 environment-docs: $(STAMP_DOCS)
 
 # The libraries that Blender loads, and Python's venv: checked every time, installed only when missing.
@@ -63,9 +63,9 @@ system:
 $(STAMP): $(INPUTS) | system
 	.ci/make-environment 3.11 $(VENV) "blender,train,bench,test"
 
-# Blender 5.2 speaks Python 3.13. Without torch on purpose: Blender users have none.
-$(STAMP_52): $(INPUTS) | system
-	.ci/make-environment 3.13 $(VENV_52) "blender,test"
+# The newest Blender, 5.3, speaks Python 3.13. Without torch on purpose: Blender users have none.
+$(STAMP_NEWEST): $(INPUTS) | system
+	.ci/make-environment 3.13 $(VENV_NEWEST) "blender,test"
 
 # Sphinx has requirements of its own, which neither tests nor users need.
 $(STAMP_DOCS): $(INPUTS) | system

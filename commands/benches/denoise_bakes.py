@@ -81,7 +81,7 @@ def _baked(
     import bpy
 
     from ...operators.cycles.bake.bake_key import bake_key, scene_key
-    from ...operators.cycles.bake.baker import SPREAD
+    from ...operators.scene_access.blender_version import BAKE_SPREAD
     from ...patchnet_addon.lightmap.atlas import Atlas
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
@@ -99,8 +99,8 @@ def _baked(
         pages.append(texels)
     texels = np.concatenate(pages)
     if not light.denoise:
-        return Atlas(charts, texels, light.samples, baker.warnings, spread=SPREAD)
-    return Atlas(charts, texels[:, :-1], light.samples, baker.warnings, noise=texels[:, -1], spread=SPREAD)
+        return Atlas(charts, texels, light.samples, baker.warnings, spread=BAKE_SPREAD)
+    return Atlas(charts, texels[:, :-1], light.samples, baker.warnings, noise=texels[:, -1], spread=BAKE_SPREAD)
 
 
 def _part_baker(

@@ -100,7 +100,7 @@ def _compositor(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.NodeTree, bp
     """Empty compositor of a scene, and the socket that its result goes to."""
     import bpy
 
-    if bpy.app.version < (5, 0, 0):
+    if not hasattr(scene, "compositing_node_group"):  # Blender 4.5
         scene.use_nodes = True
         scene.node_tree.nodes.clear()
         yield scene.node_tree, scene.node_tree.nodes.new("CompositorNodeComposite").inputs[0]

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import bpy
 from mathutils import Euler
 
+from ..scene_access.blender_version import start_nodes, tree_in_use
 from ..scene_access.overrides import changed
 from ..scene_access.own import check_own_scene, is_own
 from ..scene_access.temporary import temporary
@@ -48,22 +49,24 @@ def light_of_bake(context: bpy.types.Context) -> Iterator[None]:
 def _world_shines(world: bpy.types.World | None) -> bool:
     if world is None:
         return False
-    if not world.use_nodes or world.node_tree is None:
+    tree = tree_in_use(world)
+    if tree is None:
         return max(world.color) > 0
     return any(
         node.type == "BACKGROUND" and _bright(node.inputs["Color"]) and _bright(node.inputs["Strength"])
-        for node in world.node_tree.nodes
+        for node in tree.nodes
         if any(output.is_linked for output in node.outputs)
     )
 
 
 def emits(material: bpy.types.Material) -> bool:
     """Return whether a material shines by itself."""
-    if not material.use_nodes or material.node_tree is None:
+    tree = tree_in_use(material)
+    if tree is None:
         return False
     return any(
         all(_bright(node.inputs[name]) for name in EMISSION_INPUTS[node.type])
-        for node in material.node_tree.nodes
+        for node in tree.nodes
         if node.type in EMISSION_INPUTS and node.outputs[0].is_linked
     )
 
@@ -95,9 +98,7 @@ def daylight(scene: bpy.types.Scene) -> Iterator[None]:
 
 
 def _fill_sky(sky: bpy.types.World) -> None:
-    if not sky.use_nodes:
-        sky.use_nodes = True
-    tree = sky.node_tree
+    tree = start_nodes(sky)
     tree.nodes.clear()
     background = tree.nodes.new("ShaderNodeBackground")
     background.inputs["Color"].default_value = (*SKY_COLOR, 1.0)

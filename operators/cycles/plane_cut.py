@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import bpy
 
 from ...patchnet_addon.runtime.errors import SceneError
-from ..scene.layer_names import shader_tree
+from ..scene_access.blender_version import tree_in_use
 from .replaced_materials import replaced_materials
 
 Plane = tuple[int, float]  # axis, and coordinate in world units beyond which nothing is
@@ -26,7 +26,7 @@ def cut_for_camera(scene: bpy.types.Scene, names: Sequence[str], plane: Plane) -
         raise SceneError("A surface has no material, and materials are what cuts it open: give it a material")
 
     def change(copy: bpy.types.Material, name: str) -> None:
-        tree = shader_tree(copy)
+        tree = tree_in_use(copy)
         if tree is None:
             raise SceneError(f"Material '{name}' has no nodes, and it is cut open by some: turn on its nodes")
         cut(tree, *plane, camera_only=True)

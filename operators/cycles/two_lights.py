@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import SceneError
-from ..scene.layer_names import shader_tree
+from ..scene_access.blender_version import tree_in_use
 from .plane_cut import Plane, cut, mixed_with_transparent
 from .replaced_materials import replaced_materials
 
@@ -44,7 +44,7 @@ def two_lights(
 
 
 def _make_shine(copy: bpy.types.Material, name: str, direction: np.ndarray, plane: Plane | None) -> None:
-    tree = shader_tree(copy)
+    tree = tree_in_use(copy)
     if tree is None:
         raise SceneError(f"Material '{name}' has no nodes, and Two Lights need them: turn on its nodes")
     for node in list(tree.nodes):

@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 from mathutils import Vector
 
+from ..scene_access.blender_version import start_nodes
 from .geometry import add_object
 from .materials import linear
 
@@ -24,9 +25,8 @@ def build_light(scene: bpy.types.Scene, collection: bpy.types.Collection) -> Non
 
 def _sky() -> bpy.types.World:
     world = bpy.data.worlds.new("Sky")
-    if world.node_tree is None:
-        world.use_nodes = True
-    nodes, links = world.node_tree.nodes, world.node_tree.links
+    tree = start_nodes(world)
+    nodes, links = tree.nodes, tree.links
     nodes.clear()
     place = nodes.new("ShaderNodeTexCoord")
     split = nodes.new("ShaderNodeSeparateXYZ")

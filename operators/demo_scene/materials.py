@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from ..scene_access.blender_version import start_nodes
 from . import textures
 
 
@@ -28,9 +29,8 @@ def principled(
 ) -> bpy.types.Material:
     """Material of an sRGB colour, an image, or both multiplied; `alpha` cuts by the image."""
     material = bpy.data.materials.new(name)
-    if material.node_tree is None:
-        material.use_nodes = True
-    nodes, links = material.node_tree.nodes, material.node_tree.links
+    tree = start_nodes(material)
+    nodes, links = tree.nodes, tree.links
     nodes.clear()
     shader, output = nodes.new("ShaderNodeBsdfPrincipled"), nodes.new("ShaderNodeOutputMaterial")
     links.new(shader.outputs["BSDF"], output.inputs["Surface"])

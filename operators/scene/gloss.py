@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ..scene_access.blender_version import tree_in_use
 from .images import ImageReader
-from .layer_names import shader_tree
 from .node_links import Input, Output, source
 from .node_terms import REC709, NotUnderstoodError
 from .node_values import NodeValues
@@ -68,7 +68,7 @@ class Gloss:
 
 def read_gloss(material: bpy.types.Material, images: ImageReader) -> Gloss:
     """Read the gloss of a material; one without nodes is diffuse."""
-    tree = shader_tree(material)
+    tree = tree_in_use(material)
     if tree is None:
         return Gloss(diffuse=0.8)
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")

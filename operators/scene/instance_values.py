@@ -13,7 +13,8 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from .layer_names import all_nodes, shader_tree
+from ..scene_access.blender_version import tree_in_use
+from .layer_names import all_nodes
 
 _MASK = 0xFFFFFFFF
 _LONGEST = 60  # of a layer's name that Blender 4.5 keeps whole
@@ -60,7 +61,7 @@ def asked_by(node: bpy.types.Node, output: str) -> Asked | None:
 
 def asked_values(material: bpy.types.Material) -> frozenset[Asked]:
     """All values that nodes of a material ask of its objects, in its groups too."""
-    tree = shader_tree(material)
+    tree = tree_in_use(material)
     outputs = [(node, socket) for node in all_nodes(tree) for socket in node.outputs] if tree else []
     found = (asked_by(node, socket.name) for node, socket in outputs if socket.is_linked)
     return frozenset(asked for asked in found if asked is not None)

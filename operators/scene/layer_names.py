@@ -7,6 +7,8 @@ from collections.abc import Iterator
 
 import bpy
 
+from ..scene_access.blender_version import tree_in_use
+
 # The layer that holds generated coordinates, which belong to a mesh and its texture space.
 GENERATED = "patchnet_generated"
 # The layer that holds a mesh's default colour attribute, which a Color Attribute node without a name reads.
@@ -30,7 +32,7 @@ _NAME_PROPERTY = {
 
 def layer_names(material: bpy.types.Material) -> frozenset[str]:
     """Names that any node of the material mentions, in its groups too, and GENERATED if one needs it."""
-    tree = shader_tree(material)
+    tree = tree_in_use(material)
     if tree is None:
         return frozenset()
     names = set()
@@ -63,13 +65,6 @@ def asks_tangent(node: bpy.types.Node) -> bool:
     if node.type == "NEW_GEOMETRY":
         return node.outputs["Tangent"].is_linked
     return node.type == "TANGENT" and node.direction_type == "RADIAL"
-
-
-def shader_tree(material: bpy.types.Material) -> bpy.types.NodeTree | None:
-    """Material's nodes, or None if it uses none (from Blender 5.0 on all materials do)."""
-    if bpy.app.version < (5, 0, 0) and not material.use_nodes:
-        return None
-    return material.node_tree
 
 
 def all_nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:

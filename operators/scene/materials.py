@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.surface.mesh import Material, Texture
+from ..scene_access.blender_version import tree_in_use
 from .images import ImageReader
-from .layer_names import shader_tree
 from .node_links import Input, Output, source
 from .node_terms import ColorTerm, NotUnderstoodError, NumberTerm, Rgb, TextureUse
 from .node_values import NodeValues
@@ -53,7 +53,7 @@ def read_material(material: bpy.types.Material, images: ImageReader) -> Material
     it is black, as Cycles shows it.
     """
     name = material.name
-    tree = shader_tree(material)
+    tree = tree_in_use(material)
     if tree is None:
         r, g, b, _ = material.diffuse_color  # its alpha is for viewports
         return MaterialReading(Material(name, base_color=(r, g, b)))

@@ -13,7 +13,8 @@ from collections.abc import Iterable, Iterator
 
 import bpy
 
-from .layer_names import all_nodes, shader_tree
+from ..scene_access.blender_version import tree_in_use
+from .layer_names import all_nodes
 
 _FROM_FILES = frozenset({"FILE", "SEQUENCE", "MOVIE", "TILED"})
 _FIND = "put them back, or find them with File > External Data"
@@ -62,7 +63,7 @@ def _trees(
 ) -> Iterator[tuple[str, bpy.types.NodeTree]]:
     """List node trees, each with its owner in words."""
     for material in materials:
-        if (tree := shader_tree(material)) is not None:
+        if (tree := tree_in_use(material)) is not None:
             yield f"material '{material.name}'", tree
     if world is not None and world.node_tree is not None:
         yield f"world '{world.name}'", world.node_tree

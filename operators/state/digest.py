@@ -14,6 +14,8 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..scene_access.blender_version import NODES_ARE_OPTIONAL
+
 
 def names(text: str) -> frozenset[str]:
     """Split a text into its words."""
@@ -25,8 +27,8 @@ _SKIPPED = names(
     override_library library_weak_reference use_extra_user use_fake_user is_library_indirect is_embedded_data is_missing
     is_editable is_runtime_data tag depsgraph node_tree bindcode execution_time"""
 )
-if bpy.app.version >= (5, 0, 0):
-    _SKIPPED |= {"use_nodes"}  # always true by now, and asking for it warns
+if not NODES_ARE_OPTIONAL:
+    _SKIPPED |= {"use_nodes"}
 # Of nodes: how the editor shows them; sockets are asked on their own.
 _SKIPPED_OF_NODES = names(
     """location location_absolute width width_hidden height dimensions select show_options show_preview show_texture

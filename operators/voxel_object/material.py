@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..scene_access.blender_version import start_nodes
 from ..scene_access.own import OWNER
 
 _NAME = "PatchNet Voxels"
@@ -26,10 +27,8 @@ def _new_material() -> bpy.types.Material:
     """
     material = bpy.data.materials.new(_NAME)
     material[OWNER] = _NAME
-    if bpy.app.version < (5, 0, 0):
-        material.use_nodes = True
     material.cycles.emission_sampling = "NONE"  # nothing else in the scene is lit by it
-    tree = material.node_tree
+    tree = start_nodes(material)
     tree.nodes.clear()
     total = tree.nodes.new("ShaderNodeVectorMath")
     for index, kind in enumerate(("GEOMETRY", "INSTANCER")):

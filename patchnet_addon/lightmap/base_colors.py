@@ -111,19 +111,11 @@ def _means(first, last, texels, triangles, chains, materials, out):  # type: ign
         color_level = level if c == k else level_of_size(levels, color_chain, transform[c], corners, uvs, share[index])
         plain = materials.opacity[material]
         threshold = materials.threshold[material] / plain
-        whole = colored and c == k and chains.solid[k] and math.isnan(threshold)  # the colours alone say all
         frame = texel_frame(texel[index], page_corners[t], page_side)
         total, total_red, total_blue, weights = 0.0, 0.0, 0.0, 0.0
         for place in range(_PLACES * _PLACES):
             s, r = uv_at(uvs, place_in_texel(frame, place // _PLACES, place % _PLACES, _PLACES, spread))
             u, v = on_texture(transform[k], s, r)
-            if whole:
-                red, green, blue = trilinear_color(colors, levels, chain, level, u, v)
-                total += RED * red + GREEN * green + BLUE * blue
-                total_red += red
-                total_blue += blue
-                weights += 1.0
-                continue
             premultiplied, opacity = trilinear_luminance(values, levels, chain, level, threshold, u, v)
             around = opacity
             if c != k:

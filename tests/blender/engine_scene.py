@@ -9,6 +9,7 @@ import numpy as np
 
 from patchnet.operators.render_engine.engine import ENGINE
 from patchnet.operators.render_engine.passes import PASSES
+from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.tests.blender.job_scene import build
 
@@ -25,9 +26,7 @@ def build_for_engine(weights: Path, folder: Path) -> bpy.types.Scene:
     values.weights, values.light, values.resolution, values.depth = str(weights), "two-lights", "DEPTH", 6
     values.refined_samples = 1024.0  # so that refined pixels are those of the reference
     scene.world = bpy.data.worlds.new("World")
-    if bpy.app.version < (5, 0, 0):
-        scene.world.use_nodes = True
-    background = scene.world.node_tree.nodes["Background"]
+    background = start_nodes(scene.world).nodes["Background"]
     background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (*WORLD, 1.0), 0.5
     render = scene.render
     render.engine = ENGINE

@@ -52,7 +52,10 @@ def _link_library(path: Path) -> None:
         target.collections = names
     scene = bpy.context.scene
     scene.collection.children.link(bpy.data.collections["Linked"])
-    overridden = bpy.data.collections["Overridden"].override_hierarchy_create(scene, bpy.context.view_layer)
+    linked = bpy.data.collections["Overridden"]
+    scene.collection.children.link(linked)  # Blender 5.3 overrides nothing that is in no scene
+    overridden = linked.override_hierarchy_create(scene, bpy.context.view_layer)
+    scene.collection.children.unlink(linked)
     overridden.objects[0].location.x += 0.05
 
 

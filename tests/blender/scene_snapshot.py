@@ -12,6 +12,8 @@ from typing import Any
 import bpy
 import numpy as np
 
+from patchnet.operators.scene_access.blender_version import NODES_ARE_OPTIONAL
+
 _ATTRIBUTES = {
     "FLOAT": ("value", 1, np.float32), "FLOAT2": ("vector", 2, np.float32), "FLOAT_VECTOR": ("vector", 3, np.float32),
     "FLOAT_COLOR": ("color", 4, np.float32), "BYTE_COLOR": ("color", 4, np.float32), "INT": ("value", 1, np.int32),
@@ -29,6 +31,7 @@ _SKIPPED_PROPERTIES = {
     "preview",
     "users",
     "depsgraph",
+    "is_library_indirect",  # Blender 5.3 makes it false where a script sets what it was, and true again in each save
 }
 # Blender 4.5 makes the lists of what is selected in a UV map when they are read, named by memory that it has freed.
 _SKIPPED_OF_UV_MAPS = {"vertex_selection", "edge_selection", "pin"}
@@ -129,8 +132,8 @@ def _settings(owner: bpy.types.bpy_struct, depth: int) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for prop in owner.bl_rna.properties:
         key = prop.identifier
-        if key in _SKIPPED_PROPERTIES or (key == "use_nodes" and bpy.app.version >= (5, 0, 0)):
-            continue  # asking for it only warns from 5.0 on
+        if key in _SKIPPED_PROPERTIES or (key == "use_nodes" and not NODES_ARE_OPTIONAL):
+            continue
         if isinstance(owner, bpy.types.PointCache) and key in _SKIPPED_NOTES:
             continue
         if isinstance(owner, bpy.types.MeshUVLoopLayer) and key in _SKIPPED_OF_UV_MAPS:

@@ -14,6 +14,7 @@ from patchnet.operators.scene_access.devices import gpu_is_enabled
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
+from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments
@@ -268,6 +269,16 @@ def test_textures_and_unselected_occluders() -> None:
         values, _ = shade(batch, fragments)
         clear = (np.abs(world[:, :2]) > 0.15).all(axis=1)
         np.testing.assert_allclose(values[clear], expected[clear], atol=2e-3)
+
+
+def test_texels_of_no_triangle_stay_empty() -> None:
+    """Blender 5.3 bakes them where a triangle touches them; they may belong to one that is baked apart."""
+    for index in range(5):  # each fills half of a rectangle
+        mesh_object("Half", SQUARE[:3], [(0, 1, 2)], diffuse(emission=1.0)).scale = (0.3 + 0.3 * index, 1.0, 1.0)
+    _, atlas = baked(0.1)
+    owners = np.concatenate([texel_owners(atlas.charts, page) for page in range(atlas.charts.page_count)])
+    assert (owners < 0).any() and not atlas.texels[owners < 0].any()
+    assert atlas.texels[owners >= 0].all()
 
 
 def test_texels_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from patchnet.operators.cycles.bake import bake_luminance
-from patchnet.operators.cycles.bake.baker import SPREAD
 from patchnet.operators.scene.read import read_scene
+from patchnet.operators.scene_access.blender_version import BAKE_SPREAD
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
@@ -71,7 +71,7 @@ def test_paths_go_out_from_as_much_of_a_texel_as_is_said() -> None:
     ramp()
     many, index = baked(1024, denoise=True)
     two, _ = baked(2, denoise=True)
-    assert two.spread == SPREAD and two.noise is not None
+    assert two.spread == BAKE_SPREAD and two.noise is not None
     step = np.ptp(many.texels[index, 0]) / (np.sqrt(len(index)) - 1.0)
     places = two.noise[index] * 2.0 / step  # apart, in texels: sqrt(1/6) of the spread for even places
-    assert np.sqrt((places**2).mean()) == pytest.approx(SPREAD / np.sqrt(6.0), rel=0.3)
+    assert np.sqrt((places**2).mean()) == pytest.approx(BAKE_SPREAD / np.sqrt(6.0), rel=0.3)

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
+from patchnet.operators.scene_access.blender_version import VOLUMES_ARE_SHIFTED
 from patchnet.operators.session import results
 from patchnet.patchnet_addon.export.vdb import vdb_module_name
 from patchnet.patchnet_addon.octree.file import load_octree
@@ -92,7 +93,7 @@ def test_vdb_in_blender_lies_over_the_voxels(scene: bpy.types.Scene, level: int,
     side = cloud(level).side_world[0]
     # Nearly nothing is reached one voxel beyond the outermost centres, half a voxel beyond the outermost faces.
     expected = bounds(level) + np.array([[-0.5], [0.5]]) * side
-    shift = 0.5 * side if bpy.app.version < (5, 0, 0) else 0.0  # of all OpenVDB files in older Blenders
+    shift = 0.5 * side if VOLUMES_ARE_SHIFTED else 0.0
     np.testing.assert_allclose(corners.reshape(-1, 3).min(axis=0), expected[0] + shift, atol=0.02 * side)
     np.testing.assert_allclose(corners.reshape(-1, 3).max(axis=0), expected[1] + shift, atol=0.02 * side)
 

@@ -17,6 +17,7 @@ from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
+from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
@@ -36,18 +37,14 @@ def start(world: float = 0.05) -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("World")
-    if bpy.app.version < (5, 0, 0):
-        scene.world.use_nodes = True
-    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (world, world, world, 1.0)
+    start_nodes(scene.world).nodes["Background"].inputs["Color"].default_value = (world, world, world, 1.0)
 
 
 def add(name: str, corners: list[Place], faces: list[tuple[int, ...]]) -> bpy.types.Object:
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(corners, [], faces)
     material = bpy.data.materials.get("Gray") or bpy.data.materials.new("Gray")
-    if bpy.app.version < (5, 0, 0):
-        material.use_nodes = True
-    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.6, 0.6, 0.6, 1.0)
+    start_nodes(material).nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.6, 0.6, 0.6, 1.0)
     mesh.materials.append(material)
     item = bpy.data.objects.new(name, mesh)
     bpy.context.scene.collection.objects.link(item)

@@ -18,6 +18,7 @@ from patchnet.operators.demo_scene import build_glossy_room
 from patchnet.operators.scene.gloss import read_gloss
 from patchnet.operators.scene.images import ImageReader
 from patchnet.operators.scene.read import read_scene
+from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
@@ -57,9 +58,7 @@ def sky() -> None:
     """The same light from everywhere, so that a perfect mirror shows it whatever looks at it."""
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("Sky")
-    if bpy.app.version < (5, 0, 0):
-        scene.world.use_nodes = True
-    background = scene.world.node_tree.nodes["Background"]
+    background = start_nodes(scene.world).nodes["Background"]
     background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (*SKY, 1.0), 1.0
 
 

@@ -48,7 +48,7 @@ def set_input(item: bpy.types.Object, name: str, value: object) -> None:
     modifier = item.modifiers[NAME]
     items = modifier.node_group.interface.items_tree
     key = next(each.identifier for each in items if each.name == name and each.in_out == "INPUT")
-    if bpy.app.version < (5, 2, 0):
+    if getattr(modifier, "properties", None) is None:  # Blender 4.5
         modifier[key] = value
     else:
         getattr(modifier.properties.inputs, key).value = value

@@ -24,6 +24,7 @@ from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.render_engine.viewport_preview import ViewportPreview
 from patchnet.operators.render_engine.viewport_world import ViewportWorld, WorldBehind
 from patchnet.operators.scene.cameras import choose_cameras
+from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.operators.scene_access.window_job import in_window
 from patchnet.operators.session.scene_session import KeyedMap, session_of
 from patchnet.operators.session.shown_view import REFINED, view_to_show
@@ -46,9 +47,7 @@ SIZE = (48, 32)
 def nodes_of_world(scene: bpy.types.Scene) -> tuple[bpy.types.NodeTree, bpy.types.Node]:
     """A new world of the scene: its nodes, and the one that shines."""
     scene.world = bpy.data.worlds.new("World")
-    if bpy.app.version < (5, 0, 0):
-        scene.world.use_nodes = True
-    tree = scene.world.node_tree
+    tree = start_nodes(scene.world)
     return tree, next(node for node in tree.nodes if node.type == "BACKGROUND")
 
 

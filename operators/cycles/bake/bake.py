@@ -28,12 +28,13 @@ from ....patchnet_addon.runtime.worker import computed, run_in_worker
 from ....patchnet_addon.tracing.camera import Camera
 from ....patchnet_addon.tracing.unseen import BLACK_VIEWS
 from ...scene.scene_mesh import SceneMesh
+from ...scene_access.blender_version import BAKE_SPREAD
 from ...scene_access.devices import bakes_on_gpu
 from ...schema.table import AUTO
 from ...settings.groups import LightSettings
 from ...state.watch import check_unchanged
 from .bake_key import bake_key, scene_key
-from .baker import SPREAD, Baker, lift_world, texel_channels
+from .baker import Baker, lift_world, texel_channels
 from .black_views import black_views
 from .gloss_passes import place_of_view
 from .incremental import Incremental, incremental_bake
@@ -110,7 +111,7 @@ def bake_luminance(
     turned = sides.turned if sides.turned.any() else None
     noise = texels[:, -1] if light.denoise else None
     lit = texels[:, :-1] if light.denoise else texels
-    atlas = Atlas(charts, lit, light.samples, warnings, noise=noise, spread=SPREAD, notes=notes, turned=turned)
+    atlas = Atlas(charts, lit, light.samples, warnings, noise=noise, spread=BAKE_SPREAD, notes=notes, turned=turned)
     if black := (yield from black_views(context, source, atlas, sides.sight, light, lift)):
         notes[BLACK_VIEWS] = black
     return atlas

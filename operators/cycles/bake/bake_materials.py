@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 
 import bpy
 
-from ...scene.layer_names import shader_tree
+from ...scene_access.blender_version import start_nodes, tree_in_use
 from ...scene_access.temporary import temporary
 from .object_data import needs_redirect, redirect
 from .translucency import is_translucent, keep_sides
@@ -65,7 +65,7 @@ class _Copies:
 
 def _aim(material: bpy.types.Material, image: bpy.types.Image, plain: bool) -> None:
     """Make an image node of `image` the active node; `plain`: diffuse, as Cycles shows a surface without material."""
-    if plain or shader_tree(material) is None:
+    if plain or tree_in_use(material) is None:
         _make_diffuse(material)
     nodes = material.node_tree.nodes
     target = nodes.new("ShaderNodeTexImage")
@@ -77,9 +77,7 @@ def _aim(material: bpy.types.Material, image: bpy.types.Image, plain: bool) -> N
 
 def _make_diffuse(material: bpy.types.Material) -> None:
     """Nodes that show the viewport colour."""
-    if shader_tree(material) is None:
-        material.use_nodes = True
-    tree = material.node_tree
+    tree = start_nodes(material)
     tree.nodes.clear()
     diffuse = tree.nodes.new("ShaderNodeBsdfDiffuse")
     diffuse.inputs["Color"].default_value = (*material.diffuse_color[:3], 1.0)

@@ -33,8 +33,6 @@ from .object_data import attributes_needed, lost_inputs
 from .one_sided import one_sided_materials, shining_materials, shows, translucent_materials
 from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
 
-# Side of the square around a texel's centre that Cycles' paths go out from, in texels: half of it in 4.5, all in 5.2.
-SPREAD = 0.5 if bpy.app.version < (5, 0, 0) else 1.0
 _MOST_LOST = 12  # nodes in a sentence
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
 _DARK_PIECE, _BLACK = 1e-3, 1e-6  # of the brightest triangle on a page: next to no light, and none
@@ -207,8 +205,8 @@ class Baker:
         samples, size = int(self._charts.page_samples[page]), self._charts.page_size[page]
         halves = min(self._halves, samples)  # what has one path is baked once
         samples = -(-samples // halves)
-        texels = yield from computed(lambda: sum(self._texels(page, part) for part in (fronts, backs)), at)
-        self.paths_traced += samples * halves * texels
+        owned = yield from computed(lambda: [self._owned(page, part) for part in (fronts, backs)], at)
+        self.paths_traced += samples * halves * sum(int(np.count_nonzero(own)) for own in owned)
         stack = ExitStack()
         try:
             scene = self._context.scene
@@ -242,8 +240,8 @@ class Baker:
                 bake_now(self._context, target)
             baked = _shine(image, int(size[1]), self._charts.page_side, 4 if self._colored else 2)
             lit = [self._merged_halves(baked[first : first + halves]) for first in range(0, len(baked), halves)]
-            dark = np.zeros_like(lit[0])
-            return [lit[0] if len(fronts) else dark, lit[-1] if len(backs) else dark]
+            # Blender 5.3 also bakes texels that a triangle only touches: those of triangles that are baked apart.
+            return [side * own[:, None] for side, own in zip((lit[0], lit[-1]), owned, strict=True)]
         finally:
             when_job_ended(stack.close)
 
@@ -258,13 +256,14 @@ class Baker:
         noise = (halves[0][:, 0] - halves[-1][:, 0]) / 2.0 if len(halves) > 1 else mean[:, 0]
         return np.column_stack([mean, noise])
 
-    def _texels(self, page: int, part: PageTriangles) -> int:
-        """Count the texels of `part` on its page."""
+    def _owned(self, page: int, part: PageTriangles) -> np.ndarray:
+        """(side * side,) bool: texels of a page that belong to triangles of `part`."""
         from ....patchnet_addon.lightmap.chart_lookup import texel_owners
 
         mine = np.zeros(len(self._charts.page) + 1, bool)  # the last one: texels without a triangle
         mine[part.triangles] = True
-        return int(np.count_nonzero(mine[texel_owners(self._charts, page)]))
+        owned: np.ndarray = mine[texel_owners(self._charts, page)]
+        return owned
 
 
 def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> list[np.ndarray]:

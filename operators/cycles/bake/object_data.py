@@ -20,9 +20,9 @@ from ...scene.layer_names import (
     asks_default_color,
     asks_tangent,
     needs_generated,
-    shader_tree,
 )
 from ...scene.scene_mesh import Run
+from ...scene_access.blender_version import tree_in_use
 
 OBJECT = "patchnet_object"
 _AROUND = {axis: f"patchnet_around_{axis}" for axis in "XYZ"}
@@ -207,7 +207,7 @@ def _own_coordinates(node: bpy.types.Node) -> bool:
 
 def _nodes(materials: Sequence[bpy.types.Material]) -> Iterator[bpy.types.Node]:
     for material in materials:
-        tree = shader_tree(material)
+        tree = tree_in_use(material)
         if tree is not None:
             yield from all_nodes(tree)
 

@@ -16,6 +16,7 @@ import numpy as np
 from ....patchnet_addon.lightmap.incremental.follow import Change
 from ....patchnet_addon.lightmap.incremental.shadows import Lamp
 from ....patchnet_addon.surface.chroma import REC709
+from ...scene_access.blender_version import tree_in_use
 from ...scene_access.own import is_own
 from ...state.digest import Digest
 from ..daylight import (
@@ -241,7 +242,7 @@ def _strength(lamp: bpy.types.Light) -> float | None:
     if not getattr(lamp, "normalize", True):
         return None
     strength = lamp.energy * 2.0 ** getattr(lamp, "exposure", 0.0) * _luminance(_color(lamp))
-    tree = lamp.node_tree if lamp.use_nodes else None
+    tree = tree_in_use(lamp)
     if tree is not None:
         emission = [node for node in tree.nodes if node.type == "EMISSION"]
         plain = {node.type for node in tree.nodes} <= _PLAIN_LAMP and len(emission) == 1
@@ -265,7 +266,7 @@ def sky_luminance(world: bpy.types.World | None) -> float | None:
     """Luminance of a world where it is brightest; None where that is not to be read from its nodes, as of an image."""
     if world is None:
         return 0.0
-    tree = world.node_tree if world.use_nodes else None
+    tree = tree_in_use(world)
     if tree is None:
         return _luminance(world.color)
     output = tree.get_output_node("CYCLES")

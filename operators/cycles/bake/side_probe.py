@@ -14,6 +14,7 @@ import numpy as np
 
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.surface.chroma import REC709
+from ...scene_access.blender_version import start_nodes
 from ...scene_access.temporary import temporary
 from ...scene_access.window_job import when_job_ended, window_is_alive
 from ..daylight import daylight
@@ -22,7 +23,9 @@ from .bake_scene import cycles_settings, page_image, page_mesh, page_object
 from .page_mesh import CHART_LAYER
 
 SAMPLES = 64  # a texel
-_BLOCK = 4  # texels of a side of a point's block; the lower left half of it is baked
+_BLOCK = 4  # texels of a side of a point's block
+# Rows and columns of it whose centres its triangle covers.
+_OWN = np.add.outer(np.arange(_BLOCK), np.arange(_BLOCK)) < _BLOCK - 2
 _PER_ROW = 32  # blocks
 _NAME = "PatchNet Probe"
 
@@ -67,9 +70,8 @@ def light_of_sides(
 
 def _white(image: bpy.types.Image) -> bpy.types.Material:
     material = bpy.data.materials.new(_NAME)
-    if bpy.app.version < (5, 0, 0):
-        material.use_nodes = True
-    nodes, links = material.node_tree.nodes, material.node_tree.links
+    tree = start_nodes(material)
+    nodes, links = tree.nodes, tree.links
     nodes.clear()
     diffuse, texture = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeTexImage")
     diffuse.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
@@ -100,13 +102,15 @@ def _fill(mesh: bpy.types.Mesh, points: np.ndarray, normals: np.ndarray, lift: f
 
 
 def _means(image: bpy.types.Image, count: int) -> np.ndarray:
-    """Mean luminance (count,) of the texels of each block that were baked."""
+    """Mean luminance (count,) of the texels of each block that its triangle owns.
+
+    Which were baked does not tell them: Blender 5.3 also bakes all texels that a triangle touches, of the next block
+    too.
+    """
     width, height = image.size
     pixels = np.empty(width * height * 4, np.float32)
     image.pixels.foreach_get(pixels)
     pixels = np.nan_to_num(pixels, posinf=0.0, neginf=0.0).reshape(height // _BLOCK, _BLOCK, -1, _BLOCK, 4)
-    blocks = pixels.transpose(0, 2, 1, 3, 4).reshape(-1, _BLOCK * _BLOCK, 4)[:count]
-    baked = blocks[..., 3] > 0.5
-    shine = (blocks[..., :3] @ REC709) * baked
-    result: np.ndarray = (shine.sum(axis=1) / np.maximum(baked.sum(axis=1), 1)).astype(np.float32)
+    blocks = pixels.transpose(0, 2, 1, 3, 4).reshape(-1, _BLOCK, _BLOCK, 4)[:count]
+    result: np.ndarray = (blocks[:, _OWN, :3] @ REC709).mean(axis=1).astype(np.float32)
     return result

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import bpy
 
-from ...scene.layer_names import all_nodes, shader_tree
+from ...scene.layer_names import all_nodes
+from ...scene_access.blender_version import tree_in_use
 
 _TRANSLUCENT = "BSDF_TRANSLUCENT"
 
 
 def is_translucent(material: bpy.types.Material) -> bool:
     """Return whether light shines through a material diffusely."""
-    tree = shader_tree(material)
+    tree = tree_in_use(material)
     return tree is not None and any(node.type == _TRANSLUCENT for node in all_nodes(tree))
 
 

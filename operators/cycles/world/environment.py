@@ -20,6 +20,7 @@ from ....patchnet_addon.runtime.errors import SceneError
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from ...scene_access.blender_version import start_nodes
 from ...scene_access.image_editors import editors_keep_images
 from ...scene_access.own import quiet
 from ...scene_access.temporary import sync_view_layers, temporary
@@ -139,11 +140,9 @@ def _baked(scene: bpy.types.Scene, corners: np.ndarray, size: tuple[int, int], s
         image = bpy.data.images.new(_NAME, width, height, alpha=True, float_buffer=True, is_data=True)
         stack.enter_context(temporary(image))
         material = stack.enter_context(temporary(bpy.data.materials.new(_NAME)))
-        if bpy.app.version < (5, 0, 0):
-            material.use_nodes = True
-        node = material.node_tree.nodes.new("ShaderNodeTexImage")
-        node.image = image
-        material.node_tree.nodes.active = node
+        nodes = start_nodes(material).nodes
+        nodes.active = nodes.new("ShaderNodeTexImage")
+        nodes.active.image = image
         mesh = stack.enter_context(temporary(bpy.data.meshes.new(_NAME)))
         mesh.from_pydata(corners.tolist(), [], [(0, 1, 2), (0, 2, 3)])
         places = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]], np.float32)

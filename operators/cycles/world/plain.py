@@ -7,15 +7,17 @@ import bpy
 import numpy as np
 
 from ....patchnet_addon.image.background import BLACK
+from ...scene_access.blender_version import tree_in_use
 
 
 def world_color(world: bpy.types.World | None) -> np.ndarray | None:
     """Scene-linear colour (3,) float32 that cameras see of an evaluated world; None if it is not one colour."""
     if world is None or not getattr(getattr(world, "cycles_visibility", None), "camera", True):
         return BLACK
-    if (bpy.app.version < (5, 0, 0) and not world.use_nodes) or world.node_tree is None:
+    tree = tree_in_use(world)
+    if tree is None:
         return np.array(world.color, np.float32)
-    output = world.node_tree.get_output_node("CYCLES")
+    output = tree.get_output_node("CYCLES")
     surface = output.inputs["Surface"] if output else None
     if surface is None or not surface.is_linked:
         return BLACK

@@ -85,7 +85,7 @@ def _mark() -> Path:
     """File that says that all kernels are compiled for this Blender."""
     from ....patchnet_addon.runtime.kernels import compiled_mark
 
-    return compiled_mark("all", bpy.app.version)
+    return compiled_mark("all", bpy.app.version_string)
 
 
 def start_other_blender(said: IO[bytes]) -> subprocess.Popen[bytes]:

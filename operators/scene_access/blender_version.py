@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Differences between the Blender versions that are supported: 4.5, 5.2 and 5.3. No other module asks for the version.
+
+A difference that shows in the API is asked there, with `hasattr`, and needs no name here.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+# Materials, worlds and lamps may do without nodes; later all have some, and asking for `use_nodes` warns.
+NODES_ARE_OPTIONAL = bpy.app.version < (5, 0, 0)
+# Side of the square around a texel's centre that paths of a bake go out from, in texels.
+BAKE_SPREAD = 0.5 if bpy.app.version < (5, 0, 0) else 1.0
+# OpenVDB files are shown half a voxel too far along each axis.
+VOLUMES_ARE_SHIFTED = bpy.app.version < (5, 0, 0)
+
+
+def tree_in_use(block: bpy.types.Material | bpy.types.World | bpy.types.Light) -> bpy.types.NodeTree | None:
+    """Nodes that decide what a material, world or lamp shows; None if it has none."""
+    return None if NODES_ARE_OPTIONAL and not block.use_nodes else block.node_tree
+
+
+def start_nodes(block: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree:
+    """Nodes of a material or world, which uses them from now on."""
+    if tree_in_use(block) is None:
+        block.use_nodes = True
+    return block.node_tree
