@@ -114,9 +114,9 @@ def _layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
     if name in mesh.uv_layers:
         return _uvs(mesh.uv_layers[name], len(mesh.loops))
     attribute = mesh.attributes.get(name)
-    if attribute is None or attribute.data_type not in _ATTRIBUTE_KINDS:
+    if attribute is None or attribute.data_type not in ATTRIBUTE_KINDS:
         return None
-    key, width = _ATTRIBUTE_KINDS[attribute.data_type]
+    key, width = ATTRIBUTE_KINDS[attribute.data_type]
     values = _read(attribute.data, key, (len(attribute.data), width), np.float32)
     if attribute.domain == "POINT":
         return values[_vertex_of_loop(mesh)]
@@ -126,7 +126,7 @@ def _layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
 
 
 # Data type of an attribute -> key of its values and their width.
-_ATTRIBUTE_KINDS = {
+ATTRIBUTE_KINDS = {
     "FLOAT": ("value", 1),
     "FLOAT_VECTOR": ("vector", 3),
     "FLOAT2": ("vector", 2),
@@ -138,9 +138,14 @@ _ATTRIBUTE_KINDS = {
 def _generated(mesh: bpy.types.Mesh) -> np.ndarray:
     """Generated coordinates (L, 3): the mesh before modifiers, in its texture space, [0, 1]^3."""
     points = _read(mesh.vertices, "undeformed_co", (len(mesh.vertices), 3), np.float32)
+    return generated_from_position(mesh, points)[_vertex_of_loop(mesh)]
+
+
+def generated_from_position(mesh: bpy.types.Mesh, points: np.ndarray) -> np.ndarray:
+    """Generated coordinates (N, 3) float32 of points (N, 3) in a mesh's texture space."""
     size = np.array(mesh.texspace_size, np.float32)
     scale = np.where(size != 0, 0.5 / np.where(size != 0, size, 1.0), 0.0).astype(np.float32)
-    return ((points - np.array(mesh.texspace_location, np.float32)) * scale + np.float32(0.5))[_vertex_of_loop(mesh)]
+    return (points - np.array(mesh.texspace_location, np.float32)) * scale + np.float32(0.5)
 
 
 def _vertex_of_loop(mesh: bpy.types.Mesh) -> np.ndarray:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -24,9 +24,11 @@ from .missing_files import missing_files, missing_libraries
 from .object_random import object_random
 from .render_geometry import render_geometry
 from .scene_mesh import MeshInstances, SceneMesh
-from .surface_instances import surface_instances
+from .strands import STRANDS, Strands, finished, has_hair, named, read_hair, read_strands
+from .surface_instances import shown_instances, shows_itself, shows_mesh
 
 _NO_MATERIAL = ""
+_LEFT_OUT = {"GREASEPENCIL": "grease pencil", "VOLUME": "volume"}  # by type of object
 
 
 def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMesh:
@@ -39,14 +41,15 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMes
         raise SettingError(f"There is no scope {scope!r}: choose {SELECTED} or {VISIBLE}")
     reader = _Reader()
     with render_geometry(depsgraph):
-        for instance in surface_instances(depsgraph, scope):
+        for instance in shown_instances(depsgraph, scope):
             reader.add(instance)
-    parts = reader.parts()
+    parts, notes = reader.parts()
+    notes += reader.left_out()
     if not parts:
-        raise EmptySelectionError(". ".join([_nothing(scope), *missing_libraries()]))
+        raise EmptySelectionError(". ".join([_nothing(scope), *notes, *missing_libraries()]))
     materials, gloss, warnings = reader.materials()
     in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
-    warnings = missing_files(in_use, depsgraph.scene.world) + warnings
+    warnings = missing_files(in_use, depsgraph.scene.world) + warnings + notes
     warnings += _unlike_renders(depsgraph)
     links = tuple(reader.light_links.distinct)
     return SceneMesh(parts, materials, tuple(reader.material_names), warnings, links, gloss)
@@ -99,23 +102,40 @@ class _Reader:
     def __init__(self) -> None:
         self.material_names: dict[str, int] = {}
         self.light_links = LightLinks()
-        self._meshes: dict[tuple[object, ...], LocalMesh | None] = {}
+        self._meshes: dict[tuple[object, ...], LocalMesh | Strands | None] = {}
         self._layer_names: dict[str, frozenset[str]] = {}
         self._placed: dict[tuple[object, ...], list[_Placed]] = {}
+        self._left_out: dict[str, dict[str, None]] = {}
 
     def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
-        """Read the instance's mesh, if it is a new one, and where it stands."""
+        """Read what the instance shows: its mesh, strands or points, and its hair."""
+        item = instance.object
+        layers = self._layers_of(item)
+        if shows_mesh(instance):
+            self._add(instance, self._key(instance), lambda: _read_mesh(instance, layers))
+        elif shows_itself(instance) and item.type in STRANDS:
+            self._add(instance, self._key(instance), lambda: read_strands(item, layers))
+        elif shows_itself(instance) and item.type in _LEFT_OUT:
+            self._left_out.setdefault(item.type, {})[item.name] = None
+        owner = instance.instance_object if instance.is_instance else item
+        if instance.show_particles and has_hair(owner):
+            self._add(instance, ("hair", owner.original.as_pointer(), layers), lambda: read_hair(owner, layers))
+
+    def _add(
+        self,
+        instance: bpy.types.DepsgraphObjectInstance,
+        key: tuple[object, ...],
+        read: Callable[[], LocalMesh | Strands | None],
+    ) -> None:
+        """Note where a mesh stands, which is read if its key is a new one."""
         item = instance.object
         matrix = np.array(instance.matrix_world, np.float64)
         if not np.isfinite(matrix).all():
             raise GeometryError(
                 f"Object '{item.name}' has a transform that is not finite: repair its position or scale"
             )
-        key = self._key(instance)
         if key not in self._meshes:
-            with _evaluated_mesh(instance) as mesh:
-                origin = origin_of_corners(item)
-                self._meshes[key] = mesh and read_local_mesh(mesh, item.name, self._layers_of(item), origin)
+            self._meshes[key] = read()
         if self._meshes[key] is not None:
             slots = tuple(self._material(slot.material) for slot in item.material_slots)
             self._placed.setdefault(key, []).append(
@@ -144,12 +164,21 @@ class _Reader:
         name = material.original.name_full if material else _NO_MATERIAL
         return self.material_names.setdefault(name, len(self.material_names))
 
-    def parts(self) -> tuple[MeshInstances, ...]:
-        """MeshInstances, all of them, mesh by mesh in the order of their first appearance."""
+    def left_out(self) -> list[str]:
+        """Sentences that name objects that renders show and that are no surface."""
+        return [
+            f"{named(sorted(names))} {'is' if len(names) == 1 else 'are'} {_LEFT_OUT[kind]}, which is left out though "
+            f"renders show it: convert {'it' if len(names) == 1 else 'them'} to a mesh"
+            for kind, names in self._left_out.items()
+        ]
+
+    def parts(self) -> tuple[tuple[MeshInstances, ...], list[str]]:
+        """MeshInstances, all of them, mesh by mesh in the order of their first appearance, and sentences for users."""
         parts = []
+        read = {key: mesh for key, mesh in self._meshes.items() if mesh is not None}
+        meshes, notes = finished(read, {key: len(placed) for key, placed in self._placed.items()})
         for key, placed in self._placed.items():
-            mesh = self._meshes[key]
-            assert mesh is not None
+            mesh = meshes[key]
             width = max(len(each.slots) for each in placed)
             parts.append(
                 MeshInstances(
@@ -163,7 +192,7 @@ class _Reader:
                     links=np.array([each.links for each in placed], np.int32),
                 )
             )
-        return tuple(parts)
+        return tuple(parts), notes
 
     def materials(self) -> tuple[tuple[Material, ...], tuple[Gloss, ...], list[str]]:
         """Materials and their gloss in the order of their indices, and sentences about what was simplified."""
@@ -176,6 +205,13 @@ class _Reader:
             if warning:
                 warnings.append(warning)
         return tuple(result), tuple(gloss), warnings
+
+
+def _read_mesh(instance: bpy.types.DepsgraphObjectInstance, layers: frozenset[str]) -> LocalMesh | None:
+    """Mesh of an instance as arrays."""
+    item = instance.object
+    with _evaluated_mesh(instance) as mesh:
+        return mesh and read_local_mesh(mesh, item.name, layers, origin_of_corners(item))
 
 
 @contextmanager
