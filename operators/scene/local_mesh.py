@@ -103,8 +103,13 @@ def _normals(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
     if mesh.normals_domain == "FACE":
         return None
     normals = _read(mesh.corner_normals, "vector", (len(mesh.loops), 3), np.float32)
+    return packed_normals(normals)[loops]
+
+
+def packed_normals(normals: np.ndarray) -> np.ndarray:
+    """Normals as `LocalMesh` holds them, int16."""
     normals = np.nan_to_num(np.clip(normals, -1.0, 1.0))
-    return np.rint(normals * np.float32(_NORMAL_SCALE)).astype(np.int16)[loops]
+    return np.rint(normals * np.float32(_NORMAL_SCALE)).astype(np.int16)
 
 
 def _layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:

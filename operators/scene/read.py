@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 import bpy
 import numpy as np
@@ -24,11 +25,11 @@ from .missing_files import missing_files, missing_libraries
 from .object_random import object_random
 from .render_geometry import render_geometry
 from .scene_mesh import MeshInstances, SceneMesh
-from .strands import STRANDS, Strands, finished, has_hair, named, read_hair, read_strands
+from .strands import STRANDS, Strands, finished, hair_modifiers, named, read_hair, read_strands
 from .surface_instances import shown_instances, shows_itself, shows_mesh
 
 _NO_MATERIAL = ""
-_LEFT_OUT = {"GREASEPENCIL": "grease pencil", "VOLUME": "volume"}  # by type of object
+_LEFT_OUT = {"GREASEPENCIL": "Grease pencil is", "VOLUME": "Volumes are"}  # by type of object
 
 
 def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMesh:
@@ -39,7 +40,7 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMes
     """
     if scope not in (SELECTED, VISIBLE):
         raise SettingError(f"There is no scope {scope!r}: choose {SELECTED} or {VISIBLE}")
-    reader = _Reader()
+    reader = _Reader(depsgraph.view_layer.use_strand)
     with render_geometry(depsgraph):
         for instance in shown_instances(depsgraph, scope):
             reader.add(instance)
@@ -97,29 +98,34 @@ class _Placed:
 
 
 class _Reader:
-    """Collector of instances; each mesh and each material once."""
+    """Collector of instances; each mesh and each material once.
 
-    def __init__(self) -> None:
+    hair: whether the view layer shows strands.
+    """
+
+    def __init__(self, hair: bool = True) -> None:
+        self._hair = hair
         self.material_names: dict[str, int] = {}
         self.light_links = LightLinks()
         self._meshes: dict[tuple[object, ...], LocalMesh | Strands | None] = {}
         self._layer_names: dict[str, frozenset[str]] = {}
         self._placed: dict[tuple[object, ...], list[_Placed]] = {}
-        self._left_out: dict[str, dict[str, None]] = {}
+        self._left_out: dict[str, set[str]] = {}
 
     def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
         """Read what the instance shows: its mesh, strands or points, and its hair."""
         item = instance.object
         layers = self._layers_of(item)
         if shows_mesh(instance):
-            self._add(instance, self._key(instance), lambda: _read_mesh(instance, layers))
-        elif shows_itself(instance) and item.type in STRANDS:
-            self._add(instance, self._key(instance), lambda: read_strands(item, layers))
+            self._add(instance, self._key(instance), partial(_read_mesh, instance, layers))
+        elif shows_itself(instance) and item.type in STRANDS and (self._hair or item.type != "CURVES"):
+            self._add(instance, self._key(instance), partial(read_strands, item, layers))
         elif shows_itself(instance) and item.type in _LEFT_OUT:
-            self._left_out.setdefault(item.type, {})[item.name] = None
+            self._left_out.setdefault(item.type, set()).add(item.name)
         owner = instance.instance_object if instance.is_instance else item
-        if instance.show_particles and has_hair(owner):
-            self._add(instance, ("hair", owner.original.as_pointer(), layers), lambda: read_hair(owner, layers))
+        for modifier in hair_modifiers(owner) if self._hair and instance.show_particles else ():
+            key = "hair", owner.original.as_pointer(), modifier.name, layers
+            self._add(instance, key, partial(read_hair, owner, modifier, layers))
 
     def _add(
         self,
@@ -167,8 +173,7 @@ class _Reader:
     def left_out(self) -> list[str]:
         """Sentences that name objects that renders show and that are no surface."""
         return [
-            f"{named(sorted(names))} {'is' if len(names) == 1 else 'are'} {_LEFT_OUT[kind]}, which is left out though "
-            f"renders show it: convert {'it' if len(names) == 1 else 'them'} to a mesh"
+            f"{_LEFT_OUT[kind]} left out, though renders show {named(sorted(names))}: convert such objects to meshes"
             for kind, names in self._left_out.items()
         ]
 

@@ -57,7 +57,8 @@ def _render_values(scene: bpy.types.Scene) -> Iterator[tuple[Any, str, Any]]:
     for particles in bpy.data.particles:
         yield particles, "display_percentage", 100
         yield particles, "display_method", "RENDER"
-        yield particles, "display_step", particles.render_step
+        if particles.type == "HAIR":
+            yield particles, "display_step", particles.render_step
         if particles.child_type != "NONE":
             yield particles, "child_percent", particles.rendered_child_count
     for collection in _apart(scene):

@@ -1,30 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Hair and points as triangles: hair curves, particle hair and point clouds, which have no mesh.
 
-Cycles renders a strand as a ribbon that faces each ray, or as a round tube, and a point as a sphere. Tubes and spheres
-of flat sides cover as much as those do, seen from all around: the mean shadow of a convex body is a quarter of its
-surface. They need not enclose the strand: no ray meets a ribbon, tube or sphere of Cycles from inside.
+Cycles renders a strand as a ribbon that faces each ray, or as a round tube, and a point as a sphere. Here they are
+tubes and spheres of flat triangles that look as wide. Light is baked on them while the hair is still in the scene:
+rays that start within a ribbon or a sphere of Cycles do not meet it, those within a round tube do, so that bakes have
+hair as ribbons.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import GeometryError
+from ...patchnet_addon.surface.tubes import sphere_triangles, spheres, tube_triangles, tubes
 from ..state.digest import values_of
 from .layer_names import GENERATED
-from .local_mesh import ATTRIBUTE_KINDS, LocalMesh, generated_from_position
+from .local_mesh import ATTRIBUTE_KINDS, LocalMesh, generated_from_position, packed_normals
 
+Key = tuple[object, ...]
 STRANDS = frozenset({"CURVES", "POINTCLOUD"})  # types of objects
-FINE_TRIANGLES, MOST_TRIANGLES = 200_000, 1_000_000  # of all strands and points of a scene
+FINE_TRIANGLES, MOST_TRIANGLES = 200_000, 1_000_000  # of all hair and points of a scene
 _RADII = {"CURVES": 0.005, "POINTCLOUD": 0.01}  # what Cycles takes without an attribute
-_SIDES = (7, 5, 3)  # of tubes, by detail; odd numbers, whose mean light depends least on where a side faces
-_GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # that each tube is turned by against the one before
+_DETAILS = ((7, 2), (5, 1), (3, 0))  # sides of tubes, divisions of spheres
+_UVS = ""  # layer of the UV coordinates that renders take by default
 _MOST_READ = 500_000  # strands of a particle system; Blender tells the points of particle hair one by one
 
 
@@ -33,7 +36,7 @@ class Strands:
     """Strands, or points, of one object in its own space.
 
     points: (P, 3) float32. radii: (P,) float32. first: (S + 1,) int64, strand s has points first[s] to first[s + 1].
-    slots: (S,) int16 material slots. uvs: (P, 2) float32 or None. layers: (P, C) float32, see `LocalMesh`.
+    uvs: (P, 2) float32 or None. layers: (P, C) float32, see `LocalMesh`. slot: of the material.
     spheres: each point is a sphere, and a strand of its own.
     """
 
@@ -41,17 +44,17 @@ class Strands:
     points: np.ndarray
     radii: np.ndarray
     first: np.ndarray
-    slots: np.ndarray
-    uvs: np.ndarray | None = None
-    layers: dict[str, np.ndarray] = field(default_factory=dict)
+    uvs: np.ndarray | None
+    layers: dict[str, np.ndarray]
+    slot: int = 0
     spheres: bool = False
 
     def triangle_count(self, detail: int) -> int:
-        """Triangles of `mesh`."""
+        """Count of triangles of `mesh`."""
+        sides, divisions = _DETAILS[detail]
         if self.spheres:
-            return len(self.points) * len(_solid(detail)[1])
-        strands, sides = len(self.first) - 1, _SIDES[detail]
-        return 2 * sides * (len(self.points) - strands) + 2 * (sides - 2) * strands
+            return sphere_triangles(len(self.points), divisions)
+        return tube_triangles(len(self.points), len(self.first) - 1, sides)
 
     def only(self, chosen: np.ndarray, width: float = 1.0) -> Strands:
         """Strands `chosen` (N,) by number, their radii times `width`."""
@@ -61,7 +64,7 @@ class Strands:
         uvs = None if self.uvs is None else self.uvs[rows]
         layers = {name: values[rows] for name, values in self.layers.items()}
         radii = self.radii[rows] * np.float32(width)
-        return Strands(self.name, self.points[rows], radii, first, self.slots[chosen], uvs, layers, self.spheres)
+        return replace(self, points=self.points[rows], radii=radii, first=first, uvs=uvs, layers=layers)
 
     def thinned(self, share: float) -> Strands:
         """A share of the strands, evenly chosen and so wide that they cover as much."""
@@ -74,22 +77,24 @@ class Strands:
 
     def mesh(self, detail: int) -> LocalMesh:
         """Closed tubes or spheres; `detail` 0 has most triangles, 2 fewest."""
-        build = _spheres if self.spheres else _tubes
-        vertices, triangles, points, strands, normals = build(self, detail)
-        of_corner = points[triangles]
-        slots = self.slots[strands]
+        sides, divisions = _DETAILS[detail]
+        if self.spheres:
+            made = spheres(self.points, self.radii, divisions)
+        else:
+            made = tubes(self.points, self.radii, self.first, sides)
+        of_corner = made.points[made.triangles]
         return LocalMesh(
             name=self.name,
-            vertices=vertices.astype(np.float32),
-            triangles=triangles.astype(np.int32),
+            vertices=made.vertices,
+            triangles=made.triangles,
             uvs=None if self.uvs is None else self.uvs[of_corner],
-            slots=slots if slots.any() else None,
-            normals=normals,
+            slots=np.full(len(made.triangles), self.slot, np.int16) if self.slot else None,
+            normals=None if made.normals is None else packed_normals(made.normals),
             layers={name: values[of_corner] for name, values in self.layers.items()},
         )
 
 
-def finished(read: Mapping[object, LocalMesh | Strands], places: Mapping[object, int]) -> tuple[dict, list[str]]:
+def finished(read: dict[Key, LocalMesh | Strands], places: dict[Key, int]) -> tuple[dict[Key, LocalMesh], list[str]]:
     """Meshes by key, strands as triangles, and a sentence if they are too many.
 
     places: how often each is placed.
@@ -102,7 +107,8 @@ def finished(read: Mapping[object, LocalMesh | Strands], places: Mapping[object,
     if share < 1.0:
         names = named(sorted({each.name for each in strands.values()}))
         notes = [f"Of the hair and points of {names} {share:.0%} are voxelized, widened to cover as much: reduce them"]
-    return read | {key: each.thinned(share).mesh(detail) for key, each in strands.items()}, notes
+    made = {key: each.thinned(share).mesh(detail) for key, each in strands.items()}
+    return {key: made[key] if isinstance(each, Strands) else each for key, each in read.items()}, notes
 
 
 def named(names: list[str]) -> str:
@@ -122,17 +128,17 @@ def read_strands(item: bpy.types.Object, names: frozenset[str]) -> Strands | Non
     first = np.arange(count + 1) if spheres else values_of(data.curve_offset_data, "value", 1, np.int32).astype(int)
     lengths = np.diff(first)
     radii = _attribute(data, "radius", lengths)
-    strands = Strands(
-        item.name,
-        values_of(data.attributes["position"].data, "vector", 3, np.float32).reshape(-1, 3),
-        np.full(count, _RADII[item.type], np.float32) if radii is None else radii[:, 0],
-        first,
-        np.zeros(len(lengths), np.int16),
-        _first_uvs(data, lengths),
-        {name: values for name in sorted(names) if (values := _attribute(data, name, lengths)) is not None},
-        spheres,
+    return _checked(
+        Strands(
+            item.name,
+            values_of(data.attributes["position"].data, "vector", 3, np.float32).reshape(-1, 3),
+            np.full(count, _RADII[item.type], np.float32) if radii is None else radii[:, 0],
+            first,
+            _first_uvs(data, lengths),
+            {name: values for name in sorted(names) if (values := _attribute(data, name, lengths)) is not None},
+            spheres=spheres,
+        )
     )
-    return _checked(strands)
 
 
 def _checked(strands: Strands) -> Strands | None:
@@ -163,12 +169,8 @@ def _first_uvs(data: bpy.types.ID, lengths: np.ndarray) -> np.ndarray | None:
     return None
 
 
-def has_hair(item: bpy.types.Object) -> bool:
-    """Return whether an evaluated object has particles that renders show as strands."""
-    return next(_hair_modifiers(item), None) is not None
-
-
-def _hair_modifiers(item: bpy.types.Object) -> Iterator[bpy.types.ParticleSystemModifier]:
+def hair_modifiers(item: bpy.types.Object) -> Iterator[bpy.types.ParticleSystemModifier]:
+    """Modifiers of an object whose particles renders show as strands."""
     for modifier in item.modifiers:
         if modifier.type == "PARTICLE_SYSTEM" and modifier.show_render:
             settings = modifier.particle_system.settings
@@ -176,58 +178,41 @@ def _hair_modifiers(item: bpy.types.Object) -> Iterator[bpy.types.ParticleSystem
                 yield modifier
 
 
-def read_hair(item: bpy.types.Object, names: frozenset[str]) -> Strands | None:
-    """Particle hair of an evaluated object, all its systems; see `read_strands`. 2 us for each of its points."""
-    parts = [part for modifier in _hair_modifiers(item) if (part := _hair_of(item, modifier, names)) is not None]
-    if not parts:
-        return None
-    starts = np.cumsum([0, *(len(part.points) for part in parts)])
-    ends = [part.first[1:] + start for part, start in zip(parts, starts[:-1], strict=True)]
-    uvs = [part.uvs for part in parts if part.uvs is not None]
-    strands = Strands(
-        item.name,
-        np.concatenate([part.points for part in parts]),
-        np.concatenate([part.radii for part in parts]),
-        np.concatenate([[0], *ends]),
-        np.concatenate([part.slots for part in parts]),
-        np.concatenate(uvs) if uvs else None,
-        {name: np.concatenate([part.layers[name] for part in parts]) for name in parts[0].layers},
-    )
-    return _checked(strands)
-
-
-def _hair_of(
+def read_hair(
     item: bpy.types.Object, modifier: bpy.types.ParticleSystemModifier, names: frozenset[str]
 ) -> Strands | None:
-    """Hair of one particle system; of one with children, these alone, as Cycles does."""
+    """Hair of a particle system of an evaluated object; of one with children, these alone, as Cycles does.
+
+    It takes 2 us a point. For names, errors and None see `read_strands`.
+    """
     system, settings = modifier.particle_system, modifier.particle_system.settings
     parents, children = len(system.particles), len(system.child_particles)
     begin = parents if settings.child_type != "NONE" and children else 0
-    rows = range(begin, parents + children, 1 + (parents + children - begin) // _MOST_READ)
-    keys = (1 << settings.render_step) + 1 + (settings.kink_extra_steps if settings.kink == "SPIRAL" else 0)
-    if not len(rows):
+    count = parents + children - begin
+    rows = range(begin, parents + children, 1 + count // _MOST_READ)
+    if not count:
         return None
-    read, steps = system.co_hair, range(keys)
-    world = np.fromiter(
-        chain.from_iterable(read(item, particle_no=row, step=step) for row in rows for step in steps), np.float32
-    )
+    keys = (1 << settings.render_step) + 1 + (settings.kink_extra_steps if settings.kink == "SPIRAL" else 0)
+    world = (system.co_hair(item, particle_no=row, step=step) for row in rows for step in range(keys))
     matrix = np.array(item.matrix_world.inverted_safe(), np.float64)
-    points = (world.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]).reshape(len(rows), keys, 3)
-    radii = _radii_of_hair(settings, points) * np.float32((parents + children - begin) / len(rows))
-    layers = {name: values for name in sorted(names) if (values := _of_emitter(item, modifier, rows, name)) is not None}
+    points = np.fromiter(chain.from_iterable(world), np.float32).reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+    points = points.astype(np.float32).reshape(-1, keys, 3)
+    renders = next((layer.name for layer in item.data.uv_layers if layer.active_render), "")
+    wanted = {name: name for name in sorted(names)} | {_UVS: renders}
+    at_roots = {key: _emitter_uvs(item, modifier, rows, name) for key, name in wanted.items()}
     if GENERATED in names:
-        layers[GENERATED] = generated_from_position(item.data, points[:, 0].astype(np.float32))
-    uv_layer = next((layer.name for layer in item.data.uv_layers if layer.active_render), "")
-    uvs = _of_emitter(item, modifier, rows, uv_layer)
-    slot = min(max(settings.material - 1, 0), max(len(item.material_slots) - 1, 0))
-    return Strands(
-        item.name,
-        points.reshape(-1, 3).astype(np.float32),
-        radii.ravel(),
-        np.arange(len(rows) + 1) * keys,
-        np.full(len(rows), slot, np.int16),
-        None if uvs is None else np.repeat(uvs, keys, axis=0),
-        {name: np.repeat(values, keys, axis=0) for name, values in layers.items()},
+        at_roots[GENERATED] = generated_from_position(item.data, points[:, 0])
+    layers = {name: np.repeat(values, keys, axis=0) for name, values in at_roots.items() if values is not None}
+    return _checked(
+        Strands(
+            item.name,
+            points.reshape(-1, 3),
+            _radii_of_hair(settings, points).ravel() * np.float32(count / len(rows)),
+            np.arange(len(rows) + 1) * keys,
+            layers.pop(_UVS, None),
+            layers,
+            slot=min(max(settings.material - 1, 0), max(len(item.material_slots) - 1, 0)),
+        )
     )
 
 
@@ -244,7 +229,7 @@ def _radii_of_hair(settings: bpy.types.ParticleSettings, points: np.ndarray) -> 
     return radii.astype(np.float32)
 
 
-def _of_emitter(
+def _emitter_uvs(
     item: bpy.types.Object, modifier: bpy.types.ParticleSystemModifier, rows: range, name: str
 ) -> np.ndarray | None:
     """(S, 2) float32: UV coordinates of the emitter at the roots of strands, by the name of their layer."""
@@ -256,81 +241,3 @@ def _of_emitter(
     last = len(particles) - 1
     found = (read(modifier, particle=particles[min(row, last)], particle_no=row, uv_no=number) for row in rows)
     return np.fromiter(chain.from_iterable(found), np.float32).reshape(-1, 2)
-
-
-_Built = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]
-
-
-def _tubes(strands: Strands, detail: int) -> _Built:
-    """Vertices, triangles, point of each vertex, strand of each triangle, and normals: tubes with flat ends."""
-    sides, count = _SIDES[detail], len(strands.points)
-    of_point = np.repeat(np.arange(len(strands.first) - 1), np.diff(strands.first))
-    angles = 2.0 * np.pi * np.arange(sides) / sides + of_point[:, None] * _GOLDEN_ANGLE
-    u, v = _frames(strands)
-    around = u[:, None] * np.cos(angles)[..., None] + v[:, None] * np.sin(angles)[..., None]
-    radii = strands.radii.clip(0.0) * np.pi / (sides * np.sin(np.pi / sides))
-    vertices = (strands.points[:, None] + around * radii[:, None, None]).reshape(-1, 3)
-    side, ring = np.arange(sides), np.arange(count)[:, None] * sides
-    a, b = ring + side, ring + (side + 1) % sides
-    quads = np.stack([a, b, b + sides, a, b + sides, a + sides], axis=-1)
-    starts = np.delete(np.arange(count), strands.first[1:] - 1)
-    walls = quads[starts].reshape(-1, 3)
-    fan = np.stack([np.zeros(sides - 2, int), side[1:-1], side[2:]], axis=-1)
-    tips = ring[strands.first[1:] - 1][:, None] + fan
-    roots = ring[strands.first[:-1]][:, None] + fan[:, [0, 2, 1]]
-    triangles = np.concatenate([walls, tips.reshape(-1, 3), roots.reshape(-1, 3)])
-    ends = np.tile(np.repeat(np.arange(len(strands.first) - 1), sides - 2), 2)
-    owners = np.concatenate([np.repeat(of_point[starts], 2 * sides), ends])
-    return vertices, triangles, np.repeat(np.arange(count), sides), owners, None
-
-
-def _frames(strands: Strands) -> tuple[np.ndarray, np.ndarray]:
-    """Two directions (P, 3) across each point's strand, which twist as little as they can along it."""
-    starts = np.delete(np.arange(len(strands.points)), strands.first[1:] - 1)
-    along = _unit(strands.points[starts + 1].astype(np.float64) - strands.points[starts])
-    tangents = np.zeros((len(strands.points), 3))
-    tangents[starts] += along
-    tangents[starts + 1] += along
-    tangents = _unit(tangents)
-    axes = np.eye(3)[np.abs(tangents).argmin(axis=1)]
-    u = _unit(np.cross(tangents, axes))
-    lengths = np.diff(strands.first)
-    for step in range(1, lengths.max()):
-        at = strands.first[:-1][lengths > step] + step
-        turned = u[at - 1] - tangents[at] * (u[at - 1] * tangents[at]).sum(axis=1, keepdims=True)
-        follows = (turned**2).sum(axis=1) > 1e-6
-        u[at[follows]] = _unit(turned[follows])
-    return u, np.cross(tangents, u)
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Of length 1; along z where there is no length."""
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.where(lengths > 0.0, vectors / np.where(lengths > 0.0, lengths, 1.0), [0.0, 0.0, 1.0])
-
-
-def _spheres(strands: Strands, detail: int) -> _Built:
-    """As `_tubes`: a solid at each point, with the normals of a sphere."""
-    solid, faces = _solid(detail)
-    corners = solid[faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2.0
-    radii, count = strands.radii.clip(0.0) * np.sqrt(4.0 * np.pi / area), len(strands.points)
-    vertices = (strands.points[:, None] + solid * radii[:, None, None]).reshape(-1, 3)
-    triangles = (faces + np.arange(count)[:, None, None] * len(solid)).reshape(-1, 3)
-    normals = np.tile(np.rint(corners * 32767.0).astype(np.int16), (count, 1, 1))
-    return vertices, triangles, np.repeat(np.arange(count), len(solid)), np.repeat(np.arange(count), len(faces)), normals
-
-
-def _solid(detail: int) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) of length 1 and faces (F, 3): an octahedron, its faces divided once or twice."""
-    vertices = np.concatenate([np.eye(3), -np.eye(3)])
-    faces = np.array([(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)])
-    for _ in range(2 - detail):
-        corners = vertices[faces]
-        middles = _unit(corners + np.roll(corners, -1, axis=1))  # of edges 01, 12, 20
-        a, b, c = np.arange(3 * len(faces)).reshape(-1, 3).T
-        first = 3 * len(faces)
-        d, e, f = a + first, b + first, c + first
-        vertices = np.concatenate([corners.reshape(-1, 3), middles.reshape(-1, 3)])
-        faces = np.stack([a, d, f, d, b, e, f, e, c, d, e, f], axis=-1).reshape(-1, 3)
-    return vertices, faces
