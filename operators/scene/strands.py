@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import GeometryError
-from ...patchnet_addon.surface.tubes import sphere_triangles, spheres, tube_triangles, tubes
+from ...patchnet_addon.surface.tubes import curve_middles, segments, sphere_triangles, spheres, tube_triangles, tubes
 from ..state.digest import values_of
 from .layer_names import GENERATED
 from .local_mesh import ATTRIBUTE_KINDS, LocalMesh, generated_from_position, packed_normals
@@ -27,6 +27,9 @@ STRANDS = frozenset({"CURVES", "POINTCLOUD"})  # types of objects
 FINE_TRIANGLES, MOST_TRIANGLES = 200_000, 1_000_000  # of all hair and points of a scene
 _RADII = {"CURVES": 0.005, "POINTCLOUD": 0.01}  # what Cycles takes without an attribute
 _DETAILS = ((7, 2), (5, 1), (3, 0))  # sides of tubes, divisions of spheres
+_LEAST_BEND = 0.1  # of a segment off its chord, in radii, to be divided
+_MOST_DIVIDED = 20_000  # points of an object whose strands are still divided
+_POLYLINE = 1  # among the types of curves
 _UVS = ""  # layer of the UV coordinates that renders take by default
 _MOST_READ = 500_000  # strands of a particle system; Blender tells the points of particle hair one by one
 
@@ -37,7 +40,7 @@ class Strands:
 
     points: (P, 3) float32. radii: (P,) float32. first: (S + 1,) int64, strand s has points first[s] to first[s + 1].
     uvs: (P, 2) float32 or None. layers: (P, C) float32, see `LocalMesh`. slot: of the material.
-    spheres: each point is a sphere, and a strand of its own.
+    spheres: each point is a sphere, and a strand of its own. straight: strands have no curve between their points.
     """
 
     name: str
@@ -48,6 +51,7 @@ class Strands:
     layers: dict[str, np.ndarray]
     slot: int = 0
     spheres: bool = False
+    straight: bool = False
 
     def triangle_count(self, detail: int) -> int:
         """Count of triangles of `mesh`."""
@@ -56,15 +60,43 @@ class Strands:
             return sphere_triangles(len(self.points), divisions)
         return tube_triangles(len(self.points), len(self.first) - 1, sides)
 
-    def only(self, chosen: np.ndarray, width: float = 1.0) -> Strands:
-        """Strands `chosen` (N,) by number, their radii times `width`."""
+    def only(self, chosen: np.ndarray) -> Strands:
+        """Strands `chosen` (N,) by number."""
         lengths = np.diff(self.first)[chosen]
         first = np.concatenate([[0], np.cumsum(lengths)])
-        rows = np.repeat(self.first[chosen] - first[:-1], lengths) + np.arange(first[-1])
+        return self._of_points(np.repeat(self.first[chosen] - first[:-1], lengths) + np.arange(first[-1]), first)
+
+    def _of_points(self, rows: np.ndarray, first: np.ndarray) -> Strands:
         uvs = None if self.uvs is None else self.uvs[rows]
         layers = {name: values[rows] for name, values in self.layers.items()}
-        radii = self.radii[rows] * np.float32(width)
-        return replace(self, points=self.points[rows], radii=radii, first=first, uvs=uvs, layers=layers)
+        return replace(self, points=self.points[rows], radii=self.radii[rows], first=first, uvs=uvs, layers=layers)
+
+    def divided(self) -> Strands:
+        """Divide bent strands, if they are not too many: at the middles of segments, on the curves that Cycles draws.
+
+        Straight ones at their points: a tube around a sharp corner is too narrow there.
+        """
+        if self.spheres or len(self.points) > _MOST_DIVIDED:
+            return self
+        starts = segments(self.first)
+        middles = curve_middles(self.points, self.first)
+        bends = np.linalg.norm(middles - (self.points[starts] + self.points[starts + 1]) / 2.0, axis=1)
+        if bends.mean() <= _LEAST_BEND * self.radii.mean():
+            return self
+        if self.straight:
+            return self._of_points(np.stack([starts, starts + 1], axis=1).ravel(), 2 * np.arange(len(starts) + 1))
+
+        def filled(values: np.ndarray) -> np.ndarray:
+            return np.insert(values, starts + 1, (values[starts] + values[starts + 1]) / 2.0, axis=0)
+
+        return replace(
+            self,
+            points=np.insert(self.points, starts + 1, middles, axis=0),
+            radii=filled(self.radii),
+            first=2 * self.first - np.arange(len(self.first)),
+            uvs=None if self.uvs is None else filled(self.uvs),
+            layers={name: filled(values) for name, values in self.layers.items()},
+        )
 
     def thinned(self, share: float) -> Strands:
         """A share of the strands, evenly chosen and so wide that they cover as much."""
@@ -73,7 +105,7 @@ class Strands:
         if kept >= count:
             return self
         width = (count / kept) ** (0.5 if self.spheres else 1.0)
-        return self.only(np.arange(kept) * count // kept, width)
+        return replace(left := self.only(np.arange(kept) * count // kept), radii=left.radii * np.float32(width))
 
     def mesh(self, detail: int) -> LocalMesh:
         """Closed tubes or spheres; `detail` 0 has most triangles, 2 fewest."""
@@ -137,8 +169,15 @@ def read_strands(item: bpy.types.Object, names: frozenset[str]) -> Strands | Non
             _first_uvs(data, lengths),
             {name: values for name in sorted(names) if (values := _attribute(data, name, lengths)) is not None},
             spheres=spheres,
+            straight=not spheres and _is_straight(data),
         )
     )
+
+
+def _is_straight(data: bpy.types.Curves) -> bool:
+    """Return whether Cycles draws straight lines: since Blender 5.0 where the first strand is a polyline."""
+    kinds = data.attributes.get("curve_type")
+    return bpy.app.version >= (5, 0, 0) and kinds is not None and kinds.data[0].value == _POLYLINE
 
 
 def _checked(strands: Strands) -> Strands | None:
@@ -148,7 +187,7 @@ def _checked(strands: Strands) -> Strands | None:
             f"Hair or points of object '{strands.name}' are not finite numbers (NaN or infinite): repair or remove them"
         )
     shown = np.flatnonzero(np.diff(strands.first) >= (1 if strands.spheres else 2))
-    return strands.only(shown) if len(shown) else None
+    return strands.only(shown).divided().divided() if len(shown) else None
 
 
 def _attribute(data: bpy.types.ID, name: str, lengths: np.ndarray) -> np.ndarray | None:

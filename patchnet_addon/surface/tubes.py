@@ -39,8 +39,7 @@ def tubes(points: np.ndarray, radii: np.ndarray, first: np.ndarray, sides: int) 
     vertices = (points[:, None] + around * wide[:, None, None]).reshape(-1, 3)
     side, ring = np.arange(sides), np.arange(count)[:, None] * sides
     a, b = ring + side, ring + (side + 1) % sides
-    starts = np.delete(np.arange(count), first[1:] - 1)
-    walls = np.stack([a, b, b + sides, a, b + sides, a + sides], axis=-1)[starts]
+    walls = np.stack([a, b, b + sides, a, b + sides, a + sides], axis=-1)[segments(first)]
     fan = np.stack([np.zeros(sides - 2, int), side[1:-1], side[2:]], axis=-1)
     tips, roots = ring[first[1:] - 1][:, None] + fan, ring[first[:-1]][:, None] + fan[:, [0, 2, 1]]
     triangles = np.concatenate([each.reshape(-1, 3) for each in (walls, tips, roots)])
@@ -52,9 +51,22 @@ def tube_triangles(points: int, strands: int, sides: int) -> int:
     return 2 * sides * (points - strands) + 2 * (sides - 2) * strands
 
 
+def segments(first: np.ndarray) -> np.ndarray:
+    """Index of the point that each segment of the strands begins at."""
+    return np.delete(np.arange(first[-1]), first[1:] - 1)
+
+
+def curve_middles(points: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Middles of all segments of Catmull-Rom curves through strands of points (P, C), whose ends count twice."""
+    starts, lengths = segments(first), np.diff(first) - 1
+    before = np.maximum(starts - 1, np.repeat(first[:-1], lengths))
+    after = np.minimum(starts + 2, np.repeat(first[1:] - 1, lengths))
+    return (9.0 * (points[starts] + points[starts + 1]) - points[before] - points[after]) / 16.0
+
+
 def _frames(points: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Two directions (P, 3) across each point's strand, which twist as little as they can along it."""
-    starts = np.delete(np.arange(len(points)), first[1:] - 1)
+    starts = segments(first)
     along = _unit(points[starts + 1] - points[starts])
     tangents = np.zeros((len(points), 3))
     tangents[starts] += along

@@ -2,6 +2,7 @@
 """Hair, points and emitters are voxelized and lit as Cycles renders them; what has no surface is named."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import bpy
 import numpy as np
@@ -74,7 +75,7 @@ def node_points(radius: float = 0.1) -> bpy.types.Object:
     points.inputs["Density"].default_value, size.inputs["Radius"].default_value = 20.0, radius
     paint.inputs["Material"].default_value = grey(0.7)
     chain = [tree.nodes.new("NodeGroupInput"), points, size, paint, tree.nodes.new("NodeGroupOutput")]
-    for node, after in zip(chain, chain[1:], strict=False):
+    for node, after in pairwise(chain):
         tree.links.new(node.outputs[0], after.inputs[0])
     bpy.ops.mesh.primitive_cube_add(size=1.0, location=(0.0, 0.0, 0.7))
     item = bpy.context.object
