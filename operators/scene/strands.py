@@ -79,8 +79,9 @@ class Strands:
         if self.spheres or len(self.points) > _MOST_DIVIDED:
             return self
         starts = segments(self.first)
-        middles = curve_middles(self.points, self.first)
-        bends = np.linalg.norm(middles - (self.points[starts] + self.points[starts + 1]) / 2.0, axis=1)
+        begins, ends, middles = self.points[starts], self.points[starts + 1], curve_middles(self.points, self.first)
+        chords = np.maximum(np.linalg.norm(ends - begins, axis=1), 1e-30)
+        bends = np.linalg.norm(np.cross(middles - begins, ends - begins), axis=1) / chords  # distances from the chords
         if bends.mean() <= _LEAST_BEND * self.radii.mean():
             return self
         if self.straight:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
+from patchnet.operators.cycles.bake.scene_items import NotFollowedError, change_of, scene_items
 from patchnet.operators.scene import strands
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
@@ -109,6 +110,18 @@ def test_hair_curves(shape: str) -> None:
     assert agree(frame), frame
 
 
+@pytest.mark.parametrize("kind", ["CATMULL_ROM", "POLY"])
+def test_bent_hair_curves(kind: str) -> None:
+    """Cycles draws curves through the points; of polylines straight lines since Blender 5.0."""
+    item = curves()
+    points = np.random.default_rng(3).uniform(-0.8, 0.8, (160, 3))
+    points[:, 2] = (points[:, 2] + 0.8) * 0.6
+    item.data.attributes["position"].data.foreach_set("vector", points.astype(np.float32).ravel())
+    item.data.set_types(type=kind)
+    frame = figures()
+    assert agree(frame), frame
+
+
 @pytest.mark.parametrize("children", [0, 3])
 def test_particle_hair(children: int) -> None:
     hair_ball(children)
@@ -129,6 +142,28 @@ def test_an_emitter_is_what_renders_show(shown: bool) -> None:
     assert len(read().parts) == 1 + shown
     frame = figures()
     assert agree(frame), frame
+
+
+@pytest.mark.parametrize("kind", ["VERTS", "NODES"])
+@pytest.mark.parametrize("shown", [True, False])
+def test_an_instancer_is_what_renders_show(kind: str, shown: bool) -> None:
+    """One whose vertices have instances hides itself; geometry nodes replace it, and nothing else counts."""
+    parent, child = slab("Parent"), slab("Child", low=(-0.1, -0.1), high=(0.1, 0.1))
+    if kind == "VERTS":
+        child.parent, parent.instance_type = parent, "VERTS"
+    else:
+        tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+        for way in ("INPUT", "OUTPUT"):
+            tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+        both, info = tree.nodes.new("GeometryNodeJoinGeometry"), tree.nodes.new("GeometryNodeObjectInfo")
+        info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = child, True
+        for socket in (tree.nodes.new("NodeGroupInput").outputs[0], info.outputs["Geometry"]):
+            tree.links.new(socket, both.inputs[0])
+        tree.links.new(both.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+        parent.modifiers.new("Scatter", "NODES").node_group = tree
+    parent.show_instancer_for_render, parent.show_instancer_for_viewport = shown, not shown
+    names = [name for part in read().parts for name in part.objects]
+    assert ("Parent" in names) == shown and names.count("Child") == (8 if kind == "VERTS" else 2)
 
 
 def test_an_instancer_within_a_collection_is_what_renders_show() -> None:
@@ -203,6 +238,18 @@ def test_grease_pencil_and_volumes_are_named() -> None:
     slab()
     warnings = read().warnings
     assert len(warnings) == 2 and all("left out, though renders show" in warning for warning in warnings)
+
+
+def test_light_of_changed_hair_is_baked_anew() -> None:
+    """Its box would be that of the mesh alone, and its shadow falls farther."""
+    item = hair_ball()
+    item.show_instancer_for_viewport = item.show_instancer_for_render = False
+    bpy.context.view_layer.update()
+    before = scene_items(bpy.context.evaluated_depsgraph_get(), daylight=False)
+    item.particle_systems[0].settings.hair_length = 2.0
+    bpy.context.view_layer.update()
+    with pytest.raises(NotFollowedError, match="'Ball'"):
+        change_of(before, scene_items(bpy.context.evaluated_depsgraph_get(), daylight=False))
 
 
 def _grow(item: bpy.types.Object) -> None:
