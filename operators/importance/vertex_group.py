@@ -16,7 +16,7 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from ..scene.surface_instances import surface_instances
+from ..scene.surface_instances import shown_instances, shows_mesh
 
 _LABEL = "Looking up importance"
 _PER_STEP = 4096
@@ -29,8 +29,8 @@ class PaintedSurface:
     def __init__(self, depsgraph: bpy.types.Depsgraph, scope: str, group: str) -> None:
         """Read the group through `depsgraph`, as renders see it; raises SettingError if no object in scope has it."""
         points, triangles, weights, first = [], [], [], 0
-        for instance in surface_instances(depsgraph, scope):
-            if group not in instance.object.vertex_groups:
+        for instance in shown_instances(depsgraph, scope):
+            if not shows_mesh(instance) or group not in instance.object.vertex_groups:
                 continue
             part = _triangles(instance, group)
             points.append(part[0])

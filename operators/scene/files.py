@@ -11,6 +11,7 @@ import bpy
 
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
+from .strands import STRANDS
 
 # Extension -> names of import operators, the first one that exists is used, and the add-on that brings them.
 _IMPORTERS: dict[str, tuple[tuple[str, ...], str]] = {
@@ -60,7 +61,9 @@ def check_scene_file(path: Path) -> None:
 
 
 def _has_surface(item: bpy.types.Object) -> bool:
-    return len(item.data.polygons) > 0 if item.type == "MESH" else item.type in ("CURVE", "SURFACE", "FONT", "META")
+    if item.type == "MESH":
+        return len(item.data.polygons) > 0
+    return item.type in ("CURVE", "SURFACE", "FONT", "META", *STRANDS)
 
 
 def _importer(path: Path, extension: str) -> Any:

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..scene_access.blender_version import tree_in_use
 from .layer_names import all_nodes
+from .local_mesh import ATTRIBUTE_KINDS
 
 _MASK = 0xFFFFFFFF
 _LONGEST = 60  # of a layer's name that Blender 4.5 keeps whole
@@ -25,8 +26,6 @@ _PARTICLE = {
     "Angular Velocity": "angular_velocity",
 }  # fmt: skip
 _PARTICLE_OUTPUTS = frozenset({"Index", "Random", "Age", *_PARTICLE})
-_WIDTHS = {"FLOAT": 1, "INT": 1, "BOOLEAN": 1, "INT8": 1, "FLOAT2": 2, "FLOAT_VECTOR": 3}
-_KEYS = {"FLOAT2": "vector", "FLOAT_VECTOR": "vector", "FLOAT_COLOR": "color", "BYTE_COLOR": "color"}
 
 
 class Asked(NamedTuple):
@@ -151,11 +150,12 @@ def _instance_attribute(parent: bpy.types.Object, name: str) -> np.ndarray | Non
     geometry = parent.evaluated_geometry()  # it owns the cloud
     cloud = geometry.instances_pointcloud()
     attribute = cloud and cloud.attributes.get(name)
-    if not attribute or attribute.data_type not in _WIDTHS | _KEYS:
+    if not attribute or attribute.data_type not in ATTRIBUTE_KINDS:
         return None
-    width = _WIDTHS.get(attribute.data_type, 4)
-    values = np.array([getattr(each, _KEYS.get(attribute.data_type, "value")) for each in attribute.data], np.float32)
-    return np.array([_color(row[:width]) for row in values.reshape(-1, width)], np.float32)
+    key, width, dtype = ATTRIBUTE_KINDS[attribute.data_type]
+    values = np.empty(len(attribute.data) * width, dtype)
+    attribute.data.foreach_get(key, values)
+    return np.array([_color(row) for row in values.reshape(-1, width)], np.float32)
 
 
 def _property(owner: bpy.types.ID, name: str) -> tuple[float, ...] | None:

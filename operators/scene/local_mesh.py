@@ -104,8 +104,13 @@ def _normals(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
     if mesh.normals_domain == "FACE":
         return None
     normals = _read(mesh.corner_normals, "vector", (len(mesh.loops), 3), np.float32)
+    return packed_normals(normals)[loops]
+
+
+def packed_normals(normals: np.ndarray) -> np.ndarray:
+    """Normals as `LocalMesh` holds them, int16."""
     normals = np.nan_to_num(np.clip(normals, -1.0, 1.0))
-    return np.rint(normals * np.float32(_NORMAL_SCALE)).astype(np.int16)[loops]
+    return np.rint(normals * np.float32(_NORMAL_SCALE)).astype(np.int16)
 
 
 def _layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
@@ -115,9 +120,9 @@ def _layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
     if name in mesh.uv_layers:
         return _uvs(mesh.uv_layers[name], len(mesh.loops))
     attribute = mesh.attributes.get(mesh.attributes.default_color_name if name == DEFAULT_COLOR else name)
-    if attribute is None or attribute.data_type not in _ATTRIBUTE_KINDS:
+    if attribute is None or attribute.data_type not in ATTRIBUTE_KINDS:
         return None
-    key, width, dtype = _ATTRIBUTE_KINDS[attribute.data_type]
+    key, width, dtype = ATTRIBUTE_KINDS[attribute.data_type]
     values = _read(attribute.data, key, (len(attribute.data), width), dtype)
     if attribute.domain == "EDGE":
         values = _at_vertices(mesh, values, attribute)
@@ -130,7 +135,7 @@ def _layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
 
 
 # Data type of an attribute that Cycles evaluates -> key of its values, their width and type.
-_ATTRIBUTE_KINDS: dict[str, tuple[str, int, type]] = {
+ATTRIBUTE_KINDS: dict[str, tuple[str, int, type]] = {
     "FLOAT": ("value", 1, np.float32),
     "INT": ("value", 1, np.int32),
     "INT8": ("value", 1, np.int8),
@@ -168,9 +173,14 @@ def _at_vertices(mesh: bpy.types.Mesh, values: np.ndarray, attribute: bpy.types.
 def _generated(mesh: bpy.types.Mesh) -> np.ndarray:
     """Generated coordinates (L, 3): the mesh before modifiers, in its texture space, [0, 1]^3."""
     points = _read(mesh.vertices, "undeformed_co", (len(mesh.vertices), 3), np.float32)
+    return generated_from_position(mesh, points)[_vertex_of_loop(mesh)]
+
+
+def generated_from_position(mesh: bpy.types.Mesh, points: np.ndarray) -> np.ndarray:
+    """Generated coordinates (N, 3) float32 of points (N, 3) in a mesh's texture space."""
     size = np.array(mesh.texspace_size, np.float32)
     scale = np.where(size != 0, 0.5 / np.where(size != 0, size, 1.0), 0.0).astype(np.float32)
-    return ((points - np.array(mesh.texspace_location, np.float32)) * scale + np.float32(0.5))[_vertex_of_loop(mesh)]
+    return (points - np.array(mesh.texspace_location, np.float32)) * scale + np.float32(0.5)
 
 
 def _vertex_of_loop(mesh: bpy.types.Mesh) -> np.ndarray:

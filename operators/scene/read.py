@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 import bpy
 import numpy as np
@@ -25,9 +26,11 @@ from .materials import MaterialReading, as_cut_out, is_partly_transparent, read_
 from .missing_files import missing_files, missing_libraries
 from .render_geometry import render_geometry
 from .scene_mesh import MeshInstances, SceneMesh
-from .surface_instances import surface_instances
+from .strands import STRANDS, Strands, finished, hair_modifiers, read_hair, read_strands
+from .surface_instances import shown_instances, shows_itself, shows_mesh
 
 _NO_MATERIAL = ""
+_LEFT_OUT = {"GREASEPENCIL": "Grease pencil is", "VOLUME": "Volumes are"}  # by type of object
 
 
 def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMesh:
@@ -38,19 +41,20 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMes
     """
     if scope not in (SELECTED, VISIBLE):
         raise SettingError(f"There is no scope {scope!r}: choose {SELECTED} or {VISIBLE}")
-    reader = _Reader(depsgraph.scene.frame_current_final)
+    reader = _Reader(depsgraph.scene.frame_current_final, hair=depsgraph.view_layer.use_strand)
     with render_geometry(depsgraph):
-        for instance in surface_instances(depsgraph, scope):
+        for instance in shown_instances(depsgraph, scope):
             reader.add(instance)
-    parts = reader.parts()
+    parts, notes = reader.parts()
+    notes += reader.left_out()
     if not parts:
-        raise EmptySelectionError(". ".join([_nothing(scope), *missing_libraries()]))
+        raise EmptySelectionError(". ".join([_nothing(scope), *notes, *missing_libraries()]))
     readings, gloss = reader.materials()
     in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
     warnings = missing_files(in_use, depsgraph.scene.world)
     warnings += [reading.note for reading in readings if reading.note]
     warnings += _partly_transparent([reading.material for reading in readings])
-    warnings += _unlike_renders(depsgraph) + _not_found(reader.instance_reader.unknown)
+    warnings += notes + _unlike_renders(depsgraph) + _not_found(reader.instance_reader.unknown)
     links = tuple(reader.light_links.distinct)
     materials = tuple(as_cut_out(reading.material) for reading in readings)
     color_warnings = tuple(reading.color_note for reading in readings if reading.color_note)
@@ -112,29 +116,48 @@ class _Placed:
 
 
 class _Reader:
-    """Collector of instances; each mesh and each material once."""
+    """Collector of instances; each mesh and each material once.
 
-    def __init__(self, frame: float) -> None:
+    def __init__(self, frame: float, *, hair: bool = True) -> None:
+        self._hair = hair
         self.material_names: dict[str, int] = {}
         self.light_links = LightLinks()
         self.instance_reader = InstanceReader(frame)
-        self._meshes: dict[tuple[object, ...], LocalMesh | None] = {}
+        self._meshes: dict[tuple[object, ...], LocalMesh | Strands | None] = {}
         self._needs: dict[str, tuple[frozenset[str], frozenset[Asked]]] = {}
         self._placed: dict[tuple[object, ...], list[_Placed]] = {}
+        self._left_out: dict[str, set[str]] = {}
 
     def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
-        """Read the instance's mesh, if it is a new one, and where it stands."""
+        """Read what the instance shows: its mesh, strands or points, and its hair."""
+        item = instance.object
+        layers = self._needs_of(item)[0]
+        if shows_mesh(instance):
+            self._add(instance, self._key(instance), partial(_read_mesh, instance, layers))
+        elif shows_itself(instance) and item.type in STRANDS and (self._hair or item.type != "CURVES"):
+            self._add(instance, self._key(instance), partial(read_strands, item, layers))
+        elif shows_itself(instance) and item.type in _LEFT_OUT:
+            self._left_out.setdefault(item.type, set()).add(item.name)
+        owner = instance.instance_object if instance.is_instance else item
+        for modifier in hair_modifiers(owner) if self._hair and instance.show_particles else ():
+            key = "hair", owner.original.as_pointer(), modifier.name, layers
+            self._add(instance, key, partial(read_hair, owner, modifier, layers))
+
+    def _add(
+        self,
+        instance: bpy.types.DepsgraphObjectInstance,
+        key: tuple[object, ...],
+        read: Callable[[], LocalMesh | Strands | None],
+    ) -> None:
+        """Note where a mesh stands, which is read if its key is a new one."""
         item = instance.object
         matrix = np.array(instance.matrix_world, np.float64)
         if not np.isfinite(matrix).all():
             raise GeometryError(
                 f"Object '{item.name}' has a transform that is not finite: repair its position or scale"
             )
-        key = self._key(instance)
         if key not in self._meshes:
-            with _evaluated_mesh(instance) as mesh:
-                origin = origin_of_corners(item)
-                self._meshes[key] = mesh and read_local_mesh(mesh, item.name, self._needs_of(item)[0], origin)
+            self._meshes[key] = read()
         if self._meshes[key] is not None:
             slots = tuple(self._material(slot.material) for slot in item.material_slots)
             self._placed.setdefault(key, []).append(
@@ -168,12 +191,20 @@ class _Reader:
         name = material.original.name_full if material else _NO_MATERIAL
         return self.material_names.setdefault(name, len(self.material_names))
 
-    def parts(self) -> tuple[MeshInstances, ...]:
-        """MeshInstances, all of them, mesh by mesh in the order of their first appearance."""
+    def left_out(self) -> list[str]:
+        """Sentences that name objects that renders show and that are no surface."""
+        return [
+            f"{_LEFT_OUT[kind]} left out, though renders show {named_list(sorted(names))}: convert such objects to meshes"
+            for kind, names in self._left_out.items()
+        ]
+
+    def parts(self) -> tuple[tuple[MeshInstances, ...], list[str]]:
+        """MeshInstances, all of them, mesh by mesh in the order of their first appearance, and sentences for users."""
         parts = []
+        read = {key: mesh for key, mesh in self._meshes.items() if mesh is not None}
+        meshes, notes = finished(read, {key: len(placed) for key, placed in self._placed.items()})
         for key, placed in self._placed.items():
-            mesh = self._meshes[key]
-            assert mesh is not None
+            mesh = meshes[key]
             width = max(len(each.slots) for each in placed)
             parts.append(
                 MeshInstances(
@@ -185,7 +216,7 @@ class _Reader:
                     links=np.array([each.links for each in placed], np.int32),
                 )
             )
-        return tuple(parts)
+        return tuple(parts), notes
 
     def materials(self) -> tuple[list[MaterialReading], tuple[Gloss, ...]]:
         """Materials and their gloss in the order of their indices."""
@@ -203,6 +234,13 @@ def _values(placed: Sequence[_Placed]) -> dict[str, np.ndarray]:
         asked.layer: np.array([each.values.get(asked, (0.0,) * width) for each in placed], np.float32)
         for asked, width in sorted(widths.items())
     }
+
+
+def _read_mesh(instance: bpy.types.DepsgraphObjectInstance, layers: frozenset[str]) -> LocalMesh | None:
+    """Mesh of an instance as arrays."""
+    item = instance.object
+    with _evaluated_mesh(instance) as mesh:
+        return mesh and read_local_mesh(mesh, item.name, layers, origin_of_corners(item))
 
 
 @contextmanager

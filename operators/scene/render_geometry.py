@@ -42,7 +42,9 @@ def _render_values(scene: bpy.types.Scene) -> Iterator[tuple[Any, str, Any]]:
     """Viewport properties and the values that renders use instead."""
     if scene.render.use_simplify:
         yield scene.render, "simplify_subdivision", scene.render.simplify_subdivision_render
+        yield scene.render, "simplify_child_particles", scene.render.simplify_child_particles_render
     for item in bpy.data.objects:
+        yield item, "show_instancer_for_viewport", item.show_instancer_for_render
         for driver in item.animation_data.drivers if item.animation_data else ():
             if driver.data_path.endswith(_OF_VIEWPORTS):  # it would set again what is set here
                 yield driver, "mute", True
@@ -54,6 +56,9 @@ def _render_values(scene: bpy.types.Scene) -> Iterator[tuple[Any, str, Any]]:
                 yield modifier, "viewport_resolution", modifier.resolution
     for particles in bpy.data.particles:
         yield particles, "display_percentage", 100
+        yield particles, "display_method", "RENDER"
+        if particles.type == "HAIR":
+            yield particles, "display_step", particles.render_step
         if particles.child_type != "NONE":
             yield particles, "child_percent", particles.rendered_child_count
     for collection in _apart(scene):

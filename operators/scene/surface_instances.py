@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Placed objects of a scene that are surfaces to voxelize."""
+"""Placed objects of a scene that renders show, to voxelize those that have a surface."""
 
 from __future__ import annotations
 
@@ -11,23 +11,38 @@ from ..scene_access.own import is_own
 from ..schema.table import VISIBLE
 
 
-def surface_instances(depsgraph: bpy.types.Depsgraph, scope: str) -> Iterator[bpy.types.DepsgraphObjectInstance]:
-    """Instances that show a surface to the camera, in the dependency graph's order.
+def shown_instances(depsgraph: bpy.types.Depsgraph, scope: str) -> Iterator[bpy.types.DepsgraphObjectInstance]:
+    """Instances that show anything of themselves to the camera, in the dependency graph's order.
 
     SELECTED: selected objects and what they instance. VISIBLE: all that is visible and renders.
-    Valid until the next step of the iteration, as Blender's own iterator.
+    Valid until the next step of the iteration, as Blender's own iterator. Within `render_geometry`.
     """
     layer = depsgraph.view_layer.original if hasattr(depsgraph.view_layer, "original") else depsgraph.view_layer
     rendered = _rendered_objects(layer)
     for instance in depsgraph.object_instances:
-        # Curves, text, surfaces and metaballs come a second time as what they evaluate to: an instance of type MESH.
-        if instance.object.type != "MESH" or not _shows(instance):
+        if not instance.show_particles and not shows_itself(instance):
             continue
         owner = (instance.parent if instance.is_instance else instance.object).original
         if owner.name_full not in rendered or (instance.is_instance and _hidden_instance(instance)):
             continue
         if scope == VISIBLE or owner.select_get(view_layer=layer):
             yield instance
+
+
+def shows_itself(instance: bpy.types.DepsgraphObjectInstance) -> bool:
+    """Return whether the object itself is shown, and not only its hair or its instances."""
+    if not instance.show_self or instance.is_instance:
+        return bool(instance.show_self)
+    parent = instance.object.parent
+    return parent is None or parent.instance_type not in ("VERTS", "FACES")
+
+
+def shows_mesh(instance: bpy.types.DepsgraphObjectInstance) -> bool:
+    """Return whether a mesh is shown.
+
+    Curves, text, surfaces and metaballs come a second time as what they evaluate to: an instance of type MESH.
+    """
+    return instance.object.type == "MESH" and shows_itself(instance)
 
 
 def _rendered_objects(layer: bpy.types.ViewLayer) -> frozenset[str]:
@@ -57,17 +72,6 @@ def _renders(item: bpy.types.Object) -> bool:
 def _is_seen(item: bpy.types.Object) -> bool:
     """Test for objects that a camera sees as they are; where they are instanced, too."""
     return item.visible_camera and not item.is_shadow_catcher
-
-
-def _shows(instance: bpy.types.DepsgraphObjectInstance) -> bool:
-    """Return whether the object itself is shown, and not only what it instances."""
-    if not instance.show_self:
-        return False
-    if instance.is_instance:
-        return True
-    item = instance.object
-    on_parts = item.parent is not None and item.parent.instance_type in ("VERTS", "FACES")
-    return not on_parts and (not item.is_instancer or item.show_instancer_for_render)
 
 
 def _hidden_instance(instance: bpy.types.DepsgraphObjectInstance) -> bool:

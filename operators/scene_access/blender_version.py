@@ -12,6 +12,8 @@ import bpy
 NODES_ARE_OPTIONAL = bpy.app.version < (5, 0, 0)
 # Side of the square around a texel's centre that paths of a bake go out from, in texels.
 BAKE_SPREAD = 0.5 if bpy.app.version < (5, 0, 0) else 1.0
+# Cycles draws polylines of hair straight, not as curves through their points.
+POLYLINES_ARE_STRAIGHT = bpy.app.version >= (5, 0, 0)
 # OpenVDB files are shown half a voxel too far along each axis.
 VOLUMES_ARE_SHIFTED = bpy.app.version < (5, 0, 0)
 

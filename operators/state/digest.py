@@ -155,6 +155,13 @@ class Digest:
                     if prop.identifier != "rna_type":
                         self._input(getattr(given, prop.identifier))
 
+    def particles(self, system: bpy.types.ParticleSystem) -> None:
+        """Hash a particle system, and its hair where that was combed."""
+        self.text(system.name, system.seed)
+        self.block(system.settings)
+        for particle in system.particles if system.is_edited else ():
+            self.array("hair", values_of(particle.hair_keys, "co_local", 3, np.float32))
+
     def _input(self, value: Any) -> None:
         if isinstance(value, bpy.types.ID):
             self.block(value)
@@ -254,7 +261,9 @@ class Digest:
         self.array(f"{attribute.name} {attribute.domain}", values_of(attribute.data, key, width, dtype))
 
     def faces(self, data: Any) -> None:
-        """Hash the vertex indices of a mesh's faces; nothing of what has none."""
+        """Hash the vertex indices of a mesh's faces, or where the strands of hair begin; nothing of what has none."""
+        if isinstance(data, bpy.types.Curves):
+            self.array("strands", values_of(data.curve_offset_data, "value", 1, np.int32))
         if not isinstance(data, bpy.types.Mesh):
             return
         corners = data.attributes.get(_CORNERS)  # the same as of `loops`, many times faster

@@ -34,6 +34,8 @@ _PASSED_OVER = (bpy.types.Scene, bpy.types.Library, bpy.types.Action, bpy.types.
 # Whose contents `Digest` knows.
 _WHOLE = (bpy.types.Image, bpy.types.NodeTree, bpy.types.Text, bpy.types.Collection, bpy.types.Curve)
 _SKIPPED_OF_DATA = names("materials texspace_location texspace_size is_editmode")
+# Of hair and points: what `Digest.geometry` hashes as arrays, far faster.
+_SKIPPED_OF_STRANDS = _SKIPPED_OF_DATA | names("points curves position_data curve_offset_data normals attributes")
 _OF_OBJECTS = (
     "type", "parent_type", "parent_bone", "instance_type", "instance_faces_scale", "use_instance_faces_scale",
     "use_instance_vertices_rotation", "show_instancer_for_render", "hide_render", "hide_viewport", "visible_camera",
@@ -184,7 +186,7 @@ def _members(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Hashes:
         stack.extend((child, flags) for child in item.children)
     hidden = sorted(each.name_full for each in scene.objects if _counts(each) and each.hide_get(view_layer=layer))
     surface, light = Digest(), Digest()
-    surface.text(sorted(shown), hidden)
+    surface.text(sorted(shown), hidden, layer.use_strand)
     world = scene.world
     if world is None or not _passed_over(world):
         light.text(world and world.name_full)
@@ -268,8 +270,7 @@ class _Reader:
             surface.struct(constraint, depth=2)
             self.animated |= constraint.type in MOVES_BY_ITSELF
         for system in item.particle_systems:
-            surface.text(system.name, system.seed)
-            surface.block(system.settings)
+            surface.particles(system)
             self.animated = True
         light.text(*(getattr(item, name) for name in _OF_OBJECTS_LIT))
         light.block(item.light_linking.receiver_collection)
@@ -303,7 +304,8 @@ def _other(block: bpy.types.ID, digest: _OwnDigest) -> None:
     if isinstance(block, _WHOLE):
         digest.contents(block)
         return
-    digest.struct(block, _SKIPPED_OF_DATA, depth=2)
+    strands = isinstance(block, bpy.types.Curves | bpy.types.PointCloud)
+    digest.struct(block, _SKIPPED_OF_STRANDS if strands else _SKIPPED_OF_DATA, depth=2)
     if (tree := getattr(block, "node_tree", None)) is not None:
         digest.contents(tree)
     if hasattr(block, "attributes"):

@@ -146,8 +146,8 @@ def add_object(digest: Digest, item: bpy.types.Object, data: bpy.types.ID | None
     """Add an object without its place and its materials; `data` is what is shown for it."""
     digest.struct(item, _OBJECT_SKIPPED | _PLACE)
     for system in item.particle_systems:
-        digest.text(system.name, system.seed, len(system.particles))
-        digest.block(system.settings)
+        digest.text(len(system.particles))
+        digest.particles(system)
     if data is not None and (origin := origin_of_corners(item)):
         digest.text(type(data).__name__, data.name_full, origin)
         if isinstance(data, bpy.types.Mesh):

@@ -36,6 +36,7 @@ def cycles_settings(
 ) -> Iterator[None]:
     """Settings of Cycles for a bake within the block; raises SceneError if Cycles is not there.
 
+    Hair is ribbons, which shadow as much as tubes do, but not what lies inside of them (`scene/strands.py`).
     skips_centers: Cycles' first path of a texel goes from its centre, whatever the seed; with this, all go from
     anywhere in it, so that two bakes of a few paths know nothing of each other.
     """
@@ -48,7 +49,8 @@ def cycles_settings(
         }  # fmt: skip
     if not on_gpu:  # a GPU wants large tiles, and is done with them soon
         values |= {"use_auto_tile": True, "tile_size": tile_side()}
-    with changed(scene.render, engine="CYCLES"), changed(scene.cycles, **values):
+    ribbons = changed(scene.cycles_curves, shape="RIBBONS")
+    with changed(scene.render, engine="CYCLES"), changed(scene.cycles, **values), ribbons:
         yield
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from ....patchnet_addon.lightmap.incremental.follow import Change
 from ....patchnet_addon.lightmap.incremental.shadows import Lamp
 from ....patchnet_addon.surface.chroma import REC709
+from ...scene.strands import hair_modifiers
 from ...scene_access.blender_version import tree_in_use
 from ...scene_access.own import is_own
 from ...state.digest import Digest
@@ -157,8 +158,8 @@ def _placed(instance: bpy.types.DepsgraphObjectInstance, contents: str, shines: 
         return found | {"kind": "volume"}
     box = _box(matrix, _points(item))
     found |= {"box": box, "area": _area(item, matrix)}
-    if not shines:
-        return found | {"kind": "surface"}
+    if not shines:  # the hair of an object is not in its box
+        return found | {"kind": "hair" if any(hair_modifiers(item)) else "surface"}
     low, high = np.array(box)
     around = {"place": ((low + high) / 2).tolist(), "radius": float(np.linalg.norm(high - low) / 2), "is_far": False}
     at_most = None if math.isinf(found["area"]) else emission_at_most(item)

@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hair, points and emitters are voxelized and lit as Cycles renders them; what has no surface is named."""
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+
+from patchnet.operators.cycles.bake.scene_items import NotFollowedError, change_of, scene_items
+from patchnet.operators.scene import strands
+from patchnet.operators.scene.read import read_scene
+from patchnet.operators.scene.scene_mesh import SceneMesh
+from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.operators.state.scene_state import SURFACE, scene_state
+from patchnet.operators.verify_light import CheckSettings, verify_light
+from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.blender.light_scene import grey, lamp, link, slab, world
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+pytestmark = pytest.mark.usefixtures("empty_scene")
+LEAST_PSNR_DB, RATIO = 24.0, 0.06
+
+
+def read() -> SceneMesh:
+    bpy.context.view_layer.update()
+    return read_scene(bpy.context.evaluated_depsgraph_get())
+
+
+def figures() -> dict:
+    """Compare the octree with Cycles over a floor, in the light of a sun and a grey sky."""
+    slab(low=(-1.5, -1.5), high=(1.5, 1.5))
+    lamp("SUN", 3.0).rotation_euler = (0.7, 0.2, 0.5)
+    world()
+    camera = link(bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye")), (1.6, -3.0, 2.6))
+    camera.rotation_euler = (Vector((0, 0, 0.3)) - camera.location).to_track_quat("-Z", "Y").to_euler()
+    bpy.context.scene.camera = camera
+    bpy.context.view_layer.update()
+    job = JobSettings.of(depth=8, size=(48, 48), samples=8, cameras=("Eye",))
+    before = scene_snapshot()
+    check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8)))
+    assert_unchanged(before)
+    (frame,) = check.report["cameras"]
+    return frame
+
+
+def agree(frame: dict) -> bool:
+    return bool(frame["psnr_db"] >= LEAST_PSNR_DB and abs(frame["mean_ratio"] - 1.0) <= RATIO)
+
+
+def curves(count: int = 40, radius: float | None = 0.05) -> bpy.types.Object:
+    """Hair curves of four points each, upright and slanted."""
+    data, random = bpy.data.hair_curves.new("Fur"), np.random.default_rng(1)
+    data.add_curves([4] * count)
+    roots, ways = random.uniform(-0.9, 0.9, (count, 1, 3)), random.uniform(-0.3, 0.3, (count, 1, 3))
+    roots[..., 2], ways[..., 2] = 0.0, 0.8
+    points = roots + ways * np.linspace(0.0, 1.0, 4)[:, None]
+    data.attributes["position"].data.foreach_set("vector", points.astype(np.float32).ravel())
+    if radius is not None:
+        values = data.attributes.new("radius", "FLOAT", "POINT").data
+        values.foreach_set("value", np.full(4 * count, radius, np.float32))
+    data.materials.append(grey(0.7))
+    return link(bpy.data.objects.new("Fur", data))
+
+
+def node_points(radius: float = 0.1) -> bpy.types.Object:
+    """A box whose geometry nodes make points of it."""
+    tree = bpy.data.node_groups.new("Points", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    points, paint = tree.nodes.new("GeometryNodeDistributePointsOnFaces"), tree.nodes.new("GeometryNodeSetMaterial")
+    size = tree.nodes.new("GeometryNodeSetPointRadius")
+    points.inputs["Density"].default_value, size.inputs["Radius"].default_value = 20.0, radius
+    paint.inputs["Material"].default_value = grey(0.7)
+    chain = [tree.nodes.new("NodeGroupInput"), points, size, paint, tree.nodes.new("NodeGroupOutput")]
+    for node, after in pairwise(chain):
+        tree.links.new(node.outputs[0], after.inputs[0])
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(0.0, 0.0, 0.7))
+    item = bpy.context.object
+    item.name = "Cloud"
+    item.modifiers.new("Points", "NODES").node_group = tree
+    return item
+
+
+def hair_ball(children: int = 0) -> bpy.types.Object:
+    """A ball with particle hair, which a viewport does not show as renders do."""
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.4, location=(0.0, 0.0, 0.8))
+    item = bpy.context.object
+    item.name = "Ball"
+    item.data.materials.append(grey(0.3))
+    item.data.materials.append(grey(0.8))
+    settings = item.modifiers.new("Hair", "PARTICLE_SYSTEM").particle_system.settings
+    settings.type, settings.count, settings.hair_length, settings.material = "HAIR", 60, 0.4, 2
+    settings.root_radius, settings.tip_radius, settings.radius_scale = 2.0, 1.0, 0.05
+    settings.display_method, settings.display_step, settings.display_percentage = "NONE", 1, 10
+    if children:
+        settings.child_type, settings.child_percent, settings.rendered_child_count = "SIMPLE", 1, children
+        settings.child_radius = 0.3
+    return item
+
+
+@pytest.mark.parametrize("shape", ["RIBBONS", "THICK"])
+def test_hair_curves(shape: str) -> None:
+    curves()
+    bpy.context.scene.cycles_curves.shape = shape
+    frame = figures()
+    assert agree(frame), frame
+
+
+@pytest.mark.parametrize("kind", ["CATMULL_ROM", "POLY"])
+def test_bent_hair_curves(kind: str) -> None:
+    """Cycles draws curves through the points; of polylines straight lines since Blender 5.0."""
+    item = curves()
+    points = np.random.default_rng(3).uniform(-0.8, 0.8, (160, 3))
+    points[:, 2] = (points[:, 2] + 0.8) * 0.6
+    item.data.attributes["position"].data.foreach_set("vector", points.astype(np.float32).ravel())
+    item.data.set_types(type=kind)
+    frame = figures()
+    assert agree(frame), frame
+
+
+@pytest.mark.parametrize("children", [0, 3])
+def test_particle_hair(children: int) -> None:
+    hair_ball(children)
+    frame = figures()
+    assert agree(frame), frame
+
+
+def test_points_of_geometry_nodes() -> None:
+    node_points()
+    frame = figures()
+    assert agree(frame), frame
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_an_emitter_is_what_renders_show(shown: bool) -> None:
+    ball = hair_ball()
+    ball.show_instancer_for_render, ball.show_instancer_for_viewport = shown, not shown
+    assert len(read().parts) == 1 + shown
+    frame = figures()
+    assert agree(frame), frame
+
+
+@pytest.mark.parametrize("kind", ["VERTS", "NODES"])
+@pytest.mark.parametrize("shown", [True, False])
+def test_an_instancer_is_what_renders_show(kind: str, shown: bool) -> None:
+    """One whose vertices have instances hides itself; geometry nodes replace it, and nothing else counts."""
+    parent, child = slab("Parent"), slab("Child", low=(-0.1, -0.1), high=(0.1, 0.1))
+    if kind == "VERTS":
+        child.parent, parent.instance_type = parent, "VERTS"
+    else:
+        tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+        for way in ("INPUT", "OUTPUT"):
+            tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+        both, info = tree.nodes.new("GeometryNodeJoinGeometry"), tree.nodes.new("GeometryNodeObjectInfo")
+        info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = child, True
+        for socket in (tree.nodes.new("NodeGroupInput").outputs[0], info.outputs["Geometry"]):
+            tree.links.new(socket, both.inputs[0])
+        tree.links.new(both.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+        parent.modifiers.new("Scatter", "NODES").node_group = tree
+    parent.show_instancer_for_render, parent.show_instancer_for_viewport = shown, not shown
+    names = [name for part in read().parts for name in part.objects]
+    assert ("Parent" in names) == shown and names.count("Child") == (8 if kind == "VERTS" else 2)
+
+
+def test_an_instancer_within_a_collection_is_what_renders_show() -> None:
+    ball = hair_ball()
+    group = bpy.data.collections.new("Group")
+    bpy.context.scene.collection.objects.unlink(ball)
+    group.objects.link(ball)
+    for number in range(2):
+        empty = link(bpy.data.objects.new(f"Empty {number}", None), (3.0 * number, 0.0, 0.0))
+        empty.instance_type, empty.instance_collection = "COLLECTION", group
+    assert sum(len(part.objects) for part in read().parts) == 4
+    alone = hair_ball()
+    alone.matrix_world = ball.matrix_world
+    in_both = [part.mesh for part in read().parts if part.mesh.slots is not None]
+    assert len(in_both) == 2 and in_both[0].triangles.shape == in_both[1].triangles.shape
+    low, high = (np.sort(np.linalg.norm(mesh.vertices, axis=1))[[0, -1]] for mesh in in_both)
+    np.testing.assert_allclose(low, high, atol=0.05, err_msg="hair stands in the object's own space")
+    ball.show_instancer_for_render = alone.show_instancer_for_render = False
+    assert sum(len(part.objects) for part in read().parts) == 3
+
+
+def test_sizes_without_attributes_and_thinned() -> None:
+    """Cycles takes 5 mm for hair and 10 mm for points; of too many a share is left, as wide together."""
+    item = curves(radius=None)
+    (part,) = read().parts
+    assert part.mesh.slots is None and part.mesh.normals is None
+    points = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    strand = strands.read_strands(item, frozenset({"radius"}))
+    assert len(points.points) == len(strand.points) and (strand.radii == np.float32(0.005)).all()
+    half = strand.thinned(0.5)
+    assert len(half.first) == 21 and half.radii[0] == pytest.approx(0.01)
+    one = strand.thinned(1e-9)
+    assert len(one.first) == 2 and one.radii[0] == pytest.approx(0.2)
+
+
+def test_too_many_are_thinned_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    curves()
+    whole = read()
+    monkeypatch.setattr(strands, "FINE_TRIANGLES", 10)
+    monkeypatch.setattr(strands, "MOST_TRIANGLES", 400)
+    few = read()
+    assert few.triangle_count <= 400 < whole.triangle_count
+    (note,) = few.warnings
+    assert note.startswith("Of the hair and points of 'Fur' 50% are voxelized")
+
+
+def test_attributes_reach_the_corners() -> None:
+    """Those of points and of strands, which materials name."""
+    item = curves(2)
+    item.data.attributes.new("Wet", "FLOAT", "CURVE").data.foreach_set("value", [0.25, 0.75])
+    node = item.data.materials[0].node_tree.nodes.new("ShaderNodeAttribute")
+    node.attribute_name = "Wet"
+    (part,) = read().parts
+    wet = part.mesh.layers["Wet"]
+    assert wet.shape == (len(part.mesh), 3, 1)
+    assert set(np.unique(wet)) == {np.float32(0.25), np.float32(0.75)} and not np.ptp(wet, axis=1).any()
+
+
+def test_a_view_layer_without_hair() -> None:
+    hair_ball()
+    curves()
+    bpy.context.view_layer.use_strand = False
+    assert [part.objects for part in read().parts] == [("Ball",)]
+
+
+def test_grease_pencil_and_volumes_are_named() -> None:
+    bpy.ops.object.grease_pencil_add(type="MONKEY")
+    bpy.context.object.name = "Sketch"
+    link(bpy.data.objects.new("Smoke", bpy.data.volumes.new("Smoke")))
+    with pytest.raises(EmptySelectionError, match=r"No visible object has a surface.*Grease pencil.*'Sketch'.*'Smoke'"):
+        read()
+    slab()
+    warnings = read().warnings
+    assert len(warnings) == 2 and all("left out, though renders show" in warning for warning in warnings)
+
+
+def test_light_of_changed_hair_is_baked_anew() -> None:
+    """Its box would be that of the mesh alone, and its shadow falls farther."""
+    item = hair_ball()
+    item.show_instancer_for_viewport = item.show_instancer_for_render = False
+    bpy.context.view_layer.update()
+    before = scene_items(bpy.context.evaluated_depsgraph_get(), daylight=False)
+    item.particle_systems[0].settings.hair_length = 2.0
+    bpy.context.view_layer.update()
+    with pytest.raises(NotFollowedError, match="'Ball'"):
+        change_of(before, scene_items(bpy.context.evaluated_depsgraph_get(), daylight=False))
+
+
+def _grow(item: bpy.types.Object) -> None:
+    item.particle_systems[0].settings.root_radius *= 2.0
+
+
+def _move(item: bpy.types.Object) -> None:
+    item.data.attributes["position"].data[0].vector.x += 0.1
+
+
+def _divide(item: bpy.types.Object) -> None:
+    """As many points of other strands."""
+    old = item.data
+    item.data = bpy.data.hair_curves.new("Other")
+    item.data.add_curves([2, 6])
+    points = np.empty(24, np.float32)
+    old.attributes["position"].data.foreach_get("vector", points)
+    item.data.attributes["position"].data.foreach_set("vector", points)
+    bpy.data.hair_curves.remove(old)
+    item.data.name = "Fur"
+
+
+@pytest.mark.parametrize(
+    ("make", "change"),
+    [(hair_ball, _grow), (curves, _move), (lambda: curves(2, None), _divide)],
+)
+def test_changes_of_hair_are_noticed(
+    make: Callable[[], bpy.types.Object], change: Callable[[bpy.types.Object], None]
+) -> None:
+    item = make()
+    bpy.context.view_layer.update()
+    before = scene_state(bpy.context.scene)
+    assert not any(before.differences(scene_state(bpy.context.scene)).values())
+    change(item)
+    found = before.differences(scene_state(bpy.context.scene))
+    assert found[SURFACE]
