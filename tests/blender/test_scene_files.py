@@ -107,7 +107,8 @@ def test_an_importer_that_fails_prints_nothing_and_its_reason_is_told(tmp_path: 
     words = [sys.executable, "-c", _OPEN, *(str(tmp_path / name) for name in files)]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert done.stderr == ""
-    for line, (name, (_, reason)) in zip(done.stdout.splitlines(), files.items(), strict=True):
+    said = [line for line in done.stdout.splitlines() if "color_management" not in line]  # Blender 5.3 starts so
+    for line, (name, (_, reason)) in zip(said, files.items(), strict=True):
         assert line.startswith(f"Scene file {tmp_path / name} cannot be read, it may be damaged (") and reason in line
 
 
