@@ -31,8 +31,10 @@ class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace, score, refine, show."""
+        from .scene.cameras import focus_warnings
+
         result = yield from look(context, settings, compare=settings.view.reference)
-        for warning in result.warnings:
+        for warning in (*focus_warnings(context.scene, [result.camera]), *result.warnings):
             tell(self, "WARNING", warning)
         wanted, errors = settings.view, result.errors
         refined = f"{wanted.budget:.0%} of the active pixels" if wanted.spp is None else f"with {wanted.budget_text}"

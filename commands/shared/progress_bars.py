@@ -60,7 +60,7 @@ class _Lines:
             return
         text = progress.label
         if progress.label == self._label:
-            left = self._remaining.text() if progress.left_s is None else left_text(progress.left_s)
+            left = self._remaining.text()
             text += f": {progress.fraction:.0%}{', ' if left else ''}{left}"
         self._label, self._said = progress.label, now
         print(text, file=sys.stderr, flush=True)

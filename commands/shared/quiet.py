@@ -3,36 +3,15 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from ...patchnet_addon.runtime.streams import is_written
+from ...patchnet_addon.runtime.streams import diverted
 
 
 @contextmanager
 def quiet_stdout() -> Iterator[None]:
     """Silence stdout of the process within the block, whether Python or compiled code writes to it."""
-    if not is_written(1):
+    with open(os.devnull, "wb") as nowhere, diverted(stdout=nowhere):
         yield
-        return
-    _flush()
-    kept = os.dup(1)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 1)
-        yield
-    finally:
-        _flush()
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nowhere)
-
-
-def _flush() -> None:
-    """Empty the buffers of Python and of the C library, so that no line changes sides."""
-    sys.stdout.flush()
-    if os.name == "posix":
-        ctypes.CDLL(None).fflush(None)

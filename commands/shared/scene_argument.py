@@ -43,4 +43,6 @@ def open_given(scene: Path | str | None) -> None:
 
 def opened_file(scene: Path | None) -> Path | None:
     """Return the .blend file that was opened just now; what was open before may have been changed by a script since."""
-    return scene if scene is not None and scene.suffix.lower() == ".blend" else None
+    from ...operators.scene.files import is_blend
+
+    return scene if scene is not None and is_blend(scene) else None

@@ -7,7 +7,7 @@ import bpy
 
 from ...patchnet_addon.runtime.progress import Progress
 from ...patchnet_addon.runtime.progress_log import ProgressLog
-from ...patchnet_addon.runtime.remaining import Remaining, left_text
+from ...patchnet_addon.runtime.remaining import Remaining
 
 
 class JobDisplay:
@@ -16,17 +16,14 @@ class JobDisplay:
     def __init__(self, title: str) -> None:
         self.progress = Progress(0, 1, title)
         self.fraction = 0.0
-        self._title = title
         self._text = ""  # what the status bar shows
         self._log = ProgressLog(title)
-        self._remaining, self._whole_remaining = Remaining(), Remaining()
+        self._remaining = Remaining()
 
     def see(self, progress: Progress) -> None:
         """Take a report of the job's steps."""
         self._log.see(progress)
         self._remaining.see(progress)
-        if progress.whole is not None:
-            self._whole_remaining.see(Progress(progress.whole, 1.0, self._title))
         self.progress = progress
 
     def begin(self, context: bpy.types.Context) -> None:
@@ -40,11 +37,7 @@ class JobDisplay:
         if fraction != self.fraction:
             self.fraction = fraction
             _redraw(context, "UI")
-        if progress.left_s is not None:
-            left = left_text(progress.left_s)
-        else:
-            left = (self._remaining if progress.whole is None else self._whole_remaining).text()
-        remaining = "".join(f", {text}" for text in (left, progress.note) if text)
+        remaining = "".join(f", {text}" for text in (self._remaining.text(), progress.note) if text)
         text = f"PatchNet: {progress.label} {round(100 * fraction)} %{remaining}   (Esc stops)"
         if text != self._text:  # each new one draws the window again, which must not slow down what computes
             self._text = text

@@ -22,7 +22,7 @@ from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.patchnet_plus import estimators_warning
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene.cameras import choose_cameras
+from ..scene.cameras import choose_cameras, focus_warnings
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.images import save_png
 from ..settings.groups import ViewSettings
@@ -163,7 +163,8 @@ def _compute(
             views[-1].report["cycles"] = cycles[-1].report
     unseen = dict.fromkeys(warning for item in views for warning in item.warnings)
     others = estimators_warning(wanted.strategy, coded.weights_hash)
-    warnings = (*made.warnings, *encoding.warnings, *([others] if others else []), *unseen)
+    focus = focus_warnings(context.scene, cameras)
+    warnings = (*made.warnings, *encoding.warnings, *([others] if others else []), *focus, *unseen)
     report = job_report(coded, views, wanted, clock.seconds, warnings) | {"encoder": encoding.text}
     return JobResult(coded, tuple(views), report, warnings, made.layout, tuple(cycles), made.state)
 

@@ -188,6 +188,17 @@ def _view(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, size: tuple[
     return view
 
 
+def focus_warnings(scene: bpy.types.Scene, cameras: Sequence[Camera]) -> tuple[str, ...]:
+    """Sentence that names those of chosen cameras whose depth of field previews leave out, if there are any."""
+    there = scene_cameras(scene)
+    names = dict.fromkeys(each.name for each in cameras if each.name in there and there[each.name].data.dof.use_dof)
+    if not names:
+        return ()
+    quoted = ", ".join(f"'{name}'" for name in names)
+    have = f"Camera {quoted} has" if len(names) == 1 else f"Cameras {quoted} have"
+    return (f"{have} depth of field, which previews do not show: all is in focus; render with Cycles for the blur",)
+
+
 def track_cameras(
     context: bpy.types.Context, names: Sequence[str], size: tuple[int, int], bounds_world: np.ndarray
 ) -> list[Camera]:

@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 import logging
+import re
+import tempfile
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import bpy
 
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
+from ...patchnet_addon.runtime.streams import diverted
 from .strands import STRANDS
 
 # Extension -> names of import operators, the first one that exists is used, and the add-on that brings them.
@@ -37,7 +40,7 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
     path = Path(path)
     check_scene_file(path)
     extension = path.suffix.lower()
-    if extension == ".blend":
+    if is_blend(path):
         _run(path, bpy.ops.wm.open_mainfile, filepath=str(path.absolute()), load_ui=False)
         return bpy.context.scene
     importer = _importer(path, extension)
@@ -50,6 +53,11 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
     if not any(_has_surface(item) for item in bpy.data.objects):
         raise SceneError(f"Scene file {path} holds no surface that Blender could import: it may be damaged or empty")
     return scene
+
+
+def is_blend(path: Path) -> bool:
+    """Return whether a file is a .blend by its name, or one of Blender's backups of it, .blend1 to .blend32."""
+    return re.fullmatch(r"\.blend([1-9]|[12]\d|3[0-2])?", path.suffix.lower()) is not None
 
 
 def check_scene_file(path: Path) -> None:
@@ -96,12 +104,30 @@ def _first_operator(names: tuple[str, ...]) -> Any | None:
 
 
 def _run(path: Path, operator: Any, **arguments: object) -> None:
-    """Call an operator on a file; importers raise whatever their parser stumbled on."""
-    try:
-        with interrupts_wait():
-            result = operator(**arguments)
-    except Exception as cause:
-        reason = str(cause).strip().splitlines()[-1] if str(cause).strip() else type(cause).__name__
-        raise SceneError(f"Scene file {path} cannot be read, it may be damaged ({reason})") from cause
-    if "FINISHED" not in result:
-        raise SceneError(f"Scene file {path} cannot be read, it may be damaged")
+    """Call an operator on a file; importers raise whatever their parser stumbled on, and print a lot."""
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        try:
+            with interrupts_wait(), diverted(stdout=out, stderr=err):
+                result = operator(**arguments)
+            failed, report = "FINISHED" not in result, None
+        except Exception as cause:  # noqa: BLE001  it is told below
+            failed, report = True, cause
+        printed = [_text(out), _text(err)]
+    logging.getLogger("patchnet").debug("Printed while %s was read:\n%s", path, "\n".join(printed))
+    if failed:
+        reason = _reason(printed[1] if report is None else str(report) or type(report).__name__)
+        raise SceneError(f"Scene file {path} cannot be read, it may be damaged{reason}") from report
+
+
+def _text(file: IO[bytes]) -> str:
+    file.seek(0)
+    return file.read().decode(errors="replace")
+
+
+def _reason(report: str) -> str:
+    """Reason for an operator's failure in brackets, by its report, "" for none.
+
+    That of an exception is a traceback, and the place of the call in a last line.
+    """
+    lines = [line.strip() for line in report.splitlines() if line.strip() and not line.startswith("Location: ")]
+    return f" ({lines[-1].removeprefix('Error: ').removesuffix(', see console for detail')})" if lines else ""

@@ -118,6 +118,9 @@ class _Placed:
 class _Reader:
     """Collector of instances; each mesh and each material once.
 
+    hair: whether the view layer shows strands.
+    """
+
     def __init__(self, frame: float, *, hair: bool = True) -> None:
         self._hair = hair
         self.material_names: dict[str, int] = {}

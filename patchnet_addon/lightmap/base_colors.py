@@ -14,9 +14,9 @@ from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments, TriangleBatch
-from ..surface.texels import MipChain
+from ..surface.texels import MipChain, on_texture
 from ..surface.texture_color import color_of_fragments, trilinear_color
-from ..surface.texture_lookup import level_of_size, on_texture, surface_of_fragments, trilinear_luminance, uv_at
+from ..surface.texture_lookup import level_of_size, surface_of_fragments, trilinear_luminance, uv_at
 from ..surface.textures import TextureTable
 from .texel_places import BatchTexels, place_in_texel, texel_frame, texel_places
 

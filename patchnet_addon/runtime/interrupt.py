@@ -25,6 +25,7 @@ from types import FrameType
 from typing import Any
 
 from .log import is_json, json_line
+from .streams import undivert
 from .unfinished import remove_unfinished
 
 DEADLINE_S = 2.5
@@ -166,6 +167,7 @@ def end_process(exit_code: int, said: str) -> None:
     """End the process at once; what it has not finished is removed, and users or programs are told why."""
     try:
         remove_unfinished()
+        undivert()
         # Not through the log: the thread that computes may be in the middle of a line.
         line = json_line("error", said, logging.ERROR, exit_code=exit_code) if is_json() else f"\npatchnet: {said}"
         with suppress(OSError, ValueError, AttributeError):  # stderr may be closed

@@ -13,11 +13,15 @@ from .progress import Progress, Result, Steps
 _MOST = 0.995  # of a job that still reports
 _LEAST_LEFT = 0.03  # of a stage that takes longer than expected
 _MIN_SHARE = 0.02  # of a step, before which its own pace says nothing
+_MIN_S = 2.0  # of a step, likewise
 _MAIN_STEP = 0.25  # of a stage's expected time, from which on a step is taken for all of it
 
 
 class JobTime:
     """Share of a job that is done, and seconds left, by expected seconds of its stages and the pace of each step.
+
+    Seconds left are said once the pace of the step that takes most of them says within a factor of two the same: what
+    is expected of a scene that is unlike those before may be far off.
 
     Stages come in the order of `expect`; those of `again` are entered several times, such as the views of cameras. Each
     second counts once, whatever labels and fractions the steps of a stage have, and the share never falls.
@@ -30,6 +34,7 @@ class JobTime:
         self._stage = self._label = ""
         self._begun = self._seen = self._label_begun = clock()
         self._label_first = self._whole = 0.0
+        self._sure = False
         self.compiled: set[str] = set()  # stages in which kernels were compiled, whose seconds tell nothing
 
     def expect(self, seconds: Mapping[str, float]) -> None:
@@ -51,31 +56,36 @@ class JobTime:
         left = self._left(stage, progress, now)
         spent = now - self._begun
         self._whole = max(self._whole, min(spent / max(spent + left, 1e-9), _MOST))
-        return replace(progress, whole=self._whole, left_s=left)
+        return replace(progress, whole=self._whole, left_s=left if self._sure else None)
 
     def _left(self, stage: str, progress: Progress, now: float) -> float:
         stages = list(self._expected)
         at = stages.index(stage) if stage in stages else -1
-        left = 0.0
+        left = own = 0.0
         for index, (name, seconds) in enumerate(self._expected.items()):
             rest = max(seconds - self._spent.get(name, 0.0), 0.0)
             if name == stage:
-                left += self._left_of_step(progress, seconds, max(rest, _LEAST_LEFT * seconds), now)
+                own = self._left_of_step(progress, seconds, max(rest, _LEAST_LEFT * seconds), now)
             elif index > at or name in self._again:
                 left += rest
-        return left
+        by_pace = self._by_pace(progress, now)
+        self._sure |= by_pace is not None and 0.5 * own <= by_pace <= 2.0 * own and own >= left
+        return own + left
 
     def _left_of_step(self, progress: Progress, seconds: float, rest: float, now: float) -> float:
         """Seconds left of the present stage: as expected, and by the step's own pace the more, the further it is.
 
         seconds: expected of the stage. rest: of these, what is left. The pace of a short step says nothing of others.
         """
-        share, took = progress.fraction - self._label_first, now - self._label_begun
-        if share < _MIN_SHARE:
+        by_pace = self._by_pace(progress, now)
+        if by_pace is None:
             return rest
-        by_pace = took / share * (1.0 - progress.fraction)
-        trust = progress.fraction * min(took / max(_MAIN_STEP * seconds, 1e-9), 1.0)
+        trust = progress.fraction * min((now - self._label_begun) / max(_MAIN_STEP * seconds, 1e-9), 1.0)
         return (1.0 - trust) * rest + trust * by_pace
+
+    def _by_pace(self, progress: Progress, now: float) -> float | None:
+        share, took = progress.fraction - self._label_first, now - self._label_begun
+        return None if share < _MIN_SHARE or took < _MIN_S else took / share * (1.0 - progress.fraction)
 
 
 def with_time(steps: Steps[Result], job_time: JobTime, stage: Callable[[], str]) -> Steps[Result]:

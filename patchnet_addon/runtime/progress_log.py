@@ -32,7 +32,7 @@ class ProgressLog:
         if not begins and now - self._said < _PAUSE_S:
             return
         self._label, self._said = progress.label, now
-        left = self._remaining.seconds() if progress.left_s is None else progress.left_s
+        left = self._remaining.seconds()
         event(
             "stage" if begins else "progress",
             f"{self._title}: {progress.label}" if self._title else progress.label,

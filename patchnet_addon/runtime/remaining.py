@@ -14,7 +14,7 @@ _MIN_S = 2.0
 
 
 class Remaining:
-    """Remaining time by the progress of steps, one after the other.
+    """Remaining time: what reports of a whole job say of it, else by the progress of steps, one after the other.
 
     A step that begins in its middle, such as a bake that is resumed, is measured from there.
     """
@@ -25,9 +25,12 @@ class Remaining:
         self._first = 0.0  # share that was done when the step began
         self._last = 0.0
         self._begun = self._reported = clock()
+        self._is_told = False  # whether the reports are of a whole job
+        self._told: float | None = None
 
     def see(self, progress: Progress) -> None:
         """Take a report; waiting ones say nothing new."""
+        self._is_told, self._told = progress.whole is not None or progress.left_s is not None, progress.left_s
         if progress.label != self._label or progress.fraction < self._last:
             self._label = progress.label
             self._first = self._last = progress.fraction
@@ -37,7 +40,9 @@ class Remaining:
             self._reported = self._clock()
 
     def seconds(self) -> float | None:
-        """Seconds until the step ends, as far as they can be known by now."""
+        """Seconds until the job or the step ends, as far as they can be known by now."""
+        if self._is_told:
+            return self._told
         share, spent = self._last - self._first, self._reported - self._begun
         if share < _MIN_SHARE or spent < _MIN_S:
             return None
@@ -46,8 +51,7 @@ class Remaining:
 
     def text(self) -> str:
         """Remaining time in words: "about 40 s left", or ""."""
-        seconds = self.seconds()
-        return left_text(seconds)
+        return left_text(self.seconds())
 
 
 def left_text(seconds: float | None) -> str:

@@ -7,14 +7,17 @@ prints; and a line without a reader would end the work, although its results are
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import io
 import os
 import sys
-from contextlib import suppress
-from typing import Any, TextIO
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import IO, Any, TextIO
 
 _NAMES = ("stdin", "stdout", "stderr")  # by their file descriptors
+_diverted: dict[int, int] = {}  # copies of file descriptors that lead elsewhere for a while
 _lost: list[OSError] = []  # why something was not written: argparse, for one, says nothing when its help is lost
 
 
@@ -92,6 +95,40 @@ def is_written(number: int) -> bool:
         return fcntl.fcntl(number, fcntl.F_GETFL) & os.O_ACCMODE != os.O_RDONLY
     except OSError:
         return False
+
+
+@contextmanager
+def diverted(**targets: IO[bytes]) -> Iterator[None]:
+    """Send to files what Python or compiled code writes to the process's `stdout` and `stderr` within the block."""
+    _flush()
+    before = dict(_diverted)
+    for number, name in enumerate(_NAMES):
+        if name in targets and is_written(number):
+            _diverted[number] = os.dup(number)
+            os.dup2(targets[name].fileno(), number)
+    try:
+        yield
+    finally:
+        _flush()
+        for number in [number for number, copy in _diverted.items() if before.get(number) != copy]:
+            os.dup2(_diverted[number], number)
+            os.close(_diverted.pop(number))
+        _diverted.update(before)
+
+
+def undivert() -> None:
+    """Let streams lead to where they did before `diverted`: the process ends within its block."""
+    for number, copy in _diverted.items():
+        os.dup2(copy, number)
+
+
+def _flush() -> None:
+    """Empty the buffers of Python and of the C library, so that no line changes sides."""
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:
+            stream.flush()
+    if os.name == "posix":
+        ctypes.CDLL(None).fflush(None)
 
 
 class _Pipe(io.FileIO):

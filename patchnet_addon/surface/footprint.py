@@ -14,7 +14,7 @@ from typing import NamedTuple
 from ..cells.morton_kernels import cell_coordinate
 from ..runtime.kernels import device
 from .polygon import load_triangle, moments, split_x, split_y, split_z
-from .texels import bilinear, cut, mip_level, opacity_range, wrapped
+from .texels import bilinear, cut, mip_level, on_texture, opacity_range, wrapped
 from .textures import CUT_SAMPLES, MIRROR, REPEAT
 
 MAX_SQUARES = 64  # of a fragment's bounding box
@@ -93,8 +93,7 @@ def piece_on_texture(rows, corners_voxel, key, triangle, uvs, m):  # type: ignor
         t = rows[piece + i, 4]
         a = uvs[0, 0] + s * (uvs[1, 0] - uvs[0, 0]) + t * (uvs[2, 0] - uvs[0, 0])
         b = uvs[0, 1] + s * (uvs[1, 1] - uvs[0, 1]) + t * (uvs[2, 1] - uvs[0, 1])
-        rows[_PIECE + i, 3] = m[0, 0] * a + m[0, 1] * b + m[0, 2]
-        rows[_PIECE + i, 4] = m[1, 0] * a + m[1, 1] * b + m[1, 2]
+        rows[_PIECE + i, 3], rows[_PIECE + i, 4] = on_texture(m, a, b)
     return count
 
 
@@ -234,11 +233,9 @@ def footprint_means(rows, count, u, v, texels, levels, chain, threshold):  # typ
             return cut(premultiplied, opacity, threshold) if step == 1 else (premultiplied, opacity)
         level = mip_level(levels, chain, step)
     if parts > 0:
-        least, most = opacity_range(
-            texels, level,
-            math.floor(u_low * level.width - 0.5), math.floor(u_high * level.width - 0.5) + 1,
-            math.floor(v_low * level.height - 0.5), math.floor(v_high * level.height - 0.5) + 1,
-        )  # fmt: skip
+        left, right = _span(u_low * level.width - 0.5, u_high * level.width - 0.5, level.width, 1, level.wrap)
+        low, high = _span(v_low * level.height - 0.5, v_high * level.height - 0.5, level.height, 1, level.wrap)
+        least, most = opacity_range(texels, level, left, right + 1, low, high + 1)
         if not soft:
             least = 1.0 if least >= threshold else 0.0
             most = 1.0 if most >= threshold else 0.0

@@ -9,6 +9,8 @@ from typing import NamedTuple
 from ..runtime.kernels import device
 from .textures import BLACK, EXTEND, MIRROR, REPEAT
 
+_FAR = 2.0**24
+
 # Numbers only: the compiler counts references to each array of a tuple at each use, which costs more than a lookup.
 
 
@@ -27,6 +29,22 @@ class MipLevel(NamedTuple):
     height: int
     width: int
     wrap: int
+
+
+@device
+def on_texture(m, s, r):  # type: ignore[no-untyped-def]
+    """Transform UV coordinates (s, r) onto a texture with m (2, 3), as far as its texels can be counted.
+
+    Coordinates farther away are whole numbers in single precision, which all wrap modes take as they take `_FAR`.
+    """
+    return _countable(m[0, 0] * s + m[0, 1] * r + m[0, 2]), _countable(m[1, 0] * s + m[1, 1] * r + m[1, 2])
+
+
+@device
+def _countable(coordinate):  # type: ignore[no-untyped-def]
+    if -_FAR < coordinate < _FAR:
+        return coordinate
+    return _FAR if coordinate > 0.0 else -_FAR
 
 
 @device

@@ -15,8 +15,8 @@ from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from .chroma import BLUE, GREEN, RED
 from .mesh import Fragments, TriangleBatch
-from .texels import MipChain, mip_level, wrapped
-from .texture_lookup import level_of_size, on_texture, uv_at
+from .texels import MipChain, mip_level, on_texture, wrapped
+from .texture_lookup import level_of_size, uv_at
 from .textures import TextureTable
 
 

@@ -11,7 +11,7 @@ from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from .footprint import ROWS, footprint_means, piece_on_texture
 from .mesh import Fragments, TriangleBatch
-from .texels import MipChain, bilinear, cut, mip_level
+from .texels import MipChain, bilinear, cut, mip_level, on_texture
 from .textures import TextureTable
 
 # A bilinear lookup in a box-filtered level has the variance of a box sqrt(3) times as wide as its texels.
@@ -63,7 +63,8 @@ def level_of_size(levels, chain, m, corners, uvs, area):  # type: ignore[no-unty
     whole = _triangle_area(corners)
     footprint = 0.5 * abs(du * ev - dv * eu) * scale * (area / whole if whole > 0.0 else 1.0)
     level = 0.5 * math.log2(max(footprint, 1e-12)) - _LEVEL_BIAS
-    return min(max(level, 0.0), float(chain.level_count - 1))
+    coarsest = float(chain.level_count - 1)
+    return max(level, 0.0) if level < coarsest else coarsest  # which it is, too, of UVs whose area overflows
 
 
 @device
@@ -92,12 +93,6 @@ def uv_at(uvs, barycentric):  # type: ignore[no-untyped-def]
     b2 = barycentric[1]
     b0 = 1.0 - b1 - b2
     return b0 * uvs[0, 0] + b1 * uvs[1, 0] + b2 * uvs[2, 0], b0 * uvs[0, 1] + b1 * uvs[1, 1] + b2 * uvs[2, 1]
-
-
-@device
-def on_texture(m, s, r):  # type: ignore[no-untyped-def]
-    """Transform UV coordinates (s, r) onto a texture with m (2, 3)."""
-    return m[0, 0] * s + m[0, 1] * r + m[0, 2], m[1, 0] * s + m[1, 1] * r + m[1, 2]
 
 
 @kernel

@@ -56,7 +56,7 @@ def test_a_job_says_how_far_it_is_and_the_estimate_says_the_same(cache: Path, we
     settings = JobSettings.of(samples=1, weights=weights, **SMALL)
     reports: list[Progress] = []
     result = drain(run_job(bpy.context, settings), reports.append)
-    known = [report for report in reports if report.left_s is not None]
+    known = [report for report in reports if report.whole is not None]
     labels = {report.label.split()[0] for report in known}
     assert {"Baking", "Voxelizing", "Encoding", "Eye:"} <= labels and known[-1].label == reports[-1].label
     whole = [report.whole for report in known]

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scene files of every kind, and files that are none."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-from patchnet.commands.shared.scene_argument import scene_path
-from patchnet.operators.scene.files import open_scene
+from patchnet.commands.shared.scene_argument import opened_file, scene_path
+from patchnet.operators.scene.files import is_blend, open_scene
 from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.runtime.errors import SceneError
 
@@ -78,3 +80,44 @@ def test_operators_name_the_file_that_could_not_be_opened(registered: None, tmp_
     bpy.ops.wm.read_homefile(use_empty=True)  # whatever is opened next is there to work on
     with pytest.raises(RuntimeError, match=r"has no camera|No visible object"):
         bpy.ops.patchnet.run_all()
+
+
+_OPEN = """
+import sys
+from patchnet.operators.scene.files import open_scene
+from patchnet.patchnet_addon.runtime.errors import SceneError
+for path in sys.argv[1:]:
+    try:
+        open_scene(path)
+    except SceneError as error:
+        print(error)
+"""
+
+
+def test_an_importer_that_fails_prints_nothing_and_its_reason_is_told(tmp_path: Path) -> None:
+    """Reports of its own, an exception in its code, and what compiled code prints to stderr alone."""
+    scene = '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 7}]%s}'
+    files = {
+        "required.gltf": (scene % ', "extensionsUsed": ["FOO_bar"], "extensionsRequired": ["FOO_bar"]', "FOO_bar"),
+        "exception.gltf": (scene % "", "(TypeError: object of type 'NoneType' has no len())"),
+        "compiled.abc": ("this is no scene", "unknown file format"),
+    }
+    for name, (text, _) in files.items():
+        (tmp_path / name).write_text(text)
+    words = [sys.executable, "-c", _OPEN, *(str(tmp_path / name) for name in files)]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    said = [line for line in done.stdout.splitlines() if "color_management" not in line]  # Blender 5.3 starts so
+    for line, (name, (_, reason)) in zip(said, files.items(), strict=True):
+        assert line.startswith(f"Scene file {tmp_path / name} cannot be read, it may be damaged (") and reason in line
+
+
+@pytest.mark.parametrize("extension", [".blend1", ".blend2", ".BLEND32"])
+def test_backups_of_blender_are_opened(triangle: bpy.types.Object, tmp_path: Path, extension: str) -> None:
+    path = tmp_path / f"scene{extension}"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    (tmp_path / "scene.blend").rename(path)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    open_scene(path)
+    assert "Triangle" in bpy.data.objects and bpy.data.filepath == str(path)
+    assert opened_file(path) == path and not is_blend(Path("scene.blend33"))

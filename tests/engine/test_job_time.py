@@ -39,12 +39,13 @@ def test_a_job_as_expected_counts_each_second_once() -> None:
     times = np.cumsum(each) - each
     assert (np.diff(whole) >= 0).all(), "it never falls, whatever steps a stage has"
     np.testing.assert_allclose(whole, times / 100.0, atol=0.2)  # steps of a stage promise too much at their ends
-    left = np.array([report.left_s for report in found])
-    np.testing.assert_allclose(left[:20], 100.0 - times[:20], atol=4.0)
-    assert left[-1] < 5.0 and whole[-1] < 1.0
+    said = [(report.left_s, 100.0 - time) for report, time in zip(found, times, strict=True) if report.left_s is not None]
+    assert said and all(left < 2.0 * rest + 1.0 for left, rest in said)
+    assert said[0][0] == pytest.approx(said[0][1], rel=0.5)
+    assert said[-1][0] < 5.0 and whole[-1] < 1.0
 
 
-@pytest.mark.parametrize("factor", [0.3, 3.0])
+@pytest.mark.parametrize("factor", [0.07, 0.3, 0.7, 1.0, 1.5, 3.0, 14.0])
 def test_a_stage_of_another_pace_is_noticed_while_it_lasts(factor: float) -> None:
     expected = {"light": 60.0, "views": 20.0}
     clock = Clock()
@@ -54,10 +55,12 @@ def test_a_stage_of_another_pace_is_noticed_while_it_lasts(factor: float) -> Non
     for at in range(100):
         found.append(job.see("light", Progress(at, 100, "Baking light")))
         clock.now += 0.6 * factor
-    assert found[-1].left_s == pytest.approx(20.0, abs=3.0)
-    for at in (60, 90):
-        true, planned = (1 - at / 100) * 60.0 * factor, max(60.0 - at * 0.6 * factor, 0.0)
-        assert abs(found[at].left_s - 20.0 - true) < 0.75 * abs(planned - true)
+    true = [20.0 + (1 - at / 100) * 60.0 * factor for at in range(100)]
+    said = [at for at in range(100) if found[at].left_s is not None]
+    assert said == [] or 0.5 * true[said[0]] < found[said[0]].left_s < 2.0 * true[said[0]]
+    for at in {60, 90} & set(said):
+        planned = 20.0 + max(60.0 - at * 0.6 * factor, 0.0)
+        assert abs(found[at].left_s - true[at]) <= 0.75 * abs(planned - true[at]) + 1e-6
     whole = [report.whole for report in found]
     assert whole == sorted(whole)
 
@@ -69,7 +72,7 @@ def test_a_short_step_at_the_start_of_a_stage_promises_nothing() -> None:
     for at in range(11):
         found = job.see("light", Progress(at, 10, "Laying out charts"))
         clock.now += 0.05
-    assert found.left_s == pytest.approx(99.0, abs=3.0) and found.whole < 0.03
+    assert found.left_s is None and found.whole < 0.03
 
 
 def test_nothing_is_said_before_something_is_known_nor_of_stages_that_are_over() -> None:
@@ -79,7 +82,9 @@ def test_nothing_is_said_before_something_is_known_nor_of_stages_that_are_over()
     assert first.whole is None and first.left_s is None
     job.expect({"read": 1000.0, "depth": 10.0, "light": 30.0})
     clock.now += 1.0
-    assert job.see("light", Progress(0, 1, "Baking")).left_s == pytest.approx(30.0, abs=1.5), "it read faster"
+    job.see("light", Progress(0, 10, "Baking"))
+    clock.now += 3.0
+    assert job.see("light", Progress(1, 10, "Baking")).left_s == pytest.approx(27.0, abs=1.5), "it read faster"
     assert job.see("else", Progress(0, 1, "Writing")).left_s is not None
     assert not job.compiled
     job.see("light", Progress(0, 1, "Baking", note="compiling, once on this machine"))

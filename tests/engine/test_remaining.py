@@ -55,6 +55,16 @@ def test_each_label_is_a_step_of_its_own(clock: Clock) -> None:
     assert remaining.seconds() is None, "the same step once more"
 
 
+def test_a_whole_job_says_its_own_or_nothing(clock: Clock) -> None:
+    remaining = Remaining(clock)
+    remaining.see(Progress(0, 100, "Baking", whole=0.1))
+    clock.now = 10.0
+    remaining.see(Progress(50, 100, "Baking", whole=0.2))
+    assert remaining.text() == "", "the step's own time is not the job's"
+    remaining.see(Progress(50, 100, "Baking", whole=0.2, left_s=33.0))
+    assert remaining.text() == "about 33 s left"
+
+
 def test_words(clock: Clock) -> None:
     remaining = Remaining(clock)
     remaining.see(Progress(0, 100, "Long"))
