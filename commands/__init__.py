@@ -26,7 +26,6 @@ NAMES: tuple[str, ...] = (
     "export",
     "verify-light",
     "furnish",
-    "structures",
     "dataset",
     "train",
     "train-networks",

@@ -153,7 +153,7 @@ def _instance_attribute(parent: bpy.types.Object, name: str) -> np.ndarray | Non
     if not attribute or attribute.data_type not in ATTRIBUTE_KINDS:
         return None
     key, width, dtype = ATTRIBUTE_KINDS[attribute.data_type]
-    values = np.empty(len(attribute.data) * width, dtype)
+    values: np.ndarray = np.empty(len(attribute.data) * width, dtype)
     attribute.data.foreach_get(key, values)
     return np.array([_color(row) for row in values.reshape(-1, width)], np.float32)
 

@@ -25,6 +25,7 @@ class LocalMesh:
     layers: further corner layers that materials name, (T, 3, C) float32: C = 1 for numbers, 2 for UV, 3 for vectors,
         4 for colours.
     origin: what UVs and layers are made from, as a hash, where their own last bits are unsteady; otherwise "".
+    thickness: mean diameter of the strands or points that it stands for, 0 for a mesh.
     """
 
     name: str
@@ -35,6 +36,7 @@ class LocalMesh:
     normals: np.ndarray | None
     layers: dict[str, np.ndarray] = field(default_factory=dict)
     origin: str = ""
+    thickness: float = 0.0
 
     def __len__(self) -> int:
         return len(self.triangles)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import GeometryError
+from ...patchnet_addon.runtime.wording import named_list
 from .scene_mesh import SceneMesh
 
 LIFT_SHARE = 2.0**-18  # of the farthest coordinate: that far off a surface Cycles takes its light at least
@@ -40,7 +41,7 @@ def place_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
             f"{where}, more than a voxel ({grid.voxel_size_world:.2g}): cameras and vertices stand no finer than that; "
             f"{_TO_ORIGIN}",
         )
-    return _lonely(source, grid)
+    return (*_lonely(source, grid), *_thin(source, grid))
 
 
 def light_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
@@ -88,6 +89,21 @@ def _lonely(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
     return (
         f"Object '{names[far]}' lies {gap:.2g} from all others, which are only {extent:.2g} across, and a voxel is "
         f"{grid.voxel_size_world:.2g}: leave it out, or move it closer",
+    )
+
+
+def _thin(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
+    """Warning if hair or points are thinner than voxels, which are what is seen of them."""
+    names = []
+    for part in source.parts:
+        scale = np.cbrt(np.abs(np.linalg.det(part.matrices_world[:, :3, :3])))
+        thin = part.mesh.thickness * scale < grid.voxel_size_world
+        names += [name for name, each in zip(part.objects, thin, strict=True) if each and part.mesh.thickness]
+    if not names:
+        return ()
+    return (
+        f"Hair or points of {named_list(names)} are thinner than a voxel ({grid.voxel_size_world:.2g}), and look as wide: "
+        "choose finer voxels, or Refine with Cycles",
     )
 
 

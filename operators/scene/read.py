@@ -197,7 +197,7 @@ class _Reader:
     def left_out(self) -> list[str]:
         """Sentences that name objects that renders show and that are no surface."""
         return [
-            f"{_LEFT_OUT[kind]} left out, though renders show {named_list(sorted(names))}: convert such objects to meshes"
+            f"{_LEFT_OUT[kind]} left out, though renders show {named_list(sorted(names))}: convert them to meshes"
             for kind, names in self._left_out.items()
         ]
 

@@ -126,6 +126,7 @@ class Strands:
             slots=np.full(len(made.triangles), self.slot, np.int16) if self.slot else None,
             normals=None if made.normals is None else packed_normals(made.normals),
             layers={name: values[of_corner] for name, values in self.layers.items()},
+            thickness=2.0 * float(self.radii.mean()),
         )
 
 

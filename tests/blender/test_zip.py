@@ -15,7 +15,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 _TRAINING = (
-    "bench", "dataset", "evaluate", "evaluate_cycles", "figures", "furnish", "shared/catalogue_scenes", "structures",
+    "bench", "dataset", "evaluate", "evaluate_cycles", "figures", "furnish", "shared/catalogue_scenes",
     "shared/track_arguments", "shared/training_run", "train", "train_maps", "train_networks",
     "train_plus", "validate",
 )  # fmt: skip
@@ -23,7 +23,6 @@ NOT_FOR_BLENDER = {f"commands/{name}.py" for name in _TRAINING}
 NO_FOLDERS_FOR_BLENDER = (
     "commands/benches/",
     "operators/furnished_scene/",
-    "operators/structure_scene/",
     "patchnet_addon/furniture/",
 )
 # Both start Blender's own program or Python, to compile kernels.
