@@ -102,8 +102,8 @@ def _thin(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
     if not names:
         return ()
     return (
-        f"Hair or points of {named_list(names)} are thinner than a voxel ({grid.voxel_size_world:.2g}), and look as wide: "
-        "choose finer voxels, or Refine with Cycles",
+        f"Hair or points of {named_list(names)} are thinner than a voxel ({grid.voxel_size_world:.2g}), and look as "
+        "wide: choose finer voxels, or Refine with Cycles",
     )
 
 
