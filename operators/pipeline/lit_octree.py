@@ -22,6 +22,7 @@ from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.bake.gloss_passes import baked_with_gloss, seen_through, with_view
 from ..scene.cameras import choose_cameras, track_cameras
+from ..scene.precision import thin_warnings
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..settings.job_settings import JobSettings
@@ -130,8 +131,9 @@ def build_lit_octree(
             octree = yield from build(
                 surface, replace(choice, grid=grid), shade, settings, light, _provenance(recipe, state) | notes
             )
+    thin = thin_warnings(source, choice.grid, cameras)
     own_color = recipe.unlit or not settings.light.is_baked
-    warnings = (*source.warnings, *(source.color_warnings if own_color else ()), *choice.warnings, *assumed)
+    warnings = (*source.warnings, *(source.color_warnings if own_color else ()), *choice.warnings, *thin, *assumed)
     return LitOctree(octree, choice.layout, light, source, state, warnings)
 
 

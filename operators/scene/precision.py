@@ -6,11 +6,14 @@ Voxels themselves are made in double precision, from the meshes' own coordinates
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import GeometryError
 from ...patchnet_addon.runtime.wording import named_list
+from ...patchnet_addon.tracing.camera import Camera
 from .scene_mesh import SceneMesh
 
 LIFT_SHARE = 2.0**-18  # of the farthest coordinate: that far off a surface Cycles takes its light at least
@@ -41,7 +44,7 @@ def place_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
             f"{where}, more than a voxel ({grid.voxel_size_world:.2g}): cameras and vertices stand no finer than that; "
             f"{_TO_ORIGIN}",
         )
-    return (*_lonely(source, grid), *_thin(source, grid))
+    return _lonely(source, grid)
 
 
 def light_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
@@ -92,18 +95,22 @@ def _lonely(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
     )
 
 
-def _thin(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
-    """Warning if hair or points are thinner than voxels, which are what is seen of them."""
-    names = []
+def thin_warnings(source: SceneMesh, grid: Grid, cameras: Sequence[Camera]) -> tuple[str, ...]:
+    """Warning if hair or points are thinner than voxels, or than pixels of the cameras: they are seen as wide."""
+    names: list[str] = []
     for part in source.parts:
-        scale = np.cbrt(np.abs(np.linalg.det(part.matrices_world[:, :3, :3])))
-        thin = part.mesh.thickness * scale < grid.voxel_size_world
-        names += [name for name, each in zip(part.objects, thin, strict=True) if each and part.mesh.thickness]
+        if part.mesh.thickness:
+            middle = np.ptp(part.mesh.vertices, axis=0) / 2 + part.mesh.vertices.min(axis=0)
+            centres = part.matrices_world[:, :3, :3] @ middle.astype(np.float64) + part.matrices_world[:, :3, 3]
+            scale = np.cbrt(np.abs(np.linalg.det(part.matrices_world[:, :3, :3])))
+            pixels = [camera.pixel_side((centres - camera.position_world) @ camera.forward) for camera in cameras]
+            limit = np.maximum(np.min(pixels, axis=0) if pixels else 0.0, grid.voxel_size_world)
+            names += [name for name, slim in zip(part.objects, part.mesh.thickness * scale < limit, strict=True) if slim]
     if not names:
         return ()
     return (
-        f"Hair or points of {named_list(names)} are thinner than a voxel ({grid.voxel_size_world:.2g}), and look as "
-        "wide: choose finer voxels, or Refine with Cycles",
+        f"Hair or points of {named_list(names)} are thinner than a voxel or a pixel, and look wider than they are: "
+        "choose finer voxels or larger pictures, or Refine with Cycles",
     )
 
 
