@@ -11,7 +11,8 @@ from patchnet.operators.render_engine.passes import PASSES
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.tests.blender.engine_scene import build_for_engine, exact_passes, rendered
 
-_TREE_OF_SCENE = not hasattr(bpy.types.Scene, "compositing_node_group")  # that, several scenes may use
+# Later a node group, which several scenes may use.
+_TREE_OF_SCENE = "compositing_node_group" not in bpy.types.Scene.bl_rna.properties
 _SOCKETS = {"VALUE": "FLOAT"}  # what a File Output node calls them
 _LETTERS = {1: "V", 3: "XYZ", 4: "RGBA"}  # by the number of channels, in its files
 
