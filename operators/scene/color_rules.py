@@ -33,6 +33,8 @@ def _uv_transform(
         return None
     if found.node.type in ("UVMAP", "ATTRIBUTE"):
         return None  # by name: nearly always the map that renders
+    if _repeats_along_one_axis(found):
+        raise NotUnderstoodError(f"an image that repeats along one axis alone (node '{found.node.name}')")
     if found.node.type != "MAPPING":
         raise NotUnderstoodError(f"texture coordinates from node '{found.node.name}'")
     inner = _uv_transform(values, found.input("Vector"))
@@ -41,6 +43,17 @@ def _uv_transform(
         matrix = matrix @ np.vstack([inner, [0, 0, 1]])
     (a, b, c), (d, e, f) = matrix[:2]
     return (float(a), float(b), float(c)), (float(d), float(e), float(f))
+
+
+def _repeats_along_one_axis(output: Output) -> bool:
+    """Return whether the coordinates are those that importers of glTF make, where wrap modes of the axes differ."""
+    if output.node.type != "COMBXYZ":
+        return False
+    axes = [source(output.input(name)) for name in ("X", "Y")]
+    return any(
+        isinstance(axis, Output) and axis.node.type == "MATH" and axis.node.operation in ("WRAP", "PINGPONG")
+        for axis in axes
+    )
 
 
 def _mapping_matrix(output: Output) -> np.ndarray:
