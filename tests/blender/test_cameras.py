@@ -105,9 +105,7 @@ def test_depth_of_field_is_told_of_chosen_cameras_alone(camera: bpy.types.Object
 
     def told(*wanted: str) -> tuple[str, ...]:
         bounds = np.array([[-1.0, -1, -1], [1, 1, 1]])
-        return focus_warnings(
-            scene, choose_cameras(bpy.context.evaluated_depsgraph_get(), wanted, (64, 64), bounds)
-        )
+        return focus_warnings(scene, choose_cameras(bpy.context.evaluated_depsgraph_get(), wanted, (64, 64), bounds))
 
     assert told() == told("auto") == ()
     (text,) = told("all")
