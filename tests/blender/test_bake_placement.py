@@ -47,32 +47,6 @@ def layer_of(name: str) -> bpy.types.LayerCollection:
     return bpy.context.view_layer.layer_collection.children[name]
 
 
-def textured(extension: str) -> bpy.types.Material:
-    """A diffuse material with an even image by the UV map."""
-    image = bpy.data.images.new("Even", 4, 4, float_buffer=True)
-    image.pixels.foreach_set(np.full(4 * 4 * 4, 0.5, np.float32))
-    image.pack()
-    paint, tree = material("Textured")
-    node = tree.nodes.new("ShaderNodeTexImage")
-    node.image, node.extension = image, extension
-    diffuse = shader(tree, "BsdfDiffuse")
-    tree.links.new(node.outputs["Color"], diffuse.node.inputs["Color"])
-    shown(tree, diffuse)
-    return paint
-
-
-@pytest.mark.parametrize(("extension", "far"), [("CLIP", 1e30), ("REPEAT", 1e7), ("EXTEND", 1e7)])
-def test_uvs_beyond_all_texels(extension: str, far: float) -> None:
-    """As Cycles shows them: black where the image is clipped, any texel elsewhere."""
-    paint = textured(extension)
-    for name, low, high, scale in (("Floor", (-1, -1), (0, 1), 0.1), ("Far", (0, -1), (1, 1), far)):
-        item = slab(name, paint, low, high)
-        uvs = 1.0 + np.random.default_rng(1).random((len(item.data.loops), 2))
-        item.data.uv_layers.new(name="UVMap").uv.foreach_set("vector", (scale * uvs).astype(np.float32).ravel())
-    sun()
-    assert_agrees(compare(64, ("Floor", "Far")), contrast=SHADOW if extension == "CLIP" else 0.0)
-
-
 @pytest.mark.parametrize("hidden", ["viewport", "eye", "collection eye", "collection viewport"])
 def test_hidden_in_viewports_yet_rendered(hidden: str) -> None:
     """A roof and a lamp that only renders show."""
