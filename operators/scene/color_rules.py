@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import bpy
 import numpy as np
 
 from .images import usable
 from .node_links import Input, Output, source
-from .node_terms import WHITE, ColorTerm, NodeEvaluator, NotUnderstoodError, TextureUse, Transform, rgb
+from .node_terms import MISSING, WHITE, ColorTerm, NodeEvaluator, NotUnderstoodError, TextureUse, Transform, rgb
 
 
 def texture_use(values: NodeEvaluator, output: Output) -> TextureUse:
@@ -17,8 +18,7 @@ def texture_use(values: NodeEvaluator, output: Output) -> TextureUse:
     if not usable(node.image):
         if node.image and node.image.source in ("SEQUENCE", "MOVIE"):
             raise NotUnderstoodError(f"image '{node.image.name}', whose frames are not read")
-        name = f"image '{node.image.name}'" if node.image else f"node '{node.name}' without an image"
-        raise NotUnderstoodError(f"{name} (missing, empty or tiled)")
+        raise NotUnderstoodError(f"image '{node.image.name}', which is tiled")
     if node.projection != "FLAT":
         raise NotUnderstoodError(f"the {node.projection.lower()} projection of image '{node.image.name}'")
     closest = node.interpolation == "Closest"
@@ -38,6 +38,8 @@ def _uv_transform(at: Input) -> tuple[Transform | None, str]:
             matrix = matrix @ np.vstack([inner, [0, 0, 1]])
         (a, b, c), (d, e, f) = matrix[:2]
         return ((float(a), float(b), float(c)), (float(d), float(e), float(f))), uv_map
+    if _repeats_along_one_axis(found):
+        raise NotUnderstoodError(f"an image that repeats along one axis alone (node '{node.name}')")
     if not getattr(node, "from_instancer", False):
         if node.type == "TEX_COORD" and found.socket.name == "UV":
             return None, ""
@@ -46,6 +48,17 @@ def _uv_transform(at: Input) -> tuple[Transform | None, str]:
     if node.type == "ATTRIBUTE" and node.attribute_type == "GEOMETRY" and found.socket.name in ("Vector", "Color"):
         return None, node.attribute_name
     raise NotUnderstoodError(f"texture coordinates from node '{node.name}'")
+
+
+def _repeats_along_one_axis(output: Output) -> bool:
+    """Return whether the coordinates are those that importers of glTF make, where wrap modes of the axes differ."""
+    if output.node.type != "COMBXYZ":
+        return False
+    axes = [source(output.input(name)) for name in ("X", "Y")]
+    return any(
+        isinstance(axis, Output) and axis.node.type == "MATH" and axis.node.operation in ("WRAP", "PINGPONG")
+        for axis in axes
+    )
 
 
 def _mapping_matrix(output: Output) -> np.ndarray:
@@ -65,7 +78,19 @@ def _mapping_matrix(output: Output) -> np.ndarray:
     )
 
 
+def is_missing(values: NodeEvaluator, node: bpy.types.Node) -> bool:
+    """Return whether an image node has no image to show: Cycles then shows `MISSING`, opaque. A note says so."""
+    image = node.image
+    if usable(image) or (image is not None and image.source in ("SEQUENCE", "MOVIE", "TILED")):
+        return False
+    name = f"image '{image.name}'" if image else f"node '{node.name}'"
+    values.notes.append(f"{name} has no pixels, and is pink as in Cycles")
+    return True
+
+
 def _image_color(values: NodeEvaluator, output: Output) -> ColorTerm:
+    if is_missing(values, output.node):
+        return ColorTerm(WHITE if output.socket.name == "Alpha" else MISSING)
     texture = texture_use(values, output)
     if output.socket.name == "Alpha":
         raise NotUnderstoodError(f"the alpha of image '{texture.image.name}' as a color")

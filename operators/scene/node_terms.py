@@ -16,6 +16,7 @@ from .node_links import Input
 REC709 = (RED, GREEN, BLUE)
 Rgb = tuple[float, float, float]
 WHITE: Rgb = (1.0, 1.0, 1.0)
+MISSING: Rgb = (1.0, 0.0, 1.0)  # what Cycles shows of an image that is not there
 
 
 Transform = tuple[tuple[float, float, float], tuple[float, float, float]]

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import bpy
 
-from .color_rules import texture_use
+from .color_rules import is_missing, texture_use
 from .node_links import Input, Output
-from .node_terms import NodeEvaluator, NotUnderstoodError, NumberTerm
+from .node_terms import MISSING, NodeEvaluator, NotUnderstoodError, NumberTerm, number
 
 
 def _vertex_number(values: NodeEvaluator, output: Output) -> NumberTerm:
@@ -19,6 +19,8 @@ def _vertex_number(values: NodeEvaluator, output: Output) -> NumberTerm:
 
 
 def _image_number(values: NodeEvaluator, output: Output) -> NumberTerm:
+    if is_missing(values, output.node):
+        return NumberTerm(1.0 if output.socket.name == "Alpha" else number(MISSING))
     texture = texture_use(values, output)
     return NumberTerm(0.0, 1.0, texture, "A" if output.socket.name == "Alpha" else "Y")
 

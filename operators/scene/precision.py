@@ -105,7 +105,8 @@ def thin_warnings(source: SceneMesh, grid: Grid, cameras: Sequence[Camera]) -> t
             scale = np.cbrt(np.abs(np.linalg.det(part.matrices_world[:, :3, :3])))
             pixels = [camera.pixel_side((centres - camera.position_world) @ camera.forward) for camera in cameras]
             limit = np.maximum(np.min(pixels, axis=0) if pixels else 0.0, grid.voxel_size_world)
-            names += [name for name, slim in zip(part.objects, part.mesh.thickness * scale < limit, strict=True) if slim]
+            thin = part.mesh.thickness * scale < limit
+            names += [name for name, each in zip(part.objects, thin, strict=True) if each]
     if not names:
         return ()
     return (

@@ -9,7 +9,7 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Euler, Matrix, Vector
 
-from patchnet.operators.scene.cameras import choose_cameras, tracing_camera
+from patchnet.operators.scene.cameras import choose_cameras, focus_warnings, tracing_camera
 from patchnet.patchnet_addon.runtime.errors import SceneError
 
 
@@ -97,6 +97,24 @@ def test_names(camera: bpy.types.Object) -> None:
     scene.camera = None
     with pytest.raises(SceneError, match="no camera"):
         names()
+
+
+def test_depth_of_field_is_told_of_chosen_cameras_alone(camera: bpy.types.Object) -> None:
+    scene = bpy.context.scene
+    second = bpy.data.objects.new("Second", bpy.data.cameras.new("Second"))
+    scene.collection.objects.link(second)
+    second.data.dof.use_dof = True
+
+    def told(*wanted: str) -> tuple[str, ...]:
+        bounds = np.array([[-1.0, -1, -1], [1, 1, 1]])
+        return focus_warnings(scene, choose_cameras(bpy.context.evaluated_depsgraph_get(), wanted, (64, 64), bounds))
+
+    assert told() == told("auto") == ()
+    (text,) = told("all")
+    assert text.startswith("Camera 'Second' has depth of field, which previews do not show")
+    camera.data.dof.use_dof = True
+    (text,) = told("all")
+    assert text.startswith("Cameras 'Eye', 'Second' have depth of field")
 
 
 @pytest.mark.parametrize("size", [(64, 64), (128, 64), (64, 128)])

@@ -76,6 +76,13 @@ def test_light_is_added_where_there_is_none(
     assert "Note: The scene has no light: it was lit with a sun and a sky" in capsys.readouterr().err
 
 
+def test_depth_of_field_is_told_once(tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build()
+    bpy.data.cameras["Eye"].dof.use_dof = True
+    assert run(saved(tmp_path / "scene.blend"), tmp_path / "out", weights) == 0
+    assert capsys.readouterr().err.count("Note: Camera 'Eye' has depth of field") == 1
+
+
 @pytest.mark.parametrize(
     ("device", "sentence"), [("gpu", "--device 'gpu' is unknown: choose auto, cpu, cuda"), ("cuda:777", "'cuda:777'")]
 )

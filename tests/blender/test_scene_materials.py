@@ -230,13 +230,14 @@ def test_missing_images_are_said(tmp_path: Path) -> None:
     lost.source = "FILE"
     (tmp_path / "gone.png").unlink()
     lost.reload()
-    for picture, words in ((lost, "image 'Gone'"), (None, "without an image")):
+    for picture, words in ((lost, "image 'Gone' has no pixels"), (None, "node 'Image Texture' has no pixels")):
         material, node = principled("Lost")
         texture_node = add(material, "ShaderNodeTexImage")
         texture_node.image = picture
         link(material, texture_node.outputs["Color"], node.inputs["Base Color"])
+        link(material, texture_node.outputs["Alpha"], node.inputs["Alpha"])
         result, warning = read(material)
-        assert result.base_texture is None and result.base_color == (0.8, 0.8, 0.8)
+        assert result.base_texture is None and (result.base_color, result.alpha) == ((1.0, 0.0, 1.0), 1.0), "as Cycles"
         assert warning is not None and words in warning
 
 
@@ -279,6 +280,22 @@ def write_gltf(path: Path, materials: list[dict], pixels: np.ndarray) -> None:
         ],
     }  # fmt: skip
     path.write_text(json.dumps(document))
+
+
+@pytest.mark.parametrize(("wraps", "told"), [((10497, 33071), True), ((33648, 10497), True), ((10497, 10497), False)])
+def test_an_image_that_repeats_along_one_axis_alone_is_named(
+    tmp_path: Path, wraps: tuple[int, int], told: bool
+) -> None:
+    path = tmp_path / "scene.gltf"
+    materials = [{"name": "Band", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    write_gltf(path, materials, np.full((2, 2, 4), 128))
+    document = json.loads(path.read_text())
+    document["samplers"] = [{"wrapS": wraps[0], "wrapT": wraps[1]}]
+    document["textures"][0]["sampler"] = 0
+    path.write_text(json.dumps(document))
+    open_scene(path)
+    said = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
+    assert ["'Band'" in text and "an image that repeats along one axis alone" in text for text in said] == [True] * told
 
 
 def test_gltf_importers_materials(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from patchnet.operators.verify_light.check import check_camera
 from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.blender.light_scene import lamp, material, mixed, shader, shown, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 LEAST_PSNR_DB = 30.0  # at depth 7, where a voxel is 16 mm
@@ -60,6 +61,30 @@ def test_the_room_agrees_and_half_the_light_does_not(room: None) -> None:
     assert wrong.report["mean_ratio"] == pytest.approx(0.5 * frame["mean_ratio"], rel=0.02)
     assert wrong.report["psnr_db"] < LEAST_PSNR_DB
     assert not within_bounds(wrong.report)
+
+
+def test_uvs_far_beyond_a_cut_out_that_does_not_repeat() -> None:
+    """Its border counts, which is opaque; lookups that read all texels on the way would not end."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    image = bpy.data.images.new("Hole", 4, 4, alpha=True, float_buffer=True)
+    pixels = np.full((4, 4, 4), 0.5, np.float32)
+    pixels[..., 3] = 1.0
+    pixels[1:3, 1:3, 3] = 0.0
+    image.pixels.foreach_set(pixels.ravel())
+    image.pack()
+    paint, tree = material("Hole")
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image, node.extension = image, "EXTEND"
+    surface = mixed(tree, shader(tree, "BsdfTransparent"), shader(tree, "BsdfDiffuse", Color=(0.5, 0.5, 0.5, 1.0)), 0.5)
+    tree.links.new(node.outputs["Alpha"], surface.node.inputs[0])
+    shown(tree, surface)
+    item = slab("Far", paint)
+    uvs = 1e7 * np.random.default_rng(1).uniform(-1.0, 1.0, (len(item.data.loops), 2))
+    item.data.uv_layers.new(name="UVMap").uv.foreach_set("vector", uvs.astype(np.float32).ravel())
+    lamp("SUN", 3.0, angle=0.15)
+    check = drain(verify_light(bpy.context, settings(depth=6, cameras=("auto",))))
+    for frame in check.report["cameras"]:
+        assert frame["psnr_db"] > 25.0 and abs(frame["mean_ratio"] - 1.0) <= RATIO, frame
 
 
 def test_a_comparison_that_was_stopped_finds_its_pages(

@@ -39,7 +39,9 @@ def test_a_job_as_expected_counts_each_second_once() -> None:
     times = np.cumsum(each) - each
     assert (np.diff(whole) >= 0).all(), "it never falls, whatever steps a stage has"
     np.testing.assert_allclose(whole, times / 100.0, atol=0.2)  # steps of a stage promise too much at their ends
-    said = [(report.left_s, 100.0 - time) for report, time in zip(found, times, strict=True) if report.left_s is not None]
+    said = [
+        (report.left_s, 100.0 - time) for report, time in zip(found, times, strict=True) if report.left_s is not None
+    ]
     assert said and all(left < 2.0 * rest + 1.0 for left, rest in said)
     assert said[0][0] == pytest.approx(said[0][1], rel=0.5)
     assert said[-1][0] < 5.0 and whole[-1] < 1.0
