@@ -82,7 +82,7 @@ class InstanceReader:
         if asked.kind == "particle":
             return self._of_particle(instance, asked.key)
         if asked.kind == "instancer":
-            return (*instance.uv, 0.0) if asked.key == "UV" else tuple(instance.orco)
+            return (*instance.uv, 0.0) if asked.key == "UV" else tuple(0.5 * value - 0.5 for value in instance.orco)
         found = self._attribute(instance, asked)
         (self.unknown.add if found is None else self._known.add)(asked.key)
         self.unknown -= self._known

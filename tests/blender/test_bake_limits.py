@@ -39,8 +39,6 @@ LOST = [
     ("AmbientOcclusion", {"only_local": True}),
     ("Bevel", {}),
     ("LightPath", {"output": "Ray Length"}),
-    ("TexCoord", {"output": "Generated", "from_instancer": True}),
-    ("UVMap", {"from_instancer": True}),
     ("VectorTransform", {"convert_from": "WORLD", "convert_to": "CAMERA"}),
     ("VectorTransform", {"convert_from": "OBJECT", "convert_to": "WORLD", "vector_type": "POINT"}),
 ]

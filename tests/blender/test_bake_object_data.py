@@ -343,10 +343,17 @@ def test_attributes_of_instances() -> None:
     assert found.warnings == ()
 
 
-@pytest.mark.parametrize("output", ["Index", "Random", "Age", "Size", "Location"])
-def test_particle_info(output: str) -> None:
+INSTANCED = {
+    **{output: ("ParticleInfo", output, {}) for output in ("Index", "Random", "Age", "Size", "Location")},
+    "Generated": ("TexCoord", "Generated", {"from_instancer": True}),
+}
+
+
+@pytest.mark.parametrize("case", INSTANCED)
+def test_particles_and_coordinates_of_what_instances(case: str) -> None:
     def socket(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-        value = read_by("ParticleInfo", output)(tree)
+        kind, output, settings = INSTANCED[case]
+        value = read_by(kind, output, **settings)(tree)
         for operation in ("SCALE", "ABSOLUTE"):
             math = tree.nodes.new("ShaderNodeVectorMath")
             math.operation = operation
@@ -357,9 +364,12 @@ def test_particle_info(output: str) -> None:
 
     item = slab("Plate", glowing(socket), (-0.3, -0.3), (0.3, 0.3))
     item.hide_render = True
-    host = link(mesh("Host", [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)], []))
+    host = link(mesh("Host", [(0.6 * x, 0.6 * y, 0.0) for x, y, _ in SQUARE], [(0, 1, 2, 3)]))
+    host.show_instancer_for_render = False
+    host.data.uv_layers.new(name="Map").uv.foreach_set("vector", [0.1, 0.3, 0.9, 0.2, 0.8, 0.7, 0.2, 0.9])
     system = host.modifiers.new("Particles", "PARTICLE_SYSTEM").particle_system.settings
-    system.count, system.emit_from, system.use_emit_random = 4, "VERT", False
+    system.count, system.emit_from, system.distribution, system.userjit = 4, "FACE", "GRID", 1
+    system.grid_resolution = 2
     system.frame_start, system.frame_end, system.physics_type = 1, 1, "NO"
     system.render_type, system.instance_object, system.particle_size = "OBJECT", item, 1.0
     bpy.context.scene.frame_set(5)
