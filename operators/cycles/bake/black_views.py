@@ -57,30 +57,39 @@ def black_views(
             context, sight.places(number, chosen), normals, lift_world, with_daylight=bool(light.daylight), at=at
         )
         lit = np.where(behind, sides[:, 1], sides[:, 0])
-        reasons[camera.name] = _reason(source, source.objects_of(seen), materials, lit, sides.max(axis=1), light)
+        names, most = source.objects_of(seen), sides.max(axis=1)
+        reasons[camera.name] = _no_light(names, lit, most) or _black_material(
+            source, atlas, names[lit > 0.0], materials[lit > 0.0], light.gloss == GLOSS_OFF
+        )
     return reasons
 
 
-def _reason(
-    source: SceneMesh, names: np.ndarray, materials: np.ndarray, lit: np.ndarray, most: np.ndarray, light: LightSettings
-) -> str:
-    """Reason by what is seen at N points: objects, materials, light on the side that is seen, and on the brighter one.
+def _no_light(names: np.ndarray, lit: np.ndarray, most: np.ndarray) -> str:
+    """Reason if no light falls on what is seen at N points, "" if some does.
+
+    names: objects. lit, most: light on the side that is seen, and on the one that gets most.
     """
     objects = named_list(name for name, _ in Counter(names.tolist()).most_common())
     if most.max() <= 0.0:
         return f"no light of the scene reaches {objects}; add light, or look at the lamps' strength and visibility"
     if np.median(lit) <= _LIT * np.median(most):
         return f"light falls on the other side of {objects}; flip its normals (Mesh > Normals)"
-    number, _ = Counter(materials[lit > 0.0].tolist()).most_common(1)[0]
-    owner = names[np.flatnonzero(materials == number)[0]]
-    return f"the material '{source.material_names[number]}' of '{owner}' is black{_why(source, number, light)}"
+    return ""
 
 
-def _why(source: SceneMesh, number: int, light: LightSettings) -> str:
-    material, gloss = source.materials[number], source.gloss[number]
-    if gloss.is_glossy and light.gloss == GLOSS_OFF:
-        return " without its gloss; choose Gloss: Automatic (--gloss auto)"
-    notes = [text for text in (*source.warnings, *source.color_warnings) if f"Material '{material.name}'" in text]
-    if notes:
-        return f": {notes[0]}"
-    return "; give it a color" if max(*material.base_color, *material.emission) <= 0.0 else ", in Cycles too"
+def _black_material(
+    source: SceneMesh, atlas: Atlas, names: np.ndarray, materials: np.ndarray, without_gloss: bool
+) -> str:
+    """Reason why the surface is black that most of what is lit belongs to. materials: (N,), names: their objects."""
+    number, _ = Counter(materials.tolist()).most_common(1)[0]
+    material, owner = source.materials[number], names[np.flatnonzero(materials == number)[0]]
+    why = ", in Cycles too"
+    if source.gloss[number].is_glossy and without_gloss:
+        why = " without its gloss; choose Gloss: Automatic (--gloss auto)"
+    elif notes := [text for text in source.warnings if f"Material '{material.name}'" in text]:
+        why = f": {notes[0]}"
+    elif any(f"of material '{material.name}'" in text for text in atlas.warnings):
+        why = " without what depends on the view or on whole objects"
+    elif max(*material.base_color, *material.emission) <= 0.0:
+        why = "; give it a color"
+    return f"the material '{source.material_names[number]}' of '{owner}' is black{why}"
