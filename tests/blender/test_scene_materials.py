@@ -294,7 +294,7 @@ def test_an_image_that_repeats_along_one_axis_alone_is_named(
     document["textures"][0]["sampler"] = 0
     path.write_text(json.dumps(document))
     open_scene(path)
-    said = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
+    said = read_scene(bpy.context.evaluated_depsgraph_get()).color_warnings
     assert ["'Band'" in text and "an image that repeats along one axis alone" in text for text in said] == [True] * told
 
 
