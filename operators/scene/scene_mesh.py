@@ -84,13 +84,12 @@ class Run:
     def uvs(self, materials: tuple[Material, ...]) -> np.ndarray:
         """Texture coordinates (N, 3, 2) float32, of the UV map of each triangle's material."""
         mesh = self.instances.mesh
-        none = np.zeros((len(mesh), 3, 2), np.float32)
-        uvs = self.per_corner(none if mesh.uvs is None else mesh.uvs)
-        maps = np.array([material.uv_map for material in materials], object)
-        used = np.unique(self.instances.materials[self.lo : self.hi])
-        for name in set(maps[used]) - {""}:
-            values = mesh.layers.get(name, none)[..., :2]
-            uvs = np.where((maps == name)[self.materials()][:, None, None], self.per_corner(values), uvs)
+        uvs = np.zeros((len(self), 3, 2), np.float32) if mesh.uvs is None else self.per_corner(mesh.uvs)
+        used = np.unique(self.instances.materials[self.lo : self.hi]).tolist()
+        for name in sorted({materials[number].uv_map for number in used} - {""}):
+            uvs = uvs.copy()  # of what may be the mesh's own
+            mine = np.array([material.uv_map == name for material in materials])[self.materials()]
+            uvs[mine] = self.per_corner(mesh.layers[name][..., :2])[mine] if name in mesh.layers else 0.0
         return uvs
 
     def wound(self, values: np.ndarray) -> np.ndarray:
