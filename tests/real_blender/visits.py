@@ -54,7 +54,7 @@ class Heard:
         begin, see, tell = display.begin, display.see, operators.tell
 
         def heard_begin(shown, context):
-            self.begun.append(shown._title)
+            self.begun.append(shown.progress.label)  # its title, before the first report
             begin(shown, context)
 
         def heard_see(shown, progress):
