@@ -12,8 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from patchnet.operators.scene_access.blender_version import NODES_ARE_OPTIONAL
-
+_NODES_ALWAYS = bpy.app.version >= (5, 0, 0)  # windows import this file without the package
 _ATTRIBUTES = {
     "FLOAT": ("value", 1, np.float32), "FLOAT2": ("vector", 2, np.float32), "FLOAT_VECTOR": ("vector", 3, np.float32),
     "FLOAT_COLOR": ("color", 4, np.float32), "BYTE_COLOR": ("color", 4, np.float32), "INT": ("value", 1, np.int32),
@@ -132,7 +131,7 @@ def _settings(owner: bpy.types.bpy_struct, depth: int) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for prop in owner.bl_rna.properties:
         key = prop.identifier
-        if key in _SKIPPED_PROPERTIES or (key == "use_nodes" and not NODES_ARE_OPTIONAL):
+        if key in _SKIPPED_PROPERTIES or (key == "use_nodes" and _NODES_ALWAYS):
             continue
         if isinstance(owner, bpy.types.PointCache) and key in _SKIPPED_NOTES:
             continue
