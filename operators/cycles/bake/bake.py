@@ -77,8 +77,6 @@ def bake_luminance(
     cameras: those that look at the surface: what they see says which side of a sheet is shown (methods 7.2f).
     Raises SceneError if Cycles is not there or cannot bake, SettingError for a GPU that is not enabled.
     """
-    from ....patchnet_addon.lightmap.atlas import Atlas
-
     side = page_side(source.triangle_count)
     graph = depsgraph or context.evaluated_depsgraph_get()
     scene = "" if kept is None else scene_key(graph)
@@ -108,13 +106,27 @@ def bake_luminance(
         done = again
         texels = yield from computed(lambda: done.finish(texels), Progress(1, 1, "Baking light"))
         charts, notes = again.whole, notes | {"incremental": again.notes}
-    turned = sides.turned if sides.turned.any() else None
-    noise = texels[:, -1] if light.denoise else None
-    lit = texels[:, :-1] if light.denoise else texels
-    atlas = Atlas(charts, lit, light.samples, warnings, noise=noise, spread=BAKE_SPREAD, notes=notes, turned=turned)
+    atlas = _atlas(charts, texels, light, sides.turned, warnings, notes)
     if black := (yield from black_views(context, source, atlas, sides.sight, light, lift)):
         notes[BLACK_VIEWS] = black
     return atlas
+
+
+def _atlas(
+    charts: Charts,
+    texels: np.ndarray,
+    light: LightSettings,
+    turned: np.ndarray,
+    warnings: tuple[str, ...],
+    notes: dict[str, Any],
+) -> Atlas:
+    """Atlas of baked texels, whose last channel is their noise where light is denoised."""
+    from ....patchnet_addon.lightmap.atlas import Atlas
+
+    noise = texels[:, -1] if light.denoise else None
+    lit = texels[:, :-1] if light.denoise else texels
+    back = turned if turned.any() else None
+    return Atlas(charts, lit, light.samples, warnings, noise=noise, spread=BAKE_SPREAD, notes=notes, turned=back)
 
 
 def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -> Steps[np.ndarray]:
