@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.wording import named_list
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
 from ..scene_access.frames import go_to_frame, kept_frame
 from ..scene_access.temporary import sync_view_layers, temporary
@@ -194,8 +195,7 @@ def focus_warnings(scene: bpy.types.Scene, cameras: Sequence[Camera]) -> tuple[s
     names = dict.fromkeys(each.name for each in cameras if each.name in there and there[each.name].data.dof.use_dof)
     if not names:
         return ()
-    quoted = ", ".join(f"'{name}'" for name in names)
-    have = f"Camera {quoted} has" if len(names) == 1 else f"Cameras {quoted} have"
+    have = f"Camera {named_list(names)} has" if len(names) == 1 else f"Cameras {named_list(names)} have"
     return (f"{have} depth of field, which previews do not show: all is in focus; render with Cycles for the blur",)
 
 

@@ -99,11 +99,11 @@ def as_cut_out(material: Material) -> Material:
 
 def _material(name: str, surface: _Surface, colors: NodeValues) -> Material:
     alpha, base, images = surface.alpha, surface.base, colors.images
-    if base.texture and alpha.texture and base.texture.uv_map != alpha.texture.uv_map:
-        name = base.texture.image.name
-        colors.notes.append(f"image '{name}' counts by its mean color, since its opacity lies on another UV map")
-        base = ColorTerm(colors.constant_color(base))
-    uv_map = next((term.texture.uv_map for term in (base, alpha) if term.texture), "")
+    maps = {term.texture.uv_map for term in (alpha, base) if term.texture} - {""}  # "" is nearly always the named one
+    if len(maps) > 1 and alpha.texture and base.texture:
+        image = base.texture.image.name
+        colors.notes.append(f"image '{image}' counts by its mean color, since its opacity lies on another UV map")
+        base, maps = ColorTerm(colors.constant_color(base)), {alpha.texture.uv_map}
     threshold = alpha.threshold
     opacity = alpha.offset
     texture = None
@@ -125,7 +125,7 @@ def _material(name: str, surface: _Surface, colors: NodeValues) -> Material:
         alpha_texture=texture,
         alpha_threshold=None if alpha.constant else threshold,
         emission=surface.emission,
-        uv_map=uv_map,
+        uv_map=next(iter(maps), ""),
     )
 
 

@@ -210,6 +210,24 @@ def test_texture_mapping() -> None:
     np.testing.assert_allclose(result.base_texture.transform, [[0, -3, 0.5], [2, 0, 0.25]], atol=1e-6)
 
 
+@pytest.mark.parametrize("other", ["", "Second"])
+def test_color_and_opacity_on_their_uv_maps(other: str) -> None:
+    """A map without a name is taken for the one that is named; of two that are named, opacity's is the material's."""
+    material, node = principled("Leaf")
+    for output, name, uv_map in (("Color", "Base Color", "First"), ("Alpha", "Alpha", other)):
+        picture = texture(material, image(output, PIXELS))
+        link(material, picture.outputs[output], node.inputs[name])
+        uvs = add(material, "ShaderNodeUVMap")
+        uvs.uv_map = uv_map
+        link(material, uvs.outputs[0], picture.inputs["Vector"])
+    result, warning = read(material)
+    assert (result.name, result.uv_map) == ("Leaf", other or "First") and result.alpha_texture is not None
+    assert (result.base_texture is None) == bool(other) == (warning is not None)
+    if other:
+        assert "image 'Color' counts by its mean color" in warning
+        assert result.base_color == pytest.approx(tuple(decoded(PIXELS[..., :3]).mean(axis=(0, 1))), abs=1e-4)
+
+
 def test_what_is_not_understood_is_said_once() -> None:
     material, node = principled("Marble")
     noise = add(material, "ShaderNodeTexNoise")
