@@ -180,7 +180,8 @@ def _view(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, size: tuple[
     if evaluated.is_evaluated or depsgraph.mode == "RENDER":
         return tracing_camera(evaluated, depsgraph.scene, size)
     with temporary(bpy.data.scenes.new("PatchNet Camera")) as stage:
-        stage.frame_set(depsgraph.scene.frame_current, subframe=depsgraph.scene.frame_subframe)
+        # Not by frame_set, which calls the handlers of add-ons.
+        stage.frame_current, stage.frame_subframe = depsgraph.scene.frame_current, depsgraph.scene.frame_subframe
         stage.camera = camera  # a scene's camera is evaluated whatever hides it
         layer = stage.view_layers[0]
         layer.update()
