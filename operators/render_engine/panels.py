@@ -10,7 +10,7 @@ import bpy
 
 from ..jobs.job_operator import JobOperator
 from ..session import results
-from ..ui.panels.tab import draw_budget, draw_setting, draw_settings, split
+from ..ui.panels.tab import draw_samples, draw_setting, draw_settings, split
 from .engine import ENGINE
 
 # Panels of EEVEE's that edit what a bake sees.
@@ -50,7 +50,8 @@ class PATCHNET_PT_render_refinement(_RenderPanel, bpy.types.Panel):
         layout = split(self.layout)
         draw_setting(layout, context.scene.patchnet, "strategy")
         draw_setting(layout, context.scene.patchnet, "unrefined")
-        draw_budget(layout, context.scene.patchnet)
+        draw_setting(layout, context.scene.patchnet, "budget")
+        draw_samples(layout, context.scene.patchnet)
         draw_settings(layout, context.scene.patchnet, "importance")
 
 

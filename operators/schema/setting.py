@@ -45,7 +45,8 @@ class Setting:
     bounds: of a number. choices: (value, label, description) of a CHOICE. field_name: its flat name in `JobSettings`,
     if that is another one. effect: on the result. counts: whether it matters beside the other values. argument: of the
     command line, "" for none or for one that means something else, --no-NAME of a switch that is on; help, unit: of it.
-    widget: further options of the property.
+    widget: further options of the property. automatic: what 0 means, in two words, where a checkbox says so; first: the
+    number that the checkbox begins with, of a PAIR each side's.
     """
 
     name: str
@@ -63,6 +64,8 @@ class Setting:
     help: str = ""
     unit: str = ""
     widget: Mapping[str, Any] = field(default_factory=dict)
+    automatic: str = ""
+    first: Any = None
 
     @property
     def job_field(self) -> str:

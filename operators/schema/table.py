@@ -77,7 +77,7 @@ _SURFACE = (
         "memory", "Memory (GiB)", "Memory that the octree may take while it is built; 0 takes all that is free",
         OCTREE, Kind.AUTOMATIC, None, bounds.MEMORY_GIB, field_name="memory_bytes", effect=Effect.PERHAPS,
         argument="--memory", help="what the octree may take while it is built (all)", unit="GIB",
-        widget={"soft_max": 64.0, "precision": 1},
+        widget={"soft_max": 64.0, "precision": 1}, automatic="All Free", first=4.0,
     ),
 )  # fmt: skip
 
@@ -114,7 +114,7 @@ _LIGHT = (
         argument="--tolerance", help="with --incremental: largest error of light that stays, as a share of white",
     ),
     Setting(
-        "texel_voxels", "Texel Size",
+        "texel_voxels", "Texel Size (Voxels)",
         "Side of a baked texel in finest voxels: smaller texels take longer and show finer shadows",
         LIGHT, Kind.NUMBER, 2.0, bounds.TEXEL_VOXELS, counts=_baked,
         argument="--texel-voxels", help="side of a baked texel in finest voxels",
@@ -153,7 +153,7 @@ _LIGHT = (
         LIGHT, Kind.AUTOMATIC, None, bounds.EXPOSURE,
         argument="--exposure", help="factor on luminance (the one that brings its 99.5 %% quantile to 1)",
         unit="FACTOR",
-        widget={"precision": 4},
+        widget={"precision": 4}, automatic="By Brightest", first=1.0,
     ),
     Setting(
         "color", "Keep Color",
@@ -192,7 +192,7 @@ _VIEWS = (
     Setting(
         "size", "Picture Size",
         "Pixels of the pictures; 0 follows the render aspect, twice 0 is the render resolution",
-        CAMERAS, Kind.PAIR, (192, 0), bounds.SIZE_PX,
+        CAMERAS, Kind.PAIR, (192, 0), bounds.SIZE_PX, automatic="By Aspect", first=(192, 108),
     ),
     Setting(
         "strategy", "Strategy", "What is refined first", VIEW, Kind.CHOICE, DEFAULT,
@@ -226,7 +226,7 @@ _VIEWS = (
         "that Budget says",
         VIEW, Kind.AUTOMATIC, None, bounds.SPP,
         argument="--spp", help="mean samples per active pixel, 1 to 1024, by priority, instead of a share", unit="MEAN",
-        widget={"soft_max": 64.0},
+        widget={"soft_max": 64.0}, automatic="By Budget", first=16.0,
     ),
     Setting(
         "reference", "In All Previews",
@@ -251,6 +251,7 @@ _VIEWS = (
         "heatmap_maximum", "Heatmap Max", "Priority at the end of the heatmap's legend; 0 takes the strategy's own",
         VIEW, Kind.AUTOMATIC, None, bounds.HEATMAP_MAXIMUM, effect=Effect.PERHAPS,
         argument="--heatmap-max", help="priority at the end of the heatmap's legend",
+        automatic="By Strategy", first=0.1,
     ),
     Setting(
         "importance", "Importance",

@@ -16,6 +16,7 @@ from . import (
 from .strategy import Strategy
 
 DEFAULT = "patchnet-plus"
+FOR_USERS = (DEFAULT, "patchnet-plus-1", "ss-variance")  # the best, a quicker one, and one without look-ahead
 
 STRATEGIES: dict[str, Strategy] = {
     strategy.name: strategy

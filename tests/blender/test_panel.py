@@ -17,7 +17,8 @@ from patchnet.operators.ui.panels.network import PATCHNET_PT_network
 from patchnet.operators.ui.panels.octree import PATCHNET_PT_octree
 from patchnet.operators.ui.panels.preview import PATCHNET_PT_preview
 from patchnet.operators.ui.panels.statistics import PATCHNET_PT_statistics
-from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.operators.ui.panels.tab import FIRST
+from patchnet.patchnet_addon.sampling.registry import FOR_USERS, STRATEGIES
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import SMALL, drop_result_images
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -51,10 +52,48 @@ def test_order_and_names() -> None:
     assert bpy.ops.patchnet.run_all.get_rna_type().name == "Preview Selection"
 
 
-def test_only_preview_is_open_at_first() -> None:
+def test_first_panel_alone_is_open_at_first() -> None:
     tabs = [item for item in panels.CLASSES if hasattr(item, "bl_category")]
     opened = {item.bl_label for item in tabs if "DEFAULT_CLOSED" not in getattr(item, "bl_options", set())}
-    assert opened == {"PatchNet", "Preview"}
+    assert opened == {"PatchNet"}
+
+
+def test_first_panel_has_five_settings(scene: bpy.types.Scene) -> None:
+    names = {item.identifier for item in scene.patchnet.bl_rna.properties}
+
+    def shown() -> list[str]:
+        return [text for text in drawn(PATCHNET_PT_main) if text in names]
+
+    assert shown() == ["scope", "resolution", "samples", "use_size_x", "size_x", "use_size_y", "budget"]
+    scene.patchnet.resolution, scene.patchnet.light = "DEPTH", "two-lights"
+    assert shown() == ["scope", "resolution", "depth", "use_size_x", "size_x", "use_size_y", "budget"]
+    assert not set(FIRST[:-2]) & {text for item in (PATCHNET_PT_octree, PATCHNET_PT_preview) for text in drawn(item)}
+
+
+def test_what_is_automatic_is_said_in_words(scene: bpy.types.Scene) -> None:
+    values = scene.patchnet
+    assert {"All Free", "use_memory"} <= set(drawn(PATCHNET_PT_octree)) and "memory" not in drawn(PATCHNET_PT_octree)
+    assert {"By Budget", "By Strategy"} <= set(drawn(PATCHNET_PT_preview))
+    assert "By Aspect" in drawn(PATCHNET_PT_main)
+    for name in ("memory", "exposure", "spp", "heatmap_maximum", "size_x", "size_y"):
+        before = getattr(values, name)
+        setattr(values, f"use_{name}", True)
+        assert getattr(values, name) == (before or values.bl_rna.properties[name].default or getattr(values, name)) > 0
+        setattr(values, f"use_{name}", False)
+        assert getattr(values, name) == 0 and not getattr(values, f"use_{name}")
+    assert drawn(PATCHNET_PT_main).count("As Render") == 2, "both sides of the picture"
+
+
+def test_short_list_of_strategies(scene: bpy.types.Scene) -> None:
+    values = scene.patchnet
+    assert [item.identifier for item in values.bl_rna.properties["short_strategy"].enum_items] == [*FOR_USERS, "other"]
+    values.short_strategy = "ss-variance"
+    assert values.strategy == "ss-variance"
+    values.strategy = "random"
+    assert values.short_strategy == "other"
+    values.short_strategy = "other"
+    assert values.strategy == "random", "as it is chosen in Compare"
+    assert "strategy" in drawn(PATCHNET_PT_compare) and "strategy" not in drawn(PATCHNET_PT_preview)
 
 
 def test_all_panels_draw_in_every_state(scene: bpy.types.Scene) -> None:
@@ -282,16 +321,14 @@ def shipped() -> dict[str, Path]:
 
 
 def test_presets_are_shipped_and_apply(scene: bpy.types.Scene) -> None:
-    assert set(shipped()) == {"draft", "standard", "large_pictures", "paper"}
+    assert set(shipped()) == {"Draft", "Standard", "Large_Pictures"}
     settings = scene.patchnet
     defaults = {name: value_of(settings, name) for name in presets_menu._VALUES}
     for name, path in shipped().items():
         assert bpy.ops.patchnet.apply_preset(filepath=str(path)) == {"FINISHED"}
-        assert (defaults == {key: value_of(settings, key) for key in presets_menu._VALUES}) == (name == "standard")
-    bpy.ops.patchnet.apply_preset(filepath=str(shipped()["large_pictures"]))
+        assert (defaults == {key: value_of(settings, key) for key in presets_menu._VALUES}) == (name == "Standard")
+    bpy.ops.patchnet.apply_preset(filepath=str(shipped()["Large_Pictures"]))
     assert settings.resolution == "FIT" and tuple(settings.size) == (0, 0)
-    bpy.ops.patchnet.apply_preset(filepath=str(shipped()["paper"]))
-    assert settings.light == "two-lights" and settings.strategy == "patchnet"
     with pytest.raises(RuntimeError, match="no preset"):
         bpy.ops.patchnet.apply_preset(filepath="/nowhere.py")
 

@@ -15,6 +15,7 @@ from patchnet.operators.ui import panels
 from patchnet.operators.ui.preferences import PatchNetPreferences
 from patchnet.operators.ui.presets_menu import PATCHNET_PT_presets
 from patchnet.operators.ui.properties import scene_settings
+from patchnet.operators.ui.properties.derived import DerivedProperties
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import build
@@ -62,6 +63,9 @@ def drawn_settings() -> set[str]:
     """Names of the settings that the tab's panels show, whatever is chosen in them."""
     values, texts = bpy.context.scene.patchnet, set()
     values.incremental = True  # its tolerance counts
+    for name in DerivedProperties.__annotations__:
+        if name.startswith("use_"):
+            setattr(values, name, True)  # its number is shown
     for light in ("cycles", "two-lights"):
         for resolution in ("AUTO", "FIT", "DEPTH", "VOXEL_SIZE"):
             for importance in ("NONE", "IMAGE", "VERTEX_GROUP"):
@@ -84,7 +88,7 @@ def test_every_argument_is_in_the_panel() -> None:
 def test_every_setting_of_the_panel_is_an_argument() -> None:
     build()
     settable = set().union(*(properties_of(item) for item in arguments()))
-    assert drawn_settings() - settable == set(ONLY_PANEL)
+    assert drawn_settings() - settable - set(DerivedProperties.__annotations__) == set(ONLY_PANEL)
 
 
 def test_every_setting_of_a_scene_is_in_the_panel() -> None:

@@ -21,6 +21,7 @@ class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
         layout = split(self.layout)
         layout.operator("patchnet.compare", icon="SORTSIZE")
         draw_setting(layout, context.scene.patchnet, "reference")
+        layout.prop(context.scene.patchnet, "strategy")  # all of them
         result = results.result_of(context.scene)
         if result is None or result.comparison is None:
             layout.label(text="Not compared yet", icon="INFO")

@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ...schema.table import CYCLES, GLOSS_OFF
-from .tab import SubPanel, Tab, draw_settings, draw_stale, split
+from .tab import SubPanel, Tab, draw_setting, draw_settings, draw_stale, split
 
 
 class PATCHNET_PT_light(SubPanel, bpy.types.Panel):
@@ -38,11 +38,9 @@ class PATCHNET_PT_animation(Tab, bpy.types.Panel):
         column = layout.column(align=True)
         for name, text in (("frame_start", "Frame Start"), ("frame_end", "End"), ("frame_step", "Step")):
             column.prop(context.scene, name, text=text)
-        for name in ("skip_existing", "same_grid"):
-            layout.prop(context.scene.patchnet, name)
+        for name in ("skip_existing", "same_grid", "out"):
+            draw_setting(layout, context.scene.patchnet, name)
         layout.operator("patchnet.bake_animation", icon="RENDER_ANIMATION")
-        if not context.scene.patchnet.out:
-            layout.label(text="Choose the output folder above", icon="INFO")
 
 
 CLASSES = (PATCHNET_PT_light, PATCHNET_PT_animation)

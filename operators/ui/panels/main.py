@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Main panel: one button that does everything, the estimate, and the output folder."""
+"""Main panel: the settings that a first user needs, one button that does everything, and the estimate."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ...jobs.job_operator import JobOperator
 from ...session import results
 from ...settings.step_settings import ESTIMATED, changed
 from ..presets_menu import PATCHNET_PT_presets
-from .tab import Tab, draw_setting, draw_stale, split
+from .tab import Tab, draw_first, draw_stale, split
 
 
 class PATCHNET_PT_main(Tab, bpy.types.Panel):
@@ -24,13 +24,13 @@ class PATCHNET_PT_main(Tab, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the button, or progress in its place, so that the buttons below stay where they are."""
         layout = split(self.layout)
+        draw_first(layout, context.scene.patchnet)
         if JobOperator.running:
             layout.progress(factor=JobOperator.fraction, text=f"{JobOperator.running}: Esc stops")
         else:
             row = layout.row()
             row.scale_y = 1.5
             row.operator("patchnet.run_all", icon="PLAY")
-        draw_setting(layout, context.scene.patchnet, "out")
         layout.operator("patchnet.estimate", icon="INFO")
         _draw_estimate(layout, context.scene)
         draw_stale(layout, context.scene, "surface", "light")  # of the view beside its button, in Preview

@@ -7,22 +7,24 @@ import bpy
 
 from ...session import results
 from .advice import Advice, advice
-from .tab import SubPanel, Tab, draw_budget, draw_sentence, draw_setting, draw_settings, draw_stale, split
+from .tab import SubPanel, Tab, draw_samples, draw_sentence, draw_setting, draw_settings, draw_stale, split
 
 
 class PATCHNET_PT_preview(SubPanel, bpy.types.Panel):
     """A view, where it is wrong, and what refining makes of it."""
 
     bl_label = "Preview"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Settings, the button, where pictures are."""
         layout = split(self.layout)
         values = context.scene.patchnet
-        for name in ("cameras", "size", "strategy", "unrefined", "background"):
+        for name in ("cameras", "strategy", "unrefined", "background"):
             draw_setting(layout, values, name)
-        draw_budget(layout, values)
-        draw_setting(layout, values, "heatmap_maximum")
+        draw_samples(layout, values)
+        for name in ("heatmap_maximum", "out"):
+            draw_setting(layout, values, name)
         layout.operator("patchnet.render_preview", icon="RENDER_STILL")
         draw_stale(layout, context.scene, "view")
         result = results.result_of(context.scene)

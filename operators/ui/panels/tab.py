@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import bpy
 
+from ...schema.setting import Kind
+from ...schema.table import TABLE
 from ...session import results
 from ...session.scene_result import SceneResult
 from ...settings.step_settings import changed, step_settings
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 else:
     _Panel = object  # Blender wants its own class among the direct bases of each panel
 
+# Settings that a first user sees; sub-panels have all others.
+FIRST = ("scope", "resolution", "depth", "voxel_size", "samples", "size", "budget")
 # What empty text settings mean.
 _WHEN_EMPTY = {"out": "No Files", "weights": "Shipped", "cameras": "Active Camera"}
 # Of a line in a region: mean width of a character where Blender's texts are not scaled, and characters that icon and
@@ -51,30 +55,54 @@ def split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
 
 
 def draw_settings(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, step: str) -> None:
-    """Draw the settings of a step that count now."""
+    """Draw the settings of a step that count now, but those of the first panel."""
     for name in step_settings(values, step):
-        draw_setting(layout, values, name)
+        if name not in FIRST:
+            draw_setting(layout, values, name)
+
+
+def draw_first(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> None:
+    """Draw the first panel's settings that count now."""
+    for name in FIRST:
+        if TABLE[name].counts(values):
+            row = layout.row()
+            row.active = name != "budget" or not values.spp
+            draw_setting(row, values, name)
 
 
 def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, name: str) -> None:
-    """Draw a setting, with its list of images where it names one, and the sides of pictures each in pixels."""
+    """Draw a setting as its kind wants it: a list of images, sides in pixels, a checkbox where 0 is automatic."""
     if name == "importance_image":
         layout.prop_search(values, name, bpy.data, "images")
     elif name == "size":
         column = layout.column(align=True)
-        column.prop(values, "size_x")
-        column.prop(values, "size_y", text="Y")
+        both = "" if any(values.size) else "As Render"
+        _draw_automatic(column, values, "size_x", "Picture Size X", both or TABLE[name].automatic)
+        _draw_automatic(column, values, "size_y", "Y", both or TABLE[name].automatic)
+    elif name == "strategy":
+        layout.prop(values, "short_strategy")
+    elif name in TABLE and TABLE[name].kind is Kind.AUTOMATIC:
+        _draw_automatic(layout, values, name, TABLE[name].label, TABLE[name].automatic)
     elif name == "cameras":
         layout.prop(values, name, placeholder=_WHEN_EMPTY[name], icon="CAMERA_DATA")
     else:
         layout.prop(values, name, placeholder=_WHEN_EMPTY.get(name, ""))
 
 
-def draw_budget(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> None:
-    """Draw the budget as a share and as samples per pixel; the share is gray where the samples count instead."""
-    row = layout.row()
-    row.active = not values.spp
-    draw_setting(row, values, "budget")
+def _draw_automatic(
+    layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, name: str, label: str, automatic: str
+) -> None:
+    """Draw a checkbox, and the number where it is on, else what is taken instead."""
+    row = layout.row(heading=label)
+    row.prop(values, f"use_{name}", text="")
+    if getattr(values, f"use_{name}"):
+        row.prop(values, name, text="")
+    else:
+        row.label(text=automatic)
+
+
+def draw_samples(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> None:
+    """Draw how many samples pixels get; those of the budget are gray where a mean counts instead."""
     row = layout.row()
     row.active = not values.spp
     draw_setting(row, values, "refined_samples")

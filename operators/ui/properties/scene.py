@@ -7,15 +7,15 @@ import bpy
 from bpy.props import PointerProperty
 
 from .cycles_refine import CyclesRefineProperties
+from .derived import DerivedProperties
 from .display import DisplayProperties
 from .output import AnimationProperties
-from .picture_size import PictureSizeProperties
 from .stages import JobProperties
 
 
 class PatchNetSettings(
     JobProperties,
-    PictureSizeProperties,
+    DerivedProperties,
     AnimationProperties,
     DisplayProperties,
     CyclesRefineProperties,
