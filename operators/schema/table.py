@@ -114,7 +114,7 @@ _LIGHT = (
         argument="--tolerance", help="with --incremental: largest error of light that stays, as a share of white",
     ),
     Setting(
-        "texel_voxels", "Texel Size (Voxels)",
+        "texel_voxels", "Texel (Voxels)",
         "Side of a baked texel in finest voxels: smaller texels take longer and show finer shadows",
         LIGHT, Kind.NUMBER, 2.0, bounds.TEXEL_VOXELS, counts=_baked,
         argument="--texel-voxels", help="side of a baked texel in finest voxels",
