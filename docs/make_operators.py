@@ -22,6 +22,7 @@ import patchnet
 from patchnet.__main__ import leave
 from patchnet.operators.jobs.job_operator import JobOperator
 from patchnet.operators.ui.properties import PatchNetSettings
+from patchnet.operators.ui.properties.derived import DerivedProperties
 
 PAGE = Path(__file__).with_name("operators.md")
 
@@ -243,7 +244,7 @@ def settings() -> Iterator[str]:
     for group in groups(PatchNetSettings):
         names = [name for name in getattr(group, "__annotations__", {}) if name in scene and name not in seen]
         seen |= set(names)
-        if names:
+        if names and group is not DerivedProperties:  # which are of the panel alone
             yield f"### {(group.__doc__ or '').strip().splitlines()[0].rstrip('.')}"
             yield ""
             yield from table([scene[name] for name in names])

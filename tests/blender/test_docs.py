@@ -75,7 +75,7 @@ def test_panel_page_names_every_setting_of_every_panel() -> None:
     table = text.partition("| where | settings |\n|---|---|\n")[2].partition("\n\n")[0]
     rows = dict(line.strip("| ").split(" | ", 1) for line in table.splitlines())
     named = {where: set(re.findall(r"\*\*(.+?)\*\*", settings)) for where, settings in rows.items()}
-    named["Preview"] ^= {"Y", "Picture Size Y"}  # beside X, as in the panel
+    named["PatchNet"] ^= {"Y", "Picture Size Y"}  # beside X, as in the panel
     assert named == settings_of_panels()
 
 

@@ -45,7 +45,7 @@ def _checkbox(name: str, label: str, first: float) -> Any:
         if on != read(values):
             setattr(values, name, first if on else 0)
 
-    return BoolProperty(name=f"Set {label}", description=f"Choose {label} yourself", get=read, set=write)
+    return BoolProperty(name=label, description="Choose it yourself, rather than automatically", get=read, set=write)
 
 
 def _short_list() -> Any:
