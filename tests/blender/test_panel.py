@@ -76,11 +76,14 @@ def test_what_is_automatic_is_said_in_words(scene: bpy.types.Scene) -> None:
     assert {"By Budget", "By Strategy"} <= set(drawn(PATCHNET_PT_preview))
     assert "By Aspect" in drawn(PATCHNET_PT_main)
     for name in ("memory", "exposure", "spp", "heatmap_maximum", "size_x", "size_y"):
-        before = getattr(values, name)
         setattr(values, f"use_{name}", True)
-        assert getattr(values, name) == (before or values.bl_rna.properties[name].default or getattr(values, name)) > 0
+        assert getattr(values, name) > 0 and getattr(values, f"use_{name}")
         setattr(values, f"use_{name}", False)
         assert getattr(values, name) == 0 and not getattr(values, f"use_{name}")
+    values.size_x = 7
+    values.use_size_x = True
+    assert values.size_x == 7, "a number that is there stays"
+    values.size_x = 0
     assert drawn(PATCHNET_PT_main).count("As Render") == 2, "both sides of the picture"
 
 

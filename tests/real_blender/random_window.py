@@ -3,7 +3,7 @@
 
     blender --enable-event-simulate -p 0 0 1500 1000 courtyard.blend -P random_window.py -- OUT [STEPS [SEED]]
 
-Writes OUT/random.json, and every step into OUT/random-steps.txt before it is taken, so that a crash leaves the last one.
+Writes OUT/random.json, and each step into OUT/random-steps.txt before it is taken, so that a crash leaves the last.
 """
 
 import random
