@@ -33,6 +33,12 @@ WINDOW_WORK_S = 2.0
 
 visit = Visit("random")
 chance = random.Random(SEED)
+steps = (OUT / "random-steps.txt").open("w")
+
+
+def say(*words: object) -> None:
+    """Write what is about to be done."""
+    print(*words, file=steps, flush=True)
 
 
 def inside(pane) -> tuple[int, int]:
@@ -54,6 +60,7 @@ def called(operator, *words: object, **values: object) -> None:
         bpy.context.temp_override(window=clicks.window(), **({"area": view, "region": region} if view else {})),
     ):
         if operator.poll():
+            say("", operator.idname_py(), *words, *values.values())
             operator(*words, **values)
 
 
@@ -110,7 +117,9 @@ def job() -> clicks.Session:
 def setting() -> clicks.Session:
     """Another value of a setting."""
     name = chance.choice(list(CHOICES))
-    setattr(clicks.window().scene.patchnet, name, chance.choice(CHOICES[name]))
+    value = chance.choice(CHOICES[name])
+    say("", name, value)
+    setattr(clicks.window().scene.patchnet, name, value)
     yield 0.0
 
 
@@ -134,11 +143,14 @@ def window() -> clicks.Session:
     if chance.random() < 0.3 and len(windows()) < 4:
         called(bpy.ops.wm.window_new)
     elif chance.random() < 0.5 and len(windows()) > 1:
+        say("", "close a window")
         with bpy.context.temp_override(window=windows()[-1]):
             bpy.ops.wm.window_close()
     else:
         areas = [area for area in clicks.window().screen.areas if area != clicks.area("VIEW_3D")]
-        chance.choice(areas).type = chance.choice(EDITORS)
+        one, kind = chance.choice(areas), chance.choice(EDITORS)
+        say("", one.type, "becomes", kind)
+        one.type = kind
     yield 0.3
 
 
@@ -151,7 +163,8 @@ def scene() -> clicks.Session:
 
 def render() -> clicks.Session:
     """A render by any engine that is not slow here, or the viewport's."""
-    clicks.window().scene.render.engine = chance.choice(("PATCHNET", "CYCLES"))
+    engine = clicks.window().scene.render.engine = chance.choice(("PATCHNET", "CYCLES"))
+    say("", engine)
     if chance.random() < 0.5:
         called(bpy.ops.render.render, "INVOKE_DEFAULT")
     else:
@@ -196,16 +209,15 @@ def session() -> clicks.Session:
     """So many steps."""
     small()
     yield 0.5
-    with (OUT / "random-steps.txt").open("w") as steps:
-        for number in range(STEPS):
-            action = chance.choices(list(OFTEN), list(OFTEN.values()))[0]
-            print(number, action.__name__, file=steps, flush=True)
-            if any(area.type == "VIEW_3D" for area in clicks.window().screen.areas):
-                yield from action()
-            else:  # a click made it another editor
-                small()
-                yield 0.3
-            visit.seen["steps"] = number + 1
+    for number in range(STEPS):
+        action = chance.choices(list(OFTEN), list(OFTEN.values()))[0]
+        say(number, action.__name__)
+        if any(area.type == "VIEW_3D" for area in clicks.window().screen.areas):
+            yield from action()
+        else:  # a click made it another editor
+            small()
+            yield 0.3
+        visit.seen["steps"] = number + 1
 
 
 visit.play(session())
