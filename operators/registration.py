@@ -31,7 +31,7 @@ from . import (
     voxelize_objects,
 )
 from .jobs import job_operator
-from .scene_access import bake_report, overrides, unread_file
+from .scene_access import bake_operator, overrides, temporary, unread_file
 from .session import kept_results, scene_session, staleness, world_maps
 from .ui import panels, preferences, presets_menu, properties
 
@@ -49,6 +49,8 @@ _BEFORE = (
     scene_session,
     staleness,
     overrides,
+    temporary,
+    bake_operator,
     job_operator,
     unread_file,
     kept_results,
@@ -76,7 +78,6 @@ _OPERATORS = (
     clear_cache,
     *_OTHER_PYTHON,
     copy_diagnostics,
-    bake_report,
 )
 _CLASSES = tuple(item for module in (*_OPERATORS, panels) for item in module.CLASSES)
 
@@ -95,8 +96,9 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Forget everything, last first."""
+    """Forget everything, last first, once the job that works now has ended: it needs what is forgotten."""
     atexit.unregister(unregister)
+    job_operator.stop_running_job()
     render_engine.unregister()
     overlay.unregister()
     for item in reversed(_CLASSES):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import bpy
@@ -21,7 +21,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.sampling.regions import Region
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene_access.window_job import check_no_job, when_job_ended, window_is_alive
+from ..scene_access.window_job import check_no_job, window_is_alive
 from ..settings.cycles_settings import COMBINED, DIFFUSE, WITH_GLOSS
 from .camera_render import add_passes, baked_light, baked_light_with_gloss, combined_light, coverage
 from .daylight import daylight
@@ -110,15 +110,14 @@ class RegionRenders:
 def region_renders(
     context: bpy.types.Context, camera: Camera, samples: int, seed: int, light: str, *, sun: bool = False
 ) -> Iterator[RegionRenders]:
-    """Renders of the scene, which is as before after the block, or when the render has ended that a window waits for.
+    """Renders of the scene, which is as before after the block.
 
     Raises SceneError if Cycles is not there, or if Blender renders or bakes something else beside its window.
     sun: with a sun and a sky of ours, in the copy of the scene only.
     """
     if window_is_alive():
         check_no_job()
-    stack = ExitStack()
-    try:
+    with ExitStack() as stack:
         path = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="patchnet-"))) / "region.exr"
         scene, layer = stack.enter_context(prepared(context, camera, samples, seed, path))
         add_passes(layer)
@@ -129,13 +128,12 @@ def region_renders(
         scene.render.use_persistent_data = True
         stack.callback(_drop_kept, scene)
         yield RegionRenders(scene, path, camera, light)
-    finally:
-        when_job_ended(stack.close)
 
 
 def _drop_kept(scene: bpy.types.Scene) -> None:
     """Drop what Cycles kept of `scene`, before anything of that is removed."""
-    scene.render.use_persistent_data = False
+    with suppress(ReferenceError):  # the scene has gone with a render that was stopped
+        scene.render.use_persistent_data = False
 
 
 def _reports(done: int, pixels: int, total: int, label: str) -> Callable[[float], Progress]:

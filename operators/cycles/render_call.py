@@ -48,7 +48,7 @@ def rendered(scene: bpy.types.Scene, path: Path, at: Callable[[float], Progress]
     status = _Status()
     bpy.app.handlers.render_stats.append(status.hear)
     try:
-        end = yield from as_job(RENDER, lambda: _invoked(scene), lambda: at(status.done))
+        end = yield from as_job(RENDER, scene, lambda: _invoked(scene), lambda: at(status.done))
     finally:
         if status.hear in bpy.app.handlers.render_stats:  # opening another file removes it
             bpy.app.handlers.render_stats.remove(status.hear)

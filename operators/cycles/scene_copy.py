@@ -13,8 +13,8 @@ from mathutils import Matrix
 
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from ..scene_access.overrides import changed, object_mode, put_back_when_saved
-from ..scene_access.temporary import scene_copy, temporary
+from ..scene_access.overrides import changed, object_mode
+from ..scene_access.temporary import new_render_results_go, scene_copy, temporary
 from .unbiased import UNBIASED
 
 _SENSOR = 36.0  # mm
@@ -29,7 +29,7 @@ def prepared(
         raise SceneError("The Cycles render engine is disabled: enable its add-on")
     with ExitStack() as stack:
         stack.enter_context(object_mode(context))
-        stack.enter_context(_no_new_render_result())
+        stack.enter_context(new_render_results_go())
         scene = stack.enter_context(scene_copy(context.scene))
         _set_up(scene, camera, samples, seed, path)
         stack.enter_context(_lamps_unseen(scene))
@@ -40,26 +40,6 @@ def prepared(
         for other in scene.view_layers:
             other.use = other == layer
         yield scene, layer
-
-
-@contextmanager
-def _no_new_render_result() -> Iterator[None]:
-    """Remove and never save a render result that was not there before: Blender keeps what it rendered."""
-    before = {image.name_full for image in bpy.data.images}
-
-    def new() -> list[bpy.types.Image]:
-        return [image for image in bpy.data.images if image.type == "RENDER_RESULT" and image.name_full not in before]
-
-    def leave_out() -> None:
-        for image in new():
-            image.is_runtime_data = True
-
-    try:
-        with put_back_when_saved(leave_out, lambda: None):
-            yield
-    finally:
-        for image in new():
-            bpy.data.images.remove(image)
 
 
 def _set_up(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -20,7 +21,7 @@ from ...patchnet_addon.runtime.worker import attended
 from ..scene_access.own import quiet
 from ..scene_access.temporary import session_folder_goes
 from ..scene_access.unread_file import check_opened
-from ..scene_access.window_job import in_window
+from ..scene_access.window_job import in_window, others_job_is_running
 from ..session.memory import give_back
 from ..settings.job_settings import JobSettings
 from ..state import watch as job_watch
@@ -137,15 +138,13 @@ class JobOperator(_Operator):
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Stop when the window closes; Blender calls this."""
-        self.stop()
-        self._end_modal(context)
-
-    def stop(self) -> None:
-        """Close the steps, which clean up; the next event ends the operator."""
+        """Stop when the window closes; Blender calls this. All is as it was then; the next event ends the operator."""
         self._outcome = self._outcome or {"CANCELLED"}
-        with quiet():  # what stopping puts back is as it was
-            self._steps.close()
+        try:
+            with quiet():  # what stopping puts back is as it was
+                self._steps.close()
+        finally:
+            self._end_modal(context)
 
     def _begin(self, context: bpy.types.Context) -> bool:
         """Make the steps; False after the settings' errors were reported."""
@@ -163,6 +162,9 @@ class JobOperator(_Operator):
 
     def _work(self, context: bpy.types.Context) -> None:
         """Run steps for a slice of time, in the scene where they began."""
+        if others_job_is_running():
+            self._display.see(replace(self._display.progress, note="waits for Blender's render"))
+            return
         deadline = time.perf_counter() + SLICE_S
         while not self._outcome:
             with ExitStack() as stack:
@@ -170,7 +172,7 @@ class JobOperator(_Operator):
                 try:
                     stack.enter_context(self._in_scene(context))
                 except ReferenceError:
-                    self.stop()
+                    self.cancel(context)
                     tell(self, "ERROR", _GONE)
                     return
                 self._pull(alive=True)
@@ -236,15 +238,15 @@ def _after_compiling(steps: Steps[str]) -> Steps[str]:
 
 @persistent
 def stop_running_job(*_: object) -> None:
-    """End the job that works beside a window, before an undo or another file takes away what it works on."""
+    """End the job that works beside a window, before an undo, another file or Blender's exit takes what it works on."""
     operator = JobOperator.in_window
     if operator is not None and not operator._outcome:
-        operator.stop()
+        operator.cancel(bpy.context)
 
 
-def _takers() -> tuple[list[Any], ...]:
-    lists = bpy.app.handlers
-    return lists.undo_pre, lists.redo_pre, lists.load_pre
+def _takers() -> list[list[Any]]:
+    names = ("undo_pre", "redo_pre", "load_pre", "exit_pre")  # Blender 4.5 has not the last one
+    return [getattr(bpy.app.handlers, name) for name in names if hasattr(bpy.app.handlers, name)]
 
 
 def register() -> None:
@@ -254,7 +256,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop listening, and the job that works now."""
+    """Stop listening."""
     for handlers in _takers():
         handlers.remove(stop_running_job)
-    stop_running_job()

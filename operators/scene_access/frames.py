@@ -16,7 +16,6 @@ import bpy
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from .overrides import put_back_when_saved
 from .own import quiet
-from .window_job import when_job_ended
 
 _UNREADABLE = (AttributeError, IndexError, KeyError, TypeError, ValueError)
 
@@ -45,7 +44,7 @@ def kept_frame(scene: bpy.types.Scene) -> Iterator[None]:
         with put_back_when_saved(put_back, lambda: scene.frame_set(gone_to)):
             yield
     finally:
-        when_job_ended(restore)
+        restore()
 
 
 @contextmanager

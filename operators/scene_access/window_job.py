@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Window jobs: work beside a window that stays alive, and waiting for Blender's own bake and render jobs."""
+"""Window jobs: work beside a window that stays alive, and Blender's own bake and render jobs, on copies of scenes."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 
@@ -13,16 +13,20 @@ import bpy
 
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from .own import quiet
+from .stop_cycles import stopped_cycles
 
 BAKE, RENDER = "OBJECT_BAKE", "RENDER"
-_POLL_S = 0.1
-_COMPLETE, _CANCEL = "complete", "cancel"
+_COMPLETE, _CANCEL, _INTERRUPTED = "complete", "cancel", "interrupted"
 _HANDLERS = {
-    BAKE: {_COMPLETE: bpy.app.handlers.object_bake_complete, _CANCEL: bpy.app.handlers.object_bake_cancel},
+    BAKE: {
+        _COMPLETE: bpy.app.handlers.object_bake_complete,
+        _CANCEL: bpy.app.handlers.object_bake_cancel,
+        _INTERRUPTED: bpy.app.handlers.render_init,
+    },
     RENDER: {_COMPLETE: bpy.app.handlers.render_complete, _CANCEL: bpy.app.handlers.render_cancel},
 }
 _in_window: ContextVar[bool] = ContextVar("_in_window", default=False)
+_own_kinds: list[str] = []  # of the job that steps wait for
 
 
 @contextmanager
@@ -45,6 +49,11 @@ def job_is_running(*kinds: str) -> bool:
     return any(bpy.app.is_job_running(kind) for kind in kinds or (BAKE, RENDER))
 
 
+def others_job_is_running() -> bool:
+    """Return whether Blender bakes or renders for somebody else: a job of ours would stop that."""
+    return any(job_is_running(kind) for kind in (BAKE, RENDER) if kind not in _own_kinds)
+
+
 def check_no_job() -> None:
     """Raise SceneError while Blender bakes or renders beside its window: a render of ours would end that."""
     if job_is_running():
@@ -53,27 +62,41 @@ def check_no_job() -> None:
 
 @dataclass(frozen=True)
 class JobEnd:
-    """End of a job, as far as Blender says, and the seconds until then, without those of the caller that waited."""
+    """End of a job, as far as Blender says, and the seconds until then, without those of the caller that waited.
+
+    interrupted: by a render of the user's, for which Blender ends all other jobs.
+    """
 
     completed: bool
     cancelled: bool
+    interrupted: bool
     seconds: float
 
 
-def as_job(kind: str, start: Callable[[], object], at: Callable[[], Progress]) -> Steps[JobEnd]:
-    """Call `start`, which starts a job of that kind, and wait until it has ended; reports are `at`, as waiting.
+def as_job(
+    kind: str, scene: bpy.types.Scene, start: Callable[[], object], at: Callable[[], Progress]
+) -> Steps[JobEnd]:
+    """Call `start`, which starts a job of that kind on a copy of a scene, and wait until it has ended.
 
-    Closing these steps does not stop the job: what it works on must stay until `when_job_ended`.
+    Reports are `at`, as waiting. Closing these steps stops the job, whose thread has ended then; the copy is gone.
     """
     ended: list[tuple[str, float]] = []
     with _told(kind, ended):
         begun = time.perf_counter()
         start()
-        while job_is_running(kind):
-            yield replace(at(), waiting=True)
+        _own_kinds.append(kind)
+        try:
+            while job_is_running(kind):
+                yield replace(at(), waiting=True)
+        except GeneratorExit:
+            _end(kind, scene)
+            raise
+        finally:
+            _own_kinds.remove(kind)
     words = [word for word, _ in ended]
     end = ended[-1][1] if ended else time.perf_counter()
-    return JobEnd(_COMPLETE in words, _CANCEL in words, end - begun)
+    interrupted = _INTERRUPTED in words and _COMPLETE not in words
+    return JobEnd(_COMPLETE in words, _CANCEL in words, interrupted, end - begun)
 
 
 @contextmanager
@@ -94,17 +117,8 @@ def _told(kind: str, ended: list[tuple[str, float]]) -> Iterator[None]:
                 handlers.remove(each)
 
 
-def when_job_ended(clean_up: Callable[[], None]) -> None:
-    """Call `clean_up` now, or when Blender's bake or render has ended: it must not lose what it works on."""
-    if not job_is_running():
-        clean_up()
-        return
-
-    def look() -> float | None:
-        if job_is_running():
-            return _POLL_S
-        with suppress(ReferenceError), quiet():  # another file may have been opened meanwhile
-            clean_up()
-        return None
-
-    bpy.app.timers.register(look, first_interval=_POLL_S)
+def _end(kind: str, scene: bpy.types.Scene) -> None:
+    """End a job with its scene: Blender waits for the thread of a job before it deletes a scene."""
+    if job_is_running(kind):
+        with bpy.context.temp_override(scene=scene), stopped_cycles() if kind == BAKE else nullcontext():
+            bpy.ops.scene.delete()

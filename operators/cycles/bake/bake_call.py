@@ -2,12 +2,13 @@
 """Bake call of Blender for one object: as one call, or beside a window that stays alive.
 
 A call returns when the bake has ended; nothing of Python's can stop it. From a window that an operator works in, the
-bake runs as a job of Blender's own: steps wait for it, and Esc stops it within a moment, while Cycles reads the scene
-too, between two objects.
+bake runs as a job of Blender's own (`bake_operator`): steps wait for it, and Esc stops it within a moment, while Cycles
+reads the scene too, between two objects.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,9 +17,9 @@ import bpy
 from ....patchnet_addon.runtime.errors import SceneError, StoppedError
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
-from ...scene_access.bake_report import replace_bake_report
+from ...scene_access.bake_operator import start_bake
 from ...scene_access.image_editors import editors_keep_images
-from ...scene_access.window_job import BAKE, as_job
+from ...scene_access.window_job import BAKE, JobEnd, as_job
 from .page_mesh import CHART_LAYER
 
 _STOPPED = "Cycles stopped baking the light of the scene: start it again, it goes on where it was"
@@ -37,7 +38,7 @@ _ARGUMENTS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class BakeTarget:
-    """Object to bake into the active images of its materials, and the scene and view layer that light it.
+    """Object to bake into the active images of its materials, and the copy of a scene and its view layer that light it.
 
     gloss: bake what is reflected and passes through, too.
     """
@@ -51,14 +52,14 @@ class BakeTarget:
 
 def bake_now(context: bpy.types.Context, target: BakeTarget) -> None:
     """Bake; raises SceneError."""
-    if "FINISHED" not in _called(context, target, "EXEC_DEFAULT"):
+    if "FINISHED" not in _called(context, target, lambda how: bpy.ops.object.bake(**how)):
         raise StoppedError(_STOPPED)
 
 
 def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) -> Steps[None]:
     """Bake as `bake_now`, in a window: reports `at` as waiting until the job has ended; raises StoppedError after Esc.
 
-    Closing these steps does not stop the job: what it works on must stay until `when_job_ended`.
+    Closing these steps stops the job.
     """
     with editors_keep_images(context.window_manager) as give_back:
 
@@ -66,23 +67,24 @@ def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) ->
             give_back()
             return at
 
-        end = yield from as_job(BAKE, lambda: _called(context, target, "INVOKE_DEFAULT"), look)
-    replace_bake_report()
+        end = JobEnd(False, False, True, 0.0)
+        while end.interrupted:
+            end = yield from as_job(BAKE, target.scene, lambda: _called(context, target, start_bake), look)
     if end.cancelled:
         raise StoppedError(_STOPPED)
     if not end.completed or not target.image.is_dirty:
-        raise SceneError("Cycles cannot bake the light of the scene: Blender's status bar or terminal says why")
+        raise SceneError("Cycles cannot bake the light of the scene: Blender's terminal says why")
 
 
-def _called(context: bpy.types.Context, target: BakeTarget, how: str) -> set[str]:
+def _called(
+    context: bpy.types.Context, target: BakeTarget, bake: Callable[[dict[str, Any]], set[str]]
+) -> set[str]:
     item = target.item
     override = {"scene": target.scene, "view_layer": target.layer}
     override |= {"active_object": item, "object": item, "selected_objects": [item]}
     try:
         with interrupts_wait(), context.temp_override(**override):
-            filters = _DIFFUSE | _GLOSSY if target.gloss else _DIFFUSE
-            result: set[str] = bpy.ops.object.bake(how, pass_filter=filters, **_ARGUMENTS)
+            return bake({"pass_filter": _DIFFUSE | _GLOSSY if target.gloss else _DIFFUSE, **_ARGUMENTS})
     except RuntimeError as cause:
         reason = str(cause).strip().removeprefix("Error: ")
         raise SceneError(f"Cycles cannot bake the light of the scene ({reason})") from cause
-    return result

@@ -1,25 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scene setup of a page's bake: the settings, image, mesh and object that it adds, all removed after it.
+"""Scene setup of a page's bake: a copy of the scene with settings of its own, and the image, mesh and object in it.
 
-It is the user's own scene, not a copy: Blender's bake job beside a window belongs to the scene that the window shows,
-and a copy of a large scene would be evaluated once more for each page. A file that is saved meanwhile has nothing of
-it, see `temporary` and `changed`.
+The user's scene has nothing of it, at no time: Blender writes quit.blend, autosaves and steps of undo without asking.
+A copy costs next to nothing, since Blender evaluates the scene for each bake anyway. All is removed after it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import bpy
 import numpy as np
 
 from ....patchnet_addon.runtime.errors import SceneError
-from ...scene_access.overrides import changed
 from ...scene_access.own import check_own_scene
-from ...scene_access.temporary import sync_view_layers, temporary
+from ...scene_access.temporary import scene_copy, sync_view_layers, temporary
 from ...scene_access.window_job import window_is_alive
+from ..daylight import daylight
 from ..unbiased import UNBIASED
 
 _NAME = "PatchNet Bake"
@@ -31,17 +30,25 @@ _TILE_SIDE_IN_WINDOW, _TILE_SIDE = 256, 4096
 
 
 @contextmanager
-def cycles_settings(
-    scene: bpy.types.Scene, samples: int, seed: int, on_gpu: bool, *, skips_centers: bool = False
-) -> Iterator[None]:
-    """Settings of Cycles for a bake within the block; raises SceneError if Cycles is not there.
+def bake_scene(context: bpy.types.Context, *, with_daylight: bool) -> Iterator[tuple[bpy.types.Scene, str]]:
+    """Copy the scene, to bake in it, with the name of the present view layer.
+
+    with_daylight: sun and sky of ours shine. Raises SceneError if Cycles is not there, and as `check_own_scene`.
+    """
+    check_own_scene(context.scene)
+    if not hasattr(context.scene, "cycles"):
+        raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose the two-lights shading")
+    with scene_copy(context.scene) as scene, daylight(scene) if with_daylight else nullcontext():
+        yield scene, context.view_layer.name
+
+
+def set_cycles(scene: bpy.types.Scene, samples: int, seed: int, on_gpu: bool, *, skips_centers: bool = False) -> None:
+    """Set up Cycles for a bake in a scene of ours.
 
     Hair is ribbons, which shadow as much as tubes do, but not what lies inside of them (`scene/strands.py`).
     skips_centers: Cycles' first path of a texel goes from its centre, whatever the seed; with this, all go from
     anywhere in it, so that two bakes of a few paths know nothing of each other.
     """
-    if not hasattr(scene, "cycles"):
-        raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose the two-lights shading")
     values: dict[str, Any] = UNBIASED | {"samples": samples, "seed": seed, "device": "GPU" if on_gpu else "CPU"}
     if skips_centers:
         values |= {
@@ -49,9 +56,9 @@ def cycles_settings(
         }  # fmt: skip
     if not on_gpu:  # a GPU wants large tiles, and is done with them soon
         values |= {"use_auto_tile": True, "tile_size": tile_side()}
-    ribbons = changed(scene.cycles_curves, shape="RIBBONS")
-    with changed(scene.render, engine="CYCLES"), changed(scene.cycles, **values), ribbons:
-        yield
+    scene.render.engine, scene.cycles_curves.shape = "CYCLES", "RIBBONS"
+    for name, value in values.items():
+        setattr(scene.cycles, name, value)
 
 
 def tile_side() -> int:
@@ -77,13 +84,12 @@ def page_mesh() -> Iterator[bpy.types.Mesh]:
 
 @contextmanager
 def page_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
-    """Object of `mesh` in `scene` that no ray meets, and that is not seen in a window.
+    """Object of `mesh` in a scene of ours that no ray meets.
 
     A twin of it stands at the same place: Cycles puts a mesh that is used once into the tree of all others, where each
     ray would look at its triangles, just above those of the surface, only to leave them out; one that is used twice is
     an instance, which rays leave out as a whole.
     """
-    check_own_scene(scene)
     with temporary(bpy.data.objects.new(_NAME, mesh)) as item, temporary(bpy.data.objects.new(_NAME, mesh)) as twin:
         for each in (item, twin):
             scene.collection.objects.link(each)
@@ -91,7 +97,4 @@ def page_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> Iterator[bpy.ty
             for ray in ("camera", "diffuse", "glossy", "transmission", "shadow"):
                 setattr(each, f"visible_{ray}", False)
         sync_view_layers()  # where the bake looks for it
-        for layer in scene.view_layers if window_is_alive() else ():
-            for each in (item, twin):
-                each.hide_set(True, view_layer=layer)
         yield item

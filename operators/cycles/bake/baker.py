@@ -19,15 +19,14 @@ from ...scene.light_links import Links
 from ...scene.precision import LIFT_SHARE
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.devices import bakes_on_gpu
-from ...scene_access.window_job import when_job_ended, window_is_alive
+from ...scene_access.window_job import window_is_alive
 from ...schema.table import AUTO
 from ...settings.groups import LightSettings
-from ..daylight import daylight
 from .bake_call import BakeTarget, bake_as_job, bake_now
 from .bake_materials import bake_materials
-from .bake_scene import cycles_settings, page_image, page_mesh, page_object
+from .bake_scene import bake_scene, page_image, page_mesh, page_object, set_cycles
 from .closed_runs import ClosedPieces
-from .gloss_passes import baked_with_gloss, gloss_warnings, view_of_bake
+from .gloss_passes import baked_with_gloss, gloss_warnings, set_view
 from .light_links import lit_as
 from .object_data import attributes_needed, lost_inputs
 from .one_sided import one_sided_materials, shining_materials, shows, translucent_materials
@@ -199,7 +198,7 @@ class Baker:
     ) -> Steps[list[np.ndarray]]:
         """Bake as `bake` does, of objects that are the same receivers of light, some passes of their light.
 
-        In a window, what is baked stays in the scene while steps wait; reports are `at`.
+        In a window, what is baked stays while steps wait; reports are `at`.
         """
         names = self._source.material_names
         samples, size = int(self._charts.page_samples[page]), self._charts.page_size[page]
@@ -207,13 +206,10 @@ class Baker:
         samples = -(-samples // halves)
         owned = yield from computed(lambda: [self._owned(page, part) for part in (fronts, backs)], at)
         self.paths_traced += samples * halves * sum(int(np.count_nonzero(own)) for own in owned)
-        stack = ExitStack()
-        try:
-            scene = self._context.scene
-            if self._with_daylight:
-                stack.enter_context(daylight(scene))
-            stack.enter_context(cycles_settings(scene, samples, self._seed, self._on_gpu, skips_centers=halves > 1))
-            stack.enter_context(view_of_bake(scene, self._light))
+        with ExitStack() as stack:
+            scene, layer = stack.enter_context(bake_scene(self._context, with_daylight=self._with_daylight))
+            set_cycles(scene, samples, self._seed, self._on_gpu, skips_centers=halves > 1)
+            set_view(scene, self._light)
             # One image for both: Cycles reads the scene once for each.
             sides = (len(fronts) > 0) + (len(backs) > 0)
             image = stack.enter_context(page_image(size, sides * halves))
@@ -232,8 +228,7 @@ class Baker:
             fill_mesh(mesh, joined([parts[0], turned]), [*materials[0], *materials[1]], lift_world)
             item = stack.enter_context(page_object(scene, mesh))
             stack.enter_context(lit_as(item, links))
-            layer = scene.view_layers[self._context.view_layer.name]
-            target = BakeTarget(scene, layer, item, image, what.gloss)
+            target = BakeTarget(scene, scene.view_layers[layer], item, image, what.gloss)
             if window_is_alive():
                 yield from bake_as_job(self._context, target, at)
             else:
@@ -242,8 +237,6 @@ class Baker:
             lit = [self._merged_halves(baked[first : first + halves]) for first in range(0, len(baked), halves)]
             # Blender 5.3 also bakes texels that a triangle only touches: those of triangles that are baked apart.
             return [side * own[:, None] for side, own in zip((lit[0], lit[-1]), owned, strict=True)]
-        finally:
-            when_job_ended(stack.close)
 
     def _merged_halves(self, halves: Sequence[np.ndarray]) -> np.ndarray:
         """Mean (side * side, C) of one or two halves of the paths, with the noise if it is wanted.

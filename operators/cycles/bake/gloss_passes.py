@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import bpy
@@ -13,7 +12,6 @@ import numpy as np
 from ....patchnet_addon.runtime.errors import SceneError
 from ....patchnet_addon.runtime.wording import named_list
 from ...scene.scene_mesh import SceneMesh
-from ...scene_access.overrides import changed
 from ...schema.table import GLOSS_AUTO, GLOSS_CAMERA, GLOSS_OFF
 from ...settings.groups import LightSettings
 
@@ -59,12 +57,10 @@ def with_view(context: bpy.types.Context, light: LightSettings, cameras: Sequenc
     return replace(light, from_camera=light.gloss == GLOSS_CAMERA or (light.gloss == GLOSS_AUTO and alone))
 
 
-@contextmanager
-def view_of_bake(scene: bpy.types.Scene, light: LightSettings) -> Iterator[None]:
-    """See what is baked from above the surface, or from the scene's camera, within the block."""
-    view = "ACTIVE_CAMERA" if light.from_camera and scene.camera is not None else "ABOVE_SURFACE"
-    with changed(scene.render.bake, view_from=view):
-        yield
+def set_view(scene: bpy.types.Scene, light: LightSettings) -> None:
+    """See what is baked in a scene of ours from above the surface, or from the scene's camera."""
+    from_camera = light.from_camera and scene.camera is not None
+    scene.render.bake.view_from = "ACTIVE_CAMERA" if from_camera else "ABOVE_SURFACE"
 
 
 def place_of_view(scene: bpy.types.Scene, light: LightSettings) -> tuple[float, ...]:

@@ -16,10 +16,9 @@ from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.surface.chroma import REC709
 from ...scene_access.blender_version import start_nodes
 from ...scene_access.temporary import temporary
-from ...scene_access.window_job import when_job_ended, window_is_alive
-from ..daylight import daylight
+from ...scene_access.window_job import window_is_alive
 from .bake_call import BakeTarget, bake_as_job, bake_now
-from .bake_scene import cycles_settings, page_image, page_mesh, page_object
+from .bake_scene import bake_scene, page_image, page_mesh, page_object, set_cycles
 from .page_mesh import CHART_LAYER
 
 SAMPLES = 64  # a texel
@@ -46,26 +45,22 @@ def light_of_sides(
     Reports are `at`. Raises SceneError, StoppedError.
     """
     yield at
-    scene, count = context.scene, 2 * len(points_world)
+    count = 2 * len(points_world)
     size = np.array([_PER_ROW, -(-count // _PER_ROW)]) * _BLOCK
-    stack = ExitStack()
-    try:
-        if with_daylight:
-            stack.enter_context(daylight(scene))
-        stack.enter_context(cycles_settings(scene, SAMPLES, 0, on_gpu=False))
+    with ExitStack() as stack:
+        scene, layer = stack.enter_context(bake_scene(context, with_daylight=with_daylight))
+        set_cycles(scene, SAMPLES, 0, on_gpu=False)
         image = stack.enter_context(page_image(size, 1))
         mesh = stack.enter_context(page_mesh())
         _fill(mesh, points_world, normals, lift_world)
         mesh.materials.append(stack.enter_context(temporary(_white(image))))
         item = stack.enter_context(page_object(scene, mesh))
-        target = BakeTarget(scene, scene.view_layers[context.view_layer.name], item, image)
+        target = BakeTarget(scene, scene.view_layers[layer], item, image)
         if window_is_alive():
             yield from bake_as_job(context, target, at)
         else:
             bake_now(context, target)
         return _means(image, count).reshape(-1, 2)
-    finally:
-        when_job_ended(stack.close)
 
 
 def _white(image: bpy.types.Image) -> bpy.types.Material:

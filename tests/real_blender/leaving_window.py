@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Somebody leaves in the middle of a bake, in every way there is: renders, disables PatchNet, deletes the
+scene, goes back to a step of undo, opens another file, quits.
+
+    blender --enable-event-simulate -p 0 0 1000 800 courtyard.blend -P leaving_window.py -- OUT
+
+Writes OUT/leaving.json, a value for each thing that was seen. test_leaving.py judges them, and the quit.blend of it.
+"""
+
+import sys
+import time
+from pathlib import Path
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).parent))
+import clicks
+from visits import OUT, PACKAGE, Heard, Visit, module
+
+SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (48, 32), "cameras": "Far", "budget": 0.1}
+ENDLESS = 65536  # samples of a page that takes hours
+KINDS = ("objects", "meshes", "materials", "worlds", "lights", "cameras", "collections", "scenes", "images")
+
+visit = Visit("leaving")
+seen = visit.seen
+heard = Heard()
+
+
+def running() -> str:
+    """Title of the job that works now, or ""."""
+    return module("jobs.job_operator").JobOperator.running
+
+
+def state() -> dict[str, object]:
+    """What a bake could leave behind: data-blocks, settings of the scene, modal operators, jobs."""
+    scene, window = clicks.window().scene, clicks.window()
+    linking = {lamp.name: lamp.light_linking.receiver_collection for lamp in scene.objects if lamp.type == "LIGHT"}
+    names = {kind: sorted(item.name for item in getattr(bpy.data, kind)) for kind in KINDS}
+    names["images"] = [name for name in names["images"] if not name.startswith("PatchNet") and name != "Render Result"]
+    return names | {
+        "render": [scene.render.engine, scene.render.bake.view_from, scene.world.name],
+        "cycles": {name: getattr(scene.cycles, name) for name in scene.cycles.bl_rna.properties.keys() if name != "rna_type"},
+        "curves": [scene.cycles_curves.shape],
+        "lamps": {name: item and item.name for name, item in linking.items()},
+        "modal": [item.bl_idname for item in window.modal_operators if "render" not in item.bl_idname.lower()],
+        "jobs": [kind for kind in ("OBJECT_BAKE", "RENDER") if bpy.app.is_job_running(kind)],
+    }
+
+
+def differences(before: dict[str, object]) -> dict[str, object]:
+    """What is not as before, of lists what is there on one side alone."""
+    now, found = state(), {}
+    for name in before:
+        sides = [{str(item) for item in values.items()} if isinstance(values, dict) else {*map(str, values)}
+                 for values in (before[name], now[name])]  # fmt: skip
+        if sides[0] != sides[1]:
+            found[name] = [sorted(sides[0] - sides[1]), sorted(sides[1] - sides[0])]
+    return found
+
+
+def start(samples: int) -> clicks.Session:
+    """Start Preview Selection as its button does, and wait until Cycles bakes."""
+    clicks.window().scene.patchnet.samples = samples
+    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
+        bpy.ops.patchnet.run_all("INVOKE_DEFAULT")
+    yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes beside the window", 240.0)
+    yield 1.0
+
+
+def left(name: str, leave) -> clicks.Session:
+    """Start a bake that takes hours, leave, look at what is left of it."""
+    clicks.window().scene.patchnet.samples = ENDLESS
+    before = state()
+    yield from start(ENDLESS)
+    begun = time.monotonic()
+    leave()
+    took = round(time.monotonic() - begun, 1)
+    yield 0.3
+    yield from clicks.move(*clicks.over_viewport())  # the next event ends what is left of operators
+    yield 0.3
+    seen[name] = {"seconds": took, "changed": differences(before)}
+
+
+def prepare() -> clicks.Session:
+    """Small settings, a lamp that shines on one object alone, a setting of the user's."""
+    scene = clicks.window().scene
+    for name, value in SMALL.items():
+        setattr(scene.patchnet, name, value)
+    scene.cycles.samples, scene.cycles.sample_clamp_indirect = 64, 10.0
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 48, 32, 100
+    receivers = bpy.data.collections.new("Receivers")
+    receivers.objects.link(scene.objects["Back wall"])
+    scene.objects["Lamp"].light_linking.receiver_collection = receivers
+    bpy.ops.wm.save_as_mainfile(filepath=str(OUT / "leaving.blend"))
+    yield 0.3
+
+
+def rendered(engine: str) -> clicks.Session:
+    """Somebody renders while a page is baked: the job waits, and goes on."""
+    scene, ended = clicks.window().scene, []
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
+    bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
+    yield from start(2 if engine == "CYCLES" else 3)
+    scene.render.engine, scene.cycles.samples = engine, 512
+    begun = time.monotonic()
+    with bpy.context.temp_override(window=clicks.window()):
+        bpy.ops.render.render("INVOKE_DEFAULT")
+    seen[f"{engine} begins after"] = round(time.monotonic() - begun, 1)
+    display = module("jobs.job_operator").JobOperator.in_window._display
+    notes = set()
+    while not ended:
+        notes.add(display.progress.note)
+        yield 0.05
+    before = [running(), *ended]
+    yield from clicks.wait_for(lambda: not running(), "the job ends", 240.0)
+    seen[f"rendered by {engine}"] = {"then": before, "notes": sorted(notes - {""}), "told": heard.told[-1:]}
+    for handlers in (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel):
+        handlers.pop()
+    scene.render.engine, scene.cycles.samples = "CYCLES", 64
+    yield 0.5
+
+
+def disabled() -> clicks.Session:
+    """The extension is switched off, and on again."""
+    yield from left("disabled", lambda: bpy.ops.preferences.addon_disable(module=PACKAGE))
+    bpy.ops.preferences.addon_enable(module=PACKAGE)
+    yield 0.3
+
+
+def deleted_scene() -> clicks.Session:
+    """The scene that is baked is deleted, and another one shown."""
+    first = clicks.window().scene
+    first_state = state()
+    with bpy.context.temp_override(window=clicks.window()):
+        bpy.ops.scene.new(type="LINK_COPY")
+    yield 0.3
+    yield from start(ENDLESS)
+    with bpy.context.temp_override(window=clicks.window()):
+        bpy.ops.scene.delete()
+    yield from clicks.wait_for(lambda: not running(), "the job ends")
+    yield 0.5
+    yield from clicks.move(*clicks.over_viewport())
+    yield 0.3
+    clicks.window().scene = first
+    seen["deleted scene"] = {"changed": differences(first_state), "told": heard.told[-1:]}
+
+
+def undone() -> clicks.Session:
+    """A step of undo is made while a page is baked, and gone back to later."""
+    scene = clicks.window().scene
+    scene.patchnet.samples = ENDLESS
+    bpy.ops.ed.undo_push(message="before")
+    before = state()
+    yield from start(ENDLESS)
+    bpy.ops.ed.undo_push(message="while baking")
+    yield from clicks.key("ESC", *clicks.over_viewport())
+    yield from clicks.wait_for(lambda: not running(), "Esc stops the job")
+    bpy.ops.ed.undo_push(message="later")
+    bpy.ops.ed.undo()
+    yield 0.5
+    seen["undone"] = {"changed": differences(before)}
+
+
+def other_file() -> clicks.Session:
+    """Another file is opened."""
+    yield from left("other file", lambda: bpy.ops.wm.open_mainfile(filepath=str(OUT / "leaving.blend")))
+
+
+def quits() -> clicks.Session:
+    """Blender ends, after a step of undo that it writes into quit.blend."""
+    yield from start(ENDLESS)
+    bpy.ops.ed.undo_push(message="while baking")
+    seen["quits at"] = time.time()
+    visit.save("all")
+    bpy.ops.wm.quit_blender()
+
+
+def session() -> clicks.Session:
+    """The whole visit."""
+    yield from prepare()
+    for part in (disabled, undone, deleted_scene, other_file):
+        heard.__init__()
+        yield from part()
+        visit.save(part.__name__)
+    heard.__init__()
+    for engine in ("CYCLES", "PATCHNET"):
+        yield from rendered(engine)
+        visit.save(engine)
+    yield from quits()
+
+
+visit.play(session(), pictures="NEVER")
