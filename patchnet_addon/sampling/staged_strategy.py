@@ -33,6 +33,11 @@ class StagedStrategy(Strategy):
 
     plan: Callable[[float], Plan] = lambda _budget: Plan(())
 
+    @property
+    def cost(self) -> str:
+        """Cost of the score in words: rays of pixels that are looked at once, and of those that get all looks."""
+        return f"2 to {1 + self.extra_rays} rays a pixel"
+
     def first_look(self) -> Strategy:
         """Strategy that needs what the first score within a budget does, the finer ray of every pixel."""
         return replace(self, needs=frozenset({FINE}))
