@@ -2,6 +2,7 @@
 """`patchnet run` and `patchnet info` on files of several kinds, and on everything that can be wrong with them."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -25,6 +26,11 @@ bpy.ops.export_scene.gltf(filepath=name + ".glb", export_cameras=True)
 bpy.ops.export_scene.fbx(filepath=name + ".fbx")
 bpy.ops.wm.obj_export(filepath=name + ".obj")
 bpy.ops.wm.ply_export(filepath=name + ".ply")
+"""
+
+WITHOUT_MTAB = """
+mount -t tmpfs tmpfs "$1" && cp -a /etc/. "$1" && rm -f "$1/mtab" && mount --bind "$1" /etc || exit 99
+exec "$2" -m patchnet run "$1/missing.glb"
 """
 
 
@@ -81,6 +87,15 @@ def test_depth_of_field_is_told_once(tmp_path: Path, weights: Path, capsys: pyte
     bpy.data.cameras["Eye"].dof.use_dof = True
     assert run(saved(tmp_path / "scene.blend"), tmp_path / "out", weights) == 0
     assert capsys.readouterr().err.count("Note: Camera 'Eye' has depth of field") == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="hiding /etc/mtab takes root")
+def test_nothing_is_said_of_a_missing_mtab(tmp_path: Path) -> None:
+    words = ["unshare", "--mount", "--propagation", "private", "sh", "-c", WITHOUT_MTAB, "sh", tmp_path, sys.executable]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode == 99 or "unshare" in done.stderr:
+        pytest.skip("mounts are not allowed here")
+    assert done.returncode == 2 and done.stderr.startswith("patchnet: error: ") and done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
