@@ -33,7 +33,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         with BakePageCache() as kept:
             made = yield from build_lit_octree(context, settings, clock, kept, recipe)
         seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}
-        seconds["light"] = clock.seconds["light"] + clock.seconds["voxelize"]
+        seconds["light"] = sum(clock.seconds.get(name, 0.0) for name in ("light", "denoise", "voxelize"))
         result = SceneResult(
             made.octree,
             before.scope,

@@ -86,8 +86,8 @@ def build_lit_octree(
 ) -> Steps[LitOctree]:
     """Octree of the scene by settings; the scene is as before afterwards. Raises PatchNetError.
 
-    clock: takes the stages "read", "depth", "light" and "voxelize". kept: finds pages of a stopped bake, and keeps its
-    own.
+    clock: takes the stages "read", "depth", "light", "denoise" and "voxelize". kept: finds pages of a stopped bake,
+    and keeps its own.
     """
     recipe = recipe or Recipe()
     if settings.light.is_baked and not recipe.unlit:
@@ -106,23 +106,24 @@ def build_lit_octree(
     if recipe.after_grid is not None:
         yield from recipe.after_grid(source, choice)
     with recipe.baking():
-        with clock.stage("light"):
-            assumed: tuple[str, ...] = ()
-            notes: dict[str, Any] = {}
-            if recipe.unlit:
+        assumed: tuple[str, ...] = ()
+        notes: dict[str, Any] = {}
+        if recipe.unlit:
+            with clock.stage("light"):
                 shade = yield from unlit(source, settings.light)
-            else:
-                shade, assumed, notes = yield from lit(
-                    context,
-                    source,
-                    choice,
-                    settings.light,
-                    settings.compute,
-                    kept=kept,
-                    depsgraph=recipe.depsgraph,
-                    rotation=recipe.rotation,
-                    cameras=cameras,
-                )
+        else:
+            shade, assumed, notes = yield from lit(
+                context,
+                source,
+                choice,
+                settings.light,
+                settings.compute,
+                clock,
+                kept=kept,
+                depsgraph=recipe.depsgraph,
+                rotation=recipe.rotation,
+                cameras=cameras,
+            )
         with clock.stage("voxelize"):
             if recipe.bisect is not None:
                 shade = bisected(shade, source, *recipe.bisect)

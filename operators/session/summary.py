@@ -20,6 +20,7 @@ _STEPS = {
     "depth": "Depth",
     "voxelize": "Voxels",
     "light": "Light",
+    "denoise": "Denoising",
     "codes": "Look-ahead",
     "views": "Views",
 }
