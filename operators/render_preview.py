@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.quantities import error_text
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from . import overlay
 from .jobs.polls import CodesJob
@@ -40,7 +41,8 @@ class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy
         refined = f"{wanted.budget:.0%} of the active pixels" if wanted.spp is None else f"with {wanted.budget_text}"
         if errors is None:
             return f"{result.camera.name}: refined {refined}, {result.report['refined']['spent']:.3g} samples a pixel"
-        return f"{result.camera.name}: error {errors[0]:.2e}, {errors[1]:.2e} after refining {refined}"
+        before, after = map(error_text, errors)
+        return f"{result.camera.name}: error x 10,000 {before}, {after} after refining {refined}"
 
 
 def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) -> Steps[View]:

@@ -21,6 +21,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.patchnet_plus import estimators_warning
 from ...patchnet_addon.sampling.registry import strategy
+from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import choose_cameras, focus_warnings
 from ..scene.scene_mesh import SceneMesh
@@ -192,6 +193,7 @@ def job_report(
         },
         "timings_s": timings_s,
         "frames": [item.report for item in views],
+        "error_unit": ERROR_UNIT,
         "strategy": settings.strategy,
         "light": octree.provenance,
         "warnings": list(warnings),

@@ -9,6 +9,7 @@ import bpy
 
 from ...patchnet_addon.lightmap.incremental.text import incremental_text
 from ...patchnet_addon.octree.exposure import exposure_text
+from ...patchnet_addon.runtime.quantities import error_text
 from ..scene_access.lengths import length_text
 
 if TYPE_CHECKING:
@@ -43,6 +44,6 @@ def summary(result: SceneResult, scene: bpy.types.Scene) -> list[str]:
     if result.lookahead_share is not None:
         lines.append(f"Look-ahead on {result.lookahead_share:.1%} of pixels")
     if result.errors is not None:
-        lines.append(f"Error {result.errors[0]:.2e}, refined {result.errors[1]:.2e}")
+        lines.append("Error x 10,000: {}, refined {}".format(*map(error_text, result.errors)))
     spent = [f"{_STEPS[name]} {value:.1f} s" for name, value in result.seconds.items() if name in _STEPS]
     return lines + [", ".join(spent[start : start + 2]) for start in range(0, len(spent), 2)]

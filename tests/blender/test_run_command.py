@@ -13,6 +13,8 @@ import pytest
 
 from patchnet import commands
 from patchnet.patchnet_addon.network.weights import load_weights
+from patchnet.patchnet_addon.runtime.quantities import counted, error_text
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.blender.job_scene import QUICK, build, saved
 
 # In a process of its own: Blender as a Python module hangs at its exit after a glTF export and a job in one process.
@@ -61,6 +63,11 @@ def test_run_writes_what_it_promises(
     assert {"nodes", "leaves", "bytes", "depth"} <= set(report["octree"])
     printed = capsys.readouterr().out
     assert "ss-variance" in printed and "Octree: depth 5" in printed and "Fra:" not in printed
+    assert f"Results are in {out}: look at {out / 'overview.png'}" in printed and (out / "overview.png").is_file()
+    for name, error in report["frames"][0]["mse"].items():
+        assert f"  {name:<24} {error_text(error):>6}  {STRATEGIES[name].cost}" in printed
+    assert f"error {error_text(report['frames'][0]['mse_unrefined'])} (mean squared, x 10,000)" in printed
+    assert "linear luminance" in report["error_unit"]
     assert str(tmp_path) not in (out / "report.json").read_text()
 
 
@@ -272,3 +279,8 @@ def assert_one_sentence(text: str, message: str) -> None:
     lines = text.strip().splitlines()
     assert lines[-1].startswith("patchnet: error: ") and message in lines[-1], text
     assert "Traceback" not in text
+
+
+def test_words_of_numbers() -> None:
+    assert [error_text(value) for value in (0.0404, 0.00247, 3e-6, 0.0)] == ["404", "24.7", "0.03", "0.0"]
+    assert [counted(number, "view") for number in (0, 1, 2000)] == ["0 views", "1 view", "2,000 views"]
