@@ -51,12 +51,13 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     compare: measure all strategies. Raises SettingError, SceneError.
     """
     from .pipeline.views import view, view_background
-    from .scene.cameras import choose_cameras
+    from .scene.cameras import looking_cameras
 
     before, coded = results.voxels_of(context.scene), results.codes_of(context.scene)
     bounds = coded.octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
     depsgraph = context.evaluated_depsgraph_get()
-    camera = choose_cameras(depsgraph, settings.view.cameras, settings.view.size, bounds)[0]
+    wanted = settings.view
+    camera = (yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds, coded.octree))[0]
     clock = StageClock()
     with clock.stage("views"), overlay.unfinished_pictures(context) as meanwhile:
         behind = yield from view_background(context, coded.octree, camera, settings)

@@ -23,7 +23,7 @@ from ...patchnet_addon.sampling.patchnet_plus import estimators_warning
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene.cameras import choose_cameras, focus_warnings
+from ..scene.cameras import focus_warnings, looking_cameras
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.images import save_png
 from ..settings.groups import ViewSettings
@@ -127,11 +127,10 @@ def _compute(
     cameras: list[Camera] = []
     surface, wanted = settings.surface, settings.view
 
-    def fit_to(source: SceneMesh) -> list[Camera]:
-        cameras[:] = choose_cameras(
-            context.evaluated_depsgraph_get(), wanted.cameras, wanted.size, surface.bounds_world(source)
-        )
-        return fit_cameras(context, settings, source) if surface.track else cameras
+    def fit_to(source: SceneMesh) -> Steps[list[Camera]]:
+        depsgraph, bounds_world = context.evaluated_depsgraph_get(), surface.bounds_world(source)
+        cameras[:] = yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, source)
+        return (yield from fit_cameras(context, settings, source)) if surface.track else cameras
 
     def after_grid(source: SceneMesh, choice: GridChoice) -> Steps[None]:
         with clock.stage("depth"):

@@ -31,6 +31,11 @@ _BRIGHT = 0.1  # exposed luminance from which a view is bright enough
 _CLOSE_PX = (768, 576)  # voxels as fine as in a large picture
 _MIN_BRIGHTNESS = 0.5  # of what the small picture shows
 _MIN_QUALITY = 0.25  # of the best view's
+_OPEN = 0.003  # of all directions in which nothing is met, on average: windows, or a hole in a roof
+_ROUND = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+_ROUND_POSITIONS, _ROUND_PX = 64, (8, 8)
+_ENCLOSED = 0.8  # of all directions in which the front of a surface is met: a room with windows
+_INSIDE = 0.5  # of the free places: a room has 0.9, a hall without a roof 0.7, objects, courtyards, gardens below 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,21 +48,44 @@ class _Trial:
     cells: np.ndarray
 
 
-def viewpoints(octree: Octree, count: int, size_px: tuple[int, int]) -> Steps[list[Camera]]:
+def encloses(octree: Octree) -> bool:
+    """Return whether most places in the surface's bounds that have room see surfaces that face them all around.
+
+    It is one seen from inside then. A closed object, such as a ball, shows its free space nothing but backs.
+    """
+    facing, _ = _surroundings(octree, free_positions(octree, _ROUND_POSITIONS))
+    return np.count_nonzero(facing > _ENCLOSED) > _INSIDE * len(facing)
+
+
+def _surroundings(octree: Octree, positions_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shares (n,) of all directions from positions (n, 3) in which a surface faces them, and in which there is none."""
+    facing, empty = np.zeros((2, len(positions_world), len(_ROUND)))
+    for row, position in enumerate(positions_world):
+        for column, side in enumerate(_ROUND):
+            hits = first_hits(octree, Camera.look_at(position, position + side, fov=np.pi / 2, size_px=_ROUND_PX))
+            facing[row, column] = np.count_nonzero(_facing(octree, hits)) / len(hits.hit)
+            empty[row, column] = 1.0 - hits.hit.mean()
+    return facing.mean(axis=1), empty.mean(axis=1)
+
+
+def viewpoints(octree: Octree, count: int, size_px: tuple[int, int], *, lit: bool = True) -> Steps[list[Camera]]:
     """Choose `count` upright perspective cameras View 1, View 2, ... in free space; none in a voxel or beside one.
 
-    Fewer if no more shows anything new. Raises SettingError for a count outside 1 to 64, SceneError if no place is
-    free or shows anything.
+    lit: dark views count less; False for an octree without light, where they stand in one room, see `_in_room`. Fewer
+    if no more shows anything new. Raises SettingError for a count outside 1 to 64, SceneError if no place is free or
+    shows anything.
     """
     if not 1 <= count <= MAX_VIEWPOINTS:
         raise SettingError(f"{count} cameras are outside 1 to {MAX_VIEWPOINTS}: choose a number in this range")
     positions = free_positions(octree)
+    if not lit:
+        positions = positions[_in_room(octree, positions)]
     trials: list[_Trial] = []
     extent = float(np.ptp(_bounds(octree), axis=0).max())
     for number, position in enumerate(positions):
         yield Progress(number, len(positions), "Placing cameras")
-        trials += [_tried(octree, camera, extent) for camera in _around(position)]
-    chosen = _chosen(octree, [trial for trial in trials if trial.quality > 0.0 and len(trial.cells)], count)
+        trials += [_tried(octree, camera, extent, lit=lit) for camera in _around(position)]
+    chosen = _chosen(octree, [trial for trial in trials if trial.quality > 0.0 and len(trial.cells)], count, lit=lit)
     if not chosen:
         raise SceneError("No place in the scene has room and a view: add cameras, or use the cameras 'auto'")
     return [_named(trial.camera, index, size_px) for index, trial in enumerate(chosen, 1)]
@@ -78,6 +106,44 @@ def free_positions(octree: Octree, most: int = _MAX_POSITIONS) -> np.ndarray:
     )
     side = octree.grid.side_world / (1 << level)
     return np.asarray(octree.grid.origin_world) + (chosen + 0.5) * side
+
+
+def _in_room(octree: Octree, positions_world: np.ndarray) -> np.ndarray:
+    """(n,) bool: positions (n, 3) in one enclosed space: one into which light can fall, else the roomiest.
+
+    What is hollow in walls and below roofs is closed, or narrow. All of them where nothing is enclosed.
+    """
+    facing, empty = _surroundings(octree, positions_world)
+    enclosed = facing > _ENCLOSED
+    if not enclosed.any():
+        return ~enclosed
+    level = min(_LEVEL, octree.depth)
+    occupied = occupied_cells(octree, level)
+    spaces = _spaces(_inside(occupied) & ~occupied)
+    cells = (octree.grid.to_unit(positions_world) * len(spaces)).astype(int)
+    mine = spaces[tuple(cells.T)]
+
+    def rank(space: int) -> tuple[bool, int, int]:
+        radius, left = 0, spaces == space
+        while left.any():
+            radius, left = radius + 1, ~grown(~left)
+        here = enclosed & (mine == space)
+        return bool(empty[here].mean() > _OPEN), radius, int(np.count_nonzero(here))
+
+    best = max(np.unique(mine[enclosed]).tolist(), key=rank)
+    return enclosed & (mine == best)
+
+
+def _spaces(free: np.ndarray) -> np.ndarray:
+    """(n, n, n) int: a number for each of the spaces of free cells that hang together by their faces, 0 elsewhere."""
+    labels, before = np.where(free, np.arange(1, free.size + 1).reshape(free.shape), 0), None
+    while before is None or (labels != before).any():
+        before = labels.copy()
+        for axis in range(3):
+            line, there = np.moveaxis(labels, axis, 0), np.moveaxis(free, axis, 0)  # the highest number spreads
+            np.maximum(line[1:], line[:-1], out=line[1:], where=there[1:])
+            np.maximum(line[:-1], line[1:], out=line[:-1], where=there[:-1])
+    return labels
 
 
 def occupied_cells(octree: Octree, level: int) -> np.ndarray:
@@ -136,19 +202,26 @@ def _around(position_world: np.ndarray) -> list[Camera]:
     ]
 
 
-def _tried(octree: Octree, camera: Camera, extent: float) -> _Trial:
+def _facing(octree: Octree, hits: Hits) -> np.ndarray:
+    """(n,) bool: of the rays that hit something, whether it is no back."""
+    hit = hits.hit
+    facing: np.ndarray = np.einsum("pc,pc->p", octree.normal_float(hits.node[hit]), hits.direction[hit]) < 0.2
+    return facing
+
+
+def _tried(octree: Octree, camera: Camera, extent: float, *, lit: bool) -> _Trial:
     hits = first_hits(octree, camera)
     hit = hits.hit
     if not hit.any():
         return _Trial(camera, 0.0, 0.0, np.empty(0, np.int64))
     distance = hits.t_world[hit] / extent
-    facing = np.einsum("pc,pc->p", octree.normal_float(hits.node[hit]), hits.direction[hit]) < 0.2
+    brightness = float(np.mean(np.clip(hits.luminance[hit] / _BRIGHT, 0.0, 1.0))) if lit else 1.0
     quality = (
         float(hit.mean()) ** 2
         * float(np.mean(distance > _NEAR)) ** 4
         * float(np.clip(np.median(distance) / _MIDDLE, 0.0, 1.0))
-        * float(facing.mean()) ** 2
-        * (brightness := float(np.mean(np.clip(hits.luminance[hit] / _BRIGHT, 0.0, 1.0)))) ** 2
+        * float(_facing(octree, hits).mean()) ** 2
+        * brightness**2
     )
     return _Trial(camera, quality, brightness, _cells_seen(hits))
 
@@ -162,7 +235,7 @@ def _cells_seen(hits: Hits) -> np.ndarray:
     return np.unique((cells[:, 0] << 2 * _LEVEL) | (cells[:, 1] << _LEVEL) | cells[:, 2])
 
 
-def _chosen(octree: Octree, trials: list[_Trial], count: int) -> list[_Trial]:
+def _chosen(octree: Octree, trials: list[_Trial], count: int, *, lit: bool) -> list[_Trial]:
     """Greedily the trials that show most that is new, weighed by quality; none that is far worse than the best.
 
     None in which the finest voxels are dark, either: in a hollow wall, coarse ones shine with the light outside.
@@ -178,7 +251,7 @@ def _chosen(octree: Octree, trials: list[_Trial], count: int) -> list[_Trial]:
         if not gains[best] > 0:
             break
         trial = trials.pop(best)
-        if _brightness(octree, _named(trial.camera, 0, _CLOSE_PX)) < _MIN_BRIGHTNESS * trial.brightness:
+        if lit and _brightness(octree, _named(trial.camera, 0, _CLOSE_PX)) < _MIN_BRIGHTNESS * trial.brightness:
             dark.append(trial)
             continue
         chosen.append(trial)
