@@ -19,6 +19,7 @@ from typing import Any
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
+from ..patchnet_addon.runtime.quantities import counted
 from .shared.arguments import add_number, add_out, check_octrees
 from .shared.lines import say_result
 from .shared.track_arguments import add_track
@@ -81,5 +82,5 @@ def run(args: argparse.Namespace) -> int:
     with ProgressBars() as bars:
         table = drain(pixels_of(args.octrees, weights, tracks, settings, options.references), bars.show)
         path = drain(train_plus(table, settings, options), bars.show)
-    say_result(f"{path}: learnt from {len(table):,} pixels", file=path, pixels=len(table))
+    say_result(f"{path}: learnt from {counted(len(table), 'pixel')}", file=path, pixels=len(table))
     return 0

@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
 from .jobs.tell import tell
@@ -46,7 +47,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         results.keep(context.scene, result, "light")
         for warning in made.warnings:
             tell(self, "WARNING", warning)
-        return f"{made.octree.leaf_count:,} voxels are lit ({settings.light.kind})"
+        return f"{counted(made.octree.leaf_count, 'voxel')} in light ({settings.light.kind})"
 
 
 CLASSES = (PATCHNET_OT_bake_light,)

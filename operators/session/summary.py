@@ -9,7 +9,7 @@ import bpy
 
 from ...patchnet_addon.lightmap.incremental.text import incremental_text
 from ...patchnet_addon.octree.exposure import exposure_text
-from ...patchnet_addon.runtime.quantities import error_text
+from ...patchnet_addon.runtime.quantities import counted, error_text
 from ..scene_access.lengths import length_text
 
 if TYPE_CHECKING:
@@ -33,13 +33,13 @@ def summary(result: SceneResult, scene: bpy.types.Scene) -> list[str]:
     side = length_text(scene, octree.grid.voxel_size_world)
     lines = [
         f"Depth {'up to ' if result.layout else ''}{octree.depth}, voxel side {side}",
-        f"{octree.leaf_count:,} voxels, {octree.node_count:,} nodes",
+        f"{counted(octree.leaf_count, 'voxel')}, {counted(octree.node_count, 'node')}",
         f"Light: {_LIGHTS.get(result.light, result.light)}",
         *([exposure_text(octree)] if "exposure" in octree.provenance else []),
         *([text] if (text := incremental_text(octree.provenance)) else []),
     ]
     if result.coded is not None:
-        lines.append(f"{result.coded.coded_count:,} voxels look ahead")
+        lines.append(f"{counted(result.coded.coded_count, 'voxel')} with look-ahead")
         lines += [f"Prepared by {result.encoder}"] if result.encoder else []
     if result.lookahead_share is not None:
         lines.append(f"Look-ahead on {result.lookahead_share:.1%} of pixels")
