@@ -74,6 +74,7 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
         return [
             f"network {held.kind.name}, encoder {held.encoder_kind.name}, look-ahead {held.lookahead}",
             f"hash {held.hash}",
+            f"{'with' if held.plus else 'without'} an estimator of pixel errors of its own",
         ]
     if header.kind == "codes":
         arrays = header.arrays

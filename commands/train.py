@@ -172,14 +172,11 @@ def _print_errors(log: Path) -> None:
     from ..training.run.model_card import read_log
 
     curve, validations = read_log(log)
-    print("Mean absolute errors of coverage and luminance, and that of luminance as the voxel shows it:")
-    for line in curve[-1:]:
-        print(f"  {'learned from':<24} {line['coverage']:.4f} {line['luminance']:.4f}")
-    for line in validations[-1:]:
-        for name, errors in line["validation"].items():
-            kind = f" ({line['not_held_out'][name]})" if name in line["not_held_out"] else ""
-            figures = " ".join(f"{errors[key]:.4f}" for key in ("coverage", "luminance", "voxel_luminance"))
-            print(f"  {name:<24} {figures}{kind}")
+    found = {"learned from": curve[-1]} | (validations[-1]["validation"] if validations else {})
+    print("Mean absolute errors of coverage, of luminance, and of luminance as the voxel shows it:")
+    for name, errors in found.items():
+        figures = [f"{errors[key]:.4f}" for key in ("coverage", "luminance", "voxel_luminance") if key in errors]
+        print(f"  {name:<24} {' '.join(figures)}")
 
 
 def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:

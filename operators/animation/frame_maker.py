@@ -87,8 +87,8 @@ class JobMaker(FrameMaker):
         self.exposure, self.bakes = light.exposure, light.is_baked
 
     def settings_text(self, common: SharedSettings) -> str:
-        """Text of the job's settings, with weights and importance by their contents."""
-        return f"{self._of_frame(common).changed(weights=None)!r} {self._weights.hash} {self._painted}"
+        """Text of the job's settings, with weights, their estimator and importance by their contents."""
+        return f"{self._of_frame(common).changed(weights=None)!r} {self._weights.whole_hash} {self._painted}"
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
         """Pictures of the cameras that are named, or of all that are the active one at some frame."""

@@ -224,13 +224,9 @@ def choose_cameras(
     if list(names) == [AUTO]:
         return framing_cameras(bounds_world, camera_size_px(scene, size))
     cameras = scene_cameras(scene)
-    found = []
-    for name in chosen:
-        if name in cameras:
-            found.append(replace(_view(cameras[name], depsgraph, size), name=name))
-        elif (numbered := numbered_camera(name, camera_size_px(scene, size))) is not None:
-            found.append(numbered)
-    return found
+    size_px = camera_size_px(scene, size)
+    numbered = {name: numbered_camera(name, size_px) for name in chosen if name not in cameras}
+    return [numbered.get(name) or replace(_view(cameras[name], depsgraph, size), name=name) for name in chosen]
 
 
 def _view(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, size: tuple[int, int]) -> Camera:

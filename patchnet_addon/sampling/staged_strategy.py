@@ -49,7 +49,8 @@ class StagedStrategy(Strategy):
         """
         from .plus.weights import shipped_estimators
 
-        return staged_scores(buffers, looks, self.plan(budget), budget, shipped_estimators())
+        estimators = buffers.estimators or shipped_estimators()
+        return staged_scores(buffers, looks, self.plan(budget), budget, estimators)
 
 
 def in_stages(strategy: Strategy, plan: Callable[[float], Plan]) -> StagedStrategy:

@@ -31,7 +31,7 @@ _BRIGHT = 0.1  # exposed luminance from which a view is bright enough
 _CLOSE_PX = (768, 576)  # voxels as fine as in a large picture
 _MIN_BRIGHTNESS = 0.5  # of what the small picture shows
 _MIN_QUALITY = 0.25  # of the best view's
-_OPEN = 0.003  # of all directions in which nothing is met, on average: windows, or a hole in a roof
+_SEES_OUT = 0.02  # of the places; fewer may see through cracks
 _ROUND = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 _ROUND_POSITIONS, _ROUND_PX = 64, (8, 8)
 _ENCLOSED = 0.8  # of all directions in which the front of a surface is met: a room with windows
@@ -54,24 +54,34 @@ def encloses(octree: Octree) -> bool:
     It is one seen from inside then. A closed object, such as a ball, shows its free space nothing but backs.
     """
     facing, _ = _surroundings(octree, free_positions(octree, _ROUND_POSITIONS))
-    return np.count_nonzero(facing > _ENCLOSED) > _INSIDE * len(facing)
+    return bool(np.mean(facing > _ENCLOSED) > _INSIDE)
 
 
-def _surroundings(octree: Octree, positions_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shares (n,) of all directions from positions (n, 3) in which a surface faces them, and in which there is none."""
-    facing, empty = np.zeros((2, len(positions_world), len(_ROUND)))
+def _surroundings(octree: Octree, positions_world: np.ndarray) -> np.ndarray:
+    """Shares (2, n) of all directions from positions (n, 3): where a surface faces them, and where there is none."""
+    shares = np.zeros((2, len(positions_world), len(_ROUND)))
     for row, position in enumerate(positions_world):
         for column, side in enumerate(_ROUND):
             hits = first_hits(octree, Camera.look_at(position, position + side, fov=np.pi / 2, size_px=_ROUND_PX))
-            facing[row, column] = np.count_nonzero(_facing(octree, hits)) / len(hits.hit)
-            empty[row, column] = 1.0 - hits.hit.mean()
-    return facing.mean(axis=1), empty.mean(axis=1)
+            shares[:, row, column] = np.count_nonzero(_facing(octree, hits)) / len(hits.hit), 1.0 - hits.hit.mean()
+    return shares.mean(axis=2)
+
+
+def _in_rooms(octree: Octree, positions_world: np.ndarray) -> np.ndarray:
+    """(n,) bool: places inside that see out through a window or a hole in a roof, as what is hollow in walls does not.
+
+    All that are inside if hardly any sees out, and all if none is inside.
+    """
+    facing, empty = _surroundings(octree, positions_world)
+    inside = facing > _ENCLOSED
+    sees_out = inside & (empty > 0.0)
+    return sees_out if np.count_nonzero(sees_out) > _SEES_OUT * len(inside) else inside | (not inside.any())
 
 
 def viewpoints(octree: Octree, count: int, size_px: tuple[int, int], *, lit: bool = True) -> Steps[list[Camera]]:
     """Choose `count` upright perspective cameras View 1, View 2, ... in free space; none in a voxel or beside one.
 
-    lit: dark views count less; False for an octree without light, where they stand in one room, see `_in_room`. Fewer
+    lit: dark views count less; False for an octree without light, where they stand in rooms, see `_in_rooms`. Fewer
     if no more shows anything new. Raises SettingError for a count outside 1 to 64, SceneError if no place is free or
     shows anything.
     """
@@ -79,7 +89,7 @@ def viewpoints(octree: Octree, count: int, size_px: tuple[int, int], *, lit: boo
         raise SettingError(f"{count} cameras are outside 1 to {MAX_VIEWPOINTS}: choose a number in this range")
     positions = free_positions(octree)
     if not lit:
-        positions = positions[_in_room(octree, positions)]
+        positions = positions[_in_rooms(octree, positions)]
     trials: list[_Trial] = []
     extent = float(np.ptp(_bounds(octree), axis=0).max())
     for number, position in enumerate(positions):
@@ -106,44 +116,6 @@ def free_positions(octree: Octree, most: int = _MAX_POSITIONS) -> np.ndarray:
     )
     side = octree.grid.side_world / (1 << level)
     return np.asarray(octree.grid.origin_world) + (chosen + 0.5) * side
-
-
-def _in_room(octree: Octree, positions_world: np.ndarray) -> np.ndarray:
-    """(n,) bool: positions (n, 3) in one enclosed space: one into which light can fall, else the roomiest.
-
-    What is hollow in walls and below roofs is closed, or narrow. All of them where nothing is enclosed.
-    """
-    facing, empty = _surroundings(octree, positions_world)
-    enclosed = facing > _ENCLOSED
-    if not enclosed.any():
-        return ~enclosed
-    level = min(_LEVEL, octree.depth)
-    occupied = occupied_cells(octree, level)
-    spaces = _spaces(_inside(occupied) & ~occupied)
-    cells = (octree.grid.to_unit(positions_world) * len(spaces)).astype(int)
-    mine = spaces[tuple(cells.T)]
-
-    def rank(space: int) -> tuple[bool, int, int]:
-        radius, left = 0, spaces == space
-        while left.any():
-            radius, left = radius + 1, ~grown(~left)
-        here = enclosed & (mine == space)
-        return bool(empty[here].mean() > _OPEN), radius, int(np.count_nonzero(here))
-
-    best = max(np.unique(mine[enclosed]).tolist(), key=rank)
-    return enclosed & (mine == best)
-
-
-def _spaces(free: np.ndarray) -> np.ndarray:
-    """(n, n, n) int: a number for each of the spaces of free cells that hang together by their faces, 0 elsewhere."""
-    labels, before = np.where(free, np.arange(1, free.size + 1).reshape(free.shape), 0), None
-    while before is None or (labels != before).any():
-        before = labels.copy()
-        for axis in range(3):
-            line, there = np.moveaxis(labels, axis, 0), np.moveaxis(free, axis, 0)  # the highest number spreads
-            np.maximum(line[1:], line[:-1], out=line[1:], where=there[1:])
-            np.maximum(line[:-1], line[1:], out=line[:-1], where=there[:-1])
-    return labels
 
 
 def occupied_cells(octree: Octree, level: int) -> np.ndarray:

@@ -62,10 +62,10 @@ def test_rooms_enclose_their_free_space_and_objects_do_not(house: Octree) -> Non
     assert not encloses(octree_of(np.concatenate([garden, roofless * 0.3]))), "a court in a garden"
 
 
-def test_without_light_cameras_stand_in_the_room() -> None:
-    """Not in the hollow wall beside the room, which is larger, and sees itself all around, too."""
-    rooms = [box((0, 0, 0), (6, 4, 3), inwards=True), box((6.3, -6, 0), (8.2, 14, 3), inwards=True)]
-    octree = octree_of(np.concatenate([*rooms, box((6.2, -6.2, -0.2), (8.4, 14.2, 3.2))]), luminance=0.0)
+def test_without_light_cameras_stand_in_a_room_with_a_window() -> None:
+    """Not in the hollow wall beside it, which is larger, and sees itself all around, too."""
+    rooms = [box((0, 0, 0), (6, 4, 3), inwards=True)[:-2], box((6.3, -6, 0), (8.2, 14, 3), inwards=True)]
+    octree = octree_of(np.concatenate(rooms), luminance=0.0)
     cameras = drain(viewpoints(octree, 3, (32, 24), lit=False))
     assert len(cameras) == 3 and all(0 < camera.position_world[0] < 6 for camera in cameras)
     assert any(position[0] > 6.3 for position in free_positions(octree))
